@@ -1,0 +1,143 @@
+"""The pipeline: request → chain → catalogue → files → compiled library → generated/<robot>/.
+
+The folder is replaced as a whole by one atomic exchange, so that two builds at once, a killed
+build and a full disk leave either the old library or the new one.
+"""
+
+import fcntl
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from symgen import __version__
+from symgen.catalogue import make_catalogue
+from symgen.chain import Chain, read_chain
+from symgen.compiler import compile_library, sha256_of
+from symgen.emit import EmittedRobot, emit
+from symgen.errors import BuildError
+from symgen.exchange import replace_folder
+from symgen.facts import initial_parameters, model_facts
+from symgen.request import BuildRequest
+
+
+@dataclass(frozen=True, slots=True)
+class BuildResult:
+    """Where the library lies, whether anything had to be done, and what to tell the user."""
+
+    folder: Path
+    rebuilt: bool
+    notes: tuple[str, ...]
+
+
+def build(request: BuildRequest, root: Path, force: bool = False) -> BuildResult:
+    """Generate and compile unless nothing changed.
+
+    Args:
+        request: what to build.
+        root: the folder that holds one folder per robot.
+        force: rebuild although nothing changed.
+
+    Raises:
+        SymgenError: the URDF, the compiler or the file system refused; nothing was changed.
+    """
+    folder = root / request.name
+    with _write_errors(folder):
+        root.mkdir(parents=True, exist_ok=True)
+        with _lock(root, request.name):
+            if not force and is_current(request, folder):
+                return BuildResult(folder, False, ())
+            robot, notes = generate(request)
+            staging = Path(tempfile.mkdtemp(prefix=f".{request.name}.", dir=root))
+            try:
+                staging.chmod(0o755)
+                _write_files(staging, robot)
+                _compile(staging, request, tuple(robot.files))
+                replace_folder(staging, folder)
+            finally:
+                shutil.rmtree(staging, ignore_errors=True)
+    return BuildResult(folder, True, notes)
+
+
+def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
+    """All committed files of a robot as text, and notes for the user."""
+    chain = read_chain(request.urdf, request.options)
+    pi0, projected = initial_parameters(chain, request.project)
+    catalogue = make_catalogue(chain)
+    facts = model_facts(chain, request, catalogue.base, pi0, projected)
+    versions = {"symgen": __version__, "casadi": version("casadi")}
+    robot = emit(request.name, catalogue.kernels, facts, versions)
+    files = robot.files | {f"{request.name}.urdf": chain.urdf}
+    return EmittedRobot(files, robot.model_hash), _notes(chain, projected)
+
+
+def is_current(request: BuildRequest, folder: Path) -> bool:
+    """True when the folder was built from exactly this request and its library is intact."""
+    try:
+        record = json.loads((folder / "build.json").read_text())
+        return bool(
+            record["fingerprint"] == request.fingerprint
+            and record["sha256"] == sha256_of(folder / f"lib{request.name}.so")
+            and all(
+                sha256_of(folder / name) == digest for name, digest in record["sources"].items()
+            )
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
+    notes = [
+        f"link '{body.name}' ({body.mass:g} kg) is fixed and counts into '{body.onto}'"
+        for body in chain.lumped
+    ]
+    if chain.removed:
+        notes.append(f"cut off by --base/--tip: {', '.join(chain.removed)}")
+    notes += [
+        f"the inertia of '{link}' cannot exist and was projected (largest change {change:.2g})"
+        for link, change in projected.items()
+    ]
+    return tuple(notes)
+
+
+def _write_files(staging: Path, robot: EmittedRobot) -> None:
+    for name, text in robot.files.items():
+        (staging / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
+    sources = [staging / "kernels.c", staging / "batch.c"]
+    compiled = compile_library(sources, staging / f"lib{request.name}.so")
+    record = {
+        "fingerprint": request.fingerprint,
+        "sha256": compiled.sha256,
+        "sources": {name: sha256_of(staging / name) for name in names},
+        "command": list(compiled.command),
+        "compiler": compiled.version,
+    }
+    (staging / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+
+
+@contextmanager
+def _lock(root: Path, name: str) -> Iterator[None]:
+    """One build per robot at a time; the kernel drops the lock when a build is killed."""
+    with (root / f".{name}.lock").open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        for stale in root.glob(f".{name}.*/"):
+            shutil.rmtree(stale, ignore_errors=True)  # left by a killed build
+        yield
+
+
+@contextmanager
+def _write_errors(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise BuildError(
+            f"cannot write '{folder}': {error.strerror or error}; free space or permissions, "
+            "then build again (the previous library, if any, is unchanged)"
+        ) from error

@@ -1,0 +1,221 @@
+"""The kernels that every robot ships: each one line of algebra and one sentence.
+
+Batches run over samples, over links (maps of one body) or over points of a time grid.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from symgen import dynamics, excitation, inertia
+from symgen.base_parameters import Array, BaseParameters, numeric_base
+from symgen.chain import Chain
+from symgen.kernel import Argument, Kernel, make_kernel
+
+P = inertia.N_PARAMETERS
+
+
+@dataclass(frozen=True, slots=True)
+class Catalogue:
+    """All kernels of one robot and the base parameters that shaped some of them."""
+
+    kernels: tuple[Kernel, ...]
+    base: BaseParameters
+
+
+def make_catalogue(chain: Chain) -> Catalogue:
+    """Write every kernel of a chain."""
+    base = numeric_base(chain, _sampled_regressor(chain))
+    return Catalogue((*_motion(chain, base), *_bodies(), *_excitation(chain, base)), base)
+
+
+def _sampled_regressor(chain: Chain) -> Any:
+    n = len(chain.joints)
+    q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
+    rows = ca.densify(ca.vec(dynamics.regressor(chain, q, dq, ddq).T))
+    function = ca.Function("Y", [q, dq, ddq], [rows], {"cse": True})
+
+    def sample(q: Array, dq: Array, ddq: Array) -> Array:
+        stacked = np.asarray(function.map(len(q))(q.T, dq.T, ddq.T))
+        return stacked.T.reshape(len(q), n, P * n)
+
+    return sample
+
+
+def _units(chain: Chain, power: int) -> str:
+    """Unit of q (0), dq (1), ddq (2) for all joints together."""
+    kinds = {"m" if j.kind == "prismatic" else "rad" for j in chain.joints}
+    return "|".join(sorted(kinds)) + ("", "/s", "/s^2")[power]
+
+
+def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
+    n, b = len(chain.joints), len(base.columns)
+    slides = {j.kind == "prismatic" for j in chain.joints}
+    effort = "|".join({True: "N", False: "N*m"}[s] for s in sorted(slides))
+    q_, dq_, ddq_ = (Argument(name, (n,), _units(chain, k)) for k, name in enumerate(_STATE))
+    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI")
+    lam_, weight_ = Argument("lam", (P * n,), "lambda"), Argument("weight", (n,), "1")
+    s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, lam_, weight_)}
+    q, dq, ddq, tau, pi, lam, weight = s.values()
+    motion = {a: s[a] for a in (q_, dq_, ddq_)}
+    with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
+    predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
+    torque = dynamics.inverse_dynamics(chain, q, dq, ddq, dynamics.pi_from_lam_all(lam))
+    residual = predicted - tau
+    loss = ca.dot(residual, weight * residual) / 2
+    slope = ca.jtimes(predicted, pi, weight * residual, True)
+    return (
+        make_kernel(
+            "inverse_dynamics", with_pi, {tau_: predicted}, "tau = Y(q, dq, ddq) pi, Eq. 4.3"
+        ),
+        make_kernel("torque", with_lam, {tau_: torque}, "tau = Y(q, dq, ddq) pi(lam), Eq. 4.3"),
+        make_kernel(
+            "torque_jacobian",
+            with_lam,
+            {
+                Argument("jacobian", (n, P * n), "d tau / d lam"): dynamics.torque_jacobian(
+                    chain, q, dq, ddq, lam
+                )
+            },
+            "d tau / d lam, Eqs. 4.34-4.36",
+        ),
+        make_kernel(
+            "regressor",
+            motion,
+            {Argument("Y", (n, P * n), "d tau / d pi"): dynamics.regressor(chain, q, dq, ddq)},
+            "Y with tau = Y pi, Eq. 3.1",
+        ),
+        make_kernel(
+            "base_regressor",
+            motion,
+            {
+                Argument("Y_b", (n, b), "d tau / d beta"): dynamics.regressor(
+                    chain, q, dq, ddq, base.columns
+                )
+            },
+            "Y_b with tau = Y_b beta, Eq. 3.11",
+        ),
+        make_kernel(
+            "mass_matrix",
+            {q_: q, pi_: pi},
+            {Argument("M", (n, n), "d tau / d ddq"): dynamics.mass_matrix(chain, q, pi)},
+            "M(q), Eq. 2.34",
+        ),
+        make_kernel(
+            "bias_forces",
+            {q_: q, dq_: dq, pi_: pi},
+            {Argument("h", (n,), effort): dynamics.bias_forces(chain, q, dq, pi)},
+            "h = C(q, dq) dq - tau_grav, Eq. 2.34",
+        ),
+        make_kernel(
+            "forward_dynamics",
+            {q_: q, dq_: dq, tau_: tau, pi_: pi},
+            {ddq_: dynamics.forward_dynamics(chain, q, dq, tau, pi)},
+            "ddq = M^-1 (tau - h)",
+        ),
+        make_kernel(
+            "end_effector",
+            {q_: q},
+            {Argument("H", (4, 4), "1|m"): dynamics.end_effector(chain, q)},
+            "pose of the tip in the base frame, Eq. 2.15",
+        ),
+        make_kernel(
+            "loss_gradient",
+            motion | {tau_: tau, weight_: weight, pi_: pi},
+            {
+                Argument("loss", (1,), "1", summed=True): loss,
+                Argument("gradient", (P * n,), "d loss / d pi", summed=True): slope,
+                Argument("residual", (n,), effort): residual,
+            },
+            "sum of (Y pi - tau)' W (Y pi - tau) / 2 and of Y' W (Y pi - tau), Eqs. 4.6, 4.32",
+        ),
+    )
+
+
+def _bodies() -> tuple[Kernel, ...]:
+    pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
+    floor_ = Argument("floor", (1,), "1")
+    pi, lam, floor = pi_.symbol(), lam_.symbol(), floor_.symbol()
+    return (
+        make_kernel(
+            "pi_from_lam", {lam_: lam}, {pi_: inertia.pi_from_lam(lam)}, "Eqs. 4.25-4.31", "link"
+        ),
+        make_kernel(
+            "pi_jacobian",
+            {lam_: lam},
+            {
+                Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(
+                    inertia.pi_from_lam(lam), lam
+                )
+            },
+            "d pi / d lam of one link",
+            "link",
+        ),
+        make_kernel(
+            "lam_from_pi", {pi_: pi}, {lam_: inertia.lam_from_pi(pi)}, "Eqs. 4.18-4.23", "link"
+        ),
+        make_kernel(
+            "nearest_realisable",
+            {pi_: pi, floor_: floor},
+            {Argument("realisable", (P,), "SI"): inertia.nearest_realisable(pi, floor)},
+            "pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2",
+            "link",
+        ),
+        make_kernel(
+            "inertia_matrix",
+            {lam_: lam},
+            {Argument("M", (6, 6), "SI"): inertia.spatial_inertia(lam)},
+            "M(lam), Eq. 4.14 (linear part first)",
+            "link",
+        ),
+        make_kernel(
+            "pseudo_inertia",
+            {pi_: pi},
+            {Argument("P", (4, 4), "SI"): inertia.pseudo_inertia(pi)},
+            "P(pi), Eqs. 3.9, 3.10",
+            "link",
+        ),
+    )
+
+
+def _excitation(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
+    n, b = len(chain.joints), len(base.columns)
+    m_, t_, tf_ = Argument("m", (1,), "1"), Argument("t", (1,), "s"), Argument("t_f", (1,), "s")
+    m, t, tf = m_.symbol(), t_.symbol(), tf_.symbol()
+    motion = {
+        Argument(name, (n,), _units(chain, k)): ca.SX.sym(name, n) for k, name in enumerate(_STATE)
+    }
+    q, dq, ddq = motion.values()
+    seed_ = Argument("seed", (n, b), "d cost / d Y_b")
+    seed = seed_.symbol()
+    return (
+        make_kernel(
+            "harmonic_basis",
+            {m_: m, t_: t, tf_: tf},
+            {Argument("phi", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.harmonic_basis(m, t, tf)},
+            "cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27",
+            "point",
+        ),
+        make_kernel(
+            "transfer_basis",
+            {t_: t, tf_: tf},
+            {Argument("S", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.transfer_basis(t, tf)},
+            "10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27",
+            "point",
+        ),
+        make_kernel(
+            "regressor_adjoint",
+            motion | {seed_: seed},
+            {
+                Argument("gradient", (3, n), "d cost / d (q, dq, ddq)"): (
+                    excitation.regressor_adjoint(chain, q, dq, ddq, base.columns, seed)
+                )
+            },
+            "d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29",
+        ),
+    )
+
+
+_STATE = ("q", "dq", "ddq")

@@ -1,0 +1,278 @@
+"""Pinocchio's parse of the normalised URDF → frozen `Chain` with exact structural zeros.
+
+The order of joints is pinocchio's. Rounded zeros such as cos(π/2) = 6e-17 are snapped to 0 and
+±1 here, in one place: every one that slips through becomes live code in all kernels.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio
+
+from symgen.chain.document import MOVING, ChainOptions, Document, normalise, numbers
+from symgen.errors import UrdfError
+
+Rows = tuple[tuple[float, ...], ...]
+Vector = tuple[float, ...]
+
+ROUNDING = 1e-12
+"""Entries of rotations, axes and translations this close to 0 or ±1 are meant exactly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """One moving joint and the body it moves; the joint frame is the frame of that link.
+
+    Attributes:
+        name: joint name of the URDF.
+        kind: revolute, continuous or prismatic.
+        parent: index of the joint whose body carries this one, −1 for the base.
+        rotation: R from this joint's frame (at q = 0) to the parent's frame.
+        translation: origin of this joint in the parent's frame, m.
+        axis: unit vector in the joint frame.
+        lower, upper: position limits, rad or m; None without limit.
+        velocity, effort: limits, rad/s or m/s, N·m or N; None when the URDF gives none.
+        link: name of the moved link.
+        mass, com, inertia: of the moved link with all bodies fixed to it; inertia about the
+            centre of mass, axes of the link frame.
+    """
+
+    name: str
+    kind: str
+    parent: int
+    rotation: Rows
+    translation: Vector
+    axis: Vector
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    effort: float | None
+    link: str
+    mass: float
+    com: Vector
+    inertia: Rows
+
+
+@dataclass(frozen=True, slots=True)
+class LumpedBody:
+    """A link without a joint of its own, counted into the link that carries it."""
+
+    name: str
+    onto: str
+    mass: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tip:
+    """The frame that `end_effector` reports, rigid in the frame of joint `joint`."""
+
+    link: str
+    joint: int
+    rotation: Rows
+    translation: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """A fixed-base kinematic tree with the inertias of its moving bodies.
+
+    Attributes:
+        base: name of the fixed base link.
+        gravity: m/s², in the frame of the base link.
+        lumped: fixed bodies counted into moving links.
+        removed: links cut off by --base and --tip.
+        urdf: the normalised document that the chain describes.
+    """
+
+    name: str
+    base: str
+    joints: tuple[Joint, ...]
+    gravity: Vector
+    tip: Tip
+    lumped: tuple[LumpedBody, ...]
+    removed: tuple[str, ...]
+    urdf: str
+
+
+def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
+    """Read a URDF given as text.
+
+    Raises:
+        UrdfError: one sentence that names the joint or link and what to do.
+    """
+    options = options or ChainOptions()
+    document, gravity, removed = normalise(text, options)
+    for name in document.links:
+        _check_inertial(document, name)
+    urdf = document.text()
+    moving = [name for name in document.joints if document.kind(name) in MOVING]
+    if not moving:
+        raise UrdfError(
+            "no joint of this URDF moves, so there is nothing to identify; "
+            "check --base, --tip and --lock"
+        )
+    model = _parse_with_pinocchio(document)
+    joints = tuple(_joint(document, model, index) for index in range(1, model.njoints))
+    return Chain(
+        name=document.name,
+        base=document.root_link,
+        joints=joints,
+        gravity=_snapped(gravity),
+        tip=_tip(document, model, joints, options.tip),
+        lumped=_lumped(document),
+        removed=removed,
+        urdf=urdf,
+    )
+
+
+def _parse_with_pinocchio(document: Document) -> pinocchio.Model:
+    """Pinocchio's model; `continuous` is handed over as unlimited revolute so that nq = nv."""
+    copy = Document(document.text())
+    for name, element in copy.joints.items():
+        for tag in ("dynamics", "safety_controller", "limit", "calibration"):
+            node = element.find(tag)
+            if node is not None:
+                element.remove(node)
+        if copy.kind(name) in MOVING:
+            axis = element.find("axis")
+            if axis is not None:
+                direction = numbers(axis.get("xyz", "1 0 0"), 3, f"joint '{name}': axis")
+                if not np.linalg.norm(direction) > 0:
+                    raise UrdfError(f"joint '{name}' has the axis 0 0 0; give it a direction")
+            element.set("type", "prismatic" if copy.kind(name) == "prismatic" else "revolute")
+            element.append(element.makeelement("limit", {"effort": "1", "velocity": "1"}))
+    try:
+        return pinocchio.buildModelFromXML(copy.text())
+    except (ValueError, RuntimeError) as error:
+        raise UrdfError(f"pinocchio cannot read the URDF: {' '.join(str(error).split())}") from None
+
+
+def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
+    name = model.names[index]
+    placement, inertia = model.jointPlacements[index], model.inertias[index]
+    link = document.child_link(name)
+    if not inertia.mass > 0:
+        raise UrdfError(
+            f"link '{link}' moves with joint '{name}' but has no mass (neither has anything fixed "
+            "to it); give it an <inertial>, lock the joint with --lock or cut it off with --tip"
+        )
+    lower, upper, velocity, effort = _limits(document, name)
+    return Joint(
+        name=name,
+        kind=document.kind(name),
+        parent=model.parents[index] - 1,
+        rotation=_rows(placement.rotation),
+        translation=_snapped(placement.translation),
+        axis=_axis(model, index),
+        lower=lower,
+        upper=upper,
+        velocity=velocity,
+        effort=effort,
+        link=link,
+        mass=float(inertia.mass),
+        com=_snapped(inertia.lever),
+        inertia=tuple(tuple(float(x) for x in row) for row in inertia.inertia),
+    )
+
+
+def _axis(model: pinocchio.Model, index: int) -> Vector:
+    short = model.joints[index].shortname()
+    aligned = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+    if short in {f"JointModel{kind}{letter}" for kind in "RP" for letter in aligned}:
+        return aligned[short[-1]]
+    if short in {"JointModelRevoluteUnaligned", "JointModelPrismaticUnaligned"}:
+        return _snapped(model.joints[index].extract().axis)
+    raise UrdfError(f"joint '{model.names[index]}' became pinocchio's {short}, which is not known")
+
+
+def _limits(
+    document: Document, name: str
+) -> tuple[float | None, float | None, float | None, float | None]:
+    node = document.joints[name].find("limit")
+    values: dict[str, float | None] = dict.fromkeys(("lower", "upper", "velocity", "effort"))
+    if node is not None:
+        for key in values:
+            if key in node.attrib:
+                what = f"joint '{name}': limit {key}"
+                values[key] = float(numbers(node.get(key, ""), 1, what)[0])
+    lower, upper = values["lower"], values["upper"]
+    if document.kind(name) == "continuous":
+        lower = upper = None
+    if lower is not None and upper is not None and lower > upper:
+        raise UrdfError(f"joint '{name}' has lower limit {lower:g} above upper limit {upper:g}")
+    for key in ("velocity", "effort"):
+        value = values[key]
+        if value is not None and value < 0:
+            raise UrdfError(f"joint '{name}' has the negative {key} limit {value:g}")
+        values[key] = value or None  # 0 is how exporters write "not given"
+    return lower, upper, values["velocity"], values["effort"]
+
+
+def _check_inertial(document: Document, link: str) -> None:
+    """Numbers of an <inertial> are finite and its mass is not negative."""
+    inertial = document.links[link].find("inertial")
+    if inertial is None:
+        return
+    mass, inertia = inertial.find("mass"), inertial.find("inertia")
+    if mass is None or inertia is None:
+        raise UrdfError(f"the <inertial> of link '{link}' needs both <mass> and <inertia>")
+    value = numbers(mass.get("value", ""), 1, f"link '{link}': mass")[0]
+    if value < 0:
+        raise UrdfError(f"link '{link}' has the negative mass {value:g} kg; correct the URDF")
+    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        numbers(inertia.get(key, ""), 1, f"link '{link}': inertia {key}")
+    node = inertial.find("origin")
+    if node is not None:
+        for key in ("xyz", "rpy"):
+            numbers(node.get(key, "0 0 0"), 3, f"link '{link}': inertial origin {key}")
+
+
+def _carrier(document: Document, link: str) -> str | None:
+    """The moving link that a link is rigidly part of; None for the base."""
+    while link in document.parent_joint:
+        joint = document.parent_joint[link]
+        if document.kind(joint) in MOVING:
+            return link
+        link = document.parent_link(joint)
+    return None
+
+
+def _lumped(document: Document) -> tuple[LumpedBody, ...]:
+    bodies = []
+    for link, element in document.links.items():
+        carrier, inertial = _carrier(document, link), element.find("inertial")
+        if carrier in {None, link} or inertial is None:
+            continue
+        mass = inertial.find("mass")
+        value = float(mass.get("value", "0")) if mass is not None else 0.0
+        bodies.append(LumpedBody(name=link, onto=str(carrier), mass=value))
+    return tuple(bodies)
+
+
+def _tip(
+    document: Document, model: pinocchio.Model, joints: tuple[Joint, ...], asked: str | None
+) -> Tip:
+    """The asked tip link, else the last fixed link behind the last joint."""
+    link = asked
+    if link is None:
+        link = joints[-1].link
+        while children := [j for j in document.children(link) if document.kind(j) == "fixed"]:
+            link = document.child_link(children[-1])
+    frame = model.frames[model.getFrameId(link, pinocchio.BODY)]
+    return Tip(
+        link=link,
+        joint=int(frame.parentJoint) - 1,
+        rotation=_rows(frame.placement.rotation),
+        translation=_snapped(frame.placement.translation),
+    )
+
+
+def _snapped(values: np.ndarray) -> Vector:
+    array = np.asarray(values, dtype=float)
+    nearest = np.round(array)
+    meant = (np.abs(array - nearest) < ROUNDING) & (np.abs(nearest) <= 1)
+    return tuple(float(x) for x in np.where(meant, nearest + 0.0, array))
+
+
+def _rows(matrix: np.ndarray) -> Rows:
+    return tuple(_snapped(row) for row in matrix)

@@ -1,0 +1,183 @@
+"""Rigid-body dynamics of a `Chain`, written once: recursive Newton–Euler in link frames.
+
+τ = Σ_k J_kᵀ (M_k ẍ_k − adᵀ(v_k) M_k v_k) (Eq. 4.3) is evaluated by two sweeps, outwards for
+velocities and accelerations, inwards for wrenches. It is linear in π by construction, so the
+regressor and every Jacobian follow by differentiation of this one function.
+Gravity enters as an acceleration −g of the base.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from symgen.chain import Chain, Joint
+from symgen.inertia import N_PARAMETERS, mass_moment_inertia, pi_from_lam
+from symgen.spatial import Matrix, axis_rotation, skew
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """R and p of one frame in its parent's frame, and the joint axis in its own frame."""
+
+    rotation: Matrix
+    translation: Matrix
+    axis: Matrix
+
+
+def joint_pose(joint: Joint, q: Matrix) -> Pose:
+    """Pose of a joint's frame in its parent's frame at position q."""
+    rotation, translation = ca.SX(ca.DM(joint.rotation)), ca.SX(ca.DM(joint.translation))
+    axis = ca.DM(joint.axis)
+    if joint.kind == "prismatic":
+        return Pose(rotation, translation + ca.mtimes(rotation, axis) * q, axis)
+    return Pose(ca.mtimes(rotation, axis_rotation(axis, q)), translation, axis)
+
+
+def inverse_dynamics(
+    chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, pi: Matrix, gravity: bool = True
+) -> Matrix:
+    """τ(q, dq, ddq, π).
+
+    Args:
+        chain: n joints, one body each.
+        q: (n,) rad or m.
+        dq: (n,) rad/s or m/s.
+        ddq: (n,) rad/s² or m/s².
+        pi: (10 n,) link by link.
+        gravity: False leaves gravity out.
+
+    Returns:
+        (n,) N·m or N.
+
+    Source: Eqs. 2.34, 4.3, 4.4.
+    """
+    n = len(chain.joints)
+    poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
+    omega: list[Matrix] = []
+    alpha: list[Matrix] = []
+    accel: list[Matrix] = []
+    spread: list[Matrix] = []  # [α×] + [ω×]²: acceleration of a point = a + spread · offset
+    zero = ca.SX(3, 1)
+    base_accel = ca.SX(-ca.DM(chain.gravity)) if gravity else zero
+    for i, joint in enumerate(chain.joints):
+        pose = poses[i]
+        root = joint.parent < 0
+        w, al = (zero, zero) if root else (omega[joint.parent], alpha[joint.parent])
+        a = base_accel if root else accel[joint.parent]
+        back, p = pose.rotation.T, pose.translation
+        w_here = ca.mtimes(back, w)
+        a_here = ca.mtimes(back, a if root else a + ca.mtimes(spread[joint.parent], p))
+        al_here = ca.mtimes(back, al)
+        if joint.kind == "prismatic":
+            slide = pose.axis * dq[i]
+            a_here = a_here + pose.axis * ddq[i] + 2 * ca.cross(w_here, slide)
+        else:
+            spin = pose.axis * dq[i]
+            al_here = al_here + pose.axis * ddq[i] + ca.cross(w_here, spin)
+            w_here = w_here + spin
+        omega.append(w_here)
+        alpha.append(al_here)
+        accel.append(a_here)
+        spread.append(
+            skew(al_here) + ca.mtimes(w_here, w_here.T) - ca.DM.eye(3) * ca.sumsqr(w_here)
+        )
+
+    force, moment = [zero] * n, [zero] * n
+    tau: list[Matrix] = [0] * n
+    for i in reversed(range(n)):
+        joint, pose = chain.joints[i], poses[i]
+        mass, h, inertia = mass_moment_inertia(pi[N_PARAMETERS * i : N_PARAMETERS * (i + 1)])
+        w, al, a = omega[i], alpha[i], accel[i]
+        f = force[i] + mass * a + ca.mtimes(spread[i], h)
+        m = moment[i] + ca.mtimes(inertia, al) + ca.cross(w, ca.mtimes(inertia, w))
+        m = m + ca.cross(h, a)
+        tau[i] = ca.dot(pose.axis, f if joint.kind == "prismatic" else m)
+        if joint.parent >= 0:
+            f_parent = ca.mtimes(pose.rotation, f)
+            force[joint.parent] = force[joint.parent] + f_parent
+            moment[joint.parent] = (
+                moment[joint.parent]
+                + ca.mtimes(pose.rotation, m)
+                + ca.cross(pose.translation, f_parent)
+            )
+    return ca.vertcat(*tau)
+
+
+def regressor(
+    chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, columns: tuple[int, ...] | None = None
+) -> Matrix:
+    """Y = ∂τ/∂π with τ = Y π (Eq. 3.1), all columns or the chosen ones.
+
+    Differentiating the linear function costs no more than the best hand-written regressor.
+    """
+    pi = ca.SX.sym("pi", N_PARAMETERS * len(chain.joints))
+    if columns is None:
+        return ca.jacobian(inverse_dynamics(chain, q, dq, ddq, pi), pi)
+    chosen = ca.vertcat(*(pi[c] for c in columns))
+    kept = set(columns)
+    sparse = ca.vertcat(*(pi[c] if c in kept else 0 for c in range(pi.numel())))
+    return ca.jacobian(inverse_dynamics(chain, q, dq, ddq, sparse), chosen)
+
+
+def pi_from_lam_all(lam: Matrix) -> Matrix:
+    """π of all links from λ of all links, block by block."""
+    blocks = range(0, lam.numel(), N_PARAMETERS)
+    return ca.vertcat(*(pi_from_lam(lam[k : k + N_PARAMETERS]) for k in blocks))
+
+
+def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matrix) -> Matrix:
+    """∂τ/∂λ = Y · blockdiag(∂π_k/∂λ_k), n × 10 n (Eqs. 4.34–4.36)."""
+    one = ca.SX.sym("lam", N_PARAMETERS)
+    block = ca.Function("block", [one], [ca.jacobian(pi_from_lam(one), one)])
+    y = regressor(chain, q, dq, ddq)
+    columns = [slice(k, k + N_PARAMETERS) for k in range(0, lam.numel(), N_PARAMETERS)]
+    return ca.horzcat(*(ca.mtimes(y[:, c], block(lam[c])) for c in columns))
+
+
+def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
+    """M(q) = ∂τ/∂ddq at dq = 0, mirrored from its lower triangle so that M = Mᵀ to the bit."""
+    n = len(chain.joints)
+    ddq = ca.SX.sym("ddq", n)
+    tau = inverse_dynamics(chain, q, ca.SX(n, 1), ddq, pi, gravity=False)
+    lower = ca.densify(ca.tril(ca.jacobian(tau, ddq)))
+    return lower + lower.T - ca.diag(ca.diag(lower))
+
+
+def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
+    """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms."""
+    return inverse_dynamics(chain, q, dq, ca.SX(len(chain.joints), 1), pi)
+
+
+def forward_dynamics(chain: Chain, q: Matrix, dq: Matrix, tau: Matrix, pi: Matrix) -> Matrix:
+    """Ddq = M⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0)."""
+    n = len(chain.joints)
+    m = mass_matrix(chain, q, pi)
+    x = tau - bias_forces(chain, q, dq, pi)
+    rows: list[list[Matrix]] = [[0] * n for _ in range(n)]
+    d: list[Matrix] = [0] * n
+    for j in range(n):
+        v = [rows[j][k] * d[k] for k in range(j)]
+        d[j] = m[j, j] - sum(rows[j][k] * v[k] for k in range(j))
+        for i in range(j + 1, n):
+            rows[i][j] = (m[i, j] - sum(rows[i][k] * v[k] for k in range(j))) / d[j]
+    y: list[Matrix] = [0] * n
+    for i in range(n):
+        y[i] = x[i] - sum(rows[i][k] * y[k] for k in range(i))
+    z: list[Matrix] = [0] * n
+    for i in reversed(range(n)):
+        z[i] = y[i] / d[i] - sum(rows[k][i] * z[k] for k in range(i + 1, n))
+    return ca.vertcat(*z)
+
+
+def end_effector(chain: Chain, q: Matrix) -> Matrix:
+    """[R p; 0 1], 4×4, pose of the tip frame in the base frame."""
+    rotation = ca.SX(ca.DM(chain.tip.rotation))
+    translation = ca.SX(ca.DM(chain.tip.translation))
+    index = chain.tip.joint
+    while index >= 0:
+        pose = joint_pose(chain.joints[index], q[index])
+        translation = pose.translation + ca.mtimes(pose.rotation, translation)
+        rotation = ca.mtimes(pose.rotation, rotation)
+        index = chain.joints[index].parent
+    bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
+    return ca.vertcat(ca.horzcat(rotation, translation), bottom)

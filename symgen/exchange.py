@@ -1,0 +1,45 @@
+"""Replace a folder by another in one step that a reader never sees half done."""
+
+import ctypes
+import os
+import shutil
+from pathlib import Path
+
+_AT_FDCWD = -100
+_RENAME_EXCHANGE = 2
+
+
+def replace_folder(new: Path, old: Path) -> None:
+    """Put folder `new` in the place of `old`, which may not exist; files only `old` has are kept.
+
+    On Linux the two names are exchanged atomically (renameat2); elsewhere, or on a file system
+    without it, two renames follow each other, and the first is undone if the second fails.
+
+    Raises:
+        OSError: nothing was replaced.
+    """
+    if not old.exists():
+        new.rename(old)
+        return
+    for path in old.iterdir():
+        if not (new / path.name).exists() and not path.name.endswith((".so", ".tmp")):
+            (shutil.copytree if path.is_dir() else shutil.copy2)(path, new / path.name)
+    if not _exchange(new, old):
+        aside = new.with_name(new.name + ".old")
+        old.rename(aside)
+        try:
+            new.rename(old)
+        except OSError:
+            aside.rename(old)
+            raise
+        new = aside
+    shutil.rmtree(new, ignore_errors=True)
+
+
+def _exchange(a: Path, b: Path) -> bool:
+    """Atomic exchange of two names; False where the system cannot do it."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None)
+    if rename is None:
+        return False
+    paths = (os.fsencode(a), os.fsencode(b))
+    return bool(rename(_AT_FDCWD, paths[0], _AT_FDCWD, paths[1], _RENAME_EXCHANGE) == 0)

@@ -1,0 +1,149 @@
+"""Inertial parameters of one body: π, λ, M(λ), the pseudo-inertia P, and the maps between them.
+
+π = [m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ], inertia about the *link origin* (Eq. 3.3);
+λ = [μ, x, y, z, ω1, ω2, ω3, a, b, c] (Eq. 4.13). This is the one place that knows both orders.
+Every λ is a body that can exist: m = e^μ > 0 and Σ_com = R diag(a², b², c²) Rᵀ ⪰ 0.
+Source: document Sec. 3.3 and 4.3 with the errata to Eqs. 2.27, 2.28, 4.14, 4.20.
+"""
+
+import casadi as ca
+
+from symgen.errors import InertiaError
+from symgen.spatial import Matrix, exp_so3, log_so3, skew, symmetric_eigen
+
+PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
+PI_UNITS = ("kg", *("kg*m",) * 3, *("kg*m^2",) * 6)
+LAM_NAMES = ("mu", "x", "y", "z", "omega1", "omega2", "omega3", "a", "b", "c")
+LAM_UNITS = ("ln(kg)", *("m",) * 3, *("rad",) * 3, *("kg^0.5*m",) * 3)
+N_PARAMETERS = len(PI_NAMES)
+
+REALISABLE_TOLERANCE = 1e-12
+"""Rounding of the triangle inequality, relative to the trace: inside it a² etc. count as zero."""
+
+THINNEST = 1e-3
+"""Standard deviation of mass along an axis, m, below which no projected body is thin."""
+
+
+def mass_moment_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """m (1), m·c (3) and I about the link origin (3×3) of one body."""
+    xx, yy, zz, xy, xz, yz = (pi[i] for i in range(4, 10))
+    inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    return pi[0], pi[1:4], inertia
+
+
+def _pi(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
+    i = inertia
+    return ca.vertcat(mass, moment, i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
+
+
+def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
+    """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30)."""
+    return _pi(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
+
+
+def com_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """m, c and I_com = I + m [c×]² (Eq. 4.20, errata)."""
+    mass, moment, inertia = mass_moment_inertia(pi)
+    com = moment / mass
+    return mass, com, inertia + mass * ca.mtimes(skew(com), skew(com))
+
+
+def pi_from_lam(lam: Matrix) -> Matrix:
+    """π from λ: m = e^μ, I_com = R diag(b²+c², c²+a², a²+b²) Rᵀ, I = I_com − m [c×]².
+
+    Args:
+        lam: (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3].
+
+    Returns:
+        (10,) [kg, kg·m ×3, kg·m² ×6], inertia about the link origin.
+
+    Source: Eqs. 4.25–4.31.
+    """
+    mass, com, rotation = ca.exp(lam[0]), lam[1:4], exp_so3(lam[4:7])
+    a2, b2, c2 = lam[7] ** 2, lam[8] ** 2, lam[9] ** 2
+    moments = ca.diag(ca.vertcat(b2 + c2, c2 + a2, a2 + b2))
+    return pi_from_com(mass, com, ca.mtimes([rotation, moments, rotation.T]))
+
+
+def _principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
+    """m, c, R and (a², b², c²), the eigenvalues of Σ_com = ½ tr(I_com) 1 − I_com, and tr(I_com)."""
+    mass, com, inertia = com_inertia(pi)
+    moments, rotation = symmetric_eigen(inertia)
+    j1, j2, j3 = moments[0], moments[1], moments[2]
+    sigma = ca.vertcat((j2 - j1) + j3, (j1 - j2) + j3, j1 + (j2 - j3)) / 2
+    return mass, com, rotation, sigma, j1 + j2 + j3
+
+
+def lam_from_pi(pi: Matrix) -> Matrix:
+    """λ from π; eigenvalues of I_com ascending, so a ≥ b ≥ c ≥ 0.
+
+    A body that is not density realisable has no λ: the affected entries come out as NaN,
+    which the callers turn into a named error that offers `nearest_realisable`.
+
+    Source: Eqs. 4.18–4.23 with the rule of Table B.5 (errata).
+    """
+    mass, com, rotation, sigma, trace = _principal_sigma(pi)
+    rounding = REALISABLE_TOLERANCE * trace
+    clipped = [
+        ca.if_else(ca.logic_and(sigma[i] < 0, sigma[i] > -rounding), 0.0, sigma[i])
+        for i in range(3)
+    ]
+    return ca.vertcat(ca.log(mass), com, log_so3(rotation), *(ca.sqrt(s) for s in clipped))
+
+
+def nearest_realisable(pi: Matrix, floor: Matrix) -> Matrix:
+    """π with the eigenvalues of Σ_com raised to a floor: the nearest such matrix (Frobenius).
+
+    Mass and centre of mass are kept; the caller reports the change.
+
+    Args:
+        pi: (10,) with m > 0.
+        floor: smallest allowed eigenvalue of Σ_com, relative to the sum of its positive ones;
+            on top of it no body is thinner than `THINNEST`, which also repairs zero inertias.
+    """
+    mass, com, rotation, sigma, _ = _principal_sigma(pi)
+    least = floor * sum(ca.fmax(sigma[i], 0) for i in range(3)) + mass * THINNEST**2
+    s = [ca.fmax(sigma[i], least) for i in range(3)]
+    moments = ca.diag(ca.vertcat(s[1] + s[2], s[2] + s[0], s[0] + s[1]))
+    return pi_from_com(mass, com, ca.mtimes([rotation, moments, rotation.T]))
+
+
+def spatial_inertia(lam: Matrix) -> Matrix:
+    """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], 6×6, linear part first (Eq. 4.14, errata)."""
+    mass, moment, inertia = mass_moment_inertia(pi_from_lam(lam))
+    h = skew(moment)
+    return ca.vertcat(ca.horzcat(mass * ca.DM.eye(3), h.T), ca.horzcat(h, inertia))
+
+
+def pseudo_inertia(pi: Matrix) -> Matrix:
+    """P = [[Σ, mc], [mcᵀ, m]] with Σ = ½ tr(I) 1 − I; P ⪰ 0 is full physical consistency.
+
+    Source: Eqs. 3.9, 3.10.
+    """
+    mass, moment, inertia = mass_moment_inertia(pi)
+    sigma = ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia
+    return ca.vertcat(ca.horzcat(sigma, moment), ca.horzcat(moment.T, mass))
+
+
+def require_realisable(pi: Matrix, link: str) -> None:
+    """Raise `InertiaError` unless the numeric π is a body that can exist.
+
+    Raises:
+        InertiaError: m ≤ 0, or a principal moment exceeds the sum of the other two.
+    """
+    mass = float(pi[0])
+    if not mass > 0:
+        raise InertiaError(f"link '{link}' needs a positive mass, its inertial says {mass:g} kg")
+    *_, sigma, trace = _principal_sigma(ca.DM(pi))
+    slack = 2 * min(float(sigma[i]) for i in range(3))
+    if not float(trace) > 0:
+        raise InertiaError(
+            f"link '{link}' has mass but no inertia, which no body has; correct the URDF, or "
+            "accept the smallest realisable inertia with --project"
+        )
+    if not slack >= -REALISABLE_TOLERANCE * float(trace):
+        raise InertiaError(
+            f"the inertia of link '{link}' cannot belong to a body of positive density: a "
+            f"principal moment exceeds the sum of the other two by {-slack:.3g} kg*m^2; correct "
+            "the URDF, or accept the nearest realisable inertia with --project"
+        )

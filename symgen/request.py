@@ -1,0 +1,123 @@
+"""What is to be built: a URDF, what the user asks of it, and what a URDF cannot say."""
+
+import hashlib
+import json
+import re
+import tomllib
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from symgen import __version__
+from symgen.chain import ChainOptions
+from symgen.compiler import find_compiler
+from symgen.errors import BuildError
+
+ROBOTS = Path(__file__).parent / "robots"
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """What a URDF cannot say, per joint: home [rad, m], acceleration and jerk limits."""
+
+    home: tuple[float, ...] | None = None
+    acceleration: tuple[float, ...] | None = None
+    jerk: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BuildRequest:
+    """Everything that decides the bytes of a generated folder."""
+
+    name: str
+    urdf: str
+    options: ChainOptions = field(default_factory=ChainOptions)
+    config: RobotConfig = field(default_factory=RobotConfig)
+    project: bool = False
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
+            raise BuildError(
+                f"the robot's name becomes a C prefix and a folder: expected lower-case letters, "
+                f"digits and _, got '{self.name}'"
+            )
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of the inputs, of this package's source and of the tools that shape the output."""
+        digest = hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode())
+        package = Path(__file__).parent
+        for path in sorted(package.rglob("*")):
+            if path.suffix in {".py", ".jinja2"}:
+                digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+        digest.update(__version__.encode())
+        for tool in ("casadi", "pin", "numpy", "jinja2"):
+            digest.update(f"{tool} {version(tool)}".encode())
+        digest.update(" ".join(find_compiler()).encode())
+        return digest.hexdigest()
+
+
+def bundled_request(name: str) -> BuildRequest:
+    """Request for a robot that ships with symgen."""
+    urdf = ROBOTS / f"{name}.urdf"
+    if not urdf.exists():
+        known = ", ".join(bundled_robots())
+        raise BuildError(
+            f"no bundled robot is called '{name}' (there is {known}); "
+            "build your own with --urdf FILE --name NAME"
+        )
+    return BuildRequest(name, urdf.read_text(), config=read_config(ROBOTS / f"{name}.toml"))
+
+
+def bundled_robots() -> list[str]:
+    """Names of the robots in symgen/robots."""
+    return sorted(path.stem for path in ROBOTS.glob("*.urdf"))
+
+
+def read_config(path: Path) -> RobotConfig:
+    """Home, acceleration and jerk of a TOML beside the URDF.
+
+    Raises:
+        BuildError: unknown key, or a value that is not a list of finite numbers.
+    """
+    try:
+        table = tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
+    table.pop("source", None)
+    known = RobotConfig.__dataclass_fields__
+    values = {}
+    for key, value in table.items():
+        if key not in known:
+            raise BuildError(f"'{path}' has the unknown key '{key}'; known are {', '.join(known)}")
+        try:
+            values[key] = tuple(float(x) for x in value)
+        except (TypeError, ValueError):
+            values[key] = ()
+        if not values[key] or not np.isfinite(values[key]).all():
+            raise BuildError(f"'{path}': {key} needs a list of finite numbers, one per joint")
+    return RobotConfig(**values)
+
+
+def request_from_folder(folder: Path) -> BuildRequest:
+    """The request that regenerates a folder from its own URDF and manifest."""
+    name = folder.name
+    try:
+        manifest = json.loads((folder / "manifest.json").read_text())
+        urdf = (folder / f"{name}.urdf").read_text()
+        options = ChainOptions(tip=manifest["options"]["tip"], gravity=tuple(manifest["gravity"]))
+        config = RobotConfig(
+            **{
+                key: tuple(values) if (values := manifest[key]) is not None else None
+                for key in RobotConfig.__dataclass_fields__
+            }
+        )
+        project = bool(manifest["options"]["project"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BuildError(
+            f"'{folder}' is not a complete generated folder ({type(error).__name__}: {error}); "
+            "build it again with: python -m symgen build"
+        ) from None
+    return BuildRequest(name, urdf, options, config, project)

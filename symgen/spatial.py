@@ -1,0 +1,154 @@
+"""Rotations and 3-vectors on CasADi `SX | DM`: no links, no parameters.
+
+Every function is a plain expression, so one definition serves symbols and numbers.
+Source: document Sec. 2.1–2.2 with its errata (logarithm through the quaternion, 0 ≤ θ ≤ π).
+"""
+
+from typing import Any
+
+import casadi as ca
+
+Matrix = Any
+"""`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
+
+_SMALL_ANGLE_SQUARED = 1e-4
+_HALF_TURN = 1e-15
+_JACOBI_SWEEPS = 6
+
+
+def skew(v: Matrix) -> Matrix:
+    """[v×], the matrix with [v×] w = v × w (Eq. 2.3)."""
+    return ca.skew(v)
+
+
+def exp_so3(omega: Matrix) -> Matrix:
+    """R = I + A [ω×] + B [ω×]² with A = sin θ / θ, B = (1 − cos θ)/θ² (Eq. 2.7).
+
+    Below θ = 0.01 the Taylor series of A and B in θ² replace the quotients; the unused branch
+    is fed a harmless argument, else its derivative at θ = 0 would turn 0·∞ into NaN.
+
+    Args:
+        omega: (3,) rotation vector, rad.
+
+    Returns:
+        (3, 3) rotation matrix.
+    """
+    theta2 = ca.dot(omega, omega)
+    small = theta2 < _SMALL_ANGLE_SQUARED
+    safe2 = ca.if_else(small, 1.0, theta2)
+    theta = ca.sqrt(safe2)
+    half = ca.sin(theta / 2)
+    a_series = 1 - theta2 / 6 * (1 - theta2 / 20 * (1 - theta2 / 42 * (1 - theta2 / 72)))
+    b_series = 0.5 - theta2 / 24 * (1 - theta2 / 30 * (1 - theta2 / 56 * (1 - theta2 / 90)))
+    a = ca.if_else(small, a_series, ca.sin(theta) / theta)
+    b = ca.if_else(small, b_series, 2 * half * half / safe2)
+    k = skew(omega)
+    return ca.DM.eye(3) + a * k + b * ca.mtimes(k, k)
+
+
+def _shepperd_quaternion(rotation: Matrix) -> Matrix:
+    """Unit quaternion (w, x, y, z) from the largest of trace and diagonal (Shepperd 1978)."""
+    r = rotation
+    trace = r[0, 0] + r[1, 1] + r[2, 2]
+    off = [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]
+    best = ca.vertcat(1 + trace, *off)
+    largest = trace
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        v: list[Matrix] = [0, 0, 0]
+        v[i] = 1 + r[i, i] - r[j, j] - r[k, k]
+        v[j] = r[i, j] + r[j, i]
+        v[k] = r[i, k] + r[k, i]
+        better = r[i, i] > largest
+        best = ca.if_else(better, ca.vertcat(off[i], *v), best)
+        largest = ca.if_else(better, r[i, i], largest)
+    return best / ca.norm_2(best)
+
+
+def log_so3(rotation: Matrix) -> Matrix:
+    """ω with exp(ω) = R and 0 ≤ |ω| ≤ π, through the quaternion: θ = 2 atan2(|v|, w).
+
+    At θ = π, where ω and −ω are the same rotation, the first non-zero component is positive.
+
+    Args:
+        rotation: (3, 3) rotation matrix.
+
+    Returns:
+        (3,) rotation vector, rad.
+    """
+    quaternion = _shepperd_quaternion(rotation)
+    w, v = quaternion[0], quaternion[1:4]
+    first = v[2]
+    for i in (1, 0):
+        first = ca.if_else(ca.fabs(v[i]) > _HALF_TURN, v[i], first)
+    at_pi = ca.fabs(w) < _HALF_TURN
+    flip = ca.if_else(at_pi, first < 0, w < 0)
+    sign = ca.if_else(flip, -1.0, 1.0)
+    w, v = ca.fabs(w), sign * v
+    norm = ca.norm_2(v)
+    tiny = norm < _HALF_TURN
+    scale = ca.if_else(tiny, 2.0, 2 * ca.atan2(norm, w) / ca.if_else(tiny, 1.0, norm))
+    return scale * v
+
+
+def axis_rotation(axis: Matrix, angle: Matrix) -> Matrix:
+    """Rotation by an angle about a constant unit axis; zeros of the axis stay structural zeros."""
+    s, c = ca.sin(angle), ca.cos(angle)
+    return ca.DM.eye(3) * c + skew(axis) * s + ca.mtimes(axis, axis.T) * (1 - c)
+
+
+def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:
+    """S = R diag(J) Rᵀ of a symmetric 3×3 matrix, J ascending, det R = +1.
+
+    Cyclic Jacobi with a fixed number of sweeps: no iteration count depends on data, equal
+    eigenvalues need no care, and the small eigenvalues keep their digits.
+    Columns 1 and 2 are signed so that their entry of largest magnitude is positive;
+    column 3 = column 1 × column 2 (errata, rule of Table B.5).
+
+    Args:
+        matrix: (3, 3) symmetric.
+
+    Returns:
+        (3,) eigenvalues and (3, 3) rotation whose columns are the eigenvectors.
+    """
+    a = [[matrix[i, j] for j in range(3)] for i in range(3)]
+    columns = [ca.DM.eye(3)[:, i] for i in range(3)]
+    for _ in range(_JACOBI_SWEEPS):
+        for p, q in ((0, 1), (0, 2), (1, 2)):
+            k = 3 - p - q
+            zero = a[p][q] == 0
+            tau = (a[q][q] - a[p][p]) / (2 * ca.if_else(zero, 1.0, a[p][q]))
+            t = ca.if_else(tau < 0, -1.0, 1.0) / (ca.fabs(tau) + ca.sqrt(1 + tau * tau))
+            t = ca.if_else(zero, 0.0, t)
+            c = 1 / ca.sqrt(1 + t * t)
+            s = t * c
+            a[p][p], a[q][q] = a[p][p] - t * a[p][q], a[q][q] + t * a[p][q]
+            kp, kq = a[k][p], a[k][q]
+            a[k][p] = a[p][k] = c * kp - s * kq
+            a[k][q] = a[q][k] = s * kp + c * kq
+            a[p][q] = a[q][p] = 0
+            columns[p], columns[q] = (
+                c * columns[p] - s * columns[q],
+                s * columns[p] + c * columns[q],
+            )
+    values = [a[i][i] for i in range(3)]
+    for i, j in ((0, 1), (1, 2), (0, 1)):
+        swap = values[j] < values[i]
+        values[i], values[j] = (
+            ca.if_else(swap, values[j], values[i]),
+            ca.if_else(swap, values[i], values[j]),
+        )
+        columns[i], columns[j] = (
+            ca.if_else(swap, columns[j], columns[i]),
+            ca.if_else(swap, columns[i], columns[j]),
+        )
+    first, second = _signed(columns[0]), _signed(columns[1])
+    return ca.vertcat(*values), ca.horzcat(first, second, ca.cross(first, second))
+
+
+def _signed(v: Matrix) -> Matrix:
+    """±v with the entry of largest magnitude positive."""
+    largest = v[0]
+    for i in (1, 2):
+        largest = ca.if_else(ca.fabs(v[i]) > ca.fabs(largest), v[i], largest)
+    return ca.if_else(largest < 0, -1.0, 1.0) * v

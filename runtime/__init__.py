@@ -1,0 +1,17 @@
+"""runtime loads a generated robot and finds its inertial parameters from measured motion.
+
+Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
+
+    lib = runtime.load("fr3")
+    recording = runtime.read_recording("log.csv")
+    result = runtime.identify(recording, lib, method="adam")
+"""
+
+from runtime.library import Library, load, to_pinocchio_order
+# from runtime.recording import Recording, read_recording
+
+__all__ = [
+    "Library",
+    "load",
+    "to_pinocchio_order",
+]

@@ -1,0 +1,11 @@
+"""manifest + shared library → `Library`, one typed NumPy method per kernel, batched.
+
+The only room that knows ctypes. Arrays are sample-major: (N, n), or (n,) for one sample; an
+argument given once, such as π, serves all samples.
+"""
+
+from runtime.library.binding import Array
+from runtime.library.library import Library, load
+from runtime.library.manifest import JointFacts, Manifest, to_pinocchio_order
+
+__all__ = ["Array", "JointFacts", "Library", "Manifest", "load", "to_pinocchio_order"]

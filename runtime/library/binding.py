@@ -1,0 +1,130 @@
+"""The compiled library through ctypes: opened only when it is whole and belongs to its manifest."""
+
+import ctypes
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from runtime.errors import LibraryError, ShapeError
+from runtime.library.manifest import ArgumentFacts, KernelFacts, Manifest
+
+Array = NDArray[np.float64]
+
+_AGAIN = "run: python -m symgen build"
+
+
+class Binding:
+    """Calls `<robot>_<kernel>_batch` with NumPy arrays."""
+
+    def __init__(self, folder: Path, manifest: Manifest) -> None:
+        self._manifest = manifest
+        self._dll = _open(folder, manifest)
+        self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
+
+    def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
+        function = self._dll[f"{self._manifest.robot}_{kernel.name}_batch"]
+        pair = (ctypes.c_void_p, ctypes.c_long)
+        function.argtypes = (
+            ctypes.c_long,
+            *pair * len(kernel.inputs),
+            *pair[:1] * len(kernel.outputs),
+        )
+        function.restype = None
+        return function
+
+    def call(self, name: str, *values: ArrayLike) -> tuple[Array, ...]:
+        """All outputs of a kernel over a batch.
+
+        Args:
+            name: kernel.
+            values: one per input, (N, *shape) or (*shape); links of a per-link kernel may be
+                flattened into the last axis.
+
+        Returns:
+            Outputs as (N, *shape), without N when no input had it.
+
+        Raises:
+            ShapeError: an input does not fit.
+        """
+        kernel = self._manifest.kernels[name]
+        arrays = [
+            _checked(name, argument, value)
+            for argument, value in zip(kernel.inputs, values, strict=True)
+        ]
+        lengths = {len(array) for array in arrays if array.ndim == 2}
+        if len(lengths) > 1:
+            shown = ", ".join(
+                f"{a.name} {x.shape}" for a, x in zip(kernel.inputs, arrays, strict=True)
+            )
+            raise ShapeError(f"{name} needs inputs with equally many samples, got {shown}")
+        batched = bool(lengths)
+        n = lengths.pop() if batched else 1
+        outputs = [np.empty(a.size if a.summed else (n, a.size)) for a in kernel.outputs]
+        steps = [a.size if x.ndim == 2 else 0 for a, x in zip(kernel.inputs, arrays, strict=True)]
+        pairs = [
+            item for x, step in zip(arrays, steps, strict=True) for item in (x.ctypes.data, step)
+        ]
+        self._functions[name](n, *pairs, *(out.ctypes.data for out in outputs))
+        return tuple(
+            out.reshape(a.shape if a.summed or not batched else (n, *a.shape))
+            for a, out in zip(kernel.outputs, outputs, strict=True)
+        )
+
+
+def _checked(kernel: str, argument: ArgumentFacts, value: ArrayLike) -> Array:
+    """Contiguous float64 as (size,) or (N, size)."""
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(
+            f"{kernel}: {argument.name} needs real numbers, got {value!r:.80}"
+        ) from None
+    shape = argument.shape
+    if array.shape == shape or (argument.size == 1 and array.ndim == 0):
+        return array.reshape(argument.size)
+    if array.ndim == len(shape) + 1 and array.shape[1:] == shape:
+        return array.reshape(len(array), argument.size)
+    wanted = ", ".join(map(str, shape))
+    raise ShapeError(
+        f"{kernel}: {argument.name} needs the shape (N, {wanted}) or ({wanted},) "
+        f"[{argument.unit}], got {array.shape}"
+    )
+
+
+def _open(folder: Path, manifest: Manifest) -> ctypes.CDLL:
+    """The library after checking that it is whole, current, and of this robot and machine."""
+    path = folder / f"lib{manifest.robot}.so"
+    if not path.exists():
+        raise LibraryError(f"the library '{path}' is not compiled; {_AGAIN}")
+    try:
+        record = json.loads((folder / "build.json").read_text(encoding="utf-8"))
+        sha256, sources = record["sha256"], record["sources"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise LibraryError(
+            f"'{folder}' has no valid build.json beside its library; {_AGAIN}"
+        ) from None
+    # Opening a truncated shared object kills the process, so its bytes are checked first.
+    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        raise LibraryError(f"the library '{path}' is damaged or not the one built here; {_AGAIN}")
+    own = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    if sources.get("manifest.json") != own:
+        raise LibraryError(f"the library '{path}' is older than its manifest.json; {_AGAIN}")
+    try:
+        dll = ctypes.CDLL(str(path.resolve()))
+        answer = dll[f"{manifest.robot}_model_hash"]
+    except (OSError, AttributeError) as error:
+        raise LibraryError(
+            f"the library '{path}' cannot be used here ({error}); {_AGAIN}"
+        ) from None
+    answer.restype = ctypes.c_char_p
+    found = answer().decode()
+    if found != manifest.model_hash:
+        raise LibraryError(
+            f"the library '{path}' belongs to the model {found[:12]}, its manifest to "
+            f"{manifest.model_hash[:12]}; {_AGAIN}"
+        )
+    return dll

@@ -1,0 +1,151 @@
+"""`manifest.json`: the contract between what was generated and what runs."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from runtime.errors import LibraryError, ShapeError
+
+PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
+PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ArgumentFacts:
+    """Name, shape and unit of a kernel's input or output; `summed` over a batch or not."""
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    summed: bool = False
+
+    @property
+    def size(self) -> int:
+        """Number of entries."""
+        return int(np.prod(self.shape))
+
+
+@dataclass(frozen=True, slots=True)
+class KernelFacts:
+    """One kernel as the manifest describes it."""
+
+    name: str
+    per: str
+    equation: str
+    inputs: tuple[ArgumentFacts, ...]
+    outputs: tuple[ArgumentFacts, ...]
+    operations: int
+
+
+@dataclass(frozen=True, slots=True)
+class JointFacts:
+    """Name, kind, moved link, unit and limits of a joint; None where there is no limit."""
+
+    name: str
+    kind: str
+    link: str
+    unit: str
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    effort: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Manifest:
+    """The facts of one robot, see the fields of `manifest.json`."""
+
+    robot: str
+    model_hash: str
+    versions: dict[str, str]
+    base: str
+    tip: str
+    gravity: tuple[float, ...]
+    joints: tuple[JointFacts, ...]
+    home: tuple[float, ...]
+    acceleration: tuple[float, ...] | None
+    jerk: tuple[float, ...] | None
+    lumped: tuple[dict[str, Any], ...]
+    pi0: tuple[float, ...]
+    lam0: tuple[float, ...]
+    base_columns: tuple[int, ...]
+    base_matrix: tuple[tuple[float, ...], ...]
+    kernels: dict[str, KernelFacts]
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read and check a manifest.
+
+    Raises:
+        LibraryError: missing, damaged, or of another format.
+    """
+    again = "run: python -m symgen build"
+    try:
+        raw = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        raise LibraryError(f"'{path.parent}' holds no manifest.json; {again}") from None
+    except ValueError:
+        raise LibraryError(f"'{path}' is damaged (not JSON); {again}") from None
+    try:
+        if raw["format"] != FORMAT or tuple(raw["pi_names"]) != PI_NAMES:
+            raise LibraryError(
+                f"'{path}' has the format {raw['format']}, this runtime reads {FORMAT}; {again}"
+            )
+        return Manifest(
+            robot=raw["robot"],
+            model_hash=raw["model_hash"],
+            versions=raw["versions"],
+            base=raw["base"],
+            tip=raw["tip"],
+            gravity=tuple(raw["gravity"]),
+            joints=tuple(JointFacts(**joint) for joint in raw["joints"]),
+            home=tuple(raw["home"]),
+            acceleration=tuple(raw["acceleration"]) if raw["acceleration"] else None,
+            jerk=tuple(raw["jerk"]) if raw["jerk"] else None,
+            lumped=tuple(raw["lumped"]),
+            pi0=tuple(raw["pi0"]),
+            lam0=tuple(raw["lam0"]),
+            base_columns=tuple(raw["base_parameters"]["columns"]),
+            base_matrix=tuple(tuple(row) for row in raw["base_parameters"]["matrix"]),
+            kernels={entry["name"]: _kernel(entry) for entry in raw["kernels"]},
+        )
+    except (KeyError, TypeError) as error:
+        raise LibraryError(f"'{path}' is damaged (no valid {error}); {again}") from None
+
+
+def _kernel(entry: dict[str, Any]) -> KernelFacts:
+    def arguments(side: str) -> tuple[ArgumentFacts, ...]:
+        return tuple(ArgumentFacts(**{**a, "shape": tuple(a["shape"])}) for a in entry[side])
+
+    return KernelFacts(
+        name=entry["name"],
+        per=entry["per"],
+        equation=entry["equation"],
+        inputs=arguments("inputs"),
+        outputs=arguments("outputs"),
+        operations=entry["operations"],
+    )
+
+
+def to_pinocchio_order(pi: ArrayLike) -> NDArray[np.float64]:
+    """π per link from [m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ] to pinocchio's order.
+
+    Pinocchio's `toDynamicParameters` is [m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz].
+
+    Args:
+        pi: (…, 10 n_links).
+
+    Raises:
+        ShapeError: the last axis is not a multiple of 10.
+    """
+    array = np.asarray(pi, dtype=float)
+    size = len(PI_NAMES)
+    if array.ndim == 0 or array.shape[-1] % size:
+        raise ShapeError(f"pi needs 10 entries per link on its last axis, got shape {array.shape}")
+    order = [PI_NAMES.index(name) for name in PINOCCHIO_NAMES]
+    return array.reshape(*array.shape[:-1], -1, size)[..., order].reshape(array.shape)

@@ -7,11 +7,20 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
     result = runtime.identify(recording, lib, method="adam")
 """
 
+from runtime.identification import METHODS, PRESETS, Identification, Preset, identify
 from runtime.library import Library, load, to_pinocchio_order
-# from runtime.recording import Recording, read_recording
+from runtime.recording import Recording, read_recording, write_recording
 
 __all__ = [
+    "METHODS",
+    "PRESETS",
+    "Identification",
     "Library",
+    "Preset",
+    "Recording",
+    "identify",
     "load",
+    "read_recording",
     "to_pinocchio_order",
+    "write_recording",
 ]

@@ -1,0 +1,43 @@
+"""IDIM-OLS: min ‖W_b β + F φ − T‖, unweighted, on base parameters, by QR (Eq. 3.7).
+
+Nothing keeps the result physical. π is the vector nearest to the first guess with K π = β.
+Source: Gautier 1997; document Sec. 3.1.3.
+"""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.problem import Fit, Problem
+
+RANK_TOLERANCE = 1e-9
+"""Relative size below which a direction of the normalised columns counts as not excited."""
+
+
+def fit_ols(problem: Problem) -> Fit:
+    """Ordinary least squares on base parameters and friction together.
+
+    Raises:
+        IdentificationError: the motion does not excite all base parameters.
+    """
+    lib = problem.lib
+    statistics = problem.statistics(np.ones(lib.n_joints))
+    columns = [*lib.base_columns, *range(lib.pi0.size, statistics.factor.shape[1])]
+    matrix = statistics.factor[:, columns]
+    norms = np.linalg.norm(matrix, axis=0)
+    norms = np.where(norms > 0, norms, 1.0)
+    sigma = np.linalg.svd(matrix / norms, compute_uv=False)
+    rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
+    if rank < len(columns):
+        raise IdentificationError(
+            f"the motion excites {rank} of {len(columns)} columns (base parameters and friction), "
+            "so ordinary least squares has no unique answer; record a richer trajectory, or use "
+            "a method that keeps to the first guess where the data are silent: adam, pc-ols"
+        )
+    solution = np.linalg.lstsq(matrix / norms, statistics.target, rcond=None)[0] / norms
+    n_b = len(lib.base_columns)
+    beta, phi = solution[:n_b], solution[n_b:].reshape(problem.train.columns.shape[1:])
+    guess = lib.pi_from_lam(problem.start)
+    k = lib.base_matrix
+    pi = guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0]
+    status = f"solved by QR; condition number of the normalised columns {sigma[0] / sigma[-1]:.1f}"
+    return Fit(pi, phi, None, status)

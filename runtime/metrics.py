@@ -1,0 +1,53 @@
+"""What a good result is: torque errors, distances between mass matrices, consistency.
+
+Source: document Eqs. 2.37, 2.39, 5.1–5.4 with the errata to 5.4 and Sec. 3.3.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CONSISTENCY_TOLERANCE = 1e-12
+"""A link is consistent when P_k ⪰ −1e-12 tr(P_k); the eigenvalue itself is reported beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueError:
+    """Torque-prediction error of one model on one set of samples.
+
+    Attributes:
+        percent: 100 ‖τ_j − τ̂_j‖ / ‖τ_j‖ per joint (Eq. 5.1).
+        overall: the same over all joints together.
+        rms: root mean square of τ_j − τ̂_j per joint, N·m or N.
+    """
+
+    percent: Array
+    overall: float
+    rms: Array
+
+
+def torque_error(measured: Array, predicted: Array) -> TorqueError:
+    """Errors of predicted against measured torque, both (N, n); 0 % where both are silent."""
+    difference = measured - predicted
+    size, scale = np.linalg.norm(difference, axis=0), np.linalg.norm(measured, axis=0)
+    percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
+    whole = float(np.linalg.norm(scale))
+    overall = 100 * float(np.linalg.norm(size)) / whole if whole else 0.0
+    return TorqueError(percent, overall, size / np.sqrt(len(measured)))
+
+
+def airm(a: Array, b: Array) -> Array:
+    """d(A, B) = √Σ ln² λ_i(A⁻¹B) for symmetric positive definite (…, n, n) (Eq. 2.39)."""
+    lower = np.linalg.cholesky(a)
+    half = np.linalg.solve(lower, b)
+    whole = np.linalg.solve(lower, np.swapaxes(half, -1, -2))
+    eigenvalues = np.linalg.eigvalsh((whole + np.swapaxes(whole, -1, -2)) / 2)
+    return np.sqrt(np.sum(np.log(eigenvalues) ** 2, axis=-1))
+
+
+def frobenius(a: Array, b: Array) -> Array:
+    """‖A − B‖_F of (…, n, n) (Eq. 2.37); divide by n for the RMS per entry (errata to 5.4)."""
+    return np.linalg.norm(a - b, axis=(-2, -1))

@@ -1,0 +1,194 @@
+"""Recording + library → the weighted torque loss, its gradient, and its compressed statistics.
+
+L(λ, φ) = (1/N) Σ ½ rᵀ W r,  r = Y π(λ) + F φ − τ (Eqs. 4.5, 4.6), with friction F φ as an option.
+The unknowns are x = [λ, ψ]: φ = ψ · unit, where one unit of ψ moves the torque of its joint by as
+much as a relative change of one in λ does, so that one step size serves both.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import friction
+from runtime.errors import IdentificationError
+from runtime.library import Array, Library
+from runtime.recording import Recording
+
+THESIS_SIGMA = 0.5
+"""Regularisation of Eq. 4.8, N·m."""
+
+_CHUNK = 1000
+
+
+def thesis_weights(tau: Array) -> Array:
+    """w_k ∝ 1/(τ_rms,k² + σ²) with mean 1, from the training torque (Eq. 4.8)."""
+    raw = 1.0 / (np.mean(tau**2, axis=0) + THESIS_SIGMA**2)
+    return raw / raw.mean()
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Complete motion and torque of a recording, with its friction columns (N, n, k)."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    columns: Array
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+
+def samples_of(recording: Recording, lib: Library) -> Samples:
+    """Check that a recording is complete, finite and of this robot.
+
+    Raises:
+        IdentificationError: something is missing, and the message says what to do.
+    """
+    n = lib.n_joints
+    missing = [key for key in ("dq", "ddq", "tau") if getattr(recording, key) is None]
+    if missing:
+        raise IdentificationError(
+            f"identification needs q, dq, ddq and tau, the recording '{recording.name}' has no "
+            f"{', '.join(missing)}; let preprocessing.prepare differentiate it"
+        )
+    if recording.q.shape[1] != n:
+        raise IdentificationError(
+            f"the recording '{recording.name}' has {recording.q.shape[1]} joints, the robot "
+            f"'{lib.name}' has {n}: {', '.join(lib.joint_names)}"
+        )
+    columns = recording.columns
+    if columns is None:
+        columns = np.zeros((len(recording), n, 0))
+    arrays = (recording.q, recording.dq, recording.ddq, recording.tau, columns)
+    whole = [np.ascontiguousarray(a, dtype=float) for a in arrays]
+    if not all(np.isfinite(a).all() for a in whole):
+        raise IdentificationError(
+            f"the recording '{recording.name}' holds NaN or infinite values; "
+            "drop those rows before identifying"
+        )
+    return Samples(*whole)
+
+
+class TorqueObjective:
+    """L(x) and ∇L(x) on given samples, whole or on a mini-batch of rows."""
+
+    def __init__(self, lib: Library, samples: Samples, weights: Array) -> None:
+        self.lib, self.samples, self.weights = lib, samples, weights
+        self.n_lam = lib.lam0.size
+        self.shape = samples.columns.shape[1:]
+        self.unit = friction_unit(samples)
+
+    def split(self, x: Array) -> tuple[Array, Array]:
+        """λ and φ (n, k) of x."""
+        return x[: self.n_lam], x[self.n_lam :].reshape(self.shape) * self.unit
+
+    def join(self, lam: Array, phi: Array) -> Array:
+        """The unknowns x of λ and φ."""
+        return np.concatenate([lam, (phi / self.unit).ravel()])
+
+    def value_gradient(
+        self, x: Array, rows: NDArray[np.int64] | None = None
+    ) -> tuple[float, Array]:
+        """L and ∇L over the given rows, all rows by default."""
+        lam, phi = self.split(x)
+        s, lib = self.samples, self.lib
+        take = slice(None) if rows is None else rows
+        q, dq, ddq, tau, columns = (a[take] for a in (s.q, s.dq, s.ddq, s.tau, s.columns))
+        free = tau - friction.torque(columns, phi) if phi.size else tau
+        pi = lib.pi_from_lam(lam)
+        loss, slope, residual = lib.loss_gradient(q, dq, ddq, free, self.weights, pi)
+        blocks = lib.pi_jacobian(lam)
+        n_lam = np.einsum("kij,ki->kj", blocks, slope.reshape(len(blocks), -1)).ravel()
+        n_phi = np.einsum("ijk,ij->jk", columns, residual * self.weights) * self.unit
+        return loss / len(q), np.concatenate([n_lam, n_phi.ravel()]) / len(q)
+
+    def value(self, x: Array) -> float:
+        """L over all rows."""
+        lam, phi = self.split(x)
+        s = self.samples
+        residual = self.lib.torque(s.q, s.dq, s.ddq, lam) - s.tau
+        if phi.size:
+            residual = residual + friction.torque(s.columns, phi)
+        return float(np.mean((residual**2) @ self.weights) / 2)
+
+
+def friction_unit(samples: Samples) -> Array:
+    """(n, k): RMS torque of the joint over RMS of the column; 1 for a silent column."""
+    torque = np.sqrt(np.mean(samples.tau**2, axis=0) + THESIS_SIGMA**2)
+    rms = np.sqrt(np.mean(samples.columns**2, axis=0))
+    return torque[:, None] / np.where(rms > 0, rms, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Compressed:
+    """All that least squares needs of N samples: ‖R [π; φ] − r‖² + ρ = Σ rᵀ W r.
+
+    The factor comes from a streamed QR, never from normal equations, so ill-conditioned data keep
+    their digits; Y is never stored.
+
+    Attributes:
+        factor: R, (p, p) upper triangular, p = 10 n + n k.
+        target: r, (p,).
+        rest: ρ, what no parameters explain.
+        n_samples: N.
+    """
+
+    factor: Array
+    target: Array
+    rest: float
+    n_samples: int
+
+    def value(self, pi: Array, phi: Array) -> float:
+        """L at π, φ."""
+        residual = self.factor @ np.concatenate([pi, phi.ravel()]) - self.target
+        return float((residual @ residual + self.rest) / (2 * self.n_samples))
+
+
+def compress(lib: Library, samples: Samples, weights: Array) -> Compressed:
+    """Stream the weighted rows [Y F τ] through QR."""
+    n, k = samples.columns.shape[1:]
+    width = lib.pi0.size + n * k + 1
+    factor = np.zeros((0, width))
+    root = np.sqrt(weights)
+    for start in range(0, len(samples), _CHUNK):
+        part = slice(start, start + _CHUNK)
+        y = lib.regressor(samples.q[part], samples.dq[part], samples.ddq[part])
+        rows = np.zeros((len(y), n, width))
+        rows[:, :, : lib.pi0.size] = y
+        for j in range(n):
+            first = lib.pi0.size + j * k
+            rows[:, j, first : first + k] = samples.columns[part, j]
+        rows[:, :, -1] = samples.tau[part]
+        rows *= root[:, None]
+        stacked = np.vstack([factor, rows.reshape(-1, width)])
+        factor = np.asarray(np.linalg.qr(stacked, mode="r"))
+    square = np.zeros((width, width))
+    square[: len(factor)] = factor
+    return Compressed(
+        factor=square[:-1, :-1],
+        target=square[:-1, -1],
+        rest=float(square[-1, -1] ** 2),
+        n_samples=len(samples),
+    )
+
+
+class CompressedObjective:
+    """L(x) and ∇L(x) from compressed statistics: the cost does not depend on N."""
+
+    def __init__(self, whole: TorqueObjective, statistics: Compressed) -> None:
+        self.whole, self.statistics = whole, statistics
+
+    def value_gradient(self, x: Array) -> tuple[float, Array]:
+        """L and ∇L over all samples."""
+        lib, s = self.whole.lib, self.statistics
+        lam, phi = self.whole.split(x)
+        residual = s.factor @ np.concatenate([lib.pi_from_lam(lam), phi.ravel()]) - s.target
+        slope = s.factor.T @ residual / s.n_samples
+        blocks = lib.pi_jacobian(lam)
+        n_lam = np.einsum("kij,ki->kj", blocks, slope[: lam.size].reshape(len(blocks), -1)).ravel()
+        n_phi = slope[lam.size :] * self.whole.unit.ravel()
+        value = (residual @ residual + s.rest) / (2 * s.n_samples)
+        return float(value), np.concatenate([n_lam, n_phi])

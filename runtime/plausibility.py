@@ -1,0 +1,59 @@
+"""Does this recording belong to this robot? Joint count, units, sign: stated, never guessed."""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.library import Library
+from runtime.recording import Recording
+
+OUTSIDE = 0.35
+"""How far beyond a joint limit (rad or m) a measured position is no longer a rounding matter."""
+
+
+def require_plausible(recording: Recording, lib: Library) -> None:
+    """Refuse recordings that contradict the robot's model.
+
+    Raises:
+        IdentificationError: wrong joint count, positions far outside the limits (degrees?), torque
+            against gravity (sign?), or a torque that is missing.
+    """
+    n = lib.n_joints
+    if recording.q.shape[1] != n:
+        raise IdentificationError(
+            f"the recording '{recording.name}' has {recording.q.shape[1]} joints, the robot "
+            f"'{lib.name}' has {n} ({', '.join(lib.joint_names)}); choose --robot, or build it "
+            "with --base, --tip and --lock"
+        )
+    if recording.tau is None:
+        raise IdentificationError(
+            f"the recording '{recording.name}' has no torque, which identification needs"
+        )
+    limits = lib.limits()
+    low, high = recording.q.min(axis=0), recording.q.max(axis=0)
+    beyond = np.maximum(limits["lower"] - low, high - limits["upper"])
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > OUTSIDE:
+        raise IdentificationError(
+            f"joint '{lib.joint_names[worst]}' moves from {low[worst]:.3g} to {high[worst]:.3g}, "
+            f"its limits are {limits['lower'][worst]:.3g} to {limits['upper'][worst]:.3g} "
+            f"{lib.manifest.joints[worst].unit}; state unit, order, sign and offset in a recipe, "
+            "or choose another --robot"
+        )
+    _require_sign(recording, lib)
+
+
+def _require_sign(recording: Recording, lib: Library) -> None:
+    """Measured torque that correlates with minus the model's gravity torque is negated."""
+    assert recording.tau is not None  # noqa: S101  checked by the caller
+    still = np.zeros_like(recording.q)
+    gravity = lib.inverse_dynamics(recording.q, still, still, lib.pi0)
+    size = np.linalg.norm(gravity) * np.linalg.norm(recording.tau)
+    if size == 0:
+        return
+    alike = float(np.sum(gravity * recording.tau) / size)
+    if alike < -0.5:
+        raise IdentificationError(
+            f"the measured torque runs against the model's gravity torque (correlation "
+            f"{alike:.2f}): either the log counts torque with the opposite sign (set sign = -1 "
+            "for [torque] in a recipe), or gravity points the other way (build with --gravity)"
+        )

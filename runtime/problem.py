@@ -1,0 +1,63 @@
+"""One identification problem and one answer to it: what every method takes and gives."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.library import Array, Library
+from runtime.objective import Compressed, Samples, compress
+from runtime.optimizers import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Same data, same weights, same start for every method.
+
+    Attributes:
+        train, validation: samples to fit and to stop on.
+        weights: diagonal of W, (n,).
+        start: λ of the first guess, (10 n,).
+        seed: of mini-batches.
+        progress: called with iteration and best validation loss.
+    """
+
+    lib: Library
+    train: Samples
+    validation: Samples
+    weights: Array
+    start: Array
+    seed: int = 0
+    progress: Callable[[int, float], None] | None = None
+
+    def statistics(self, weights: Array | None = None) -> Compressed:
+        """Compressed training data, with the problem's weights unless others are given."""
+        return compress(self.lib, self.train, self.weights if weights is None else weights)
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """What a method found.
+
+    Attributes:
+        pi: (10 n,).
+        phi: friction coefficients (n, k), k = 0 without friction.
+        lam: (10 n,), None where π has none.
+        status: a sentence.
+        notes: sentences about what was done on the way.
+    """
+
+    pi: Array
+    phi: Array
+    lam: Array | None
+    status: str
+    iterations: int | None = None
+    trace: Trace | None = None
+    notes: tuple[str, ...] = ()
+
+
+def best_friction(statistics: Compressed, pi: Array, shape: tuple[int, ...]) -> Array:
+    """Friction coefficients (n, k) that fit best at fixed π."""
+    rest = statistics.target - statistics.factor[:, : pi.size] @ pi
+    solution = np.linalg.lstsq(statistics.factor[:, pi.size :], rest, rcond=None)[0]
+    return np.asarray(solution, dtype=float).reshape(shape)

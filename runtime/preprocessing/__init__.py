@@ -1,0 +1,32 @@
+"""Recording → Recording: clock, grid, filters, derivatives, split; each step joins the history."""
+
+from runtime.preprocessing.clock import repair_clock
+from runtime.preprocessing.filters import differentiate, low_pass, moving_average, savitzky_golay
+from runtime.preprocessing.pipeline import prepare
+from runtime.preprocessing.segments import (
+    decimate,
+    drop_rest,
+    resample,
+    segments,
+    split,
+    trim,
+)
+from runtime.recording import Preparation, Split, check_consistency
+
+__all__ = [
+    "Preparation",
+    "Split",
+    "check_consistency",
+    "decimate",
+    "differentiate",
+    "drop_rest",
+    "low_pass",
+    "moving_average",
+    "prepare",
+    "repair_clock",
+    "resample",
+    "savitzky_golay",
+    "segments",
+    "split",
+    "trim",
+]

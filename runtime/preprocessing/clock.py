@@ -1,0 +1,80 @@
+"""The clock of a log that repeats states and skips ticks, rebuilt from dq = v · dt.
+
+    k_i = round( Σ_j v_ij Δq_ij / (tick · Σ_j v_ij²) ),  v = mean of dq at both ends,  k_i ≥ 1
+
+is the least-squares number of ticks between two retained rows. Where the robot is too slow for
+this to tell, the logged time decides.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.recording import Recording
+from runtime.recording.recording import FloatArray
+
+SLOW = 0.1
+MAX_DRIFT = 0.05
+
+
+def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recording:
+    """Drops rows that repeat the previous state and counts the ticks between the others.
+
+    A row repeats when no joint has another q than in the row before: then the state is stale,
+    even if a fresh τ was logged beside it. A robot at rest loses its resting rows this way, too;
+    their ticks are counted from the logged time.
+
+    Args:
+        recording: with dq.
+        tick: period of the controller [s].
+        slow: below this norm of dq [rad/s] the logged time decides.
+
+    Raises:
+        RecordingError: no dq, or the rebuilt duration is not that of the log within 5 %.
+    """
+    if recording.dq is None:
+        raise RecordingError(
+            "the clock is rebuilt from dq, but there is none; leave clock_tick out"
+        )
+    fresh = np.concatenate([[True], np.any(np.diff(recording.q, axis=0) != 0.0, axis=1)])
+    count = int(np.sum(~fresh))
+    kept = recording.take(fresh, f"Dropped {count} rows that repeat the positions before them.")
+    assert kept.dq is not None  # noqa: S101  (take keeps what is there)
+    if len(kept) < 2:
+        raise RecordingError("the robot never moves, so its clock cannot be rebuilt; leave it out")
+    ticks = _ticks(kept.t, kept.q, kept.dq, tick, slow)
+    t = kept.t[0] + tick * np.concatenate([[0], np.cumsum(ticks)])
+    duration, logged = float(t[-1] - t[0]), kept.duration
+    if abs(duration - logged) > MAX_DRIFT * logged:
+        raise RecordingError(
+            f"the clock rebuilt from dq runs {duration:.4g} s, but the log {logged:.4g} s; "
+            "check the units of dq and t, and the tick"
+        )
+    return kept.replace(t=t).noted(
+        f"Rebuilt the clock in ticks of {tick:g} s from dq = v·dt: {duration:.6g} s "
+        f"({logged:.6g} s by the log), {int(np.sum(ticks - 1))} ticks were skipped."
+    )
+
+
+def _ticks(
+    t: FloatArray, q: FloatArray, dq: FloatArray, tick: float, slow: float
+) -> NDArray[np.int64]:
+    """Whole ticks (N−1,) between rows, at least one each."""
+    v = 0.5 * (dq[1:] + dq[:-1])
+    square = np.sum(v * v, axis=1)
+    still = square <= slow * slow
+    estimate = np.sum(v * np.diff(q, axis=0), axis=1) / np.where(still, 1.0, tick * square)
+    ticks = np.maximum(np.round(estimate), 1.0).astype(np.int64)
+    for first, last in _runs(still):
+        ends = np.round((t[first + 1 : last + 1] - t[first]) / tick).astype(np.int64)
+        spent = 0
+        for i, end in enumerate(ends, start=first):
+            ticks[i] = max(int(end) - spent, 1)
+            spent += int(ticks[i])
+    return ticks
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The runs of True as (first, one past the last)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,92 @@
+"""The usual order of the steps, driven by a `Preparation`; each step is skipped unless set."""
+
+from runtime.friction import add_columns
+from runtime.preprocessing.clock import repair_clock
+from runtime.preprocessing.filters import (
+    ALL,
+    differentiate,
+    low_pass,
+    moving_average,
+    savitzky_golay,
+)
+from runtime.preprocessing.segments import decimate, drop_rest, resample, trim
+from runtime.recording import Preparation, Recording
+from runtime.recording.recipe import COULOMB_SPEED
+
+
+def prepare(
+    recording: Recording,
+    preparation: Preparation | None = None,
+    friction: tuple[str, ...] = (),
+    coulomb_speed: float = COULOMB_SPEED,
+) -> Recording:
+    """Clock → grid → friction columns at the full rate → filter → derivatives → trim → decimate.
+
+    Rest is dropped last. Without a preparation that of the recipe is used; without a recipe only
+    missing derivatives are filled in, so a complete recording passes unchanged. Where dq was not
+    measured, the friction columns come from the derivative of the filtered q, because tanh of a
+    differentiated encoder signal is noise.
+
+    Args:
+        recording: as read.
+        preparation: what to do.
+        friction: names of the friction columns to add.
+        coulomb_speed: ε of the Coulomb column [rad/s].
+
+    Raises:
+        RecordingError: a step cannot be taken; the message says which setting to change.
+    """
+    if preparation is None:
+        preparation = recording.recipe.preparation if recording.recipe else Preparation()
+    data = recording
+    if preparation.clock_tick is not None:
+        data = repair_clock(data, preparation.clock_tick)
+    if preparation.max_gap_s is not None:
+        data = resample(data, _grid_hz(data, preparation), preparation.max_gap_s)
+    if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
+        data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
+    if friction and data.dq is not None:
+        data = add_columns(data, friction, coulomb_speed)
+    data = _derived(_filtered(data, preparation), preparation)
+    if friction and data.columns is None:
+        data = add_columns(data, friction, coulomb_speed)
+        data = _filtered(data, preparation, ("columns",))
+    if preparation.trim_s is not None:
+        data = trim(data, preparation.trim_s)
+    if preparation.rate_hz is not None:
+        data = decimate(data, preparation.rate_hz)
+    if preparation.rest_speed is not None:
+        data = drop_rest(data, preparation.rest_speed)
+    return data
+
+
+def _grid_hz(recording: Recording, preparation: Preparation) -> float:
+    """The rate of the uniform grid: as stated, else one per tick, else the median rate."""
+    if preparation.grid_hz is not None:
+        return preparation.grid_hz
+    if preparation.clock_tick is not None:
+        return 1.0 / preparation.clock_tick
+    return recording.rate_hz
+
+
+def _filtered(
+    recording: Recording, preparation: Preparation, only: tuple[str, ...] = ALL
+) -> Recording:
+    """The filter of the preparation; which settings it has, `Preparation` has checked."""
+    window, cutoff = preparation.window_s or 0.0, preparation.cutoff_hz or 0.0
+    if preparation.filter == "butterworth":
+        return low_pass(recording, cutoff, preparation.order, only)
+    if preparation.filter == "average":
+        return moving_average(recording, window, only)
+    if preparation.filter == "savitzky-golay":
+        return savitzky_golay(recording, window, preparation.order, only)
+    return recording
+
+
+def _derived(recording: Recording, preparation: Preparation) -> Recording:
+    """Missing derivatives; after a moving average the differentiated ddq is averaged as well."""
+    missing = recording.ddq is None
+    result = differentiate(recording)
+    if missing and preparation.filter == "average" and preparation.window_s is not None:
+        return moving_average(result, preparation.window_s, ("ddq",))
+    return result

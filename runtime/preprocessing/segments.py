@@ -1,0 +1,168 @@
+"""Holes, and the steps that respect them: resample, trim, drop rest, decimate, split.
+
+A hole is a gap longer than 1.5 median steps of time. `segments` is the one definition of it;
+whatever filters or differentiates does so inside one segment.
+"""
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.recording import Recording, Split
+from runtime.recording.recording import FloatArray
+
+HOLE = 1.5
+JITTER = 0.01
+
+
+def segments(t: FloatArray) -> list[slice]:
+    """The stretches of t (N,) without a hole, in order; together they hold every sample."""
+    steps = np.diff(t)
+    if not steps.size:
+        return [slice(0, len(t))]
+    return _cut(t, HOLE * float(np.median(steps)))
+
+
+def uniform_step(recording: Recording, purpose: str) -> float:
+    """The step of time [s] of a recording whose segments are uniform to 1 %.
+
+    Raises:
+        RecordingError: they are not; filters and decimation mean nothing then.
+    """
+    step = 1.0 / recording.rate_hz
+    for part in segments(recording.t):
+        steps = np.diff(recording.t[part])
+        if steps.size and float(np.abs(steps / step - 1.0).max()) > JITTER:
+            raise RecordingError(
+                f"to {purpose} expects a uniform clock, but the steps go from "
+                f"{steps.min():.4g} to {steps.max():.4g} s; set max_gap_s to resample first"
+            )
+    return step
+
+
+def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recording:
+    """All signals on the grid t0 + i / rate, linear between samples; longer gaps stay holes.
+
+    Linear because logged stamps may lie close together, where a spline would magnify noise.
+
+    Raises:
+        RecordingError: max_gap_s is no more than 1.5 steps of the grid.
+    """
+    if not max_gap_s * rate_hz > HOLE:
+        raise RecordingError(
+            f"max_gap_s expects more than 1.5 steps of the {rate_hz:g} Hz grid, got "
+            f"{max_gap_s:g} s; enlarge it"
+        )
+    t, start = recording.t, recording.t[0]
+    parts = _cut(t, max_gap_s)
+    small = 1e-9 * max(1.0, float(np.abs(t).max()) * rate_hz)
+    ticks = [
+        np.arange(
+            np.ceil((t[part][0] - start) * rate_hz - small),
+            np.floor((t[part][-1] - start) * rate_hz + small) + 1,
+        )
+        for part in parts
+    ]
+    grids = [start + tick / rate_hz for tick in ticks]
+    grid = np.concatenate(grids)
+    if not grid.size:
+        raise RecordingError(f"no grid point of {rate_hz:g} Hz lies in the data; raise the rate")
+
+    def interpolated(values: FloatArray) -> FloatArray:
+        flat = values.reshape(len(t), -1)
+        pieces = [
+            np.stack([np.interp(points, t[part], column[part]) for column in flat.T], axis=1)
+            for points, part in zip(grids, parts, strict=True)
+        ]
+        return np.concatenate(pieces).reshape(len(grid), *values.shape[1:])
+
+    filled = int(np.sum((np.diff(t) * rate_hz > HOLE) & (np.diff(t) <= max_gap_s)))
+    sentence = (
+        f"Resampled to {rate_hz:g} Hz ({len(grid)} samples): {filled} gaps up to {max_gap_s:g} s "
+        f"interpolated, {len(parts) - 1} longer ones left as holes."
+    )
+    return recording.mapped(interpolated, sentence, t=grid)
+
+
+def trim(recording: Recording, seconds: float) -> Recording:
+    """Without `seconds` at both ends of every segment, where filters know only one side."""
+    t = recording.t
+    keep = np.zeros(len(t), dtype=bool)
+    slack = 1e-9
+    for part in segments(t):
+        first, last = t[part][0] + seconds - slack, t[part][-1] - seconds + slack
+        keep[part] = (t[part] >= first) & (t[part] <= last)
+    return recording.take(
+        keep, f"Trimmed {seconds:g} s at both ends of every segment ({int(keep.sum())} rows left)."
+    )
+
+
+def drop_rest(recording: Recording, speed: float) -> Recording:
+    """Without the rows in which every |dq| < speed [rad/s]: friction at rest is not determined.
+
+    Raises:
+        RecordingError: there is no dq, or nothing moves.
+    """
+    if recording.dq is None:
+        raise RecordingError("to drop rest expects dq, but there is none; differentiate first")
+    moving = np.any(np.abs(recording.dq) >= speed, axis=1)
+    count = int(np.sum(~moving))
+    return recording.take(
+        moving, f"Dropped {count} rows at rest (every joint below {speed:g} rad/s)."
+    )
+
+
+def decimate(recording: Recording, rate_hz: float) -> Recording:
+    """Every k-th instant of the uniform clock; low-pass first, or frequencies fold.
+
+    The instants are those of one clock for all segments. If the rates have no whole ratio k, the
+    signals are interpolated linearly instead.
+
+    Raises:
+        RecordingError: the clock is not uniform, or slower than the rate asked for.
+    """
+    step = uniform_step(recording, "decimate")
+    ratio = 1.0 / (step * rate_hz)
+    k = round(ratio)
+    if ratio < 1.0 - JITTER:
+        raise RecordingError(
+            f"to decimate expects a rate of {1.0 / step:g} Hz or less, got {rate_hz:g} Hz; lower it"
+        )
+    if abs(ratio - k) > 1e-3 * k:
+        return resample(recording, rate_hz, HOLE / rate_hz * 1.01)
+    instants = np.round((recording.t - recording.t[0]) / step).astype(np.int64)
+    keep = instants % k == 0
+    return recording.take(
+        keep, f"Kept every {k}. instant ({rate_hz:g} Hz, {int(keep.sum())} rows)."
+    )
+
+
+def split(recording: Recording, parts: Split) -> tuple[Recording, Recording, Recording]:
+    """Train, validation and test by fractions of the duration; [from, to), the last one closed.
+
+    Split first and prepare each part afterwards: then the fractions are those of the log, and no
+    filter carries samples of one part into another.
+
+    Raises:
+        RecordingError: a part holds no sample.
+    """
+    share = (recording.t - recording.t[0]) / (recording.duration or 1.0)
+
+    def part(name: str) -> Recording:
+        first, last = getattr(parts, name)
+        rows = (share >= first) & ((share < last) | ((last == 1.0) & (share <= 1.0)))
+        label = f"{recording.name}/{name}" if recording.name else name
+        sentence = (
+            f"Took the {name} part, {first:g} to {last:g} of the duration ({rows.sum()} rows)."
+        )
+        return recording.take(rows, sentence).replace(name=label)
+
+    return part("train"), part("validation"), part("test")
+
+
+def _cut(t: FloatArray, gap: float) -> list[slice]:
+    breaks: NDArray[np.int64] = np.flatnonzero(np.diff(t) > gap) + 1
+    edges = [0, *map(int, breaks), len(t)]
+    return [slice(a, b) for a, b in itertools.pairwise(edges)]

@@ -1,0 +1,21 @@
+"""Log files to recordings and back: the one room that knows units, signs and the order of a log."""
+
+from runtime.recording.consistency import check_consistency
+from runtime.recording.reader import read_recording
+from runtime.recording.recipe import Friction, Preparation, Recipe, Split
+from runtime.recording.recipe_file import bundled_names, load_recipe
+from runtime.recording.recording import Recording
+from runtime.recording.writer import write_recording
+
+__all__ = [
+    "Friction",
+    "Preparation",
+    "Recipe",
+    "Recording",
+    "Split",
+    "bundled_names",
+    "check_consistency",
+    "load_recipe",
+    "read_recording",
+    "write_recording",
+]

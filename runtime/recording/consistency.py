@@ -1,0 +1,98 @@
+"""Do positions, velocities and time tell the same story?  s_j = median(Δq_j / ∫dq_j dt) ≈ 1
+
+A slope of 57.3 or 1/57.3 is degrees mistaken for radians, 1000 or 1/1000 milliseconds mistaken
+for seconds. Nothing is corrected: a unit is stated in a recipe, never guessed.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from runtime.errors import RecordingError
+from runtime.recording.recording import FloatArray, Recording
+
+STRIDE = 5
+DEGREE = 180.0 / np.pi
+
+
+def check_consistency(recording: Recording) -> Recording:
+    """The recording, with a warning in its history where Δq/Δt and dq disagree.
+
+    Raises:
+        RecordingError: they disagree by the factor of degrees or of milliseconds.
+    """
+    recording = _note_suspicions(recording)
+    if recording.dq is None or len(recording) <= 2 * STRIDE:
+        return recording
+    slopes = _slopes(recording)
+    looks = {
+        "positions look like degrees": DEGREE,
+        "velocities look like degrees per second": 1.0 / DEGREE,
+        "time looks like ms": 1e-3,
+        "time looks like s declared as ms": 1e3,
+    }
+    for suspicion, factor in looks.items():
+        joints = np.flatnonzero(np.abs(slopes / factor - 1.0) < 0.15)
+        if joints.size:
+            raise RecordingError(
+                f"{suspicion}: expected Δq/Δt equal to dq, but their ratio is "
+                f"{slopes[joints[0]]:.4g} at joint {joints[0] + 1}"
+                f"{_others(joints)}; state the unit in a recipe"
+            )
+    odd = np.flatnonzero(np.abs(slopes - 1.0) > 0.1)
+    if odd.size:
+        told = ", ".join(f"{slopes[j]:.3g} at joint {j + 1}" for j in odd)
+        recording = recording.noted(
+            f"Warning: Δq/Δt over dq is {told} instead of 1; check units, signs, order and clock."
+        )
+    return recording
+
+
+def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Angles without jumps of one turn, and the number of jumps per joint.
+
+    A step counts as a jump only if it is one turn to within 0.5 rad; other steps are kept.
+    """
+    turns = np.round(np.diff(q, axis=0) / (2.0 * np.pi))
+    jump = (np.abs(turns) == 1.0) & (np.abs(np.diff(q, axis=0) - 2.0 * np.pi * turns) < 0.5)
+    if not jump.any():
+        return q, np.zeros(q.shape[1], dtype=np.int64)
+    correction = np.zeros_like(q)
+    correction[1:] = 2.0 * np.pi * np.cumsum(np.where(jump, turns, 0.0), axis=0)
+    return q - correction, jump.sum(axis=0)
+
+
+def _slopes(recording: Recording) -> FloatArray:
+    """The robust ratio of Δq and ∫dq dt over 5 samples (n,); NaN for joints that hardly move."""
+    integral = cumulative_trapezoid(recording.dq, recording.t, axis=0, initial=0.0)
+    moved = recording.q[STRIDE:] - recording.q[:-STRIDE]
+    told = integral[STRIDE:] - integral[:-STRIDE]
+    slopes = np.full(recording.n_joints, np.nan)
+    for j in range(recording.n_joints):
+        fast = np.abs(told[:, j]) >= np.quantile(np.abs(told[:, j]), 0.75)
+        fast &= told[:, j] != 0.0
+        if not fast.any():
+            continue
+        ratio = moved[fast, j] / told[fast, j]
+        spread = np.subtract(*np.quantile(ratio, [0.75, 0.25]))
+        if spread < np.abs(np.median(ratio)):
+            slopes[j] = np.median(ratio)
+    return slopes
+
+
+def _note_suspicions(recording: Recording) -> Recording:
+    """Warnings that need no velocity: absurd rates, and angles of many turns."""
+    if len(recording) > 1 and not 2.0 <= recording.rate_hz <= 2e4:
+        recording = recording.noted(
+            f"Warning: a rate of {recording.rate_hz:.4g} Hz is unusual; check the unit of time."
+        )
+    reach = float(np.abs(recording.q).max())
+    if reach > 8.0 * np.pi:
+        recording = recording.noted(
+            f"Warning: positions reach {reach:.4g}, more than four turns; check their unit."
+        )
+    return recording
+
+
+def _others(joints: NDArray[np.int64]) -> str:
+    return f" (and at {joints.size - 1} more)" if joints.size > 1 else ""

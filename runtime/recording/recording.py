@@ -1,0 +1,168 @@
+"""A recording: what a robot did at N instants, and every step that made the data what they are.
+
+All quantities are SI, joint side, in the joint order of the model. τ is the torque that the motors
+apply, so that it has the sign of the inverse dynamics. How a log file becomes a recording is the
+business of `reader`; what one does with it afterwards is the business of `runtime.preprocessing`.
+"""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from runtime.errors import RecordingError
+from runtime.recording.recipe import Recipe
+
+FloatArray = NDArray[np.float64]
+SIGNALS = ("q", "dq", "ddq", "tau")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Motion and torque of n joints at N instants; the arrays are read-only.
+
+    Attributes:
+        t: (N,) s, strictly increasing.
+        q: (N, n) rad or m.
+        dq: (N, n) rad/s or m/s, None where it was not measured.
+        ddq: (N, n) rad/s² or m/s².
+        tau: (N, n) N·m or N, the torque that the motor applies.
+        columns: (N, n, k) friction columns that travel (and are filtered) with the data.
+        column_names: k names of them.
+        name: what a report calls the recording.
+        joint_names: n names, or none.
+        history: one sentence per step, from the file on.
+        source: file name → sha256 of the bytes that were read.
+        recipe: the recipe it was read with; its defaults for preparation, split and friction.
+    """
+
+    t: FloatArray
+    q: FloatArray
+    dq: FloatArray | None = None
+    ddq: FloatArray | None = None
+    tau: FloatArray | None = None
+    columns: FloatArray | None = None
+    column_names: tuple[str, ...] = ()
+    name: str = ""
+    joint_names: tuple[str, ...] = ()
+    history: tuple[str, ...] = ()
+    source: Mapping[str, str] = field(default_factory=dict)
+    recipe: Recipe | None = None
+
+    def __post_init__(self) -> None:
+        def put(key: str, value: Any) -> None:
+            object.__setattr__(self, key, value)
+
+        put("t", _locked(self.t))
+        put("q", _locked(self.q))
+        if self.t.ndim != 1 or self.q.ndim != 2 or len(self.t) != len(self.q):
+            raise RecordingError(
+                f"expected t of shape (N,) and q of shape (N, n), "
+                f"got {self.t.shape} and {self.q.shape}; give one row per instant"
+            )
+        if not self.q.size:
+            raise RecordingError("the recording holds no sample; check the file and the steps")
+        for key in SIGNALS[1:]:
+            if getattr(self, key) is not None:
+                put(key, _locked(getattr(self, key)))
+                if getattr(self, key).shape != self.q.shape:
+                    raise RecordingError(
+                        f"expected {key} of the shape {self.q.shape} of q, "
+                        f"got {getattr(self, key).shape}; give one row per instant"
+                    )
+        if self.columns is not None:
+            put("columns", _locked(self.columns))
+            expected = (*self.q.shape, len(self.column_names))
+            if self.columns.shape != expected:
+                raise RecordingError(
+                    f"expected columns of shape {expected}, got {self.columns.shape}; "
+                    "give one name per column"
+                )
+        if self.joint_names and len(self.joint_names) != self.n_joints:
+            raise RecordingError(
+                f"expected {self.n_joints} joint names, got {len(self.joint_names)}; "
+                "name every joint or none"
+            )
+        self._check_time()
+
+    def _check_time(self) -> None:
+        backward = np.flatnonzero(~(np.diff(self.t) > 0.0))
+        if backward.size:
+            i = int(backward[0])
+            raise RecordingError(
+                f"expected time that increases, but it goes from {self.t[i]:.9g} s to "
+                f"{self.t[i + 1]:.9g} s at row {i + 1} (and at {backward.size - 1} more); "
+                "sort the log or cut it into runs"
+            )
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @property
+    def n_joints(self) -> int:
+        """The number of joints n."""
+        return int(self.q.shape[1])
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return float(self.t[-1] - self.t[0])
+
+    @property
+    def rate_hz(self) -> float:
+        """One over the median of the steps of time [Hz]."""
+        if len(self) < 2:
+            raise RecordingError("expected two samples or more, got one; a rate needs a step")
+        return float(1.0 / np.median(np.diff(self.t)))
+
+    def replace(self, **changes: Any) -> Self:
+        """The same recording with some fields exchanged."""
+        return dataclasses.replace(self, **changes)
+
+    def noted(self, sentence: str) -> Self:
+        """The same recording with one more sentence of history."""
+        return self.replace(history=(*self.history, sentence))
+
+    def take(self, rows: ArrayLike | slice, sentence: str) -> Self:
+        """The rows chosen by a slice, a mask or indices; the sentence says why.
+
+        Raises:
+            RecordingError: no row is left.
+        """
+        index = rows if isinstance(rows, slice) else np.asarray(rows)
+        t = self.t[index]
+        if not t.size:
+            raise RecordingError(f"no sample is left after this step: {sentence}")
+        kept = self._mapped(lambda a: a[index], (*SIGNALS, "columns"))
+        return self.replace(t=t, history=(*self.history, sentence), **kept)
+
+    def mapped(
+        self,
+        function: Callable[[FloatArray], FloatArray],
+        sentence: str,
+        only: tuple[str, ...] = (*SIGNALS, "columns"),
+        t: FloatArray | None = None,
+    ) -> Self:
+        """Every signal that is present, passed through a function along its first axis.
+
+        A function that changes the number of rows comes with the new instants t.
+        """
+        instants = self.t if t is None else t
+        changed = self._mapped(function, only)
+        return self.replace(t=instants, history=(*self.history, sentence), **changed)
+
+    def _mapped(
+        self, function: Callable[[FloatArray], FloatArray], only: tuple[str, ...]
+    ) -> dict[str, FloatArray]:
+        present = {key: getattr(self, key) for key in only}
+        return {key: function(value) for key, value in present.items() if value is not None}
+
+
+def _locked(values: ArrayLike) -> FloatArray:
+    """A read-only float64 view; the array of the caller stays writeable."""
+    view = np.ascontiguousarray(values, dtype=np.float64).view()
+    view.setflags(write=False)
+    return view

@@ -1,0 +1,195 @@
+"""An identification on disk: result.json and predictions.npz, written as a whole or not at all."""
+
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime import metrics
+from runtime.errors import RecordingError
+from runtime.identification import Identification
+from runtime.library import Array
+from runtime.objective import samples_of
+
+FORMAT = 1
+SUSPICIOUSLY_GOOD = 1e-4
+"""Overall error in percent below which a real torque sensor is hard to believe."""
+
+
+def result_facts(result: Identification, command: str) -> dict[str, Any]:
+    """Everything that result.json says."""
+    lib, test = result.lib, samples_of(result.test, result.lib)
+    before = metrics.torque_error(test.tau, result.before(result.test))
+    after = metrics.torque_error(test.tau, result.predict_recording(result.test))
+    return {
+        "format": FORMAT,
+        "method": result.method,
+        "robot": lib.name,
+        "status": result.status,
+        "joints": list(lib.joint_names),
+        "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
+        "recording": _recording_facts(result),
+        "torque_error_percent": {
+            "before": before.percent.tolist(),
+            "after": after.percent.tolist(),
+            "before_overall": before.overall,
+            "after_overall": after.overall,
+        },
+        "torque_rms": {"before": before.rms.tolist(), "after": after.rms.tolist()},
+        "links": _link_facts(result),
+        "consistent": result.is_consistent,
+        "gap_to_convex_optimum": result.gap,
+        "loss": result.loss,
+        "convex_optimum": result.optimum,
+        "weights": result.weights.tolist(),
+        "friction": _friction_facts(result),
+        "convergence": _trace_facts(result),
+        "iterations": result.iterations,
+        "seconds": result.seconds,
+        "warnings": _warnings(result, after),
+        "pi": result.pi.tolist(),
+        "lam": None if result.lam is None else result.lam.tolist(),
+        "beta": result.beta.tolist(),
+        "condition_number": condition_number(result),
+        "provenance": {
+            "command": command,
+            "versions": versions() | lib.manifest.versions,
+            "files": dict(result.train.source),
+            "model_hash": lib.manifest.model_hash,
+            "seed": result.seed,
+        },
+    }
+
+
+def write_result(result: Identification, folder: Path, command: str) -> dict[str, Any]:
+    """Write result.json and predictions.npz into a folder; returns the facts."""
+    facts = result_facts(result, command)
+    test = samples_of(result.test, result.lib)
+    arrays = {
+        "t": np.asarray(result.test.t),
+        "measured": test.tau,
+        "before": result.before(result.test),
+        "after": result.predict_recording(result.test),
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, suffix=".tmp", delete=False) as file:
+            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+        os.replace(file.name, folder / "predictions.npz")
+        text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False) as handle:
+            handle.write(text)
+        os.replace(handle.name, folder / "result.json")
+    except OSError as error:
+        raise RecordingError(
+            f"cannot write the result into '{folder}': {error.strerror or error}"
+        ) from None
+    return facts
+
+
+def condition_number(result: Identification) -> float | None:
+    """cond of the column-normalised [Y_b F] of the training samples; None when it is singular."""
+    train = samples_of(result.train, result.lib)
+    y = result.lib.base_regressor(train.q, train.dq, train.ddq)
+    k = train.columns.shape[2]
+    spread = np.zeros((*y.shape[:2], y.shape[1] * k))
+    for j in range(y.shape[1]):
+        spread[:, j, j * k : (j + 1) * k] = train.columns[:, j]
+    stacked = np.concatenate([y, spread], axis=2).reshape(-1, y.shape[2] + spread.shape[2])
+    norms = np.linalg.norm(stacked, axis=0)
+    if not norms.all():
+        return None
+    sigma = np.linalg.svd(stacked / norms, compute_uv=False)
+    return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computed the result."""
+    python = ".".join(map(str, sys.version_info[:3]))
+    return {"python": python} | {name: version(name) for name in ("numpy", "scipy", "clarabel")}
+
+
+def _recording_facts(result: Identification) -> dict[str, Any]:
+    parts: Mapping[str, Any] = {
+        "train": result.train,
+        "validation": result.validation,
+        "test": result.test,
+    }
+    spans = ", ".join(f"{name} {r.t[0]:.2f}–{r.t[-1]:.2f} s" for name, r in parts.items())
+    return {
+        "name": result.train.name,
+        "duration": float(sum(r.duration for r in parts.values())),
+        "samples": {name: len(r) for name, r in parts.items()},
+        "history": list(result.train.history),
+        "split": spans,
+    }
+
+
+def _link_facts(result: Identification) -> list[dict[str, Any]]:
+    def bodies(pi: Array) -> Array:
+        return pi.reshape(result.lib.n_joints, -1)
+
+    smallest = result.relative_eigenvalues
+    rows = zip(
+        result.lib.link_names, bodies(result.pi), bodies(result.lib.pi0), smallest, strict=True
+    )
+    return [
+        {
+            "name": name,
+            "mass": float(now[0]),
+            "mass_before": float(then[0]),
+            "com": (now[1:4] / now[0]).tolist(),
+            "com_before": (then[1:4] / then[0]).tolist(),
+            "min_relative_eigenvalue": float(eigenvalue),
+        }
+        for name, now, then, eigenvalue in rows
+    ]
+
+
+def _friction_facts(result: Identification) -> dict[str, Any] | None:
+    if not result.phi.size:
+        return None
+    names = result.train.column_names or result.friction.columns
+    return {
+        "columns": list(names),
+        "coulomb_speed": result.friction.coulomb_speed,
+        "values": result.phi.tolist(),
+    }
+
+
+def _trace_facts(result: Identification) -> dict[str, Any] | None:
+    if result.trace is None:
+        return None
+    return {
+        "iteration": list(result.trace.iteration),
+        "training": list(result.trace.training),
+        "validation": list(result.trace.validation),
+    }
+
+
+def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
+    warnings = list(result.notes)
+    if result.train.name == result.test.name:
+        warnings.append(
+            "training, validation and test are parts of one run, which flatters; "
+            "record a second trajectory to test on"
+        )
+    if not result.is_consistent:
+        warnings.append(
+            "some links are no bodies that can exist; use adam or pc-ols for a model to simulate"
+        )
+    if after.overall < SUSPICIOUSLY_GOOD:
+        warnings.append(
+            "the fit is perfect to rounding: the torque is simulated or the output of a model, "
+            "not a measurement"
+        )
+    unexcited = result.lib.base_matrix.shape[0]
+    if len(result.train) * result.lib.n_joints < 3 * unexcited:
+        warnings.append("there are hardly more rows than unknowns; record for longer")
+    return warnings

@@ -1,0 +1,37 @@
+"""`python -m runtime identify | evaluate | excite | simulate | report`."""
+
+import sys
+
+import typer
+
+from runtime.cli import evaluate, excite, identify, simulate
+from runtime.errors import RuntimeFault
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    help="Find the true inertial parameters of a robot arm from measured motion.",
+    epilog="The robot's library comes from: python -m symgen build",
+)
+app.command("identify")(identify.identify_command)
+app.command("evaluate")(evaluate.evaluate_command)
+app.command("excite")(excite.excite_command)
+app.command("simulate")(simulate.simulate_command)
+app.command("report")(evaluate.report_command)
+
+
+def main() -> None:
+    """Run the command line; a `RuntimeFault` becomes one sentence and exit code 2."""
+    try:
+        app()
+    except RuntimeFault as error:
+        print(f"runtime: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("runtime: interrupted before there was anything to keep", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+__all__ = ["app", "main"]

@@ -1,0 +1,78 @@
+"""What the commands share: the console, the option types, the table of torque errors."""
+
+import shlex
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from runtime.errors import IdentificationError
+
+console = Console()
+
+Robot = Annotated[
+    str, typer.Option("--robot", help="Name of a generated robot, or its folder under generated/.")
+]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.")]
+
+
+def say(text: str) -> None:
+    """One line, as it is."""
+    console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
+def command_line() -> str:
+    """The command as it was typed, for the provenance."""
+    return shlex.join(["python", "-m", "runtime", *sys.argv[1:]])
+
+
+def torque_table(facts: dict[str, Any]) -> Table:
+    """Torque errors before and after, per joint and overall."""
+    percent, rms = facts["torque_error_percent"], facts["torque_rms"]
+    table = Table("joint", title=f"{facts['robot']}, {facts['method']}: torque error on test data")
+    for head in ("before %", "after %", "before RMS", "after RMS", "unit"):
+        table.add_column(head, justify="right")
+    columns = zip(
+        facts["joints"],
+        percent["before"],
+        percent["after"],
+        rms["before"],
+        rms["after"],
+        facts["units"],
+        strict=True,
+    )
+    for name, before, after, rms_before, rms_after, unit in columns:
+        table.add_row(
+            name, f"{before:.2f}", f"{after:.2f}", f"{rms_before:.4f}", f"{rms_after:.4f}", unit
+        )
+    table.add_section()
+    overall = (f"{percent['before_overall']:.3f}", f"{percent['after_overall']:.3f}")
+    table.add_row("overall", *overall, "", "", "")
+    return table
+
+
+def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
+    """`count` comma-separated numbers.
+
+    Raises:
+        IdentificationError: something else was given.
+    """
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count:
+        raise IdentificationError(f"{option} needs {count} numbers with commas, got '{text}'")
+    return values
+
+
+def write_parent(path: Path) -> Path:
+    """The path, with its parent folder made."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise IdentificationError(f"cannot make '{path.parent}': {error.strerror}") from None
+    return path

@@ -1,0 +1,89 @@
+"""`python -m runtime evaluate` and `report`."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from runtime import friction, metrics
+from runtime.cli.common import Robot, console, say, torque_table
+from runtime.errors import RecordingError
+from runtime.library import load
+from runtime.objective import samples_of
+from runtime.plausibility import require_plausible
+from runtime.preprocessing import prepare
+from runtime.recording import read_recording
+
+Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
+
+
+def evaluate_command(
+    result: Result,
+    log: Annotated[str, typer.Argument(metavar="LOG", help="A recording, as for identify.")],
+    robot: Robot = "fr3",
+    recipe: Annotated[str | None, typer.Option(help="How to read the log.")] = None,
+    run: Annotated[str | None, typer.Option(help="Which run of the recipe.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON.")] = False,
+) -> None:
+    r"""Torque errors of an identified model on another recording, before and after.
+
+    \b
+    python -m runtime evaluate results/first-adam second.csv --robot my
+    """
+    facts = _read(result)
+    lib = load(robot)
+    if facts["joints"] != list(lib.joint_names):
+        raise RecordingError(
+            f"'{result}' identified {facts['robot']}, whose joints differ from those of "
+            f"'{lib.name}'; name its robot with --robot"
+        )
+    recording = read_recording(log, recipe, run)
+    require_plausible(recording, lib)
+    terms = facts["friction"] or {"columns": [], "coulomb_speed": 1.0, "values": []}
+    prepared = prepare(recording, None, tuple(terms["columns"]), terms["coulomb_speed"])
+    samples = samples_of(prepared, lib)
+    pi = np.array(facts["pi"])
+    before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
+    after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi)
+    if terms["values"]:
+        after = after + friction.torque(samples.columns, np.array(terms["values"]))
+    errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]
+    figures: dict[str, Any] = {
+        "robot": lib.name,
+        "method": facts["method"],
+        "joints": facts["joints"],
+        "units": facts["units"],
+        "torque_error_percent": {
+            "before": errors[0].percent.tolist(),
+            "after": errors[1].percent.tolist(),
+            "before_overall": errors[0].overall,
+            "after_overall": errors[1].overall,
+        },
+        "torque_rms": {"before": errors[0].rms.tolist(), "after": errors[1].rms.tolist()},
+    }
+    if as_json:
+        print(json.dumps(figures, indent=1))
+    else:
+        console.print(torque_table(figures))
+
+
+def report_command(result: Result) -> None:
+    """Write report.html again from result.json and predictions.npz."""
+    from runtime.report import write_report  # matplotlib is slow to import
+
+    say(f"report: {write_report(result)}")
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    path = folder / "result.json"
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        for key in ("robot", "method", "joints", "units", "pi", "friction"):
+            facts[key]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise RecordingError(
+            f"'{folder}' holds no valid result.json; give the folder that identify wrote"
+        ) from None
+    return dict(facts)

@@ -1,0 +1,175 @@
+"""`python -m runtime identify`."""
+
+import dataclasses
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from runtime.cli.common import (
+    Robot,
+    Seed,
+    command_line,
+    console,
+    numbers_option,
+    say,
+    torque_table,
+)
+from runtime.errors import IdentificationError
+from runtime.export import write_urdf
+from runtime.identification import METHODS, PRESETS, Identification, identify
+from runtime.library import Library, load
+from runtime.recording import Friction, Preparation, Recording, Split, read_recording
+from runtime.results import write_result
+
+
+def identify_command(
+    log: Annotated[
+        str,
+        typer.Argument(
+            metavar="LOG",
+            help="CSV, NPZ, a folder with a recipe, or a known data set such as panda_gaz.",
+        ),
+    ],
+    robot: Robot = "fr3",
+    method: Annotated[str, typer.Option(help=" | ".join(METHODS))] = "adam",
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the result; default results/LOG-METHOD.")
+    ] = None,
+    preset: Annotated[
+        str,
+        typer.Option(
+            help=f"Settings of adam: {' | '.join(PRESETS)}; simulation and real are the "
+            "document's Tables 5.1 and 5.8, full takes all samples at every step."
+        ),
+    ] = "full",
+    recipe: Annotated[
+        str | None, typer.Option(help="TOML with columns, units, order, sign, gears, filters.")
+    ] = None,
+    run: Annotated[str | None, typer.Option(help="Which run, where a recipe has several.")] = None,
+    friction: Annotated[
+        str | None,
+        typer.Option(help="none, or a list of viscous,coulomb,offset; default from the recipe."),
+    ] = None,
+    coulomb_speed: Annotated[
+        float | None, typer.Option(help="Width of the smooth Coulomb sign, rad/s.")
+    ] = None,
+    cutoff: Annotated[
+        float | None, typer.Option(help="Low-pass q, dq, tau at this frequency, Hz.")
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")] = None,
+    split: Annotated[
+        str | None,
+        typer.Option(metavar="A,B", help="Train up to A, validate up to B of the duration."),
+    ] = None,
+    seed: Seed = 0,
+) -> None:
+    r"""Identify a robot from a log: result.json, identified.urdf and report.html.
+
+    \b
+    python -m runtime identify panda_gaz --robot fr3
+    python -m runtime identify log.csv --robot my --friction viscous,coulomb --cutoff 10
+    python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
+
+    A CSV has the header t,q1…,dq1…,ddq1…,tau1… in SI units (dq and ddq optional); anything else
+    is described by a recipe. Ctrl-C keeps the best point so far. A report of the same folder is
+    replaced.
+    """
+    lib = load(robot)
+    recording = read_recording(log, recipe, run)
+    terms = _friction(recording, friction, coulomb_speed)
+    result = _with_progress(
+        recording,
+        lib,
+        method,
+        preset=preset,
+        preparation=_preparation(recording, cutoff, rate),
+        splitting=_split(split),
+        friction_columns=terms,
+        seed=seed,
+    )
+    folder = out or Path("results") / f"{Path(log).stem}-{method}"
+    _finish(result, folder)
+
+
+def _with_progress(
+    recording: Recording, lib: Library, method: str, **options: object
+) -> Identification:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("best validation loss {task.fields[best]}"),
+        TimeElapsedColumn(),
+    )
+    chosen = PRESETS.get(str(options.get("preset")))
+    with Progress(*columns, console=console, transient=True) as progress:
+        total = chosen.rule.max_iterations if chosen and method == "adam" else None
+        task = progress.add_task(f"{method} on {lib.name}", total=total, best="-")
+
+        def report(iteration: int, best: float) -> None:
+            progress.update(task, completed=iteration, best=f"{best:.6g}")
+
+        return identify(recording, lib, method, progress=report, **options)  # type: ignore[arg-type]
+
+
+def _finish(result: Identification, folder: Path) -> None:
+    from runtime.report import write_report  # matplotlib is slow to import
+
+    facts = write_result(result, folder, command_line())
+    console.print(torque_table(facts))
+    say(f"status: {result.status}")
+    verdict = "consistent" if result.is_consistent else "NOT consistent"
+    smallest = float(result.relative_eigenvalues.min())
+    say(f"links: all {len(facts['links'])} {verdict}, smallest relative eigenvalue {smallest:.1e}"
+        if result.is_consistent
+        else f"links: {verdict}, smallest relative eigenvalue {smallest:.1e}")  # fmt: skip
+    say(
+        f"gap to the convex optimum (PC-OLS on the same rows and weights): {100 * result.gap:.3f} %"
+    )
+    say(f"time of the method: {result.seconds:.3f} s")
+    for warning in facts["warnings"]:
+        say(f"note: {warning}")
+    if result.is_consistent:
+        say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
+    else:
+        say("URDF:   not written, because a simulator could not use an inconsistent model")
+    say(f"report: {write_report(folder)}")
+
+
+def _exported(result: Identification, folder: Path) -> str:
+    return write_urdf(result.lib, result.pi, folder / "identified.urdf")
+
+
+def _friction(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
+    default = recording.recipe.friction if recording.recipe else None
+    if names is None and speed is None:
+        return default
+    known = default or Friction(columns=())
+    columns = known.columns
+    if names is not None:
+        columns = () if names == "none" else tuple(names.split(","))
+    return Friction(columns, known.coulomb_speed if speed is None else speed)
+
+
+def _preparation(
+    recording: Recording, cutoff: float | None, rate: float | None
+) -> Preparation | None:
+    if cutoff is None and rate is None:
+        return None
+    base = recording.recipe.preparation if recording.recipe else Preparation()
+    if cutoff is not None:
+        base = dataclasses.replace(base, filter="butterworth", cutoff_hz=cutoff)
+        if base.max_gap_s is None:
+            base = dataclasses.replace(base, max_gap_s=3.0 / recording.rate_hz)
+    return dataclasses.replace(base, rate_hz=rate) if rate is not None else base
+
+
+def _split(text: str | None) -> Split | None:
+    if text is None:
+        return None
+    a, b = numbers_option(text, 2, "--split")
+    if not 0 < a < b < 1:
+        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
+    return Split((0.0, a), (a, b), (b, 1.0))

@@ -1,0 +1,61 @@
+"""A designed trajectory as JSON: robot, home, coefficients, duration and what is known of it."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+
+from runtime.errors import RecordingError
+from runtime.excitation import Design, Trajectory
+from runtime.library import Library
+
+
+def write_trajectory(found: Design, lib: Library, path: Path) -> None:
+    """Write a design, atomically."""
+    facts = {
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "basis": "q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 s^2 (1-s)^2), s = t/t_f",
+        "duration": found.trajectory.duration,
+        "home": found.trajectory.home.tolist(),
+        "coefficients": found.trajectory.coefficients.tolist(),
+        "condition_number": found.condition,
+        "condition_numbers_of_starts": list(found.conditions),
+        "use_of_limits": found.use,
+        "assumptions": list(found.assumptions),
+    }
+    try:
+        draft = path.with_name(path.name + ".tmp")
+        draft.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+        os.replace(draft, path)
+    except OSError as error:
+        raise RecordingError(f"cannot write '{path}': {error.strerror or error}") from None
+
+
+def read_trajectory(path: Path, lib: Library) -> Trajectory:
+    """Read a trajectory of this robot.
+
+    Raises:
+        RecordingError: not such a file, or of another robot.
+    """
+    try:
+        facts = json.loads(path.read_text(encoding="utf-8"))
+        joints = facts["joints"]
+        trajectory = Trajectory(
+            np.array(facts["home"], dtype=float),
+            np.array(facts["coefficients"], dtype=float),
+            float(facts["duration"]),
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RecordingError(
+            f"'{path}' is no trajectory ({type(error).__name__}); make one with: "
+            "python -m runtime excite"
+        ) from None
+    n = lib.n_joints
+    fits = trajectory.home.shape == (n,) and trajectory.coefficients.shape[:1] == (n,)
+    if joints != list(lib.joint_names) or not fits or trajectory.coefficients.ndim != 2:
+        raise RecordingError(f"the trajectory '{path}' belongs to another robot than '{lib.name}'")
+    if not np.isfinite(trajectory.coefficients).all() or not trajectory.duration > 0:
+        raise RecordingError(f"the trajectory '{path}' holds values that are not finite")
+    return trajectory

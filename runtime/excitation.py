@@ -19,6 +19,8 @@ COST_SAMPLES = 80
 """Samples of the cost over the whole duration (document Sec. 3.4.2)."""
 LIMIT_STEP = 0.1
 """Grid of the limits during the descent, s (Sec. 3.4.2); the result is pulled inside at 1 kHz."""
+START = 0.5
+"""Limit use of a random start: far enough inside to choose its own basin."""
 ITERATIONS = 150
 """Of the sequential quadratic program, per start."""
 DEFAULT_ACCELERATION = 10.0
@@ -194,28 +196,29 @@ def design(
     limits = Limits(lib, rest, harmonics, duration)
     rng = np.random.default_rng(seed)
     found: list[tuple[float, Array]] = []
-    scale = np.arange(1, harmonics + 1) ** -1.0
 
     matrix, bound = limits.inequalities()
+    spread = whitening(matrix, n)
+    matrix = matrix @ spread
     admissible = {"type": "ineq", "fun": lambda x: bound - matrix @ x, "jac": lambda _: -matrix}
 
     def objective(x: Array) -> tuple[float, Array]:
-        value, gradient = cost.value_gradient(x.reshape(n, harmonics))
-        return value, gradient.ravel()
+        value, gradient = cost.value_gradient((spread @ x).reshape(n, harmonics))
+        return value, spread.T @ gradient.ravel()
 
     try:
         for k in range(starts):
-            x = rng.normal(0, 1, (n, harmonics)) * scale
-            x *= 0.9 / np.max(list(limits.use(x).values()), axis=0)[:, None]
+            x = rng.normal(size=n * harmonics)
+            x *= START / np.max(matrix @ x)
             result = minimize(
                 objective,
-                x.ravel(),
+                x,
                 jac=True,
                 method="SLSQP",
                 constraints=[admissible],
                 options={"maxiter": ITERATIONS, "ftol": 1e-6},
             )
-            a = _inside(limits, result.x.reshape(n, harmonics))
+            a = _inside(limits, (spread @ result.x).reshape(n, harmonics))
             found.append((cost.value_gradient(a)[0], a))
             if progress is not None:
                 best = min(value for value, _ in found)
@@ -234,6 +237,21 @@ def design(
         use,
         tuple(limits.assumptions),
     )
+
+
+def whitening(matrix: Array, n: int) -> Array:
+    """S with a = S x: the limits A a ≤ 1 look alike in all directions of x.
+
+    S Sᵀ is, joint by joint, the inverse Hessian of −Σ ln(1 − A a) at rest; the raw coefficients
+    differ in scale by three orders of magnitude, which a quasi-Newton method would have to learn.
+    """
+    width = matrix.shape[1] // n
+    result = np.zeros((matrix.shape[1], matrix.shape[1]))
+    for j in range(n):
+        part = slice(j * width, (j + 1) * width)
+        lower = np.linalg.cholesky(matrix[:, part].T @ matrix[:, part])
+        result[part, part] = np.linalg.inv(lower).T
+    return result
 
 
 def _inside(limits: Limits, a: Array) -> Array:

@@ -1,9 +1,7 @@
 """An identification on disk: result.json and predictions.npz, written as a whole or not at all."""
 
 import json
-import os
 import sys
-import tempfile
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from runtime import metrics
-from runtime.errors import RecordingError
+from runtime.atomic import replacing
 from runtime.identification import Identification
 from runtime.library import Array
 from runtime.objective import samples_of
@@ -35,13 +33,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "joints": list(lib.joint_names),
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
         "recording": _recording_facts(result),
-        "torque_error_percent": {
-            "before": before.percent.tolist(),
-            "after": after.percent.tolist(),
-            "before_overall": before.overall,
-            "after_overall": after.overall,
-        },
-        "torque_rms": {"before": before.rms.tolist(), "after": after.rms.tolist()},
+        **error_facts(before, after),
         "links": _link_facts(result),
         "consistent": result.is_consistent,
         "gap_to_convex_optimum": result.gap,
@@ -67,6 +59,23 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
     }
 
 
+def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict[str, Any]:
+    """Torque errors of two models on the same samples; None where the measured torque is silent."""
+
+    def percent(values: Array) -> list[float | None]:
+        return [float(x) if np.isfinite(x) else None for x in values]
+
+    return {
+        "torque_error_percent": {
+            "before": percent(before.percent),
+            "after": percent(after.percent),
+            "before_overall": before.overall,
+            "after_overall": after.overall,
+        },
+        "torque_rms": {"before": before.rms.tolist(), "after": after.rms.tolist()},
+    }
+
+
 def write_result(result: Identification, folder: Path, command: str) -> dict[str, Any]:
     """Write result.json and predictions.npz into a folder; returns the facts."""
     facts = result_facts(result, command)
@@ -77,19 +86,11 @@ def write_result(result: Identification, folder: Path, command: str) -> dict[str
         "before": result.before(result.test),
         "after": result.predict_recording(result.test),
     }
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder, suffix=".tmp", delete=False) as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        os.replace(file.name, folder / "predictions.npz")
-        text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False) as handle:
-            handle.write(text)
-        os.replace(handle.name, folder / "result.json")
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write the result into '{folder}': {error.strerror or error}"
-        ) from None
+    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(folder / "predictions.npz") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    with replacing(folder / "result.json") as file:
+        file.write(text.encode())
     return facts
 
 
@@ -183,6 +184,11 @@ def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
     if not result.is_consistent:
         warnings.append(
             "some links are no bodies that can exist; use adam or pc-ols for a model to simulate"
+        )
+    if result.method == "ols":
+        warnings.append(
+            "ols minimises the unweighted error; its gap is measured in the weighted loss of the "
+            "other methods"
         )
     if after.overall < SUSPICIOUSLY_GOOD:
         warnings.append(

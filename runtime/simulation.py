@@ -25,6 +25,8 @@ class Plant:
         pi: true standard parameters, (10 n,).
         viscous, coulomb: friction per joint, N·m·s/rad and N·m.
         coulomb_speed: width of the smooth sign, rad/s.
+        rotor: inertia J of every motor, reflected to its joint, kg·m²; the torque sensor does
+            not see it, but without it no controller could hold a wrist.
         position_noise, velocity_noise, torque_noise: standard deviations, rad, rad/s, N·m.
     """
 
@@ -32,6 +34,7 @@ class Plant:
     viscous: float = 0.0
     coulomb: float = 0.0
     coulomb_speed: float = 0.03
+    rotor: float = 0.1
     position_noise: float = 0.0
     velocity_noise: float = 0.0
     torque_noise: float = 0.0
@@ -39,6 +42,9 @@ class Plant:
 
 STIFFNESS, DAMPING = 225.0, 30.0
 """Gains of the controller, 1/s² and 1/s: critically damped at 15 rad/s."""
+
+RESOLVED = 2.0
+"""Largest decay rate times step; the Runge–Kutta step of fourth order is stable up to 2.78."""
 
 
 def perturbed_lam(lib: Library, p: float, rng: np.random.Generator) -> Array:
@@ -73,10 +79,11 @@ def closed_loop(
     rate_hz: float = 1000.0,
     progress: Callable[[float], None] | None = None,
 ) -> Recording:
-    """Forward dynamics under computed torque; logs q, dq and the commanded torque.
+    """Forward dynamics under computed torque; logs q, dq and the link-side torque.
 
-    The controller evaluates the URDF's model once per sample; the plant moves on by a
-    Runge–Kutta step of fourth order under the held torque.
+    The controller evaluates the URDF's model once per sample and knows rotors and friction; the
+    plant, (M + J) ddq + h + f = τ_motor, moves on under the held torque. The sensor sits behind
+    the rotor: τ = τ_motor − J ddq.
 
     Raises:
         IdentificationError: the motion diverged.
@@ -86,11 +93,14 @@ def closed_loop(
     n, step = lib.n_joints, 1.0 / rate_hz
     q, dq = wanted_q[0].copy(), wanted_dq[0].copy()
     log_q, log_dq, log_tau = (np.empty((len(t), n)) for _ in range(3))
+    _require_resolved(lib, plant, step)
     for k in range(len(t)):
         command = wanted_ddq[k] + DAMPING * (wanted_dq[k] - dq) + STIFFNESS * (wanted_q[k] - q)
-        tau = lib.inverse_dynamics(q, dq, command, lib.pi0) + _friction(plant, wanted_dq[k])
-        log_q[k], log_dq[k], log_tau[k] = q, dq, tau
-        q, dq = _advance(lib, plant, q, dq, tau, step)
+        motor = lib.inverse_dynamics(q, dq, command, lib.pi0) + plant.rotor * command
+        motor = motor + _friction(plant, wanted_dq[k])
+        log_q[k], log_dq[k] = q, dq
+        log_tau[k] = motor - plant.rotor * _accelerate(lib, plant, q, dq, motor)
+        q, dq = _advance(lib, plant, q, dq, motor, step)
         if not np.isfinite(q).all() or np.abs(dq).max() > 1e3:
             raise IdentificationError(
                 f"the simulated motion diverged after {t[k]:.3f} s; the true robot is too far "
@@ -122,17 +132,30 @@ def _friction(plant: Plant, dq: Array) -> Array:
     return friction.torque(rows, phi).reshape(np.shape(dq))
 
 
-def _advance(
-    lib: Library, plant: Plant, q: Array, dq: Array, tau: Array, h: float
-) -> tuple[Array, Array]:
-    def accelerate(q: Array, dq: Array) -> Array:
-        return lib.forward_dynamics(q, dq, tau - _friction(plant, dq), plant.pi)
+def _accelerate(lib: Library, plant: Plant, q: Array, dq: Array, motor: Array) -> Array:
+    return lib.forward_dynamics(q, dq, motor - _friction(plant, dq), plant.pi, plant.rotor)
 
-    v1, a1 = dq, accelerate(q, dq)
+
+def _advance(
+    lib: Library, plant: Plant, q: Array, dq: Array, motor: Array, h: float
+) -> tuple[Array, Array]:
+    """One Runge–Kutta step of fourth order under the held motor torque."""
+    v1, a1 = dq, _accelerate(lib, plant, q, dq, motor)
     v2 = dq + h / 2 * a1
-    a2 = accelerate(q + h / 2 * v1, v2)
+    a2 = _accelerate(lib, plant, q + h / 2 * v1, v2, motor)
     v3 = dq + h / 2 * a2
-    a3 = accelerate(q + h / 2 * v2, v3)
+    a3 = _accelerate(lib, plant, q + h / 2 * v2, v3, motor)
     v4 = dq + h * a3
-    a4 = accelerate(q + h * v3, v4)
+    a4 = _accelerate(lib, plant, q + h * v3, v4, motor)
     return q + h / 6 * (v1 + 2 * v2 + 2 * v3 + v4), dq + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+
+def _require_resolved(lib: Library, plant: Plant, h: float) -> None:
+    """The stiffest part, smooth Coulomb friction on the lightest joint, must be resolved by h."""
+    inertia = plant.rotor + np.linalg.eigvalsh(lib.mass_matrix(lib.home, plant.pi))[0]
+    rate = (plant.viscous + plant.coulomb / plant.coulomb_speed) / inertia
+    if rate * h > RESOLVED:
+        raise IdentificationError(
+            f"friction changes the speed of the lightest joint at {rate:.0f} /s, too fast for "
+            f"steps of {h:g} s; raise the rate or the rotor inertia, or lower the friction"
+        )

@@ -1,11 +1,11 @@
 """A designed trajectory as JSON: robot, home, coefficients, duration and what is known of it."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 
+from runtime.atomic import replacing
 from runtime.errors import RecordingError
 from runtime.excitation import Design, Trajectory
 from runtime.library import Library
@@ -25,12 +25,8 @@ def write_trajectory(found: Design, lib: Library, path: Path) -> None:
         "use_of_limits": found.use,
         "assumptions": list(found.assumptions),
     }
-    try:
-        draft = path.with_name(path.name + ".tmp")
-        draft.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
-        os.replace(draft, path)
-    except OSError as error:
-        raise RecordingError(f"cannot write '{path}': {error.strerror or error}") from None
+    with replacing(path) as file:
+        file.write((json.dumps(facts, indent=1) + "\n").encode())
 
 
 def read_trajectory(path: Path, lib: Library) -> Trajectory:

@@ -57,8 +57,11 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     q_, dq_, ddq_ = (Argument(name, (n,), _units(chain, k)) for k, name in enumerate(_STATE))
     tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI")
     lam_, weight_ = Argument("lam", (P * n,), "lambda"), Argument("weight", (n,), "1")
-    s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, lam_, weight_)}
-    q, dq, ddq, tau, pi, lam, weight = s.values()
+    rotor_ = Argument(
+        "rotor", (n,), "|".join({True: "kg", False: "kg*m^2"}[s] for s in sorted(slides))
+    )
+    s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, lam_, weight_, rotor_)}
+    q, dq, ddq, tau, pi, lam, weight, rotor = s.values()
     motion = {a: s[a] for a in (q_, dq_, ddq_)}
     with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
     predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
@@ -111,9 +114,9 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         ),
         make_kernel(
             "forward_dynamics",
-            {q_: q, dq_: dq, tau_: tau, pi_: pi},
-            {ddq_: dynamics.forward_dynamics(chain, q, dq, tau, pi)},
-            "ddq = M^-1 (tau - h)",
+            {q_: q, dq_: dq, tau_: tau, pi_: pi, rotor_: rotor},
+            {ddq_: dynamics.forward_dynamics(chain, q, dq, tau, pi, rotor)},
+            "ddq = (M + diag(J))^-1 (tau - h), J of the rotors",
         ),
         make_kernel(
             "end_effector",

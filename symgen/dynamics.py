@@ -148,10 +148,21 @@ def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     return inverse_dynamics(chain, q, dq, ca.SX(len(chain.joints), 1), pi)
 
 
-def forward_dynamics(chain: Chain, q: Matrix, dq: Matrix, tau: Matrix, pi: Matrix) -> Matrix:
-    """Ddq = M⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0)."""
+def forward_dynamics(
+    chain: Chain, q: Matrix, dq: Matrix, tau: Matrix, pi: Matrix, rotor: Matrix
+) -> Matrix:
+    """Ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
+
+    Args:
+        chain: n joints.
+        q: (n,) rad or m.
+        dq: (n,) rad/s or m/s.
+        tau: (n,) N·m or N.
+        pi: (10 n,).
+        rotor: J, (n,) inertia of the motors, reflected to the joints, kg·m² or kg.
+    """
     n = len(chain.joints)
-    m = mass_matrix(chain, q, pi)
+    m = mass_matrix(chain, q, pi) + ca.diag(rotor)
     x = tau - bias_forces(chain, q, dq, pi)
     rows: list[list[Matrix]] = [[0] * n for _ in range(n)]
     d: list[Matrix] = [0] * n

@@ -43,7 +43,7 @@ _EXPRESSIONS = {
     ca.OP_LE: "(double)({0} <= {1})",
     ca.OP_EQ: "(double)({0} == {1})",
     ca.OP_NE: "(double)({0} != {1})",
-    ca.OP_NOT: "(double)!(int)({0})",
+    ca.OP_NOT: "(double)({0} == 0.0)",
     ca.OP_AND: "(double)({0} != 0.0 && {1} != 0.0)",
     ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",

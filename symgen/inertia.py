@@ -20,6 +20,9 @@ N_PARAMETERS = len(PI_NAMES)
 REALISABLE_TOLERANCE = 1e-12
 """Rounding of the triangle inequality, relative to the trace: inside it a² etc. count as zero."""
 
+SHIFT_TOLERANCE = 16 * 2.0**-52
+"""Rounding left in I_com after subtracting m|c|², which may exceed a thin body's own inertia."""
+
 THINNEST = 1e-3
 """Standard deviation of mass along an axis, m, below which no projected body is thin."""
 
@@ -83,7 +86,7 @@ def lam_from_pi(pi: Matrix) -> Matrix:
     Source: Eqs. 4.18–4.23 with the rule of Table B.5 (errata).
     """
     mass, com, rotation, sigma, trace = _principal_sigma(pi)
-    rounding = REALISABLE_TOLERANCE * trace
+    rounding = REALISABLE_TOLERANCE * trace + SHIFT_TOLERANCE * mass * ca.sumsqr(com)
     clipped = [
         ca.if_else(ca.logic_and(sigma[i] < 0, sigma[i] > -rounding), 0.0, sigma[i])
         for i in range(3)
@@ -134,14 +137,15 @@ def require_realisable(pi: Matrix, link: str) -> None:
     mass = float(pi[0])
     if not mass > 0:
         raise InertiaError(f"link '{link}' needs a positive mass, its inertial says {mass:g} kg")
-    *_, sigma, trace = _principal_sigma(ca.DM(pi))
+    _, com, _, sigma, trace = _principal_sigma(ca.DM(pi))
     slack = 2 * min(float(sigma[i]) for i in range(3))
-    if not float(trace) > 0:
+    shift = SHIFT_TOLERANCE * mass * float(ca.sumsqr(com))
+    if not float(trace) > shift:
         raise InertiaError(
             f"link '{link}' has mass but no inertia, which no body has; correct the URDF, or "
             "accept the smallest realisable inertia with --project"
         )
-    if not slack >= -REALISABLE_TOLERANCE * float(trace):
+    if not slack >= -(REALISABLE_TOLERANCE * float(trace) + shift):
         raise InertiaError(
             f"the inertia of link '{link}' cannot belong to a body of positive density: a "
             f"principal moment exceeds the sum of the other two by {-slack:.3g} kg*m^2; correct "

@@ -52,10 +52,10 @@ void fr3_bias_forces_batch(long n, const double *q, long q_step, const double *d
     }
 }
 
-void fr3_forward_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, double *ddq)
+void fr3_forward_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, const double *rotor, long rotor_step, double *ddq)
 {
     for (long i = 0; i < n; ++i) {
-        fr3_forward_dynamics(q + i * q_step, dq + i * dq_step, tau + i * tau_step, pi + i * pi_step, ddq + i * 7);
+        fr3_forward_dynamics(q + i * q_step, dq + i * dq_step, tau + i * tau_step, pi + i * pi_step, rotor + i * rotor_step, ddq + i * 7);
     }
 }
 

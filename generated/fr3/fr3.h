@@ -37,9 +37,9 @@ void fr3_mass_matrix_batch(long n, const double *q, long q_step, const double *p
 void fr3_bias_forces(const double q[7], const double dq[7], const double pi[70], double h[7]);
 void fr3_bias_forces_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *pi, long pi_step, double *h);
 
-/* ddq = M^-1 (tau - h). 2271 operations. */
-void fr3_forward_dynamics(const double q[7], const double dq[7], const double tau[7], const double pi[70], double ddq[7]);
-void fr3_forward_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, double *ddq);
+/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 2278 operations. */
+void fr3_forward_dynamics(const double q[7], const double dq[7], const double tau[7], const double pi[70], const double rotor[7], double ddq[7]);
+void fr3_forward_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, const double *rotor, long rotor_step, double *ddq);
 
 /* pose of the tip in the base frame, Eq. 2.15. 141 operations. */
 void fr3_end_effector(const double q[7], double H[16]);
@@ -57,7 +57,7 @@ void fr3_pi_from_lam_batch(long n, const double *lam, long lam_step, double *pi)
 void fr3_pi_jacobian(const double lam[10], double jacobian[100]);
 void fr3_pi_jacobian_batch(long n, const double *lam, long lam_step, double *jacobian);
 
-/* Eqs. 4.18-4.23. 1484 operations. */
+/* Eqs. 4.18-4.23. 1489 operations. */
 void fr3_lam_from_pi(const double pi[10], double lam[10]);
 void fr3_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam);
 

@@ -20,6 +20,7 @@ app.command("evaluate")(evaluate.evaluate_command)
 app.command("excite")(excite.excite_command)
 app.command("simulate")(simulate.simulate_command)
 app.command("report")(evaluate.report_command)
+app.command("locate")(evaluate.locate_command)
 
 
 def main() -> None:

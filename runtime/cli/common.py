@@ -2,7 +2,6 @@
 
 import shlex
 import sys
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -46,7 +45,11 @@ def torque_table(facts: dict[str, Any]) -> Table:
     )
     for name, before, after, rms_before, rms_after, unit in columns:
         table.add_row(
-            name, f"{before:.2f}", f"{after:.2f}", f"{rms_before:.4f}", f"{rms_after:.4f}", unit
+            name,
+            *("-" if x is None else f"{x:.2f}" for x in (before, after)),
+            f"{rms_before:.4f}",
+            f"{rms_after:.4f}",
+            unit,
         )
     table.add_section()
     overall = (f"{percent['before_overall']:.3f}", f"{percent['after_overall']:.3f}")
@@ -67,12 +70,3 @@ def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
     if len(values) != count:
         raise IdentificationError(f"{option} needs {count} numbers with commas, got '{text}'")
     return values
-
-
-def write_parent(path: Path) -> Path:
-    """The path, with its parent folder made."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise IdentificationError(f"cannot make '{path.parent}': {error.strerror}") from None
-    return path

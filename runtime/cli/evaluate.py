@@ -1,4 +1,4 @@
-"""`python -m runtime evaluate` and `report`."""
+"""`python -m runtime evaluate`, `report` and `locate`."""
 
 import json
 from pathlib import Path
@@ -9,12 +9,14 @@ import typer
 
 from runtime import friction, metrics
 from runtime.cli.common import Robot, console, say, torque_table
+from runtime.datasets import locate
 from runtime.errors import RecordingError
 from runtime.library import load
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
 from runtime.recording import read_recording
+from runtime.results import error_facts
 
 Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 
@@ -55,13 +57,7 @@ def evaluate_command(
         "method": facts["method"],
         "joints": facts["joints"],
         "units": facts["units"],
-        "torque_error_percent": {
-            "before": errors[0].percent.tolist(),
-            "after": errors[1].percent.tolist(),
-            "before_overall": errors[0].overall,
-            "after_overall": errors[1].overall,
-        },
-        "torque_rms": {"before": errors[0].rms.tolist(), "after": errors[1].rms.tolist()},
+        **error_facts(*errors),
     }
     if as_json:
         print(json.dumps(figures, indent=1))
@@ -74,6 +70,13 @@ def report_command(result: Result) -> None:
     from runtime.report import write_report  # matplotlib is slow to import
 
     say(f"report: {write_report(result)}")
+
+
+def locate_command(
+    name: Annotated[str, typer.Argument(help="Name of a known data set, such as panda_gaz.")],
+) -> None:
+    """Where a known data set lies; downloads it when it is not here."""
+    say(str(locate(name)))
 
 
 def _read(folder: Path) -> dict[str, Any]:

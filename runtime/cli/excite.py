@@ -7,7 +7,7 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
-from runtime.cli.common import Robot, Seed, console, say, write_parent
+from runtime.cli.common import Robot, Seed, console, say
 from runtime.excitation import COST_SAMPLES, design
 from runtime.library import load
 from runtime.recording import Recording, write_recording
@@ -43,7 +43,7 @@ def excite_command(
             progress.update(task, completed=done, description=text)
 
         found = design(lib, duration, harmonics, starts, seed, progress=report)
-    path = write_parent(out or Path("results") / f"{lib.name}-excite.json")
+    path = out or Path("results") / f"{lib.name}-excite.json"
     write_trajectory(found, lib, path)
     t = np.arange(round(duration * rate) + 1) / rate
     q, dq, ddq, _ = found.trajectory.at(lib, t)

@@ -8,7 +8,8 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
-from runtime.cli.common import Robot, Seed, console, say, write_parent
+from runtime.atomic import replacing
+from runtime.cli.common import Robot, Seed, console, say
 from runtime.excitation import design
 from runtime.library import load
 from runtime.recording import write_recording
@@ -32,11 +33,13 @@ def simulate_command(
         float, typer.Option(help="True robot: each lambda of the URDF changed by this fraction.")
     ] = 0.05,
     rate: Annotated[float | None, typer.Option(help="Hz; default 1000, with --ideal 100.")] = None,
+    keep_every: Annotated[int, typer.Option(help="Log every n-th sample only.", min=1)] = 1,
     torque_noise: Annotated[float, typer.Option(help="Standard deviation, N·m.")] = 0.05,
     position_noise: Annotated[float, typer.Option(help="Standard deviation, rad.")] = 1e-5,
     velocity_noise: Annotated[float, typer.Option(help="Standard deviation, rad/s.")] = 1e-3,
     viscous: Annotated[float, typer.Option(help="Friction of every joint, N·m·s/rad.")] = 0.0,
     coulomb: Annotated[float, typer.Option(help="Friction of every joint, N·m.")] = 0.0,
+    rotor: Annotated[float, typer.Option(help="Reflected motor inertia, kg·m².")] = 0.1,
     seed: Seed = 0,
 ) -> None:
     r"""Record a robot whose parameters are known, to try methods on.
@@ -55,11 +58,12 @@ def simulate_command(
         pi,
         viscous=viscous,
         coulomb=coulomb,
+        rotor=rotor,
         position_noise=position_noise,
         velocity_noise=velocity_noise,
         torque_noise=torque_noise,
     )
-    path = write_parent(out or Path("results") / f"{lib.name}-simulated.csv")
+    path = out or Path("results") / f"{lib.name}-simulated.csv"
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("designing a trajectory", total=1.0)
         motion = (
@@ -79,6 +83,9 @@ def simulate_command(
                 rate or 1000.0,
                 lambda x: progress.update(task, completed=x),
             )
+    if keep_every > 1:
+        rows = np.arange(0, len(recording), keep_every)
+        recording = recording.take(rows, f"Kept every {keep_every}. sample.")
     write_recording(recording, path)
     truth = path.with_suffix(".truth.json")
     facts = {
@@ -89,8 +96,10 @@ def simulate_command(
         "lam": lam.tolist(),
         "viscous": viscous,
         "coulomb": coulomb,
+        "rotor": rotor,
         "coulomb_speed": plant.coulomb_speed,
     }
-    truth.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    with replacing(truth) as file:
+        file.write((json.dumps(facts, indent=1) + "\n").encode())
     say(f"recording: {path} ({len(recording)} samples at {recording.rate_hz:g} Hz)")
     say(f"truth:     {truth}")

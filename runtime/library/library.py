@@ -122,9 +122,12 @@ class Library:
         """h = τ(q, dq, 0), (N, n). Source: Eq. 2.34."""
         return self._binding.call("bias_forces", q, dq, pi)[0]
 
-    def forward_dynamics(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike, pi: ArrayLike) -> Array:
-        """ddq = M⁻¹ (τ − h), (N, n)."""
-        return self._binding.call("forward_dynamics", q, dq, tau, pi)[0]
+    def forward_dynamics(
+        self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike, pi: ArrayLike, rotor: ArrayLike = 0.0
+    ) -> Array:
+        """ddq = (M + diag(J))⁻¹ (τ − h), (N, n); J (n,) or one number: reflected rotor inertia."""
+        inertia = np.broadcast_to(np.asarray(rotor, dtype=float), (self.n_joints,))
+        return self._binding.call("forward_dynamics", q, dq, tau, pi, inertia)[0]
 
     def end_effector(self, q: ArrayLike) -> Array:
         """Pose of the tip in the base frame, (N, 4, 4)."""

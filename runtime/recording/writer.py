@@ -4,14 +4,13 @@ CSV carries t, q, dq, ddq and tau to the last bit (%.17g); NPZ carries the frict
 names and the history too.
 """
 
-import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
+from runtime.atomic import replacing
 from runtime.errors import RecordingError
 from runtime.recording.recording import SIGNALS, Recording
 
@@ -20,7 +19,7 @@ def write_recording(recording: Recording, path: str | Path) -> None:
     """Writes CSV or NPZ, by the suffix of the path.
 
     Raises:
-        RecordingError: another suffix, or the folder cannot be written.
+        RecordingError: another suffix.
     """
     path = Path(path)
     writers: dict[str, Callable[[Recording, IO[bytes]], None]] = {
@@ -31,19 +30,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         raise RecordingError(
             f"expected a path that ends in .csv or .npz, got {path.name!r}; rename it"
         )
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise RecordingError(
-            f"cannot write into {path.parent} ({error.strerror}); choose another folder"
-        ) from error
-    try:
-        with os.fdopen(handle, "wb") as file:
-            writers[path.suffix](recording, file)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with replacing(path) as file:
+        writers[path.suffix](recording, file)
 
 
 def _write_csv(recording: Recording, file: IO[bytes]) -> None:

@@ -1,10 +1,11 @@
 """URDF → frozen `Chain`: joints, placements, limits, inertials, gravity, lumped fixed bodies.
 
-`document` cuts and normalises the XML, pinocchio parses it, `model` reads pinocchio's answer.
+`document` parses the XML, `normalise` locks, cuts and snaps it, pinocchio reads the result,
+`model` reads pinocchio's answer.
 Nothing here knows CasADi or an equation of motion.
 """
 
-from symgen.chain.document import ChainOptions
 from symgen.chain.model import Chain, Joint, LumpedBody, Tip, read_chain
+from symgen.chain.normalise import ChainOptions
 
 __all__ = ["Chain", "ChainOptions", "Joint", "LumpedBody", "Tip", "read_chain"]

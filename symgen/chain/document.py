@@ -1,12 +1,9 @@
-"""The URDF as a document: parsed without entities, cut to a sub-chain, locked and snapped.
+"""The URDF as a document: parsed without entities, one tree of named links and joints.
 
-The result is again a URDF, the one that the kernels describe, the manifest's hash covers and
-`runtime.export` fills with identified numbers. Kinematics and inertias are left to pinocchio.
+Cutting, locking and snapping are left to `normalise`, kinematics and inertias to pinocchio.
 """
 
-import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, ParseError, indent, tostring
 
 import numpy as np
@@ -17,26 +14,6 @@ from defusedxml.ElementTree import fromstring
 from symgen.errors import UrdfError
 
 MOVING = ("revolute", "continuous", "prismatic")
-_HALF_PI = math.pi / 2
-
-
-@dataclass(frozen=True, slots=True)
-class ChainOptions:
-    """What the user asks of the URDF beyond reading it.
-
-    Attributes:
-        base: link that becomes the fixed base; None keeps the root.
-        tip: link that ends the chain; what lies beyond is cut off, not lumped.
-        gravity: m/s² in the frame of the base link; None takes (0, 0, −9.81) in the root frame.
-        locks: joint name → value (rad, m) at which the joint becomes part of its parent.
-        snap: rad; rpy angles within this of a multiple of π/2 are taken as meant exactly.
-    """
-
-    base: str | None = None
-    tip: str | None = None
-    gravity: tuple[float, float, float] | None = None
-    locks: dict[str, float] = field(default_factory=dict)
-    snap: float = 0.0
 
 
 class Document:
@@ -53,7 +30,7 @@ class Document:
                 if link not in self.links:
                     raise UrdfError(
                         f"joint '{name}' names the link '{link}', which the URDF does not define; "
-                        f"its links are {_listing(self.links)}"
+                        f"its links are {listing(self.links)}"
                     )
             if child in self.parent_joint:
                 raise UrdfError(
@@ -65,9 +42,16 @@ class Document:
         if len(roots) != 1:
             raise UrdfError(
                 f"a robot needs exactly one root link, this URDF has {len(roots)}: "
-                f"{_listing(roots)}; connect the others with joints or delete them"
+                f"{listing(roots)}; connect the others with joints or delete them"
             )
         self.root_link = roots[0]
+        hanging = set(self.subtree(self.root_link))
+        adrift = [link for link in self.links if link not in hanging]
+        if adrift:
+            raise UrdfError(
+                f"the joints of {listing(adrift)} form a loop that does not hang on the root link "
+                f"'{self.root_link}'; closed chains cannot be read"
+            )
 
     @property
     def name(self) -> str:
@@ -101,18 +85,17 @@ class Document:
         """Joints from the root to a link."""
         joints: list[str] = []
         while link in self.parent_joint:
-            joint = self.parent_joint[link]
-            if joint in joints:
-                raise UrdfError(f"joint '{joint}' is part of a loop; closed chains cannot be read")
-            joints.append(joint)
-            link = self.parent_link(joint)
+            joints.append(self.parent_joint[link])
+            link = self.parent_link(joints[-1])
         return joints[::-1]
 
     def subtree(self, link: str) -> Iterator[str]:
         """A link and everything that hangs on it."""
-        yield link
-        for joint in self.children(link):
-            yield from self.subtree(self.child_link(joint))
+        pending = [link]
+        while pending:
+            link = pending.pop()
+            yield link
+            pending += [self.child_link(joint) for joint in self.children(link)]
 
     def remove(self, links: set[str]) -> None:
         """Delete links and the joints that move or carry them."""
@@ -128,30 +111,13 @@ class Document:
         if link not in self.links:
             raise UrdfError(
                 f"{option} names the link '{link}', which the URDF does not define; "
-                f"its links are {_listing(self.links)}"
+                f"its links are {listing(self.links)}"
             )
 
     def text(self) -> str:
         """The document as UTF-8 text, the same for the same tree."""
         indent(self.root, space="  ")
         return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(self.root, "unicode") + "\n"
-
-
-def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:
-    """Lock, cut and snap; returns the document, gravity in the base frame, and the cut links.
-
-    Raises:
-        UrdfError: one sentence that names the joint, the link or the option.
-    """
-    document = Document(text)
-    for joint, value in options.locks.items():
-        _lock(document, joint, value)
-    gravity = _gravity(document, options)
-    removed = _cut(document, options)
-    _require_supported(document)
-    if options.snap:
-        _snap(document, options.snap)
-    return document, gravity, removed
 
 
 def origin(element: Element, owner: str) -> tuple[np.ndarray, np.ndarray]:
@@ -211,121 +177,7 @@ def _named(root: Element, tag: str) -> dict[str, Element]:
     return found
 
 
-def _require_supported(document: Document) -> None:
-    for name, element in document.joints.items():
-        kind = document.kind(name)
-        way_out = "lock it with --lock JOINT=VALUE or cut it off with --tip LINK"
-        if kind not in {*MOVING, "fixed"}:
-            raise UrdfError(
-                f"joint '{name}' has the type '{kind}'; revolute, continuous, prismatic and fixed "
-                f"joints can be modelled, so {way_out}"
-            )
-        if element.find("mimic") is not None and kind != "fixed":
-            raise UrdfError(f"joint '{name}' mimics another joint; {way_out}")
-
-
-def _lock(document: Document, joint: str, value: float) -> None:
-    if joint not in document.joints:
-        raise UrdfError(
-            f"--lock names the joint '{joint}', which the URDF does not define; its joints are "
-            f"{_listing(document.joints)}"
-        )
-    kind = document.kind(joint)
-    if kind not in MOVING:
-        raise UrdfError(f"--lock names the joint '{joint}', which is {kind} and does not move")
-    if not math.isfinite(value):
-        raise UrdfError(f"--lock {joint}={value}: expected a finite value in rad or m")
-    element = document.joints[joint]
-    axis_node = element.find("axis")
-    axis = numbers(
-        axis_node.get("xyz", "1 0 0") if axis_node is not None else "1 0 0",
-        3,
-        f"joint '{joint}': axis",
-    )
-    if not np.linalg.norm(axis) > 0:
-        raise UrdfError(f"joint '{joint}' has the axis 0 0 0; give it a direction")
-    axis = axis / np.linalg.norm(axis)
-    rotation, translation = origin(element, f"joint '{joint}'")
-    if kind == "prismatic":
-        translation = translation + rotation @ axis * value
-    else:
-        rotation = rotation @ pinocchio.AngleAxis(value, axis).toRotationMatrix()
-    for tag in ("axis", "limit", "dynamics", "mimic", "safety_controller", "origin"):
-        node = element.find(tag)
-        if node is not None:
-            element.remove(node)
-    element.set("type", "fixed")
-    rpy = pinocchio.rpy.matrixToRpy(rotation)
-    element.append(
-        Element(
-            "origin",
-            {
-                "xyz": " ".join(f"{x:.17g}" for x in translation),
-                "rpy": " ".join(f"{x:.17g}" for x in rpy),
-            },
-        )
-    )
-
-
-def _gravity(document: Document, options: ChainOptions) -> np.ndarray:
-    if options.gravity is not None:
-        gravity = np.array(options.gravity, dtype=float)
-        if gravity.shape != (3,) or not np.isfinite(gravity).all():
-            raise UrdfError(f"--gravity needs three finite numbers, got {options.gravity}")
-        return gravity
-    base = options.base or document.root_link
-    document.require_link(base, "--base")
-    rotation = np.eye(3)
-    for joint in document.path(base):
-        if document.kind(joint) != "fixed":
-            raise UrdfError(
-                f"joint '{joint}' moves between the root link and --base {base}, so the direction "
-                "of gravity in the base frame is unknown; state it with --gravity X,Y,Z"
-            )
-        rotation = rotation @ origin(document.joints[joint], f"joint '{joint}'")[0]
-    return rotation.T @ np.array([0.0, 0.0, -9.81])
-
-
-def _cut(document: Document, options: ChainOptions) -> tuple[str, ...]:
-    base = options.base or document.root_link
-    document.require_link(base, "--base")
-    keep = set(document.subtree(base))
-    if options.tip is not None:
-        tip = options.tip
-        document.require_link(tip, "--tip")
-        if tip not in keep:
-            raise UrdfError(f"--tip {tip} does not hang on --base {base}; choose a tip below it")
-        on_path = {base, *(document.child_link(j) for j in document.path(tip))} & keep
-        keep = set(on_path)
-        for link in on_path - {tip}:
-            keep |= set(_rigid(document, link, on_path))
-    removed = set(document.links) - keep
-    document.remove(removed)
-    return tuple(sorted(removed))
-
-
-def _rigid(document: Document, link: str, on_path: set[str]) -> Iterator[str]:
-    """Links fixed to `link` off the path: brackets and cameras that belong to it."""
-    for joint in document.children(link):
-        child = document.child_link(joint)
-        if document.kind(joint) == "fixed" and child not in on_path:
-            yield child
-            yield from _rigid(document, child, on_path)
-
-
-def _snap(document: Document, tolerance: float) -> None:
-    if not 0 < tolerance < 0.1:
-        raise UrdfError(f"--snap needs an angle between 0 and 0.1 rad, got {tolerance:g}")
-    for name, element in document.joints.items():
-        node = element.find("origin")
-        if node is None or "rpy" not in node.attrib:
-            continue
-        rpy = numbers(node.get("rpy", ""), 3, f"joint '{name}': origin rpy")
-        meant = np.round(rpy / _HALF_PI) * _HALF_PI
-        snapped = np.where(np.abs(rpy - meant) <= tolerance, meant, rpy)
-        node.set("rpy", " ".join(f"{x:.17g}" for x in snapped))
-
-
-def _listing(names: dict[str, Element] | list[str], most: int = 12) -> str:
+def listing(names: dict[str, Element] | list[str], most: int = 12) -> str:
+    """The first names, comma by comma."""
     shown = list(names)
     return ", ".join(shown[:most]) + (", …" if len(shown) > most else "")

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio
 
-from symgen.chain.document import MOVING, ChainOptions, Document, normalise, numbers
+from symgen.chain.document import MOVING, Document, numbers
+from symgen.chain.normalise import ChainOptions, normalise
 from symgen.errors import UrdfError
 
 Rows = tuple[tuple[float, ...], ...]

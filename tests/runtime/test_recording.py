@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from runtime.errors import RecordingError
+from runtime.errors import RecordingError, RuntimeFault
 from runtime.recording import (
     Recipe,
     Recording,
@@ -285,8 +285,9 @@ def test_missing_file_folder_without_recipe_and_bad_target(tmp_path):
     t, q, _ = motion()
     with pytest.raises(RecordingError, match=r"ends in .csv or .npz, got 'x.mat'"):
         write_recording(Recording(t=t, q=q), tmp_path / "x.mat")
-    with pytest.raises(RecordingError, match="cannot write into"):
-        write_recording(Recording(t=t, q=q), tmp_path / "no" / "x.csv")
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(RuntimeFault, match="cannot write"):
+        write_recording(Recording(t=t, q=q), tmp_path / "file" / "x.csv")
 
 
 def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
@@ -300,7 +301,7 @@ def test_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr(np, "savetxt", broken)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(RuntimeFault, match="disk full"):
         write_recording(Recording(t=t, q=2 * q), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,98 @@
+"""Shared ground of the tests: data outside the repository, robots built once per session.
+
+`SYMGEN_DATA` names the folder with published URDFs and logs, by default `shared` beside the
+repository. Tests that need it are skipped with a reason where it is absent.
+"""
+
+import os
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from runtime.library import Library, load
+from symgen.build import build
+from symgen.request import BuildRequest, bundled_request
+from tests.robots import CASES
+
+REPOSITORY = Path(__file__).parents[1]
+
+# Derandomised: the same commit passes or fails the same way everywhere.
+settings.register_profile(
+    "tests", max_examples=60, deadline=None, derandomize=True, database=None
+)
+settings.load_profile("tests")
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of published URDFs (`models`) and logs (`data`); skips where there is none."""
+    folder = Path(os.environ.get("SYMGEN_DATA", REPOSITORY.parent / "shared"))
+    if not (folder / "models").is_dir():
+        pytest.skip(
+            f"no test data in '{folder}'; set SYMGEN_DATA to the folder that holds models/ and data/"
+        )
+    return folder
+
+
+@pytest.fixture(scope="session")
+def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The `generated` folder of this session; tests read it and never write it."""
+    return tmp_path_factory.mktemp("generated")
+
+
+@pytest.fixture(scope="session")
+def fr3(root: Path) -> Library:
+    """The bundled Franka Research 3, built for this session."""
+    return load(build(bundled_request("fr3"), root).folder)
+
+
+@pytest.fixture(scope="session")
+def robot(root: Path, request: pytest.FixtureRequest) -> Callable[[str], Library]:
+    """Build (once) and load `fr3` or a robot of `tests.robots.CASES`."""
+    loaded: dict[str, Library] = {}
+
+    def get(name: str) -> Library:
+        if name == "fr3":
+            loaded[name] = request.getfixturevalue("fr3")
+        elif name not in loaded:
+            case = CASES[name]
+            models = None
+            if case.published:
+                models = request.getfixturevalue("shared_data") / "models"
+            loaded[name] = load(build(case.request(name, models), root).folder)
+        return loaded[name]
+
+    return get
+
+
+TINY_URDF = """<robot name="tiny">
+  <link name="base"/>
+  <joint name="swing" type="revolute">
+    <origin xyz="0 0 0.5"/><parent link="base"/><child link="rod"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="2" velocity="3" effort="10"/>
+  </joint>
+  <link name="rod"><inertial><origin xyz="0.1 0 0.2"/><mass value="1.5"/>
+    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>
+</robot>
+"""
+
+
+@pytest.fixture(scope="session")
+def tiny_request() -> BuildRequest:
+    """A pendulum, the smallest robot, named `tiny`."""
+    return BuildRequest("tiny", TINY_URDF)
+
+
+@pytest.fixture(scope="session")
+def tiny_built(tmp_path_factory: pytest.TempPathFactory, tiny_request: BuildRequest) -> Path:
+    """The folder of the pendulum; not to be written, `tiny` is a copy."""
+    return build(tiny_request, tmp_path_factory.mktemp("tiny")).folder
+
+
+@pytest.fixture
+def tiny(tiny_built: Path, tmp_path: Path) -> Path:
+    """A fresh copy of the built pendulum in tmp_path/out/tiny, free to be damaged."""
+    return Path(shutil.copytree(tiny_built, tmp_path / "out" / "tiny"))

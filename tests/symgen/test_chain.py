@@ -1,0 +1,293 @@
+"""URDF → chain: what is kept, cut, locked, lumped and snapped; and every refusal by name."""
+
+import numpy as np
+import pinocchio
+import pytest
+
+from symgen.chain import Chain, ChainOptions, read_chain
+from symgen.errors import InertiaError, SymgenError, UrdfError
+from symgen.facts import initial_parameters
+from tests.conftest import TINY_URDF
+from tests.robots import DATA
+
+TREE = (DATA / "tree.urdf").read_text()
+GANTRY = (DATA / "gantry.urdf").read_text()
+
+
+def read(text: str, **options: object) -> Chain:
+    return read_chain(text, ChainOptions(**options))
+
+
+# --- what a chain says ---------------------------------------------------------------------
+
+
+def test_joints_links_and_limits() -> None:
+    """Oracle: the file, read by eye."""
+    chain = read(TREE)
+    assert [j.name for j in chain.joints] == ["trunk_turn", "left_lift", "left_roll", "right_lift"]
+    assert [j.parent for j in chain.joints] == [-1, 0, 1, 0]
+    assert [j.link for j in chain.joints] == ["trunk", "left_arm", "left_hand", "right_arm"]
+    assert chain.base == "floor"
+    assert chain.gravity == (0.0, 0.0, -9.81)
+    lift, roll = chain.joints[1], chain.joints[2]
+    assert (lift.lower, lift.upper, lift.velocity, lift.effort) == (-1.0, 2.0, 3.0, 20.0)
+    assert (roll.kind, roll.lower, roll.upper, roll.velocity) == ("continuous", None, None, None)
+    assert chain.joints[3].axis == pytest.approx((0.6, 0.0, 0.8), abs=1e-15)
+
+
+def test_fixed_bodies_are_lumped_and_named() -> None:
+    """Oracle: masses add up: 5 + 0.4 + 0.2 kg on the trunk, whatever hangs on the floor is not."""
+    chain = read(TREE)
+    assert chain.joints[0].mass == pytest.approx(5.6, abs=1e-15)
+    assert [(b.name, b.onto, b.mass) for b in chain.lumped] == [
+        ("bracket", "trunk", 0.4),
+        ("camera", "trunk", 0.2),
+    ]
+
+
+def test_tip_cuts_branches_and_keeps_brackets() -> None:
+    """Property: --tip keeps the path and what is rigidly on it; the rest is cut, not lumped."""
+    chain = read(TREE, tip="left_arm")
+    assert [j.name for j in chain.joints] == ["trunk_turn", "left_lift"]
+    assert chain.removed == ("left_hand", "right_arm")
+    assert {b.name for b in chain.lumped} == {"bracket", "camera"}
+    assert chain.tip.link == "left_arm"
+    assert read(TREE, tip="camera").removed == ("left_arm", "left_hand", "right_arm")
+
+
+def test_base_cuts_above_and_is_the_base() -> None:
+    """Property: --base becomes the base, gravity is in its frame."""
+    chain = read(GANTRY, base="rail")
+    assert chain.base == "rail"
+    assert chain.removed == ("world",)
+    turned = pinocchio.rpy.rpyToMatrix(0.5, -0.4, 0.3).T @ [0, 0, -9.81]
+    assert chain.gravity == pytest.approx(turned, abs=1e-14)
+    arm = read(GANTRY, base="carriage", gravity=(0.0, 9.81, 0.0))
+    assert (arm.base, arm.gravity) == ("carriage", (0.0, 9.81, 0.0))
+    assert [j.name for j in arm.joints] == ["turn", "plunge", "spin"]
+
+
+def test_locks_become_part_of_their_parent() -> None:
+    """Oracle: the locked quill's mass counts into the arm; --lock twice adds up."""
+    chain = read(GANTRY, locks={"plunge": 0.1, "spin": -2.0})
+    assert [j.name for j in chain.joints] == ["slide", "turn"]
+    assert chain.joints[1].mass == pytest.approx(2 + 0.8 + 0.3 + 0.25, abs=1e-15)
+
+
+def test_a_lock_helps_out_of_a_mimic() -> None:
+    """Property: the way out that the message of a mimic joint offers works."""
+    mimic = TREE.replace('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/><mimic joint="left_lift"/>')
+    with pytest.raises(UrdfError, match="joint 'left_roll' mimics .* --lock JOINT=VALUE"):
+        read(mimic)
+    assert len(read(mimic, locks={"left_roll": 0.0}).joints) == 3
+
+
+def test_rounded_zeros_are_structural() -> None:
+    """Property: cos(π/2) leaves no 6e-17 behind, and negative zero neither."""
+    chain = read(GANTRY)
+    spin = np.array(chain.joints[3].rotation)
+    np.testing.assert_array_equal(spin, [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    assert not np.signbit(spin[spin == 0]).any()
+    assert chain.joints[2].axis == (0.0, 0.0, -1.0)
+
+
+def test_snap_takes_only_what_it_says() -> None:
+    """Property: 1.5708 is π/2 only with --snap, 1.56 never."""
+    rounded = TINY_URDF.replace('xyz="0 0 0.5"', 'xyz="0 0 0.5" rpy="1.5708 0 1.56"')
+    exact, snapped = read(rounded), read(rounded, snap=1e-4)
+    assert exact.joints[0].rotation[2][1] != 1.0
+    assert snapped.joints[0].rotation[2][1] == 1.0
+    assert snapped.joints[0].rotation[0][0] == pytest.approx(np.cos(1.56), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "options"),
+    [
+        (TREE, {}),
+        (TREE, {"tip": "camera"}),
+        (TREE, {"locks": {"trunk_turn": 0.3, "left_roll": -1.0}}),
+        (GANTRY, {"base": "rail"}),
+        (GANTRY, {"base": "carriage", "gravity": (0.0, 9.81, 0.0), "locks": {"turn": 0.7}}),
+        (TINY_URDF.replace('"0 0 0.5"', '"0 0 0.5" rpy="1.5708 0 0"'), {"snap": 1e-4}),
+    ],
+)
+def test_normalisation_is_idempotent(text: str, options: dict) -> None:
+    """Property: the normalised URDF, read again with its gravity and tip, is the same chain."""
+    once = read(text, **options)
+    again = read(once.urdf, gravity=once.gravity, tip=options.get("tip"))
+    assert again.urdf == once.urdf
+    assert again.joints == once.joints
+    assert (again.base, again.tip, again.gravity) == (once.base, once.tip, once.gravity)
+    assert again.lumped == once.lumped
+
+
+def test_large_limits_and_zero_effort() -> None:
+    """Property: 0 velocity or effort is 'not given'; a missing <limit> is no limit."""
+    text = TINY_URDF.replace('velocity="3" effort="10"', 'velocity="0" effort="0"')
+    joint = read(text).joints[0]
+    assert (joint.velocity, joint.effort) == (None, None)
+    bare = TINY_URDF.replace('<limit lower="-1" upper="2" velocity="3" effort="10"/>', "")
+    joint = read(bare).joints[0]
+    assert (joint.lower, joint.upper) == (None, None)
+
+
+# --- refusals ------------------------------------------------------------------------------
+
+BOMB = """<?xml version="1.0"?>
+<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]>
+<robot name="&c;"><link name="base"/></robot>"""
+EXTERNAL = """<?xml version="1.0"?>
+<!DOCTYPE robot [<!ENTITY secret SYSTEM "file:///etc/hostname">]>
+<robot name="&secret;"><link name="base"/></robot>"""
+SECOND_ROD = """
+  <joint name="elbow" type="revolute"><parent link="rod"/><child link="tail"/>
+    <axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <link name="tail"><inertial><mass value="1"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+</robot>"""
+
+
+def tiny(old: str, new: str) -> str:
+    """The pendulum with one mistake."""
+    assert old in TINY_URDF
+    return TINY_URDF.replace(old, new)
+
+
+def with_joint(body: str) -> str:
+    """The pendulum with more in it."""
+    return TINY_URDF.replace("</robot>", body + "</robot>")
+
+
+# name → (text, words of the message)
+MALFORMED = {
+    "empty": ("", "not well-formed XML"),
+    "broken": (TINY_URDF[:200], "not well-formed XML"),
+    "binary": ("\0\1\2", "not well-formed XML"),
+    "entity-bomb": (BOMB, "declares a DTD or entities"),
+    "external-entity": (EXTERNAL, "declares a DTD or entities"),
+    "sdf": ("<sdf><model/></sdf>", "first element is <robot>, got <sdf>"),
+    "no-link": ("<robot name='x'/>", "defines no link"),
+    "xacro": (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',
+        "xacro instruction <include>; expand it first",
+    ),
+    "mimic": (
+        tiny('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="other"/>'),
+        "joint 'swing' mimics another joint",
+    ),
+    "floating": (tiny('"revolute"', '"floating"'), "joint 'swing' has the type 'floating'"),
+    "planar": (tiny('"revolute"', '"planar"'), "joint 'swing' has the type 'planar'"),
+    "no-type": (tiny(' type="revolute"', ""), "joint 'swing' has the type ''"),
+    "nothing-moves": (tiny('"revolute"', '"fixed"'), "no joint of this URDF moves"),
+    "zero-mass": (tiny('mass value="1.5"', 'mass value="0"'), "link 'rod' moves .* no mass"),
+    "no-inertial": (
+        TINY_URDF[: TINY_URDF.index("<inertial>")] + "</link></robot>",
+        "link 'rod' moves with joint 'swing' but has no mass",
+    ),
+    "half-inertial": (tiny('<mass value="1.5"/>', ""), "'rod' needs both <mass> and <inertia>"),
+    "negative-mass": (tiny('value="1.5"', 'value="-1.5"'), "'rod' has the negative mass -1.5 kg"),
+    "nan-mass": (tiny('value="1.5"', 'value="nan"'), "'rod': mass needs 1 finite .* got 'nan'"),
+    "word-mass": (tiny('value="1.5"', 'value="heavy"'), "'rod': mass needs .* got 'heavy'"),
+    "inf-inertia": (tiny('izz="0.01"', 'izz="inf"'), "'rod': inertia izz needs 1 finite"),
+    "missing-inertia": (tiny(' izz="0.01"', ""), "'rod': inertia izz needs 1 finite"),
+    "nan-limit": (tiny('upper="2"', 'upper="nan"'), "'swing': limit upper needs 1 finite"),
+    "crossed-limits": (
+        tiny('upper="2"', 'upper="-2"'),
+        "'swing' has lower limit -1 above upper limit -2",
+    ),
+    "negative-effort": (tiny('effort="10"', 'effort="-10"'), "negative effort limit -10"),
+    "zero-axis": (tiny('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), "'swing' has the axis 0 0 0"),
+    "short-axis": (tiny('axis xyz="0 1 0"', 'axis xyz="0 1"'), "axis needs 3 finite"),
+    "nan-origin": (tiny('xyz="0 0 0.5"', 'xyz="0 nan 0"'), "joint 'swing': origin xyz needs 3"),
+    "two-links": (with_joint('<link name="rod"/>'), "two links are called 'rod'"),
+    "two-joints": (
+        with_joint('<joint name="swing" type="fixed"/>'),
+        "two joints are called 'swing'",
+    ),
+    "nameless": (with_joint("<link/>"), "a <link> has no name"),
+    "unknown-child": (tiny('child link="rod"', 'child link="rood"'), "names the link 'rood'"),
+    "no-parent": (tiny('<parent link="base"/>', ""), "joint 'swing' has no <parent link"),
+    "two-roots": (with_joint('<link name="island"/>'), "this URDF has 2: base, island"),
+    "two-parents": (
+        with_joint('<joint name="x" type="fixed"><parent link="base"/><child link="rod"/></joint>'),
+        "link 'rod' has two parent joints, 'swing' and 'x'",
+    ),
+    "loop": (
+        TINY_URDF.replace("</robot>", SECOND_ROD).replace(
+            '<parent link="base"/>', '<parent link="tail"/>'
+        ),
+        "the joints of rod, tail form a loop",
+    ),
+    "loop-without-root": (
+        TINY_URDF.replace("</robot>", SECOND_ROD)
+        .replace('<parent link="base"/>', '<parent link="tail"/>')
+        .replace('<link name="base"/>', ""),
+        "exactly one root link, this URDF has 0",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_malformed_urdf(name: str) -> None:
+    """Property: one sentence that names the culprit; never another exception."""
+    text, message = MALFORMED[name]
+    with pytest.raises(UrdfError, match=message) as caught:
+        read(text)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"tip": "hand"}, "--tip names the link 'hand'.*its links are floor, trunk"),
+        ({"base": "roof"}, "--base names the link 'roof'"),
+        ({"base": "left_arm", "tip": "right_arm", "gravity": (0, 0, -1)}, "does not hang on"),
+        ({"base": "left_arm"}, "joint 'trunk_turn' moves .* state it with --gravity"),
+        ({"gravity": (0.0, float("nan"), 1.0)}, "--gravity needs three finite numbers"),
+        ({"locks": {"wrist": 0.0}}, "--lock names the joint 'wrist'.*its joints are trunk_turn"),
+        ({"locks": {"camera_mount": 0.0}}, "'camera_mount', which is fixed"),
+        ({"locks": {"left_lift": float("inf")}}, "--lock left_lift=inf: expected a finite value"),
+        ({"snap": 1.0}, "--snap needs an angle between 0 and 0.1 rad, got 1"),
+        ({"tip": "floor"}, "no joint of this URDF moves"),
+    ],
+)
+def test_options_that_do_not_fit(options: dict, message: str) -> None:
+    """Property: the message names the option and what the URDF offers instead."""
+    with pytest.raises(UrdfError, match=message):
+        read(TREE, **options)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('izz="0.01"', 'izz="0.5"', "inertia of link 'rod' cannot belong to a body"),
+        ('iyy="0.02"', 'iyy="-0.02"', "inertia of link 'rod' cannot belong to a body"),
+        (
+            'ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"',
+            'ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"',
+            "link 'rod' has mass but no inertia",
+        ),
+    ],
+)
+def test_impossible_inertia(old: str, new: str, message: str) -> None:
+    """Property: refused by name without --project, repaired and reported with it."""
+    chain = read(tiny(old, new))
+    with pytest.raises(InertiaError, match=f"{message}.*--project"):
+        initial_parameters(chain, project=False)
+    pi, projected = initial_parameters(chain, project=True)
+    assert projected["rod"] > 0
+    assert pi[0] == 1.5
+    sane, nothing = initial_parameters(read(TINY_URDF), project=True)
+    assert not nothing
+    np.testing.assert_allclose(sane[1:4], pi[1:4], rtol=1e-15)
+
+
+def test_deep_chains_are_read_or_refused() -> None:
+    """Property: a thousand links in a row are a sentence or a chain, never a stack overflow."""
+    links = "".join(f'<link name="l{k}"/>' for k in range(1200))
+    joints = "".join(
+        f'<joint name="j{k}" type="fixed"><parent link="l{k}"/><child link="l{k + 1}"/></joint>'
+        for k in range(1199)
+    )
+    with pytest.raises(SymgenError):
+        read(f"<robot name='long'>{links}{joints}</robot>")

@@ -1,0 +1,118 @@
+"""The compiler step: which compiler is taken, and what is said when there is none or it refuses."""
+
+import ctypes
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from symgen import compiler
+from symgen.compiler import compile_library, find_compiler, sha256_of
+from symgen.errors import CompilerError
+
+SOURCE = "double twice(double x);\ndouble twice(double x) { return 2.0 * x; }\n"
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    path = tmp_path / "twice.c"
+    path.write_text(SOURCE)
+    return path
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """A PATH that is an empty folder and no $CC; returns the folder."""
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    monkeypatch.setenv("PATH", str(empty))
+    monkeypatch.delenv("CC", raising=False)
+    return empty
+
+
+def works(library: Path) -> bool:
+    function = ctypes.CDLL(str(library)).twice
+    function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double]
+    return function(21.0) == 42.0
+
+
+def test_compiles_and_records(source: Path) -> None:
+    """Oracle: the library runs; the record is the command, a version and the file's hash."""
+    target = source.with_name("libtwice.so")
+    done = compile_library([source], target)
+    assert works(target)
+    assert done.sha256 == sha256_of(target)
+    assert done.command[: len(find_compiler())] == find_compiler()
+    assert "-o" in done.command
+    assert done.version != "unknown"
+    assert not any("fast-math" in flag or str(source.parent) in flag for flag in done.command)
+
+
+def test_complaint_is_shown(source: Path) -> None:
+    """Property: a refused source shows the command and the compiler's own words."""
+    source.write_text("double broken(double x) { return y; }\n")
+    with pytest.raises(CompilerError, match=r"(?s)-o libtwice\.so twice\.c -lm' failed:.*\by\b"):
+        compile_library([source], source.with_name("libtwice.so"))
+    assert not source.with_name("libtwice.so").exists()
+
+
+def test_no_compiler_at_all(no_compiler: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: the sentence lists what was looked for and how to get one."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(CompilerError, match=r"no C compiler found .* pip install ziglang"):
+        find_compiler()
+
+
+def test_cc_that_is_not_there(monkeypatch: pytest.MonkeyPatch, source: Path) -> None:
+    """Property: a wrong $CC is named and never silently replaced."""
+    monkeypatch.setenv("CC", "no-such-cc --flag")
+    with pytest.raises(CompilerError, match=r"\$CC asks for the compiler 'no-such-cc'.* unset CC"):
+        compile_library([source], source.with_name("libtwice.so"))
+
+
+def test_cc_that_fails_without_a_word(monkeypatch: pytest.MonkeyPatch, source: Path) -> None:
+    """Property: exit status and a missing library are both failures."""
+    target = source.with_name("libtwice.so")
+    for program in ("false", "true"):
+        monkeypatch.setenv("CC", program)
+        with pytest.raises(CompilerError, match=rf"'{program} -std=c99 .*' failed"):
+            compile_library([source], target)
+
+
+def test_cc_with_arguments(monkeypatch: pytest.MonkeyPatch, source: Path) -> None:
+    """Property: $CC may carry flags, as in make."""
+    plain = find_compiler()
+    monkeypatch.setenv("CC", " ".join([*plain, "-DUNUSED=1"]))
+    assert find_compiler() == (*plain, "-DUNUSED=1")
+    assert compile_library([source], source.with_name("libtwice.so")).command[1] == "-DUNUSED=1"
+
+
+def test_order_of_search(no_compiler: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: cc before gcc before clang before the wheel."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name == "ziglang")
+    assert find_compiler() == (sys.executable, "-m", "ziglang", "cc")
+    for name in ("clang", "gcc", "cc"):
+        program = no_compiler / name
+        program.write_text("#!/bin/sh\n")
+        program.chmod(0o755)
+        assert find_compiler() == (name,)
+
+
+def test_zig_fallback(
+    no_compiler: Path, source: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Oracle: the ziglang wheel alone builds a library that runs."""
+    if importlib.util.find_spec("ziglang") is None:
+        pytest.skip("the ziglang wheel is not installed: pip install symgen[zig]")
+    monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", os.fspath(tmp_path / "zig"))
+    target = source.with_name("libtwice.so")
+    assert compile_library([source], target).command[1:4] == ("-m", "ziglang", "cc")
+    assert works(target)
+
+
+def test_flags_are_safe() -> None:
+    """Property: nothing that breaks NaN or range reduction; the C standard is stated."""
+    assert "-std=c99" in compiler.FLAGS
+    assert not {"-ffast-math", "-Ofast", "-ffinite-math-only"} & set(compiler.FLAGS)

@@ -1,0 +1,262 @@
+"""The emitter on toys: every operation, every constant, every file; never a robot."""
+
+import ctypes
+import json
+import math
+import shutil
+import struct
+import subprocess
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from symgen.compiler import compile_library
+from symgen.emit import _EXPRESSIONS, c_body, c_constant, emit
+from symgen.errors import BuildError
+from symgen.kernel import Argument, Kernel, make_kernel
+
+x_, y_ = Argument("x", (1,), "1"), Argument("y", (1,), "1")
+
+UNARY = {
+    ca.OP_NEG: lambda x: -x,
+    ca.OP_SQ: lambda x: x * x,
+    ca.OP_TWICE: lambda x: x + x,
+    ca.OP_INV: lambda x: 1 / x,
+    ca.OP_SQRT: ca.sqrt,
+    ca.OP_EXP: ca.exp,
+    ca.OP_LOG: ca.log,
+    ca.OP_SIN: ca.sin,
+    ca.OP_COS: ca.cos,
+    ca.OP_TANH: ca.tanh,
+    ca.OP_FABS: ca.fabs,
+    ca.OP_NOT: ca.logic_not,
+}
+BINARY = {
+    ca.OP_ADD: lambda x, y: x + y,
+    ca.OP_SUB: lambda x, y: x - y,
+    ca.OP_MUL: lambda x, y: x * y,
+    ca.OP_DIV: lambda x, y: x / y,
+    ca.OP_ATAN2: ca.atan2,
+    ca.OP_FMIN: ca.fmin,
+    ca.OP_FMAX: ca.fmax,
+    ca.OP_LT: lambda x, y: x < y,
+    ca.OP_LE: lambda x, y: x <= y,
+    ca.OP_EQ: lambda x, y: x == y,
+    ca.OP_NE: lambda x, y: x != y,
+    ca.OP_AND: ca.logic_and,
+    ca.OP_OR: ca.logic_or,
+    ca.OP_IF_ELSE_ZERO: lambda x, y: ca.if_else(x, y, 0),
+}
+TRANSCENDENTAL = {ca.OP_EXP, ca.OP_LOG, ca.OP_SIN, ca.OP_COS, ca.OP_TANH, ca.OP_ATAN2}
+
+VALUES = [0.0, -0.0, 1.0, -1.0, 0.5, -0.3, 1e-8, 3.0, -3.0, 40.0, 1e300, -1e300, math.pi, 2.0]
+
+
+def toy(name: str, expression: ca.SX, x: ca.SX, y: ca.SX) -> Kernel:
+    return make_kernel(name, {x_: x, y_: y}, {Argument("out", (1,), "1"): expression}, "toy")
+
+
+def toys() -> dict[int, Kernel]:
+    """One kernel per operation that the emitter knows."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    kernels = {op: toy(f"op_{op}", function(x), x, y) for op, function in UNARY.items()}
+    kernels |= {op: toy(f"op_{op}", function(x, y), x, y) for op, function in BINARY.items()}
+    return kernels
+
+
+def compiled(kernels: tuple[Kernel, ...], folder: Path, name: str = "toy") -> ctypes.CDLL:
+    for file, text in emit(name, kernels, FACTS, VERSIONS).files.items():
+        (folder / file).write_text(text)
+    target = folder / f"lib{name}.so"
+    compile_library([folder / "kernels.c", folder / "batch.c"], target)
+    return ctypes.CDLL(str(target))
+
+
+# What the README's template wants to know of a robot.
+FACTS = {
+    "gravity": [0.0, 0.0, -9.81],
+    "base": "base",
+    "tip": "tip",
+    "base_parameters": {"columns": [0]},
+    "pi0": [1.0],
+    "joints": [],
+    "pi_names": ["m"],
+    "lam_names": ["mu"],
+}
+VERSIONS = {"symgen": "0", "casadi": "0"}
+
+
+def pointer(array: np.ndarray) -> ctypes.c_void_p:
+    """The caller keeps the array."""
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def evaluate(dll: ctypes.CDLL, name: str, x: float, y: float) -> float:
+    a, b, out = np.array([x]), np.array([y]), np.array([np.nan])
+    dll[f"toy_{name}"](pointer(a), pointer(b), pointer(out))
+    return float(out[0])
+
+
+def test_every_operation_has_a_toy() -> None:
+    """Property: the table of the emitter and the toys of this file cover each other."""
+    assert set(UNARY) | set(BINARY) | {ca.OP_ASSIGN} == set(_EXPRESSIONS)
+    for op, kernel in toys().items():
+        f = kernel.function
+        assert op in {f.instruction_id(k) for k in range(f.n_instructions())}, op
+
+
+def test_every_operation_equals_casadi(tmp_path: Path) -> None:
+    """Oracle: CasADi's own virtual machine, at signs, zeros, huge numbers and ±inf results."""
+    kernels = toys()
+    dll = compiled(tuple(kernels.values()), tmp_path)
+    for op, kernel in kernels.items():
+        for x in VALUES:
+            for y in VALUES if op in BINARY else VALUES[:1]:
+                ours = evaluate(dll, kernel.name, x, y)
+                expected = float(kernel.function(x, y))
+                # libm's own functions may be a vectorised or older twin: 2 ulp apart at most.
+                rel = 2.0**-51 if op in TRANSCENDENTAL else 0.0
+                assert ours == pytest.approx(expected, rel=rel, abs=0.0, nan_ok=True), (op, x, y)
+
+
+def test_assignment() -> None:
+    """Oracle: CasADi's copy instruction, which its simplifier rarely leaves behind."""
+    assert _EXPRESSIONS[ca.OP_ASSIGN].format("a") == "a"
+
+
+def test_precedence(tmp_path: Path) -> None:
+    """Oracle: CasADi's machine on expressions that nest, negate and branch."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    expressions = {
+        "nested": 1 / (-x - (y - x) * -2.5) - (-(x * y)) / (x - y),
+        "branch": ca.if_else(ca.logic_or(x < -y, ca.logic_not(y == 2)), -x / y, x - -y),
+        "constants": -1e-300 + x * -3.0 - (-7.0) / y + 5e300 * 0.0 * x,
+    }
+    kernels = tuple(toy(name, expression, x, y) for name, expression in expressions.items())
+    dll = compiled(kernels, tmp_path)
+    for kernel in kernels:
+        for a, b in [(0.3, 2.0), (-4.0, 0.7), (1.0, -1.0)]:
+            ours, expected = evaluate(dll, kernel.name, a, b), float(kernel.function(a, b))
+            # Where the machine has fused multiply-add, each of the few products may skip one
+            # rounding.
+            assert ours == pytest.approx(expected, rel=16 * 2.0**-52), kernel.name
+
+
+def test_shapes_and_batches(tmp_path: Path) -> None:
+    """Oracle: a 2×3 output is dense and row-major, batches step, and `summed` adds up in order."""
+    v_, s_ = Argument("v", (3,), "1"), Argument("s", (1,), "1")
+    v, s = v_.symbol(), s_.symbol()
+    rows = ca.vertcat(ca.horzcat(v[0], 0, v[1]), ca.horzcat(s * v[2], 7, 0))
+    outputs = {
+        Argument("rows", (2, 3), "1"): rows,
+        Argument("total", (3,), "1", summed=True): s * v,
+    }
+    kernel = make_kernel("grid", {v_: v, s_: s}, outputs, "toy")
+    function = compiled((kernel,), tmp_path).toy_grid_batch
+    vs, ss = np.arange(12.0).reshape(4, 3), np.array([10.0])
+    out, total = np.full((4, 2, 3), np.nan), np.full(3, np.nan)
+    step = ctypes.c_long
+    function(
+        step(4), pointer(vs), step(3), pointer(ss), step(0), pointer(out), pointer(total)
+    )
+    for k in range(4):
+        np.testing.assert_array_equal(out[k], [[vs[k, 0], 0, vs[k, 1]], [10 * vs[k, 2], 7, 0]])
+    np.testing.assert_array_equal(total, (10 * vs).sum(axis=0))
+    function(
+        step(0), pointer(vs), step(3), pointer(ss), step(0), pointer(out), pointer(total)
+    )
+    np.testing.assert_array_equal(total, np.zeros(3))
+
+
+def test_declared_shape_is_checked() -> None:
+    """Property: an expression of another shape than declared is refused by name."""
+    x = ca.SX.sym("x")
+    with pytest.raises(BuildError, match=r"kernel 'k': output 'out' is declared \(2, 1\)"):
+        make_kernel("k", {x_: x}, {Argument("out", (2,), "1"): x}, "toy")
+
+
+def test_unknown_operation_is_named() -> None:
+    """Property: an instruction without C text is a BuildError, never wrong code."""
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    with pytest.raises(BuildError, match=rf"kernel 'gauss' uses .* {ca.OP_ERF}, .* symgen\.emit"):
+        c_body(toy("gauss", ca.erf(x), x, y))
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+@example(0.1)
+@example(-0.0)
+@example(5e-324)
+@example(1e22)
+@example(-3.0)
+def test_constants_keep_all_digits(value: float) -> None:
+    """Property: the C text reads back as the same 64 bits and is never an integer literal."""
+    text = c_constant(value)
+    assert struct.pack("d", float(text.strip("()"))) == struct.pack("d", value)
+    assert any(mark in text for mark in ".e")
+    assert text.startswith("(") == text.startswith("(-")
+
+
+def test_strictest_c99(tmp_path: Path) -> None:
+    """Oracle: the compiler, with every warning an error, C99 and no extension."""
+    files = emit("toy", tuple(toys().values()), FACTS, VERSIONS).files
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        pytest.skip("no C compiler on the PATH")
+    flags = "-std=c99 -pedantic -Wall -Wextra -Werror -Wno-unused-parameter -fsyntax-only".split()
+    run = subprocess.run(
+        [compiler, *flags, "kernels.c", "batch.c"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_robot_code_is_strict_c99_and_its_header_cpp(tiny_built: Path) -> None:
+    """Oracle: the compilers, on the pendulum's real kernels and on its header as C++."""
+    sources = [str(tiny_built / name) for name in ("kernels.c", "batch.c")]
+    for tool, arguments in {
+        "gcc": ["-std=c99", "-pedantic", "-Wno-unused-parameter", *sources],
+        "g++": ["-std=c++11", "-pedantic", "-x", "c++", str(tiny_built / "tiny.h")],
+    }.items():
+        if shutil.which(tool) is None:
+            pytest.skip(f"no {tool} on the PATH")
+        run = subprocess.run(
+            [tool, "-Wall", "-Wextra", "-Werror", "-fsyntax-only", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert run.returncode == 0, run.stderr
+
+
+def test_equal_input_gives_equal_bytes() -> None:
+    """Property: emitting twice, from symbols made twice, gives the same bytes and hash."""
+    first, second = (emit("toy", tuple(toys().values()), FACTS, VERSIONS) for _ in range(2))
+    assert first == second
+    other = emit("toy", tuple(toys().values()), FACTS | {"pi0": [2.0]}, VERSIONS)
+    assert other.model_hash != first.model_hash
+    manifest = json.loads(first.files["manifest.json"])
+    assert manifest["model_hash"] == first.model_hash
+    assert first.model_hash in first.files["kernels.c"]
+
+
+def test_names_are_not_a_robot_s(tmp_path: Path) -> None:
+    """Oracle: y = x² by any name, through ctypes; the hash function answers."""
+    x = ca.SX.sym("x")
+    kernel = make_kernel("square", {x_: x}, {y_: x * x}, "y = x^2")
+    dll = compiled((kernel,), tmp_path, "parabola")
+    x_in, out = np.array([-3.0]), np.empty(1)
+    dll.parabola_square(pointer(x_in), pointer(out))
+    assert out[0] == 9.0
+    dll.parabola_model_hash.restype = ctypes.c_char_p
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert dll.parabola_model_hash().decode() == manifest["model_hash"]
+    assert manifest["kernels"][0]["operations"] == 1

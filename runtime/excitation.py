@@ -27,6 +27,8 @@ DEFAULT_ACCELERATION = 10.0
 """Used where the robot states none, rad/s² or m/s²."""
 DEFAULT_RANGE = np.pi
 """± range of a joint without position limits, rad or m."""
+LONGEST = 3600.0
+"""Duration in s beyond which the limits' grid outgrows the memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,10 +187,10 @@ def design(
     Raises:
         IdentificationError: options or home position make no trajectory.
     """
-    if not (np.isfinite(duration) and duration > 0) or harmonics < 1 or starts < 1:
+    if not 0 < duration <= LONGEST or harmonics < 1 or starts < 1:
         raise IdentificationError(
-            "a trajectory needs a positive duration, at least one harmonic and one start, got "
-            f"{duration:g} s, {harmonics}, {starts}"
+            f"a trajectory needs a positive duration up to {LONGEST:g} s, at least one harmonic "
+            f"and one start, got {duration:g} s, {harmonics}, {starts}"
         )
     rest = lib.home if home is None else np.asarray(home, dtype=float)
     n = lib.n_joints

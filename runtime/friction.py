@@ -31,13 +31,18 @@ def columns(
     """C (N, n, k) from dq (N, n) [rad/s]: one column per name, ε = coulomb_speed [rad/s].
 
     Raises:
-        RecordingError: an unknown name, or a speed that is not above 0.
+        RecordingError: an unknown or repeated name, or a speed that is not above 0.
     """
     for name in names:
         if name not in COLUMNS:
             raise RecordingError(
                 f"there is no friction column {name!r}; choose from {', '.join(COLUMNS)}"
             )
+    if len(set(names)) < len(names):
+        raise RecordingError(
+            f"the friction columns {', '.join(names)} name one twice, so that their coefficients "
+            "cannot be told apart; name each once"
+        )
     if not coulomb_speed > 0.0:
         raise RecordingError(
             f"expected a coulomb_speed above 0 rad/s, got {coulomb_speed}; 0.02 is usual"

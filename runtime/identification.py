@@ -188,6 +188,7 @@ def identify(
         parts = (done[0], done[1], done[2])
     train, held = samples_of(parts[0], lib), samples_of(parts[1], lib)
     samples_of(parts[2], lib)
+    _require_enough(train, lib)
     problem = Problem(
         lib=lib,
         train=train,
@@ -222,6 +223,16 @@ def identify(
         seed=seed,
         notes=fit.notes,
     )
+
+
+def _require_enough(train: Samples, lib: Library) -> None:
+    """Fewer equations than unknowns determine nothing, whatever the method."""
+    equations, unknowns = train.tau.size, len(lib.base_columns) + train.columns[0].size
+    if equations < unknowns:
+        raise IdentificationError(
+            f"the {len(train)} training samples give {equations} equations for {unknowns} "
+            "unknowns (base parameters and friction); record for longer, or train on more of it"
+        )
 
 
 def _prepared(recording: Recording, preparation: Preparation | None, terms: Friction) -> Recording:

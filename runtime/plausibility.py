@@ -9,13 +9,17 @@ from runtime.recording import Recording
 OUTSIDE = 0.35
 """How far beyond a joint limit (rad or m) a measured position is no longer a rounding matter."""
 
+SLOWEST = 2.0
+"""Rate in Hz below which differences of positions say nothing about speed."""
+
 
 def require_plausible(recording: Recording, lib: Library) -> None:
     """Refuse recordings that contradict the robot's model.
 
     Raises:
         IdentificationError: wrong joint count, positions far outside the limits (degrees?), torque
-            against gravity (sign?), or a torque that is missing.
+            against gravity (sign?), a torque that is missing or silent, or a clock too slow to
+            differentiate (ms?).
     """
     n = lib.n_joints
     if recording.q.shape[1] != n:
@@ -27,6 +31,15 @@ def require_plausible(recording: Recording, lib: Library) -> None:
     if recording.tau is None:
         raise IdentificationError(
             f"the recording '{recording.name}' has no torque, which identification needs"
+        )
+    if not recording.tau.any():
+        raise IdentificationError(
+            f"the torque of the recording '{recording.name}' is 0 throughout; log the measured one"
+        )
+    if recording.dq is None and len(recording) > 1 and recording.rate_hz < SLOWEST:
+        raise IdentificationError(
+            f"the recording '{recording.name}' has no dq, and its rate of {recording.rate_hz:.3g} "
+            "Hz is too low to differentiate q; if its time is in ms, state that in a recipe"
         )
     limits = lib.limits()
     low, high = recording.q.min(axis=0), recording.q.max(axis=0)

@@ -6,7 +6,7 @@ and measures with noise: a log as a bench would give it.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -39,9 +39,25 @@ class Plant:
     velocity_noise: float = 0.0
     torque_noise: float = 0.0
 
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.pi).all():
+            raise IdentificationError(
+                "the true parameters of the simulated robot are not finite; lower the perturbation"
+            )
+        for item in fields(self)[1:]:
+            value = getattr(self, item.name)
+            if not (np.isfinite(value) and value >= 0):
+                raise IdentificationError(
+                    f"the simulated robot's {item.name.replace('_', ' ')} cannot be {value:g}; "
+                    "give a number from 0 up"
+                )
+
 
 STIFFNESS, DAMPING = 225.0, 30.0
 """Gains of the controller, 1/s² and 1/s: critically damped at 15 rad/s."""
+
+MOST_SAMPLES = 10_000_000
+"""More would not fit into the memory of an ordinary computer."""
 
 RESOLVED = 2.0
 """Largest decay rate times step; the Runge–Kutta step of fourth order is stable up to 2.78."""
@@ -60,7 +76,7 @@ def ideal(
     rng: np.random.Generator | None = None,
 ) -> Recording:
     """Exact motion along the trajectory; torque of the plant with its torque noise."""
-    t = _clock(trajectory, rate_hz)
+    t = sample_times(trajectory.duration, rate_hz)
     q, dq, ddq, _ = trajectory.at(lib, t)
     tau = lib.inverse_dynamics(q, dq, ddq, plant.pi) + _friction(plant, dq)
     if rng is not None:
@@ -88,7 +104,7 @@ def closed_loop(
     Raises:
         IdentificationError: the motion diverged.
     """
-    t = _clock(trajectory, rate_hz)
+    t = sample_times(trajectory.duration, rate_hz)
     wanted_q, wanted_dq, wanted_ddq, _ = trajectory.at(lib, t)
     n, step = lib.n_joints, 1.0 / rate_hz
     q, dq = wanted_q[0].copy(), wanted_dq[0].copy()
@@ -120,10 +136,19 @@ def closed_loop(
     )
 
 
-def _clock(trajectory: Trajectory, rate_hz: float) -> Array:
-    if not (np.isfinite(rate_hz) and rate_hz > 0):
-        raise IdentificationError(f"the sampling rate must be positive, got {rate_hz:g} Hz")
-    return np.arange(round(trajectory.duration * rate_hz) + 1) / rate_hz
+def sample_times(duration: float, rate_hz: float) -> Array:
+    """0, 1/rate, … up to the duration, s.
+
+    Raises:
+        IdentificationError: they make no clock, or one of more than `MOST_SAMPLES`.
+    """
+    samples = duration * rate_hz
+    if not (duration > 0 and rate_hz > 0 and samples < MOST_SAMPLES):
+        raise IdentificationError(
+            "a motion needs a positive duration and sampling rate that make fewer than "
+            f"{MOST_SAMPLES:,} samples, got {duration:g} s and {rate_hz:g} Hz"
+        )
+    return np.arange(round(samples) + 1) / rate_hz
 
 
 def _friction(plant: Plant, dq: Array) -> Array:

@@ -49,9 +49,14 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
             "python -m runtime excite"
         ) from None
     n = lib.n_joints
-    fits = trajectory.home.shape == (n,) and trajectory.coefficients.shape[:1] == (n,)
-    if joints != list(lib.joint_names) or not fits or trajectory.coefficients.ndim != 2:
+    shape = trajectory.coefficients.shape
+    fits = trajectory.home.shape == (n,) and len(shape) == 2 and shape[0] == n
+    if joints != list(lib.joint_names) or not fits or not trajectory.coefficients.size:
         raise RecordingError(f"the trajectory '{path}' belongs to another robot than '{lib.name}'")
-    if not np.isfinite(trajectory.coefficients).all() or not trajectory.duration > 0:
-        raise RecordingError(f"the trajectory '{path}' holds values that are not finite")
+    numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]
+    if not np.isfinite(numbers).all() or not trajectory.duration > 0:
+        raise RecordingError(
+            f"the trajectory '{path}' holds values that are not finite, or a duration that is not "
+            "positive; make one with: python -m runtime excite"
+        )
     return trajectory

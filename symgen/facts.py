@@ -98,6 +98,9 @@ def model_facts(
 
 
 def _middle(joint: Joint) -> float:
+    """Zero where it lies well inside the limits, else the middle between them."""
     if joint.lower is None or joint.upper is None:
         return 0.0
-    return float(np.clip(0.0, joint.lower, joint.upper))
+    margin = 0.1 * (joint.upper - joint.lower)
+    inside = joint.lower + margin <= 0.0 <= joint.upper - margin
+    return 0.0 if inside else (joint.lower + joint.upper) / 2

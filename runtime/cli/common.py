@@ -15,7 +15,7 @@ console = Console()
 Robot = Annotated[
     str, typer.Option("--robot", help="Name of a generated robot, or its folder under generated/.")
 ]
-Seed = Annotated[int, typer.Option(help="Seed of everything random.")]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 
 
 def say(text: str) -> None:

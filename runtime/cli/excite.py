@@ -8,9 +8,11 @@ import typer
 from rich.progress import Progress
 
 from runtime.cli.common import Robot, Seed, console, say
+from runtime.errors import RuntimeFault
 from runtime.excitation import COST_SAMPLES, design
 from runtime.library import load
 from runtime.recording import Recording, write_recording
+from runtime.simulation import sample_times
 from runtime.trajectory_file import write_trajectory
 
 
@@ -35,6 +37,13 @@ def excite_command(
     python -m runtime excite --robot fr3 --duration 10 --starts 10
     """
     lib = load(robot)
+    path = out or Path("results") / f"{lib.name}-excite.json"
+    if path.suffix != ".json":
+        raise RuntimeFault(
+            f"the trajectory needs a file that ends in .json, got '{path}'; "
+            "its motion is written beside it as .csv"
+        )
+    t = sample_times(duration, rate)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts)
 
@@ -43,9 +52,7 @@ def excite_command(
             progress.update(task, completed=done, description=text)
 
         found = design(lib, duration, harmonics, starts, seed, progress=report)
-    path = out or Path("results") / f"{lib.name}-excite.json"
     write_trajectory(found, lib, path)
-    t = np.arange(round(duration * rate) + 1) / rate
     q, dq, ddq, _ = found.trajectory.at(lib, t)
     sentence = f"Designed by symgen, condition number {found.condition:.4f}."
     table = path.with_suffix(".csv")

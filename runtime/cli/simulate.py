@@ -73,14 +73,14 @@ def simulate_command(
         )
         progress.update(task, description="simulating")
         if exact:
-            recording = ideal(lib, motion, plant, rate or 100.0, rng)
+            recording = ideal(lib, motion, plant, 100.0 if rate is None else rate, rng)
         else:
             recording = closed_loop(
                 lib,
                 motion,
                 plant,
                 rng,
-                rate or 1000.0,
+                1000.0 if rate is None else rate,
                 lambda x: progress.update(task, completed=x),
             )
     if keep_every > 1:

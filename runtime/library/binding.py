@@ -3,6 +3,8 @@
 import ctypes
 import hashlib
 import json
+import shutil
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -78,11 +80,12 @@ class Binding:
 def _checked(kernel: str, argument: ArgumentFacts, value: ArrayLike) -> Array:
     """Contiguous float64 as (size,) or (N, size)."""
     try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(
-            f"{kernel}: {argument.name} needs real numbers, got {value!r:.80}"
-        ) from None
+        given = np.asarray(value)
+    except ValueError:  # rows of unequal length
+        given = np.array(None)
+    if given.dtype.kind not in "fiub":
+        raise ShapeError(f"{kernel}: {argument.name} needs real numbers, got {value!r:.80}")
+    array = np.ascontiguousarray(given, dtype=np.float64).reshape(given.shape)
     shape = argument.shape
     if array.shape == shape or (argument.size == 1 and array.ndim == 0):
         return array.reshape(argument.size)
@@ -115,16 +118,25 @@ def _open(folder: Path, manifest: Manifest) -> ctypes.CDLL:
         raise LibraryError(f"the library '{path}' is older than its manifest.json; {_AGAIN}")
     try:
         dll = ctypes.CDLL(str(path.resolve()))
-        answer = dll[f"{manifest.robot}_model_hash"]
+        found = _model_hash(dll, manifest)
+        if found != manifest.model_hash:
+            # By a path it knows, the loader hands out an older build that this process has open.
+            with tempfile.TemporaryDirectory() as fresh:
+                dll = ctypes.CDLL(shutil.copy(path, fresh))
+            found = _model_hash(dll, manifest)
     except (OSError, AttributeError) as error:
         raise LibraryError(
             f"the library '{path}' cannot be used here ({error}); {_AGAIN}"
         ) from None
-    answer.restype = ctypes.c_char_p
-    found = answer().decode()
     if found != manifest.model_hash:
         raise LibraryError(
             f"the library '{path}' belongs to the model {found[:12]}, its manifest to "
             f"{manifest.model_hash[:12]}; {_AGAIN}"
         )
     return dll
+
+
+def _model_hash(dll: ctypes.CDLL, manifest: Manifest) -> str:
+    answer = dll[f"{manifest.robot}_model_hash"]
+    answer.restype = ctypes.c_char_p
+    return str(answer().decode())

@@ -188,7 +188,7 @@ class Library:
         bad = np.flatnonzero(~np.isfinite(lam).all(axis=1))
         if bad.size:
             links = ", ".join(dict.fromkeys(self.link_names[k % self.n_joints] for k in bad))
-            worst = np.nanmin(self.relative_eigenvalues(flat[bad[0]].reshape(1, -1)))
+            worst = self.relative_eigenvalues(flat[bad[0]])[0]
             raise NotRealisableError(
                 f"pi of {links} belongs to no body of positive density (smallest eigenvalue of "
                 f"the pseudo-inertia {worst:.2e} of its trace); take nearest_realisable(pi) to "
@@ -212,10 +212,16 @@ class Library:
         return blocks.reshape(*np.shape(pi)[:-1], self.n_joints, 4, 4)
 
     def relative_eigenvalues(self, pi: ArrayLike) -> Array:
-        """Smallest eigenvalue of each P_k over its trace: positive means strictly consistent."""
+        """Smallest eigenvalue of each P_k over its trace: positive means strictly consistent.
+
+        NaN where π is not finite.
+        """
         blocks = self._binding.call("pseudo_inertia", np.reshape(pi, (-1, _SIZE)))[0]
+        finite = np.isfinite(blocks).all(axis=(1, 2))
+        smallest = np.full(len(blocks), np.nan)
+        smallest[finite] = np.linalg.eigvalsh(blocks[finite])[:, 0]
         traces = np.trace(blocks, axis1=1, axis2=2)
-        return np.linalg.eigvalsh(blocks)[:, 0] / np.where(traces == 0, 1.0, np.abs(traces))
+        return smallest / np.where(traces == 0, 1.0, np.abs(traces))
 
     def _links(self, name: str, value: ArrayLike) -> Array:
         """(10 n,) or (N, 10 n) as rows of one link each."""

@@ -1,0 +1,132 @@
+"""Ground of the run-time tests: the FR3, the document's trajectories, one real log, the CLI."""
+
+import ctypes
+import json
+import re
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Identification, Recording, identify, read_recording
+from runtime.cli import main
+from runtime.excitation import Trajectory
+from runtime.library import Library
+from runtime.simulation import Plant, ideal
+from tests.robots import DATA
+
+# Link 7 of the document's "true" robot: twice the mass and the inertia of the URDF's, at full
+# precision (the document's Table B.4 is rounded twice).
+PI7_TRUE = np.array(
+    [
+        *(1.2542865724, 5.6726134989e-3, 1.0819716922e-2, -2.0273441638e-2, 9.4286696773e-4),
+        *(8.0771244614e-4, 3.3885162663e-4, -9.7599036040e-5, 1.8297790402e-4, 3.4976400656e-4),
+    ]
+)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _one_blas_thread() -> None:
+    """Small matrices on busy cores: OpenBLAS threads that wait for each other cost 50 times more.
+
+    Results do not depend on it; numpy and scipy each bring their own copy of the library.
+    """
+    maps = Path("/proc/self/maps")
+    import scipy.linalg  # loads scipy's copy  # noqa: F401
+
+    if not maps.exists():
+        return
+    for path in set(re.findall(r"/\S*openblas\S*", maps.read_text())):
+        for name in ("scipy_openblas_set_num_threads64_", "scipy_openblas_set_num_threads"):
+            with suppress(OSError, AttributeError):
+                getattr(ctypes.CDLL(path), name)(1)
+
+
+@pytest.fixture(scope="session")
+def lib(fr3: Library) -> Library:
+    """The FR3, built for this session."""
+    return fr3
+
+
+@pytest.fixture(scope="session")
+def trajectories(lib: Library) -> tuple[Trajectory, ...]:
+    """Training, validation and test trajectory: the best three of 60 designs."""
+    facts = json.loads((DATA / "fr3_excitation.json").read_text())
+    return tuple(
+        Trajectory(lib.home, np.array(entry["coefficients"]), facts["duration"])
+        for entry in facts["trajectories"]
+    )
+
+
+@pytest.fixture(scope="session")
+def pi_true(lib: Library) -> np.ndarray:
+    """The document's true robot."""
+    return np.concatenate([lib.pi0[:-10], PI7_TRUE])
+
+
+@pytest.fixture(scope="session")
+def ideal_runs(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> tuple[Recording, ...]:
+    """The three trajectories at 100 Hz without noise (document Sec. 5.1.1)."""
+    return tuple(
+        ideal(lib, trajectory, Plant(pi_true)).replace(name=name)
+        for trajectory, name in zip(trajectories, ("train", "validation", "test"), strict=True)
+    )
+
+
+@pytest.fixture(scope="session")
+def noisy(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Recording:
+    """The training trajectory with friction and 0.05 N·m of torque noise."""
+    plant = Plant(pi_true, viscous=0.5, coulomb=0.3, torque_noise=0.05)
+    return ideal(lib, trajectories[0], plant, rng=np.random.default_rng(7))
+
+
+@pytest.fixture(scope="session")
+def panda(shared_data: Path) -> Recording:
+    """A real log of a Franka arm with link-side torque."""
+    return read_recording(shared_data / "data" / "panda_gaz")
+
+
+@pytest.fixture(scope="session")
+def panda_adam(panda: Recording, lib: Library) -> Identification:
+    """The real log identified with the defaults."""
+    return identify(panda, lib)
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """What one command did."""
+
+    code: int
+    out: str
+    err: str
+
+
+Command = Callable[..., Ran]
+
+
+@pytest.fixture
+def command(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Command:
+    """`python -m runtime …` in this process, from the folder tmp_path."""
+
+    def run(*words: object) -> Ran:
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["runtime", *map(str, words)])
+        capsys.readouterr()
+        code: object = 0
+        try:
+            main()
+        except SystemExit as exit_:
+            code = exit_.code
+        out, err = capsys.readouterr()
+        assert code is None or isinstance(code, int)
+        return Ran(code or 0, out, err)
+
+    return run

@@ -7,6 +7,9 @@ import typer
 from runtime.cli import evaluate, excite, identify, simulate
 from runtime.errors import RuntimeFault
 
+INTERRUPTED = 130
+"""Exit code that typer makes of a KeyboardInterrupt which no method has caught."""
+
 app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
@@ -30,9 +33,10 @@ def main() -> None:
     except RuntimeFault as error:
         print(f"runtime: {error}", file=sys.stderr)
         raise SystemExit(2) from None
-    except KeyboardInterrupt:
-        print("runtime: interrupted before there was anything to keep", file=sys.stderr)
-        raise SystemExit(130) from None
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            print("runtime: interrupted before there was anything to keep", file=sys.stderr)
+        raise
 
 
 __all__ = ["app", "main"]

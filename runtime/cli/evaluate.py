@@ -12,6 +12,7 @@ from runtime.cli.common import Robot, console, say, torque_table
 from runtime.datasets import locate
 from runtime.errors import RecordingError
 from runtime.library import load
+from runtime.library.manifest import PI_NAMES
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
@@ -43,14 +44,12 @@ def evaluate_command(
         )
     recording = read_recording(log, recipe, run)
     require_plausible(recording, lib)
-    terms = facts["friction"] or {"columns": [], "coulomb_speed": 1.0, "values": []}
-    prepared = prepare(recording, None, tuple(terms["columns"]), terms["coulomb_speed"])
+    prepared = prepare(recording, None, facts["columns"], facts["coulomb_speed"])
     samples = samples_of(prepared, lib)
-    pi = np.array(facts["pi"])
     before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
-    after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi)
-    if terms["values"]:
-        after = after + friction.torque(samples.columns, np.array(terms["values"]))
+    after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, facts["pi"])
+    if facts["columns"]:
+        after = after + friction.torque(samples.columns, facts["phi"])
     errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]
     figures: dict[str, Any] = {
         "robot": lib.name,
@@ -80,13 +79,21 @@ def locate_command(
 
 
 def _read(folder: Path) -> dict[str, Any]:
-    path = folder / "result.json"
+    """The facts that evaluate needs, with π and friction as arrays of the right shape."""
     try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
-        for key in ("robot", "method", "joints", "units", "pi", "friction"):
-            facts[key]
+        facts = dict(json.loads((folder / "result.json").read_text(encoding="utf-8")))
+        n = len(facts["joints"])
+        terms = facts["friction"] or {"columns": [], "coulomb_speed": 1.0, "values": [[]] * n}
+        read = {key: facts[key] for key in ("robot", "method", "joints", "units")}
+        read["pi"] = np.array(facts["pi"], dtype=float)
+        read["columns"] = tuple(map(str, terms["columns"]))
+        read["coulomb_speed"] = float(terms["coulomb_speed"])
+        read["phi"] = np.array(terms["values"], dtype=float)
+        whole = len(read["units"]) == n and read["pi"].shape == (len(PI_NAMES) * n,)
+        if not whole or read["phi"].shape != (n, len(read["columns"])):
+            raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
         raise RecordingError(
             f"'{folder}' holds no valid result.json; give the folder that identify wrote"
         ) from None
-    return dict(facts)
+    return read

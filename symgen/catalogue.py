@@ -55,11 +55,11 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     slides = {j.kind == "prismatic" for j in chain.joints}
     effort = "|".join({True: "N", False: "N*m"}[s] for s in sorted(slides))
     q_, dq_, ddq_ = (Argument(name, (n,), _units(chain, k)) for k, name in enumerate(_STATE))
-    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI")
-    lam_, weight_ = Argument("lam", (P * n,), "lambda"), Argument("weight", (n,), "1")
-    rotor_ = Argument(
-        "rotor", (n,), "|".join({True: "kg", False: "kg*m^2"}[s] for s in sorted(slides))
-    )
+    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI", shared=True)
+    lam_ = Argument("lam", (P * n,), "lambda", shared=True)
+    weight_ = Argument("weight", (n,), "1", shared=True)
+    inertia_unit = "|".join({True: "kg", False: "kg*m^2"}[s] for s in sorted(slides))
+    rotor_ = Argument("rotor", (n,), inertia_unit, shared=True)
     s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, lam_, weight_, rotor_)}
     q, dq, ddq, tau, pi, lam, weight, rotor = s.values()
     motion = {a: s[a] for a in (q_, dq_, ddq_)}

@@ -74,7 +74,9 @@ def compile_library(sources: list[Path], tiles: Path, target: Path) -> Compiled:
         CompilerError: the compiler failed; its message is part of the sentence.
     """
     compiler = find_compiler()
-    units = [(source.name, f"{source.stem}.o", ()) for source in sources]
+    units: list[tuple[str, str, tuple[str, ...]]] = [
+        (source.name, f"{source.stem}.o", ()) for source in sources
+    ]
     for level, (width, architecture) in LEVELS.get(machine(), {}).items():
         extra = (f"-DLEVEL={level}", f"-DW={width}", *_architecture(compiler, architecture))
         units.append((tiles.name, f"{tiles.stem}_{level}.o", extra))

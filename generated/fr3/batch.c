@@ -121,6 +121,13 @@ void fr3_pi_jacobian_batch(long n, const double *lam, long lam_step, double *jac
     }
 }
 
+void fr3_pi_adjoint_batch(long n, const double *lam, long lam_step, const double *slope, long slope_step, double *gradient)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_pi_adjoint(lam + i * lam_step, slope + i * slope_step, gradient + i * 10);
+    }
+}
+
 void fr3_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam)
 {
     for (long i = 0; i < n; ++i) {

@@ -60,6 +60,10 @@ void fr3_pi_from_lam_batch(long n, const double *lam, long lam_step, double *pi)
 void fr3_pi_jacobian(const double lam[10], double jacobian[100]);
 void fr3_pi_jacobian_batch(long n, const double *lam, long lam_step, double *jacobian);
 
+/* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations. */
+void fr3_pi_adjoint(const double lam[10], const double slope[10], double gradient[10]);
+void fr3_pi_adjoint_batch(long n, const double *lam, long lam_step, const double *slope, long slope_step, double *gradient);
+
 /* Eqs. 4.18-4.23. 1489 operations. */
 void fr3_lam_from_pi(const double pi[10], double lam[10]);
 void fr3_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam);

@@ -49,8 +49,8 @@ class Binding:
         return best if best in self.levels else "portable"
 
     def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
-        vector = kernel.per == "sample" and self.level != "portable"
-        prefix = f"{self._manifest.robot}_{self.level}" if vector else self._manifest.robot
+        robot = self._manifest.robot
+        prefix = robot if self.level == "portable" else f"{robot}_{self.level}"
         function = self._dll[f"{prefix}_{kernel.name}_batch"]
         pair = (ctypes.c_void_p, ctypes.c_long)
         function.argtypes = (

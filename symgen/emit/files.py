@@ -38,7 +38,7 @@ def emit(
         versions: tool → version, for the banner and the manifest.
     """
     bodies = {kernel.name: c_body(kernel) for kernel in kernels}
-    tiles = {kernel.name: tile_program(kernel) for kernel in kernels if kernel.per == "sample"}
+    tiles = {kernel.name: tile_program(kernel) for kernel in kernels}
     manifest = {
         "format": 1,
         "robot": name,
@@ -64,6 +64,7 @@ def emit(
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "kernels.c": render("kernels.c.jinja2", context),
         "batch.c": render("batch.c.jinja2", context),
+        "lanes.h": (_TEMPLATES / "lanes.h").read_text(encoding="utf-8"),
         "tiles.c": render("tiles.c.jinja2", context),
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),

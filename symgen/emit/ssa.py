@@ -55,8 +55,30 @@ _TILE_EXPRESSIONS = {
         ca.OP_TWICE,
         ca.OP_INV,
     )
+} | {
+    ca.OP_SQRT: "vd_sqrt({0})",
+    ca.OP_EXP: "vd_exp({0})",
+    ca.OP_LOG: "vd_log({0})",
+    ca.OP_TANH: "vd_tanh({0})",
+    ca.OP_ATAN2: "vd_atan2({0}, {1})",
+    ca.OP_FABS: "vd_abs({0})",
+    ca.OP_FMIN: "vd_min({0}, {1})",
+    ca.OP_FMAX: "vd_max({0}, {1})",
+    ca.OP_LT: "vd_truth({0} < {1})",
+    ca.OP_LE: "vd_truth({0} <= {1})",
+    ca.OP_EQ: "vd_truth({0} == {1})",
+    ca.OP_NE: "vd_truth({0} != {1})",
+    ca.OP_NOT: "vd_truth({0} == 0.0)",
+    ca.OP_AND: "vd_truth(({0} != 0.0) & ({1} != 0.0))",
+    ca.OP_OR: "vd_truth(({0} != 0.0) | ({1} != 0.0))",
+    ca.OP_IF_ELSE_ZERO: "vd_if({0}, {1})",
 }
-"""Instructions that read the same for a number and for a vector."""
+"""Arithmetic reads the same for a number and for a vector; the functions are those of lanes.h."""
+
+_NEEDS_VECTORS = frozenset(
+    (ca.OP_ATAN2, ca.OP_FMIN, ca.OP_FMAX, ca.OP_IF_ELSE_ZERO, ca.OP_AND, ca.OP_OR)
+)
+"""Operations whose shared operand must be spread over the lanes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +174,7 @@ class _TileWriter:
                 uniform = all(shared[i] for i in ins)
                 operands = [text[i] for i in ins]
                 if not uniform:
-                    operands = [self._seen_by_tile(text[i]) if shared[i] else text[i] for i in ins]
+                    operands = [self._operand(text[i], shared[i], op) for i in ins]
                 text[outs[0]] = self._statement(k, op, operands, uniform)
                 shared[outs[0]] = uniform
         return TileProgram(self._prepare_lines(), len(self._slots), self._body, self._operations)
@@ -164,9 +186,6 @@ class _TileWriter:
             self._operations += 1
         if not uniform and op in {ca.OP_SIN, ca.OP_COS}:
             return self._sine_or_cosine(op, operands[0], k)
-        if not uniform and op == ca.OP_SQRT:
-            self._body.append(f"const vd {name} = vd_sqrt({operands[0]});")
-            return name
         if op not in table:
             raise BuildError(
                 f"kernel '{self._kernel.name}' uses the CasADi instruction {op} per sample, for "
@@ -183,6 +202,12 @@ class _TileWriter:
             self._body.append(f"vd s{k}, c{k};")
             self._body.append(f"vd_sincos({operand}, &s{k}, &c{k});")
         return f"{'s' if op == ca.OP_SIN else 'c'}{self._pairs[operand]}"
+
+    def _operand(self, text: str, shared: bool, op: int) -> str:
+        if not shared:
+            return text
+        seen = self._seen_by_tile(text)
+        return f"vd_all({seen})" if op in _NEEDS_VECTORS else seen
 
     def _seen_by_tile(self, text: str) -> str:
         """How the tile body reads a shared value: inputs and constants directly, others from u."""

@@ -47,12 +47,12 @@ def build(request: BuildRequest, root: Path, force: bool = False) -> BuildResult
         SymgenError: the URDF, the compiler or the file system refused; nothing was changed.
     """
     folder = root / request.name
+    if not force and is_current(request, folder):
+        return BuildResult(folder, False, ())
+    robot, notes = generate(request)  # a refused robot leaves no trace on disk
     with _write_errors(folder):
         root.mkdir(parents=True, exist_ok=True)
         with _lock(root, request.name):
-            if not force and is_current(request, folder):
-                return BuildResult(folder, False, ())
-            robot, notes = generate(request)
             staging = Path(tempfile.mkdtemp(prefix=f".{request.name}.", dir=root))
             try:
                 staging.chmod(0o755)

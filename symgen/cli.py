@@ -115,7 +115,7 @@ def check(
     out: Root = DEFAULT_ROOT,
 ) -> None:
     """Regenerate in memory and compare with the files on disk; a difference is exit code 1."""
-    different = False
+    different = []
     for folder in _folders(out, robot):
         bundled = folder.name in bundled_robots()
         request = bundled_request(folder.name) if bundled else request_from_folder(folder)
@@ -124,16 +124,16 @@ def check(
             path = folder / file
             old = path.read_text(encoding="utf-8") if path.exists() else ""
             if old != text:
-                different = True
+                different.append(folder)
                 diff = difflib.unified_diff(
                     old.splitlines(), text.splitlines(), str(path), "regenerated", n=1, lineterm=""
                 )
                 sys.stdout.writelines(
                     f"{line}\n" for _, line in zip(range(200), diff, strict=False)
                 )
-        state = "differs, run: python -m symgen build" if different else "in sync"
+        state = "differs, run: python -m symgen build" if folder in different else "in sync"
         console.print(f"{folder}: {state}", highlight=False, soft_wrap=True)
-    raise typer.Exit(int(different))
+    raise typer.Exit(int(bool(different)))
 
 
 @app.command("list")

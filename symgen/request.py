@@ -107,7 +107,11 @@ def request_from_folder(folder: Path) -> BuildRequest:
     try:
         manifest = json.loads((folder / "manifest.json").read_text())
         urdf = (folder / f"{name}.urdf").read_text()
-        options = ChainOptions(tip=manifest["options"]["tip"], gravity=tuple(manifest["gravity"]))
+        options = ChainOptions(
+            tip=manifest["options"]["tip"],
+            gravity=tuple(manifest["gravity"]),
+            removed=tuple(manifest["removed"]),
+        )
         config = RobotConfig(
             **{
                 key: tuple(values) if (values := manifest[key]) is not None else None

@@ -20,9 +20,7 @@ from tests.robots import CASES
 REPOSITORY = Path(__file__).parents[1]
 
 # Derandomised: the same commit passes or fails the same way everywhere.
-settings.register_profile(
-    "tests", max_examples=60, deadline=None, derandomize=True, database=None
-)
+settings.register_profile("tests", max_examples=60, deadline=None, derandomize=True, database=None)
 settings.load_profile("tests")
 
 
@@ -32,7 +30,7 @@ def shared_data() -> Path:
     folder = Path(os.environ.get("SYMGEN_DATA", REPOSITORY.parent / "shared"))
     if not (folder / "models").is_dir():
         pytest.skip(
-            f"no test data in '{folder}'; set SYMGEN_DATA to the folder that holds models/ and data/"
+            f"no test data in '{folder}'; set SYMGEN_DATA to the folder with models/ and data/"
         )
     return folder
 

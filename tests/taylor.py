@@ -45,7 +45,9 @@ def taylor_slope(
     count = round(np.log10(largest / smallest) * _PER_DECADE) + 1
     steps = np.geomspace(largest, smallest, count)
     f0, slope0 = np.asarray(f(x)), np.asarray(derivative)
-    remainder = np.array([np.linalg.norm(np.asarray(f(x + h * v)) - f0 - h * slope0) for h in steps])
+    remainder = np.array(
+        [np.linalg.norm(np.asarray(f(x + h * v)) - f0 - h * slope0) for h in steps]
+    )
     remainder = np.maximum(remainder, np.finfo(float).tiny)
     log_h, log_r = np.log10(steps), np.log10(remainder)
     good = np.abs(np.diff(log_r) / np.diff(log_h) - 2) <= _TOLERANCE

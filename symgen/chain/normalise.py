@@ -28,6 +28,7 @@ class ChainOptions:
         gravity: m/s² in the frame of the base link; None takes (0, 0, −9.81) in the root frame.
         locks: joint name → value (rad, m) at which the joint becomes part of its parent.
         snap: rad; rpy angles within this of a multiple of π/2 are taken as meant exactly.
+        removed: links that an earlier cut has taken from this URDF, to be reported with the rest.
     """
 
     base: str | None = None
@@ -35,6 +36,7 @@ class ChainOptions:
     gravity: tuple[float, float, float] | None = None
     locks: dict[str, float] = field(default_factory=dict)
     snap: float = 0.0
+    removed: tuple[str, ...] = ()
 
 
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:
@@ -146,7 +148,7 @@ def _cut(document: Document, options: ChainOptions) -> tuple[str, ...]:
     removed = set(document.links) - keep
     document.remove(removed)
     document.root_link = base
-    return tuple(sorted(removed))
+    return tuple(sorted(removed.union(options.removed)))
 
 
 def _rigid(document: Document, link: str, on_path: set[str]) -> Iterator[str]:

@@ -124,7 +124,7 @@ def test_library_of_another_robot(tiny: Path, fr3: Library) -> None:
     record = json.loads((tiny / "build.json").read_text())
     record["sha256"] = sha256_of(tiny / "libtiny.so")
     (tiny / "build.json").write_text(json.dumps(record))
-    with pytest.raises(LibraryError, match="cannot be used here .*tiny_model_hash"):
+    with pytest.raises(LibraryError, match=r"cannot be used here .*tiny_model_hash"):
         load(tiny)
 
 
@@ -136,7 +136,7 @@ def test_library_of_another_model_of_the_same_name(tiny: Path, tmp_path: Path) -
     record = json.loads((tiny / "build.json").read_text())
     record["sha256"] = sha256_of(tiny / "libtiny.so")
     (tiny / "build.json").write_text(json.dumps(record))
-    with pytest.raises(LibraryError, match="belongs to the model .*, its manifest to "):
+    with pytest.raises(LibraryError, match=r"belongs to the model .*, its manifest to "):
         load(tiny)
 
 
@@ -314,9 +314,9 @@ def test_nan_propagates(fr3: Library) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((np.zeros(6), np.zeros(7), np.zeros(7)), r"q needs the shape \(N, 7\) or \(7,\) \[rad\], got \(6,\)"),
+        ((np.zeros(6), np.zeros(7), np.zeros(7)), r"q .* \(N, 7\) or \(7,\) \[rad\], got \(6,\)"),
         ((np.zeros((7, 3)), np.zeros((7, 3)), np.zeros((7, 3))), r"q needs .* got \(7, 3\)"),
-        ((np.zeros((2, 7)), np.zeros((3, 7)), np.zeros(7)), r"equally many samples, got q \(2, 7\), dq \(3, 7\)"),
+        ((np.zeros((2, 7)), np.zeros((3, 7)), np.zeros(7)), r"got q \(2, 7\), dq \(3, 7\)"),
         ((np.zeros((1, 2, 7)), np.zeros(7), np.zeros(7)), r"got \(1, 2, 7\)"),
         ((0.0, np.zeros(7), np.zeros(7)), r"q needs the shape"),
         ((np.zeros(7), ["a"] * 7, np.zeros(7)), r"dq needs real numbers, got \['a'"),

@@ -77,7 +77,7 @@ def test_locks_become_part_of_their_parent() -> None:
 def test_a_lock_helps_out_of_a_mimic() -> None:
     """Property: the way out that the message of a mimic joint offers works."""
     mimic = TREE.replace('<axis xyz="1 0 0"/>', '<axis xyz="1 0 0"/><mimic joint="left_lift"/>')
-    with pytest.raises(UrdfError, match="joint 'left_roll' mimics .* --lock JOINT=VALUE"):
+    with pytest.raises(UrdfError, match=r"joint 'left_roll' mimics .* --lock JOINT=VALUE"):
         read(mimic)
     assert len(read(mimic, locks={"left_roll": 0.0}).joints) == 3
 

@@ -107,9 +107,18 @@ def test_exp_derivative(angle: float) -> None:
         generators = [np.cross(np.eye(3), e).ravel(order="F") for e in np.eye(3)]
         np.testing.assert_allclose(slope, np.array(generators).T, rtol=0, atol=EPS)
     v = AXES[3]
-    assert_second_order(
-        taylor_slope(lambda w: rotation(w).ravel(order="F"), omega, v, slope @ v)
-    )
+    assert_second_order(taylor_slope(lambda w: rotation(w).ravel(order="F"), omega, v, slope @ v))
+
+
+def test_exp_gradient_at_zero() -> None:
+    """Derivative: reverse mode at θ = 0, where 0 · ∞ of the unused branch would be NaN."""
+    seed = ca.DM(np.arange(9.0).reshape(3, 3))
+    reverse = ca.jtimes(ca.vec(exp_so3(_omega)), _omega, ca.vec(seed), True)
+    gradient = np.array(ca.Function("g", [_omega], [reverse])(np.zeros(3))).ravel()
+    # ⟨S, [e_k×]⟩ picks differences of the seed's entries.
+    s = np.array(seed)
+    expected = [s[2, 1] - s[1, 2], s[0, 2] - s[2, 0], s[1, 0] - s[0, 1]]
+    np.testing.assert_array_equal(gradient, expected)
 
 
 def test_axis_rotation() -> None:

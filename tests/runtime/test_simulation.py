@@ -1,0 +1,231 @@
+"""runtime.simulation: the plant obeys its own physics, the bench measures what it says."""
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+from scipy.integrate import solve_ivp
+
+from runtime import Recording, identify, load
+from runtime.errors import IdentificationError
+from runtime.excitation import Trajectory
+from runtime.library import Library
+from runtime.metrics import torque_error
+from runtime.recording import Friction, Preparation
+from runtime.simulation import Plant, _advance, closed_loop, ideal, perturbed_lam, sample_times
+from tests.oracle import pinocchio_model, with_parameters
+
+
+def test_ideal_torque_is_pinocchios(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: Pinocchio's rnea of the changed robot, plus the friction law by hand."""
+    plant = Plant(pi_true, viscous=0.5, coulomb=0.3, coulomb_speed=0.05)
+    recording = ideal(lib, trajectories[0], plant, rate_hz=20.0)
+    model = with_parameters(pinocchio_model(lib.urdf()), lib, pi_true)
+    data = model.createData()
+    rigid = np.array(
+        [
+            pinocchio.rnea(model, data, *state).copy()
+            for state in zip(recording.q, recording.dq, recording.ddq, strict=True)
+        ]
+    )
+    friction = 0.5 * recording.dq + 0.3 * np.tanh(recording.dq / 0.05)
+    # Rounding of torques up to 90 N·m.
+    assert recording.tau == pytest.approx(rigid + friction, abs=1e-12)
+    assert (len(recording), recording.duration) == (201, 10.0)
+    assert recording.joint_names == lib.joint_names
+
+
+@pytest.fixture(scope="module")
+def gentle(lib: Library) -> Trajectory:
+    """A tenth of a second of the way out and back, brisk but short."""
+    return Trajectory(lib.home, 0.02 * np.array([[1, -0.5]] * 7) * np.arange(1, 8)[:, None], 1.0)
+
+
+def mismatch(recording: Recording, lib: Library, plant: Plant) -> np.ndarray:
+    """τ − (Y π + friction) with ddq from forward differences: the torque holds over a step."""
+    ddq = np.diff(recording.dq, axis=0) / np.diff(recording.t)[:, None]
+    q, dq, tau = recording.q[:-1], recording.dq[:-1], recording.tau[:-1]
+    friction = plant.viscous * dq + plant.coulomb * np.tanh(dq / plant.coulomb_speed)
+    return tau - lib.inverse_dynamics(q, dq, ddq, plant.pi) - friction
+
+
+def test_closed_loop_torque_is_that_of_the_true_plant(
+    lib: Library, gentle: Trajectory, pi_true: np.ndarray
+) -> None:
+    """Oracle: inverse dynamics of the truth along the logged motion; the error falls as the step.
+
+    The difference quotient of dq over one step h is off by h/2 · jerk, times inertias of 1 kg·m².
+    """
+    plant = Plant(pi_true, viscous=0.5, coulomb=0.3, coulomb_speed=0.1)
+    sizes = []
+    for rate in (1000.0, 2000.0, 4000.0):
+        recording = closed_loop(lib, gentle, plant, np.random.default_rng(0), rate)
+        sizes.append(np.abs(mismatch(recording, lib, plant)).max())
+        assert recording.ddq is None
+    # Torques reach 30 N·m; jerks of 100 rad/s³ make 0.05 N·m at h = 1 ms.
+    assert sizes[0] < 0.05
+    # First order: halved each time, within a fifth.
+    assert np.array(sizes[:-1]) / sizes[1:] == pytest.approx([2, 2], rel=0.2)
+
+
+def test_the_controller_follows_when_it_knows_the_robot(lib: Library, gentle: Trajectory) -> None:
+    """Property: with the URDF's own parameters the loop stays on the trajectory, to first order."""
+    recording = closed_loop(lib, gentle, Plant(lib.pi0), np.random.default_rng(0))
+    wanted = gentle.at(lib, recording.t)[0]
+    # The held torque lags by half a step of 1 ms: accelerations of 10 rad/s² over 225 /s².
+    assert np.abs(recording.q - wanted).max() < 1e-3
+
+
+def test_noise_is_as_large_as_it_says(lib: Library, gentle: Trajectory) -> None:
+    """Property: the measured differences to the noise-free run have the standard deviations."""
+    quiet = closed_loop(lib, gentle, Plant(lib.pi0), np.random.default_rng(0))
+    plant = Plant(lib.pi0, position_noise=1e-4, velocity_noise=1e-2, torque_noise=0.2)
+    loud = closed_loop(lib, gentle, plant, np.random.default_rng(0))
+    for key, sigma in (("q", 1e-4), ("dq", 1e-2), ("tau", 0.2)):
+        noise = getattr(loud, key) - getattr(quiet, key)
+        # The deviation of an estimated deviation is σ/√(2·7007) = 0.85 %; four of them.
+        assert noise.std() == pytest.approx(sigma, rel=0.035)
+        assert abs(noise.mean()) < 4 * sigma / np.sqrt(noise.size)
+    still = ideal(lib, gentle, plant, rng=np.random.default_rng(1))
+    bare = ideal(lib, gentle, plant)
+    assert np.array_equal(still.q, bare.q)
+    # 707 samples: 2.7 %, four of them.
+    assert (still.tau - bare.tau).std() == pytest.approx(0.2, rel=0.11)
+
+
+def test_seeds_decide_everything(lib: Library, gentle: Trajectory) -> None:
+    """Property: same seed, same bits; another seed, other noise and another robot."""
+    plant = Plant(lib.pi0, torque_noise=0.1)
+    runs = [closed_loop(lib, gentle, plant, np.random.default_rng(s), 200.0) for s in (1, 1, 2)]
+    assert np.array_equal(runs[0].tau, runs[1].tau)
+    assert not np.array_equal(runs[0].tau, runs[2].tau)
+    lams = [perturbed_lam(lib, 0.05, np.random.default_rng(s)) for s in (1, 1, 2)]
+    assert np.array_equal(lams[0], lams[1])
+    assert not np.array_equal(lams[0], lams[2])
+    # Elementwise and relative: 70 draws of N(0, 0.05²), four deviations of their deviation.
+    relative = (lams[0] / lib.lam0 - 1)[lib.lam0 != 0]
+    assert relative.std() == pytest.approx(0.05, rel=4 / np.sqrt(2 * relative.size))
+
+
+# The pendulum of the tests by hand: centre of mass at (0.1, 0, 0.2) m, axis y.
+MASS, X, Z, I_YY, ROTOR = 1.5, 0.1, 0.2, 0.02, 0.03
+
+
+def swing(_: float, state: np.ndarray) -> list[float]:
+    angle, speed = state
+    torque = 9.81 * MASS * (X * np.cos(angle) + Z * np.sin(angle)) - 0.2 * speed
+    return [speed, torque / (I_YY + MASS * (X**2 + Z**2) + ROTOR)]
+
+
+def test_forward_integration_of_a_pendulum(tiny_built: Path) -> None:
+    """Oracle: scipy's solve_ivp on the pendulum's equation, written by hand; order four in h."""
+    pendulum = load(tiny_built)
+    plant = Plant(pendulum.pi0, viscous=0.2, rotor=ROTOR)
+    start = np.array([0.3, -2.0])
+    truth = solve_ivp(swing, (0, 0.4), start, rtol=1e-12, atol=1e-13).y[:, -1]
+    errors = []
+    for steps in (10, 20, 40):
+        q, dq = start[:1], start[1:]
+        for _ in range(steps):
+            q, dq = _advance(pendulum, plant, q, dq, np.zeros(1), 0.4 / steps)
+        errors.append(np.abs([q[0] - truth[0], dq[0] - truth[1]]).max())
+    # h⁴ = 1e-8 times fifth derivatives of some 10 rad/s⁴ over 0.4 s.
+    assert errors[-1] < 1e-6
+    # Order four divides by 16; 12 to 20 leaves room for the next order.
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert (ratios > 12).all()
+    assert (ratios < 20).all()
+
+
+def test_a_free_pendulum_keeps_its_energy(tiny_built: Path) -> None:
+    """Property: without friction kinetic plus potential energy stays, to the order of the step."""
+    pendulum = load(tiny_built)
+    plant = Plant(pendulum.pi0, rotor=ROTOR)
+
+    def energy(q: np.ndarray, dq: np.ndarray) -> float:
+        inertia = pendulum.mass_matrix(q, pendulum.pi0)[0, 0] + ROTOR
+        height = Z * np.cos(q[0]) - X * np.sin(q[0])
+        return float(inertia * dq[0] ** 2 / 2 + MASS * 9.81 * height)
+
+    q, dq = np.array([0.5]), np.array([1.0])
+    first = energy(q, dq)
+    for _ in range(1000):
+        q, dq = _advance(pendulum, plant, q, dq, np.zeros(1), 1e-3)
+    # h⁴ × rates of 10⁵ /s⁵ × 1 s × 3 J.
+    assert energy(q, dq) == pytest.approx(first, abs=1e-7)
+
+
+def test_a_closed_loop_log_identifies_the_truth(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: from a log as a bench gives it, the torques of the true robot on another motion."""
+    truth = Plant(
+        pi_true,
+        viscous=0.5,
+        coulomb=0.3,
+        position_noise=1e-5,
+        velocity_noise=1e-3,
+        torque_noise=0.05,
+    )
+    log = closed_loop(lib, trajectories[0], truth, np.random.default_rng(0), 500.0)
+    result = identify(
+        log,
+        lib,
+        friction_columns=Friction(("viscous", "coulomb"), truth.coulomb_speed),
+        preparation=Preparation(
+            max_gap_s=0.01, filter="butterworth", cutoff_hz=15.0, trim_s=0.1, rate_hz=100.0
+        ),
+    )
+    other = ideal(lib, trajectories[2], Plant(pi_true))
+    before = lib.inverse_dynamics(other.q, other.dq, other.ddq, lib.pi0)
+    after = lib.inverse_dynamics(other.q, other.dq, other.ddq, result.pi)
+    assert result.is_consistent
+    # The URDF is off by 4 % (link 7 doubled); noise, filter and smooth Coulomb leave 0.3 %.
+    assert torque_error(other.tau, before).overall > 2.0
+    assert torque_error(other.tau, after).overall < 0.5
+    # 480 correlated samples of 0.05 N·m determine friction to a few hundredths.
+    assert result.phi == pytest.approx(np.tile([0.5, 0.3], (7, 1)), abs=0.1)
+
+
+def test_a_robot_too_far_from_the_model_diverges(
+    lib: Library, trajectories: tuple[Trajectory, ...]
+) -> None:
+    """Property: a loop that the controller cannot hold is one sentence, not a log of NaN."""
+    light = 1e-3 * lib.pi0
+    with pytest.raises(IdentificationError, match="diverged after"):
+        closed_loop(lib, trajectories[0], Plant(light, rotor=1e-4), np.random.default_rng(0), 100)
+
+
+def test_friction_too_stiff_for_the_step_is_told(lib: Library, gentle: Trajectory) -> None:
+    """Property: what the Runge–Kutta step cannot resolve is refused before it goes wrong."""
+    plant = Plant(lib.pi0, coulomb=5.0, coulomb_speed=0.01, rotor=0.01)
+    with pytest.raises(IdentificationError, match=r"too fast for steps of 0\.01 s"):
+        closed_loop(lib, gentle, plant, np.random.default_rng(0), 100.0)
+
+
+@pytest.mark.parametrize(
+    "field",
+    ["viscous", "coulomb", "rotor", "position_noise", "velocity_noise", "torque_noise"],
+)
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_impossible_plants_are_refused(lib: Library, field: str, value: float) -> None:
+    """Property: no negative and no infinite property; the sentence names it."""
+    with pytest.raises(IdentificationError, match=f"{field.replace('_', ' ')} cannot be"):
+        Plant(lib.pi0, **{field: value})
+    with pytest.raises(IdentificationError, match="not finite; lower the perturbation"):
+        Plant(value * np.abs(lib.pi0) if value != -1 else np.full(70, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("duration", "rate"),
+    [(10, 0), (10, -5), (10, np.nan), (10, np.inf), (0, 100), (np.inf, 100), (1e9, 100)],
+)
+def test_clocks_that_are_none(duration: float, rate: float) -> None:
+    """Property: no samples, or more than memory holds, are one sentence."""
+    with pytest.raises(IdentificationError, match="positive duration and sampling rate"):
+        sample_times(duration, rate)
+    # The last instant is the duration, to rounding of the rate.
+    assert sample_times(10.0, 30.0)[-1] == pytest.approx(10.0, rel=1e-15)

@@ -1,0 +1,250 @@
+"""`python -m symgen`: sentences, exit codes, and no trace of a refused build."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from symgen.cli import main
+from tests.conftest import REPOSITORY, TINY_URDF
+from tests.symgen.test_build import snapshot
+from tests.symgen.test_chain import MALFORMED
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
+    """Exit code, stdout and stderr of the command line."""
+    argv, sys.argv = sys.argv, ["symgen", *map(str, arguments)]
+    try:
+        main()
+        code = 0
+    except SystemExit as done:
+        code = int(done.code or 0)
+    finally:
+        sys.argv = argv
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def refuses(capsys: pytest.CaptureFixture[str], out: Path, *arguments: object) -> str:
+    """The one sentence of a refused command that changed no file below `out`."""
+    before = snapshot(out)
+    code, said, sentence = run(capsys, *arguments, "--out", out)
+    assert code == 2
+    assert said.strip() == ""
+    assert sentence.startswith("symgen: ")
+    assert "Traceback" not in sentence
+    assert sentence.count("\n") == 1
+    assert snapshot(out) == before
+    assert [path.name for path in out.iterdir() if path.is_dir()] == ["tiny"]
+    return sentence
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Path:
+    path = tmp_path / "own.urdf"
+    path.write_text(TINY_URDF)
+    return path
+
+
+@pytest.mark.parametrize("name", MALFORMED)
+def test_malformed_urdf(
+    name: str, tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: exit 2, one sentence, no traceback, no file changed."""
+    text, message = MALFORMED[name]
+    urdf.write_text(text)
+    for robot in ("own", "tiny"):
+        sentence = refuses(capsys, tiny.parent, "build", "--urdf", urdf, "--name", robot)
+        assert re.search(message, sentence)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--tip", "hand"], "--tip names the link 'hand'"),
+        (["--base", "roof"], "--base names the link 'roof'"),
+        (["--lock", "elbow=1"], "--lock names the joint 'elbow'"),
+        (["--lock", "swing=down"], "--lock needs JOINT=VALUE with a number, got 'swing=down'"),
+        (["--lock", "swing"], "--lock needs JOINT=VALUE"),
+        (["--lock", "swing=nan"], "expected a finite value"),
+        (["--lock", "swing=1"], "no joint of this URDF moves"),
+        (["--gravity", "down"], "--gravity needs three numbers X,Y,Z, got 'down'"),
+        (["--gravity", "1,2"], "--gravity needs three numbers"),
+        (["--gravity", "0,0,nan"], "--gravity needs three finite numbers"),
+        (["--snap", "3"], "--snap needs an angle between 0 and 0.1 rad"),
+        (["--name", "My-Robot"], "expected lower-case letters, digits and _, got 'My-Robot'"),
+        (["--name", "fr3"], "'fr3' is the name of a bundled robot"),
+        (["--config", "nowhere.toml"], "cannot read the robot configuration"),
+    ],
+)
+def test_bad_options(
+    arguments: list[str],
+    message: str,
+    tiny: Path,
+    urdf: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Property: exit 2, and the sentence names the option and the value."""
+    name = [] if "--name" in arguments else ["--name", "own"]
+    sentence = refuses(capsys, tiny.parent, "build", "--urdf", urdf, *name, *arguments)
+    assert message in sentence
+
+
+def test_bad_files(tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: files that are missing, not text, or impossible are named."""
+    build = ("build", "--urdf", urdf, "--name", "own")
+    urdf.write_bytes(b"<robot name='caf\xe9'/>")
+    assert "is not UTF-8 text" in refuses(capsys, tiny.parent, *build)
+    urdf.write_text(TINY_URDF.replace('izz="0.01"', 'izz="0.5"'))
+    assert "--project" in refuses(capsys, tiny.parent, *build)
+    urdf.unlink()
+    assert "cannot read the URDF" in refuses(capsys, tiny.parent, *build)
+    config = urdf.with_suffix(".toml")
+    urdf.write_text(TINY_URDF)
+    for text, message in {
+        "home = [1.0, 2.0]": "gives 2 values for home, the chain has 1 joints: swing",
+        "colour = [1]": "unknown key 'colour'",
+    }.items():
+        config.write_text(text)
+        assert message in refuses(capsys, tiny.parent, *build, "--config", config)
+
+
+def test_options_without_urdf(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: options of an own robot are not silently dropped for a bundled one."""
+    for arguments in (["--tip", "x"], ["--project"], ["--gravity", "0,0,1"], ["--name", "x"]):
+        assert "give its --urdf too" in refuses(capsys, tiny.parent, "build", *arguments)
+    assert "no bundled robot is called" in refuses(capsys, tiny.parent, "build", "--robot", "r2")
+
+
+def test_urdf_without_name(tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: says what the name is for."""
+    assert "--urdf needs --name" in refuses(capsys, tiny.parent, "build", "--urdf", urdf)
+
+
+def test_one_refusal_in_a_real_process(tmp_path: Path, urdf: Path) -> None:
+    """Property: `python -m symgen build` of a bad file: exit 2, one sentence on stderr."""
+    urdf.write_text(MALFORMED["entity-bomb"][0])
+    command = [sys.executable, "-m", "symgen", "build", "--urdf", str(urdf), "--name", "own"]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "out")],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.startswith("symgen: the URDF declares a DTD")
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out" / "own").exists()
+
+
+# --- the good paths ---------------------------------------------------------------------------
+
+
+def test_build_says_what_happened(
+    tmp_path: Path, urdf: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: built, then up to date, and rebuilt when forced."""
+    build = ("build", "--urdf", urdf, "--name", "own", "--gravity", "0,0,-1.62")
+    for extra, state in (((), "built"), ((), "up to date"), (("--force",), "built")):
+        code, out, _ = run(capsys, *build, *extra, "--out", tmp_path / "out")
+        assert (code, out.strip()) == (0, f"{tmp_path / 'out' / 'own'}: {state}")
+    manifest = json.loads((tmp_path / "out" / "own" / "manifest.json").read_text())
+    assert manifest["gravity"] == [0.0, 0.0, -1.62]
+
+
+def test_build_notes(tmp_path: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: a projection is never silent."""
+    urdf.write_text(TINY_URDF.replace('izz="0.01"', 'izz="0.5"'))
+    build = ("build", "--urdf", urdf, "--name", "own", "--project", "--out", tmp_path / "out")
+    code, out, _ = run(capsys, *build)
+    assert code == 0
+    assert "note: the inertia of 'rod' cannot exist and was projected" in out
+
+
+def test_check(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: 0 and 'in sync'; after an edit 1 and a unified diff; nothing is written."""
+    assert run(capsys, "check", "tiny", "--out", tiny.parent)[:2] == (0, f"{tiny}: in sync\n")
+    header = tiny / "tiny.h"
+    header.write_text(header.read_text().replace("row-major", "column-major"))
+    before = snapshot(tiny)
+    code, out, _ = run(capsys, "check", "--out", tiny.parent)
+    assert code == 1
+    assert "column-major" in out
+    assert "+++ regenerated" in out
+    assert "differs, run: python -m symgen build" in out
+    assert snapshot(tiny) == before
+    (tiny / "kernels.c").unlink()
+    assert run(capsys, "check", "--out", tiny.parent)[0] == 1
+
+
+def test_check_names_each_robot(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: one robot's difference is not another's."""
+    (tiny / "tiny.h").write_text("")
+    second = tiny.parent / "zwei"
+    run(capsys, "build", "--urdf", tiny / "tiny.urdf", "--name", "zwei", "--out", tiny.parent)
+    code, out, _ = run(capsys, "check", "--out", tiny.parent)
+    assert code == 1
+    assert f"{tiny}: differs" in out
+    assert f"{second}: in sync" in out
+
+
+def test_list(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: bundled and generated robots, with the state of the library."""
+    code, out, _ = run(capsys, "list", "--out", tiny.parent)
+    rows = {line.split("│")[1].strip(): line for line in out.splitlines() if "│" in line}
+    assert code == 0
+    assert "yes" in rows["fr3"]
+    assert "built" in rows["tiny"]
+    (tiny / "libtiny.so").unlink()
+    assert "not compiled" in run(capsys, "list", "--out", tiny.parent)[1]
+
+
+def test_describe(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: the JSON holds joints, base combinations and kernels; the tables print."""
+    code, out, _ = run(capsys, "describe", "tiny", "--json", "--out", tiny.parent)
+    facts = json.loads(out)
+    assert code == 0
+    assert [joint["name"] for joint in facts["joints"]] == ["swing"]
+    assert facts["base_parameters"] == ["rod.mX", "rod.mZ", "rod.YY"]
+    assert {"inverse_dynamics", "lam_from_pi"} <= {kernel["name"] for kernel in facts["kernels"]}
+    code, out, _ = run(capsys, "describe", "tiny", "--out", tiny.parent)
+    assert code == 0
+    assert "swing" in out
+    assert "3 base parameters" in out
+    assert run(capsys, "describe", "r2d2", "--out", tiny.parent)[0] == 2
+
+
+def test_describe_regroups_readably(
+    tiny: Path, root: Path, fr3: object, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Oracle: b_1 of the FR3 is ZZ of link 1 with YY of link 2 added."""
+    _, out, _ = run(capsys, "describe", "fr3", "--json", "--out", root)
+    first = json.loads(out)["base_parameters"][0]
+    assert first.startswith("fr3_link1.ZZ + fr3_link2.YY")
+
+
+def test_clean(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: an own robot's folder goes; only what was asked for."""
+    (tiny.parent / "keep").mkdir()
+    code, _, sentence = run(capsys, "clean", "nobody", "--out", tiny.parent)
+    assert code == 2
+    assert "holds no generated robot" in sentence
+    assert run(capsys, "clean", "tiny", "--out", tiny.parent)[0] == 0
+    assert [path.name for path in tiny.parent.iterdir()] == ["keep"]
+
+
+def test_clean_keeps_the_reviewed_files_of_bundled_robots(
+    root: Path, fr3: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: of a bundled robot only the library and its record go."""
+    folder = tmp_path / "fr3"
+    folder.mkdir()
+    for path in (root / "fr3").iterdir():
+        (folder / path.name).write_bytes(path.read_bytes())
+    before = {path.name for path in folder.iterdir()}
+    assert run(capsys, "clean", "--out", tmp_path)[0] == 0
+    assert before - {path.name for path in folder.iterdir()} == {"libfr3.so", "build.json"}

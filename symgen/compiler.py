@@ -67,8 +67,8 @@ def find_compiler() -> tuple[str, ...]:
     )
 
 
-def compile_library(sources: list[Path], tiles: Path, target: Path) -> Compiled:
-    """Compile sources once and `tiles` once per vector level into the shared library `target`.
+def compile_library(sources: list[Path], target: Path, tiles: Path | None = None) -> Compiled:
+    """Compile sources once, and `tiles` once per vector level, into the shared library `target`.
 
     Raises:
         CompilerError: the compiler failed; its message is part of the sentence.
@@ -77,9 +77,10 @@ def compile_library(sources: list[Path], tiles: Path, target: Path) -> Compiled:
     units: list[tuple[str, str, tuple[str, ...]]] = [
         (source.name, f"{source.stem}.o", ()) for source in sources
     ]
-    for level, (width, architecture) in LEVELS.get(machine(), {}).items():
-        extra = (f"-DLEVEL={level}", f"-DW={width}", *_architecture(compiler, architecture))
-        units.append((tiles.name, f"{tiles.stem}_{level}.o", extra))
+    if tiles is not None:
+        for level, (width, architecture) in LEVELS.get(machine(), {}).items():
+            extra = (f"-DLEVEL={level}", f"-DW={width}", *_architecture(compiler, architecture))
+            units.append((tiles.name, f"{tiles.stem}_{level}.o", extra))
     commands = [
         (*compiler, *FLAGS, *extra, "-c", source, "-o", unit) for source, unit, extra in units
     ]
@@ -107,8 +108,9 @@ def _architecture(compiler: tuple[str, ...], name: str) -> tuple[str, ...]:
 
 
 def _run(command: tuple[str, ...], folder: Path) -> None:
+    made = folder / command[command.index("-o") + 1]
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if run.returncode != 0:
+    if run.returncode != 0 or not made.exists():
         complaint = "\n".join(run.stderr.strip().splitlines()[:20])
         raise CompilerError(f"'{shlex.join(command)}' failed:\n{complaint}")
 

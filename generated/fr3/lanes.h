@@ -47,9 +47,10 @@ static inline void vd_sincos(vd x, vd *s, vd *c)
     const vd t = x * 0.63661977236758134308 + shift;
     const vi n = (vi)t;
     const vd k = t - shift;
-    vd r = x - k * 1.57079632673412561417e+00;
-    r = r - k * 6.07710050630396597660e-11;
-    r = r - k * 2.02226624879595063154e-21;
+    const vd a = x - k * 1.57079632673412561417e+00, b = k * 6.07710050630396597660e-11;
+    const vd most = a - b;
+    const vd rest = (a - most) - b; /* what the line above rounded off */
+    const vd r = most + (rest - k * 2.02226624879595063154e-21);
     const vd z = r * r;
     vd p = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08;
     p = p * z + 2.75573137070700676789e-06;

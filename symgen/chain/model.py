@@ -130,8 +130,8 @@ def _parse_with_pinocchio(document: Document) -> pinocchio.Model:
     """Pinocchio's model; `continuous` is handed over as unlimited revolute so that nq = nv."""
     copy = Document(document.text())
     for link in copy.links.values():  # shapes play no part, and a faulty one stops the parser
-        for node in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(node)
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(shape)
     for name, element in copy.joints.items():
         for tag in ("dynamics", "safety_controller", "limit", "calibration"):
             node = element.find(tag)

@@ -6,6 +6,7 @@ build and a full disk leave either the old library or the new one.
 
 import fcntl
 import json
+import shlex
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -111,12 +112,13 @@ def _write_files(staging: Path, robot: EmittedRobot) -> None:
 
 def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
     sources = [staging / "kernels.c", staging / "batch.c"]
-    compiled = compile_library(sources, staging / f"lib{request.name}.so")
+    library = staging / f"lib{request.name}.so"
+    compiled = compile_library(sources, library, staging / "tiles.c")
     record = {
         "fingerprint": request.fingerprint,
         "sha256": compiled.sha256,
         "sources": {name: sha256_of(staging / name) for name in names},
-        "command": list(compiled.command),
+        "commands": [shlex.join(command) for command in compiled.commands],
         "compiler": compiled.version,
     }
     (staging / "build.json").write_text(json.dumps(record, indent=1) + "\n")

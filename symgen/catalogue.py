@@ -55,11 +55,11 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     slides = {j.kind == "prismatic" for j in chain.joints}
     effort = "|".join({True: "N", False: "N*m"}[s] for s in sorted(slides))
     q_, dq_, ddq_ = (Argument(name, (n,), _units(chain, k)) for k, name in enumerate(_STATE))
-    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI")
-    lam_, weight_ = Argument("lam", (P * n,), "lambda"), Argument("weight", (n,), "1")
-    rotor_ = Argument(
-        "rotor", (n,), "|".join({True: "kg", False: "kg*m^2"}[s] for s in sorted(slides))
-    )
+    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI", shared=True)
+    lam_ = Argument("lam", (P * n,), "lambda", shared=True)
+    weight_ = Argument("weight", (n,), "1", shared=True)
+    inertia_unit = "|".join({True: "kg", False: "kg*m^2"}[s] for s in sorted(slides))
+    rotor_ = Argument("rotor", (n,), inertia_unit, shared=True)
     s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, lam_, weight_, rotor_)}
     q, dq, ddq, tau, pi, lam, weight, rotor = s.values()
     motion = {a: s[a] for a in (q_, dq_, ddq_)}
@@ -139,8 +139,9 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
 
 def _bodies() -> tuple[Kernel, ...]:
     pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
-    floor_ = Argument("floor", (1,), "1")
-    pi, lam, floor = pi_.symbol(), lam_.symbol(), floor_.symbol()
+    floor_ = Argument("floor", (1,), "1", shared=True)
+    slope_ = Argument("slope", (P,), "d cost / d pi")
+    pi, lam, floor, slope = (a.symbol() for a in (pi_, lam_, floor_, slope_))
     return (
         make_kernel(
             "pi_from_lam", {lam_: lam}, {pi_: inertia.pi_from_lam(lam)}, "Eqs. 4.25-4.31", "link"
@@ -154,6 +155,17 @@ def _bodies() -> tuple[Kernel, ...]:
                 )
             },
             "d pi / d lam of one link",
+            "link",
+        ),
+        make_kernel(
+            "pi_adjoint",
+            {lam_: lam, slope_: slope},
+            {
+                Argument("gradient", (P,), "d cost / d lam"): ca.jtimes(
+                    inertia.pi_from_lam(lam), lam, slope, True
+                )
+            },
+            "(d pi / d lam)' slope of one link, Eq. 4.32",
             "link",
         ),
         make_kernel(
@@ -185,7 +197,11 @@ def _bodies() -> tuple[Kernel, ...]:
 
 def _excitation(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     n, b = len(chain.joints), len(base.columns)
-    m_, t_, tf_ = Argument("m", (1,), "1"), Argument("t", (1,), "s"), Argument("t_f", (1,), "s")
+    m_, t_, tf_ = (
+        Argument("m", (1,), "1"),
+        Argument("t", (1,), "s"),
+        Argument("t_f", (1,), "s", shared=True),
+    )
     m, t, tf = m_.symbol(), t_.symbol(), tf_.symbol()
     motion = {
         Argument(name, (n,), _units(chain, k)): ca.SX.sym(name, n) for k, name in enumerate(_STATE)

@@ -3,10 +3,12 @@
 import hashlib
 import importlib.util
 import os
+import platform
 import shlex
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +18,6 @@ FLAGS = (
     "-std=c99",
     "-O2",
     "-fPIC",
-    "-shared",
     "-fno-math-errno",
     "-fno-trapping-math",
     "-Wall",
@@ -25,12 +26,18 @@ FLAGS = (
 )
 """Never -ffast-math: it breaks range reduction and the handling of NaN."""
 
+LEVELS = {
+    "x86_64": {"v4": (8, "x86-64-v4"), "v3": (4, "x86-64-v3"), "v2": (2, "x86-64-v2")},
+    "aarch64": {"neon": (2, "")},
+}
+"""Per machine: level → lanes and instruction set. A vector wider than the set is slow."""
+
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
     """What was run and what came out."""
 
-    command: tuple[str, ...]
+    commands: tuple[tuple[str, ...], ...]
     version: str
     sha256: str
 
@@ -60,21 +67,52 @@ def find_compiler() -> tuple[str, ...]:
     )
 
 
-def compile_library(sources: list[Path], target: Path) -> Compiled:
-    """Compile sources into the shared library `target`.
+def compile_library(sources: list[Path], target: Path, tiles: Path | None = None) -> Compiled:
+    """Compile sources once, and `tiles` once per vector level, into the shared library `target`.
 
     Raises:
         CompilerError: the compiler failed; its message is part of the sentence.
     """
     compiler = find_compiler()
-    names = [str(source.name) for source in sources]
-    command = (*compiler, *FLAGS, "-o", target.name, *names, "-lm")
-    run = subprocess.run(command, cwd=target.parent, capture_output=True, text=True, check=False)
-    if run.returncode != 0 or not target.exists():
+    units: list[tuple[str, str, tuple[str, ...]]] = [
+        (source.name, f"{source.stem}.o", ()) for source in sources
+    ]
+    if tiles is not None:
+        for level, (width, architecture) in LEVELS.get(machine(), {}).items():
+            extra = (f"-DLEVEL={level}", f"-DW={width}", *_architecture(compiler, architecture))
+            units.append((tiles.name, f"{tiles.stem}_{level}.o", extra))
+    commands = [
+        (*compiler, *FLAGS, *extra, "-c", source, "-o", unit) for source, unit, extra in units
+    ]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(lambda command: _run(command, target.parent), commands))
+    objects = [unit for _, unit, _ in units]
+    link = (*compiler, "-shared", "-o", target.name, *objects, "-lm")
+    _run(link, target.parent)
+    for unit in objects:
+        (target.parent / unit).unlink()
+    return Compiled((*commands, link), compiler_version(compiler), sha256_of(target))
+
+
+def machine() -> str:
+    """x86_64, aarch64, or whatever else the machine calls itself."""
+    name = platform.machine().lower()
+    return {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
+
+
+def _architecture(compiler: tuple[str, ...], name: str) -> tuple[str, ...]:
+    if not name:
+        return ()
+    # zig spells the same levels with underscores
+    return (f"-march={name.replace('-', '_') if 'ziglang' in compiler else name}",)
+
+
+def _run(command: tuple[str, ...], folder: Path) -> None:
+    made = folder / command[command.index("-o") + 1]
+    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if run.returncode != 0 or not made.exists():
         complaint = "\n".join(run.stderr.strip().splitlines()[:20])
         raise CompilerError(f"'{shlex.join(command)}' failed:\n{complaint}")
-
-    return Compiled(command, compiler_version(compiler), sha256_of(target))
 
 
 def compiler_version(compiler: tuple[str, ...]) -> str:

@@ -12,7 +12,7 @@ import casadi as ca
 
 from symgen.chain import Chain, Joint
 from symgen.inertia import N_PARAMETERS, mass_moment_inertia, pi_from_lam
-from symgen.spatial import Matrix, axis_rotation, skew
+from symgen.spatial import Matrix, axis_rotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,9 +78,7 @@ def inverse_dynamics(
         omega.append(w_here)
         alpha.append(al_here)
         accel.append(a_here)
-        spread.append(
-            skew(al_here) + ca.mtimes(w_here, w_here.T) - ca.DM.eye(3) * ca.sumsqr(w_here)
-        )
+        spread.append(_spread(w_here, al_here))
 
     force, moment = [zero] * n, [zero] * n
     tau: list[Matrix] = [0] * n
@@ -89,8 +87,7 @@ def inverse_dynamics(
         mass, h, inertia = mass_moment_inertia(pi[N_PARAMETERS * i : N_PARAMETERS * (i + 1)])
         w, al, a = omega[i], alpha[i], accel[i]
         f = force[i] + mass * a + ca.mtimes(spread[i], h)
-        m = moment[i] + ca.mtimes(inertia, al) + ca.cross(w, ca.mtimes(inertia, w))
-        m = m + ca.cross(h, a)
+        m = moment[i] + _euler_moment(inertia, w, al, spread[i]) + ca.cross(h, a)
         tau[i] = ca.dot(pose.axis, f if joint.kind == "prismatic" else m)
         if joint.parent >= 0:
             f_parent = ca.mtimes(pose.rotation, f)
@@ -101,6 +98,38 @@ def inverse_dynamics(
                 + ca.cross(pose.translation, f_parent)
             )
     return ca.vertcat(*tau)
+
+
+def _spread(w: Matrix, al: Matrix) -> Matrix:
+    """[α×] + [ω×]²: the acceleration of a point at offset r is a + spread · r."""
+    x, y, z = w[0], w[1], w[2]
+    diagonal = ca.vertcat(-(y * y + z * z), -(x * x + z * z), -(x * x + y * y))
+    off = ca.vertcat(x * y, x * z, y * z)
+    rows = ca.SX(3, 3)
+    rows[0, 0], rows[1, 1], rows[2, 2] = diagonal[0], diagonal[1], diagonal[2]
+    rows[0, 1], rows[1, 0] = off[0] - al[2], off[0] + al[2]
+    rows[0, 2], rows[2, 0] = off[1] + al[1], off[1] - al[1]
+    rows[1, 2], rows[2, 1] = off[2] - al[0], off[2] + al[0]
+    return rows
+
+
+def _euler_moment(inertia: Matrix, w: Matrix, al: Matrix, u: Matrix) -> Matrix:
+    """I α + ω × I ω, written with the entries of u = `_spread` that the forces need anyway.
+
+    Component x is XX α_x + (ZZ − YY) ω_y ω_z − XY u_zx + XZ u_yx + YZ (ω_y² − ω_z²); y and z
+    follow cyclically. A third fewer operations than the two products.
+    """
+    parts = []
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        parts.append(
+            inertia[k, k] * al[k]
+            + (inertia[j, j] - inertia[i, i]) * (w[i] * w[j])
+            - inertia[k, i] * u[j, k]
+            + inertia[k, j] * u[i, k]
+            + inertia[i, j] * (w[i] * w[i] - w[j] * w[j])
+        )
+    return ca.vertcat(*parts)
 
 
 def regressor(

@@ -19,6 +19,7 @@ class Argument:
     """One input or output: name, shape, unit.
 
     Attributes:
+        shared: of an input only: one value usually serves all samples of a batch.
         summed: of an output only: a batch adds it up over its samples.
     """
 
@@ -26,6 +27,7 @@ class Argument:
     shape: tuple[int, ...]
     unit: str
     summed: bool = False
+    shared: bool = False
 
     @property
     def size(self) -> int:

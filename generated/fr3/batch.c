@@ -3,6 +3,26 @@
  * Outputs are contiguous, sample after sample; those marked "summed" are added up in order. */
 #include "fr3.h"
 
+/* Best level of tiles.c that this processor can run; "portable" is this file. */
+const char *fr3_level(void)
+{
+#if defined(__x86_64__)
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw")) {
+        return "v4";
+    }
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
+        return "v3";
+    }
+    return __builtin_cpu_supports("sse4.2") ? "v2" : "portable";
+#elif defined(__aarch64__)
+    return "neon";
+#else
+    return "portable";
+#endif
+}
+
 void fr3_inverse_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau)
 {
     for (long i = 0; i < n; ++i) {
@@ -98,6 +118,13 @@ void fr3_pi_jacobian_batch(long n, const double *lam, long lam_step, double *jac
 {
     for (long i = 0; i < n; ++i) {
         fr3_pi_jacobian(lam + i * lam_step, jacobian + i * 100);
+    }
+}
+
+void fr3_pi_adjoint_batch(long n, const double *lam, long lam_step, const double *slope, long slope_step, double *gradient)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_pi_adjoint(lam + i * lam_step, slope + i * slope_step, gradient + i * 10);
     }
 }
 

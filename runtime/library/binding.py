@@ -19,16 +19,39 @@ Array = NDArray[np.float64]
 _AGAIN = "run: python -m symgen build"
 
 
+VECTOR_LEVELS = ("v2", "v3", "v4", "neon")
+"""Instruction sets that a library may hold its batch functions for, beside "portable"."""
+
+
 class Binding:
     """Calls `<robot>_<kernel>_batch` with NumPy arrays."""
 
-    def __init__(self, folder: Path, manifest: Manifest) -> None:
+    def __init__(self, folder: Path, manifest: Manifest, level: str | None) -> None:
         self._manifest = manifest
         self._dll = _open(folder, manifest)
+        self.levels = ("portable", *(name for name in VECTOR_LEVELS if self._has(name)))
+        self.level = level or self._best_level()
+        if self.level not in self.levels:
+            raise LibraryError(
+                f"the library of '{manifest.robot}' has no level '{self.level}', "
+                f"it has {', '.join(self.levels)}"
+            )
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
+    def _has(self, level: str) -> bool:
+        return hasattr(self._dll, f"{self._manifest.robot}_{level}_torque_batch")
+
+    def _best_level(self) -> str:
+        """What the processor can run, as the library itself finds out."""
+        answer = self._dll[f"{self._manifest.robot}_level"]
+        answer.restype = ctypes.c_char_p
+        best = str(answer().decode())
+        return best if best in self.levels else "portable"
+
     def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
-        function = self._dll[f"{self._manifest.robot}_{kernel.name}_batch"]
+        robot = self._manifest.robot
+        prefix = robot if self.level == "portable" else f"{robot}_{self.level}"
+        function = self._dll[f"{prefix}_{kernel.name}_batch"]
         pair = (ctypes.c_void_p, ctypes.c_long)
         function.argtypes = (
             ctypes.c_long,

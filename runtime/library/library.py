@@ -13,10 +13,12 @@ from runtime.library.manifest import PI_NAMES, read_manifest
 _SIZE = len(PI_NAMES)
 
 
-def load(robot: str | os.PathLike[str]) -> "Library":
+def load(robot: str | os.PathLike[str], level: str | None = None) -> "Library":
     """The library of a robot by name, or by the folder that symgen wrote.
 
-    A name is looked up in ./generated, then in the generated folder beside this package.
+    A name is looked up in ./generated, then in the generated folder beside this package. The
+    level is the instruction set of the batch functions, by default the best that runs here:
+    v4 (AVX-512), v3 (AVX2), v2, neon, or portable, which is plain C and the reference.
 
     Raises:
         LibraryError: missing, stale, foreign or damaged; the message says what to run.
@@ -34,7 +36,7 @@ def load(robot: str | os.PathLike[str]) -> "Library":
                 f"python -m symgen build --urdf FILE --name {robot}"
             )
         folder = found[0]
-    return Library(folder)
+    return Library(folder, level)
 
 
 class Library:
@@ -44,10 +46,11 @@ class Library:
     `pi0` and `lam0` are those of the URDF.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, level: str | None = None) -> None:
         self.folder = folder
         self.manifest = read_manifest(folder / "manifest.json")
-        self._binding = Binding(folder, self.manifest)
+        self._binding = Binding(folder, self.manifest, level)
+        self.level, self.levels = self._binding.level, self._binding.levels
         m = self.manifest
         self.name = m.robot
         self.joint_names = tuple(j.name for j in m.joints)

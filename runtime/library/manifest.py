@@ -23,6 +23,7 @@ class ArgumentFacts:
     shape: tuple[int, ...]
     unit: str
     summed: bool = False
+    shared: bool = False
 
     @property
     def size(self) -> int:

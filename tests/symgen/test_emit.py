@@ -15,7 +15,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from symgen.compiler import compile_library
-from symgen.emit import _EXPRESSIONS, c_body, c_constant, emit
+from symgen.emit import c_body, c_constant, emit
+from symgen.emit.ssa import EXPRESSIONS
 from symgen.errors import BuildError
 from symgen.kernel import Argument, Kernel, make_kernel
 
@@ -103,7 +104,7 @@ def evaluate(dll: ctypes.CDLL, name: str, x: float, y: float) -> float:
 
 def test_every_operation_has_a_toy() -> None:
     """Property: the table of the emitter and the toys of this file cover each other."""
-    assert set(UNARY) | set(BINARY) | {ca.OP_ASSIGN} == set(_EXPRESSIONS)
+    assert set(UNARY) | set(BINARY) | {ca.OP_ASSIGN} == set(EXPRESSIONS)
     for op, kernel in toys().items():
         f = kernel.function
         assert op in {f.instruction_id(k) for k in range(f.n_instructions())}, op
@@ -125,7 +126,7 @@ def test_every_operation_equals_casadi(tmp_path: Path) -> None:
 
 def test_assignment() -> None:
     """Oracle: CasADi's copy instruction, which its simplifier rarely leaves behind."""
-    assert _EXPRESSIONS[ca.OP_ASSIGN].format("a") == "a"
+    assert EXPRESSIONS[ca.OP_ASSIGN].format("a") == "a"
 
 
 def test_precedence(tmp_path: Path) -> None:

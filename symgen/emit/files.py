@@ -1,7 +1,6 @@
-"""Kernels → C, header, manifest, README: text only, no robots and no compilers.
+"""Kernels → C, header, manifest, README: text only; equal input gives equal bytes.
 
-`c_body` walks CasADi's instruction list and writes static single assignment C; the files around
-it come from `templates/`, which hold loops and names, never maths. Equal input gives equal bytes.
+The files come from `templates/`, which hold loops and names, never maths.
 """
 
 import hashlib
@@ -11,43 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import jinja2
 
-from symgen.errors import BuildError
+from symgen.emit.ssa import c_body, tile_program
 from symgen.kernel import Argument, Kernel
 
-_TEMPLATES = Path(__file__).parent / "templates"
-
-_EXPRESSIONS = {
-    ca.OP_ASSIGN: "{0}",
-    ca.OP_ADD: "{0} + {1}",
-    ca.OP_SUB: "{0} - {1}",
-    ca.OP_MUL: "{0} * {1}",
-    ca.OP_DIV: "{0} / {1}",
-    ca.OP_NEG: "-{0}",
-    ca.OP_SQ: "{0} * {0}",
-    ca.OP_TWICE: "{0} + {0}",
-    ca.OP_INV: "1.0 / {0}",
-    ca.OP_SQRT: "sqrt({0})",
-    ca.OP_EXP: "exp({0})",
-    ca.OP_LOG: "log({0})",
-    ca.OP_SIN: "sin({0})",
-    ca.OP_COS: "cos({0})",
-    ca.OP_TANH: "tanh({0})",
-    ca.OP_ATAN2: "atan2({0}, {1})",
-    ca.OP_FABS: "fabs({0})",
-    ca.OP_FMIN: "fmin({0}, {1})",
-    ca.OP_FMAX: "fmax({0}, {1})",
-    ca.OP_LT: "(double)({0} < {1})",
-    ca.OP_LE: "(double)({0} <= {1})",
-    ca.OP_EQ: "(double)({0} == {1})",
-    ca.OP_NE: "(double)({0} != {1})",
-    ca.OP_NOT: "(double)({0} == 0.0)",
-    ca.OP_AND: "(double)({0} != 0.0 && {1} != 0.0)",
-    ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
-    ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
-}
+_TEMPLATES = Path(__file__).parents[1] / "templates"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,43 +24,6 @@ class EmittedRobot:
 
     files: dict[str, str]
     model_hash: str
-
-
-def c_body(kernel: Kernel) -> list[str]:
-    """Statements of one kernel: one constant per instruction, outputs by index.
-
-    Raises:
-        BuildError: an instruction has no C text yet.
-    """
-    f = kernel.function
-    names: dict[int, str] = {}
-    lines: list[str] = []
-    for k in range(f.n_instructions()):
-        op, inputs, outputs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_INPUT:
-            names[outputs[0]] = f"{kernel.inputs[inputs[0]].name}[{inputs[1]}]"
-        elif op == ca.OP_CONST:
-            names[outputs[0]] = c_constant(f.instruction_constant(k))
-        elif op == ca.OP_OUTPUT:
-            lines.append(f"{kernel.outputs[outputs[0]].name}[{outputs[1]}] = {names[inputs[0]]};")
-        elif op in _EXPRESSIONS:
-            text = _EXPRESSIONS[op].format(*(names[i] for i in inputs))
-            names[outputs[0]] = f"t{k}"
-            lines.append(f"const double t{k} = {text};")
-        else:
-            raise BuildError(
-                f"kernel '{kernel.name}' uses the CasADi instruction {op}, for which the emitter "
-                "has no C text; add it to symgen.emit"
-            )
-    return lines
-
-
-def c_constant(value: float) -> str:
-    """17 significant digits, always a double, negative numbers in parentheses."""
-    text = f"{value:.17g}"
-    if not any(mark in text for mark in ".eni"):
-        text += ".0"
-    return f"({text})" if text.startswith("-") else text
 
 
 def emit(
@@ -107,6 +38,7 @@ def emit(
         versions: tool → version, for the banner and the manifest.
     """
     bodies = {kernel.name: c_body(kernel) for kernel in kernels}
+    tiles = {kernel.name: tile_program(kernel) for kernel in kernels}
     manifest = {
         "format": 1,
         "robot": name,
@@ -117,11 +49,13 @@ def emit(
     digest = hashlib.sha256()
     digest.update(json.dumps(manifest, sort_keys=True).encode())
     digest.update(json.dumps(bodies, sort_keys=True).encode())
+    digest.update(repr(tiles).encode())
     manifest["model_hash"] = digest.hexdigest()
     context = {
         "name": name,
         "kernels": kernels,
         "bodies": bodies,
+        "tiles": tiles,
         "manifest": manifest,
         "versions": versions,
     }
@@ -130,6 +64,8 @@ def emit(
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "kernels.c": render("kernels.c.jinja2", context),
         "batch.c": render("batch.c.jinja2", context),
+        "lanes.h": (_TEMPLATES / "lanes.h").read_text(encoding="utf-8"),
+        "tiles.c": render("tiles.c.jinja2", context),
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
@@ -141,6 +77,7 @@ def _kernel_entry(kernel: Kernel) -> dict[str, Any]:
         return [
             {"name": a.name, "shape": list(a.shape), "unit": a.unit}
             | ({"summed": True} if a.summed else {})
+            | ({"shared": True} if a.shared else {})
             for a in items
         ]
 

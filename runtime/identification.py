@@ -15,30 +15,20 @@ from numpy.typing import ArrayLike
 
 from runtime import friction, metrics
 from runtime.baselines import convex_optimum, fit_ols, fit_pc_ols
+from runtime.descent import Preset, descend
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import (
-    CompressedObjective,
     Samples,
     TorqueObjective,
     samples_of,
     thesis_weights,
 )
-from runtime.optimizers import AdamOptions, StoppingRule, Trace, minimise
+from runtime.optimizers import AdamOptions, StoppingRule, Trace
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare, split
 from runtime.problem import Fit, Problem, best_friction
 from runtime.recording import Friction, Preparation, Recording, Split
-
-
-@dataclass(frozen=True, slots=True)
-class Preset:
-    """Settings of the λ-Adam method; batch None takes all samples at every iteration."""
-
-    adam: AdamOptions
-    rule: StoppingRule
-    batch: int | None
-
 
 PRESETS = {
     "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
@@ -259,20 +249,10 @@ def fit_adam(problem: Problem, preset: Preset) -> Fit:
     lib = problem.lib
     statistics = problem.statistics()
     objective = TorqueObjective(lib, problem.train, problem.weights)
-    held = TorqueObjective(lib, problem.validation, problem.weights)
-    held.unit = objective.unit
     guess = lib.pi_from_lam(problem.start)
     phi = best_friction(statistics, guess, problem.train.columns.shape[1:])
     x0 = objective.join(problem.start, phi)
-    if preset.batch is None:
-        value_gradient = CompressedObjective(objective, statistics).value_gradient
-    else:
-        rng, size, batch = np.random.default_rng(problem.seed), len(problem.train), preset.batch
-
-        def value_gradient(x: Array) -> tuple[float, Array]:
-            return objective.value_gradient(x, rng.integers(0, size, batch))
-
-    outcome = minimise(x0, value_gradient, held.value, preset.adam, preset.rule, problem.progress)
+    outcome = descend(problem, objective, statistics, x0, preset)
     lam, phi = objective.split(outcome.x)
     pi, notes = _thickened(lib, lib.pi_from_lam(lam))
     return Fit(

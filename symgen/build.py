@@ -113,7 +113,7 @@ def _write_files(staging: Path, robot: EmittedRobot) -> None:
 def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
     sources = [staging / "kernels.c", staging / "batch.c"]
     library = staging / f"lib{request.name}.so"
-    compiled = compile_library(sources, library, staging / "tiles.c")
+    compiled = compile_library(sources, library, [staging / "tiles.c", staging / "adam.c"])
     record = {
         "fingerprint": request.fingerprint,
         "sha256": compiled.sha256,

@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,8 +68,8 @@ def find_compiler() -> tuple[str, ...]:
     )
 
 
-def compile_library(sources: list[Path], target: Path, tiles: Path | None = None) -> Compiled:
-    """Compile sources once, and `tiles` once per vector level, into the shared library `target`.
+def compile_library(sources: list[Path], target: Path, per_level: Sequence[Path] = ()) -> Compiled:
+    """Compile `sources` once and `per_level` once per vector level into the library `target`.
 
     Raises:
         CompilerError: the compiler failed; its message is part of the sentence.
@@ -77,10 +78,9 @@ def compile_library(sources: list[Path], target: Path, tiles: Path | None = None
     units: list[tuple[str, str, tuple[str, ...]]] = [
         (source.name, f"{source.stem}.o", ()) for source in sources
     ]
-    if tiles is not None:
-        for level, (width, architecture) in LEVELS.get(machine(), {}).items():
-            extra = (f"-DLEVEL={level}", f"-DW={width}", *_architecture(compiler, architecture))
-            units.append((tiles.name, f"{tiles.stem}_{level}.o", extra))
+    for level, (width, architecture) in LEVELS.get(machine(), {}).items():
+        extra = (f"-DLEVEL={level}", f"-DW={width}", *_architecture(compiler, architecture))
+        units += [(path.name, f"{path.stem}_{level}.o", extra) for path in per_level]
     commands = [
         (*compiler, *FLAGS, *extra, "-c", source, "-o", unit) for source, unit, extra in units
     ]

@@ -92,6 +92,32 @@ void fr3_transfer_basis_batch(long n, const double *t, long t_step, const double
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21]);
 void fr3_regressor_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *seed, long seed_step, double *gradient);
 
+/* L = y'Hy/2 - h'y + c; H is padded x padded, row-major. */
+typedef struct {
+    const double *hessian, *linear;
+    double constant;
+} fr3_quadratic;
+
+enum { FR3_ADAM_PATIENCE = 1, FR3_ADAM_DIVERGED = 2 };
+
+/* A descent in x = [lambda; psi], see adam.c. `padded` is `size` rounded up to a multiple of 8;
+ * x, m, v, best_x are that long and zero beyond `size`. batch = 0 descends on `training`, else on
+ * mini-batches: rows names batch samples per iteration, work holds 5 batch n + 2 padded numbers. */
+typedef struct {
+    long size, padded;
+    fr3_quadratic training, held;
+    double rate, beta1, beta2, epsilon, threshold;
+    long validate_every, patience;
+    double *x, *m, *v, *best_x;
+    double best, power1, power2;
+    long step, improved_at, finished, traced;
+    double *training_trace, *held_trace;
+    long batch, columns_per_joint;
+    const long *rows;
+    const double *q, *dq, *ddq, *tau, *columns, *weight, *unit;
+    double *work;
+} fr3_adam_job;
+
 #ifdef __cplusplus
 }
 #endif

@@ -4,8 +4,19 @@ The only room that knows ctypes. Arrays are sample-major: (N, n), or (n,) for on
 argument given once, such as π, serves all samples.
 """
 
+from runtime.library.adam import Batches, CompiledAdam, Quadratic
 from runtime.library.binding import Array
 from runtime.library.library import Library, load
 from runtime.library.manifest import JointFacts, Manifest, to_pinocchio_order
 
-__all__ = ["Array", "JointFacts", "Library", "Manifest", "load", "to_pinocchio_order"]
+__all__ = [
+    "Array",
+    "Batches",
+    "CompiledAdam",
+    "JointFacts",
+    "Library",
+    "Manifest",
+    "Quadratic",
+    "load",
+    "to_pinocchio_order",
+]

@@ -38,6 +38,13 @@ class Binding:
             )
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
+    def function(self, name: str) -> Callable[..., None] | None:
+        """A function of the level that is not a kernel's batch; None where there is none."""
+        function = getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
+        if function is not None:
+            function.argtypes, function.restype = (ctypes.c_void_p, ctypes.c_long), None
+        return function
+
     def _has(self, level: str) -> bool:
         return hasattr(self._dll, f"{self._manifest.robot}_{level}_torque_batch")
 

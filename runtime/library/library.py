@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError, NotRealisableError, ShapeError
+from runtime.library.adam import Batches, CompiledAdam, Quadratic
 from runtime.library.binding import Array, Binding
 from runtime.library.manifest import PI_NAMES, read_manifest
 
@@ -51,6 +52,8 @@ class Library:
         self.manifest = read_manifest(folder / "manifest.json")
         self._binding = Binding(folder, self.manifest, level)
         self.level, self.levels = self._binding.level, self._binding.levels
+        self.compiled_adam = self._binding.function("adam")
+        """The descent of this level in C; None at the portable level."""
         m = self.manifest
         self.name = m.robot
         self.joint_names = tuple(j.name for j in m.joints)
@@ -157,6 +160,24 @@ class Library:
     ) -> Array:
         """∂⟨seed, Y_b⟩/∂(q, dq, ddq), (N, 3, n), from seed (N, n, n_b)."""
         return self._binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
+
+    def adam(
+        self,
+        start: Array,
+        training: Quadratic,
+        held: Quadratic,
+        options: dict[str, float],
+        traces: int,
+        batches: Batches | None = None,
+    ) -> CompiledAdam:
+        """A compiled descent in x = [λ, ψ] from `start`, see `runtime.descent`.
+
+        Raises:
+            LibraryError: this level has none.
+        """
+        if self.compiled_adam is None:
+            raise LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
+        return CompiledAdam(self.compiled_adam, start, training, held, options, traces, batches)
 
     # --- trajectories: one row per point ----------------------------------------------------
 

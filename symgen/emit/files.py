@@ -17,6 +17,9 @@ from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 
+IDENTIFICATION = frozenset(("loss_gradient", "pi_from_lam", "pi_adjoint"))
+"""Kernels with which a descent in λ can be written out in C."""
+
 
 @dataclass(frozen=True, slots=True)
 class EmittedRobot:
@@ -51,13 +54,14 @@ def emit(
     digest.update(json.dumps(bodies, sort_keys=True).encode())
     digest.update(repr(tiles).encode())
     manifest["model_hash"] = digest.hexdigest()
-    context = {
+    context: dict[str, Any] = {
         "name": name,
         "kernels": kernels,
         "bodies": bodies,
         "tiles": tiles,
         "manifest": manifest,
         "versions": versions,
+        "identifies": bodies.keys() >= IDENTIFICATION,
     }
     render = _renderer()
     files = {
@@ -69,6 +73,16 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
+    if context["identifies"]:
+        by_name = {kernel.name: kernel for kernel in kernels}
+        (lam,) = by_name["pi_from_lam"].inputs
+        q, all_pi = by_name["loss_gradient"].inputs[0], by_name["loss_gradient"].inputs[-1]
+        context |= {
+            "parameters": lam.size,
+            "joints": q.size,
+            "links": all_pi.size // lam.size,
+        }
+        files["adam.c"] = render("adam.c.jinja2", context)
     return EmittedRobot(files, manifest["model_hash"])
 
 

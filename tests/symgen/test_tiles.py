@@ -100,7 +100,7 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> tuple[ctypes.CDLL, Kernel]:
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     target = folder / "libtoy.so"
-    compile_library([folder / "kernels.c", folder / "batch.c"], target, folder / "tiles.c")
+    compile_library([folder / "kernels.c", folder / "batch.c"], target, [folder / "tiles.c"])
     return ctypes.CDLL(str(target)), kernel
 
 

@@ -93,9 +93,9 @@ def _descend_compiled(
     )
     rng = np.random.default_rng(problem.seed)
     status = _run(job, rule, problem.progress, rng, len(train), preset.batch)
-    iterations = tuple(range(rule.validate_every, rule.validate_every * (job.traced + 1), rule.validate_every))  # fmt: skip  # noqa: E501
+    validated = np.arange(1, job.traced + 1) * rule.validate_every
     trace = Trace(
-        iterations,
+        tuple(validated.tolist()),
         tuple(job.training_trace[: job.traced].tolist()),
         tuple(job.held_trace[: job.traced].tolist()),
     )

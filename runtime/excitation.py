@@ -14,6 +14,7 @@ from scipy.optimize import minimize
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
+from runtime.threads import one_blas_thread
 
 COST_SAMPLES = 80
 """Samples of the cost over the whole duration (document Sec. 3.4.2)."""
@@ -163,6 +164,7 @@ class Limits:
         return matrix, np.ones(len(matrix))
 
 
+@one_blas_thread
 def design(
     lib: Library,
     duration: float = 10.0,

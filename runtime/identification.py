@@ -29,6 +29,7 @@ from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare, split
 from runtime.problem import Fit, Problem, best_friction
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.threads import one_blas_thread
 
 PRESETS = {
     "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
@@ -126,6 +127,7 @@ METHODS: dict[str, str] = {
 }
 
 
+@one_blas_thread
 def identify(
     recording: Recording,
     lib: Library,

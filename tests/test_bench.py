@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from runtime.library import Library
+from runtime.library import load
 from tests.conftest import REPOSITORY
 
 KERNELS = {
@@ -34,31 +34,47 @@ def script(name: str, *arguments: str, home: Path) -> Any:
     return json.loads(run.stdout)
 
 
-def test_build_stages_add_up(tmp_path: Path) -> None:
-    found = script("bench_build", home=tmp_path)
-    units = {unit["name"]: unit["seconds"] for unit in found["units"]}
-    assert {"kernels", "batch"} <= set(units)
-    assert all(seconds > 0 for seconds in units.values())
-    stages = [found[key] for key in ("generate", "compile", "link")]
-    assert min(stages) > 0
-    assert sum(stages) <= found["total"]
-    assert max(units.values()) <= found["compile"] + 1e-3  # two clocks
-    assert 0 < found["again"] < found["total"]
+@pytest.fixture(scope="module")
+def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("bench")
 
 
 @pytest.fixture(scope="module")
-def kernels(fr3: Library, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    home = tmp_path_factory.mktemp("cache")
-    robot = str(fr3.folder)
+def build(home: Path) -> Any:
+    return script("bench_build", "--out", str(home / "generated"), home=home)
+
+
+@pytest.fixture(scope="module")
+def kernels(home: Path, build: Any) -> Any:
+    robot = str(home / "generated" / build["robot"])
     return script("bench_kernels", "--robot", robot, "--repeat", "2", "--no-cpp", home=home)
 
 
-def test_every_kernel_at_every_level(kernels: Any, fr3: Library) -> None:
-    levels = fr3.levels if fr3.level in {"v4", "neon"} else kernels["limits"]
+def test_build_stages_add_up(build: Any) -> None:
+    units = {unit["name"]: unit["seconds"] for unit in build["units"]}
+    assert {"kernels", "batch"} <= set(units)
+    assert all(seconds > 0 for seconds in units.values())
+    stages = [build[key] for key in ("generate", "compile", "link")]
+    assert min(stages) > 0
+    assert sum(stages) <= build["total"]
+    assert max(units.values()) <= build["compile"] + 1e-3  # two clocks
+    assert 0 < build["again"] < build["total"]
+
+
+def test_a_build_from_nothing_needs_an_empty_folder(home: Path, build: Any) -> None:
+    command = [sys.executable, str(REPOSITORY / "scripts" / "bench_build"), "--out", str(home)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert "is not empty" in run.stderr
+
+
+def test_every_kernel_at_every_level(kernels: Any, home: Path) -> None:
+    lib = load(home / "generated" / "fr3")
+    expected = lib.levels[: lib.levels.index(lib.level) + 1]
+    assert set(kernels["limits"]) == set(expected)
     assert {(r["kernel"], r["level"]) for r in kernels["rows"]} == {
-        (kernel, level) for kernel in KERNELS for level in levels
+        (kernel, level) for kernel in KERNELS for level in expected
     }
-    assert set(kernels["limits"]) == set(levels)
 
 
 def test_kernel_numbers_are_sane(kernels: Any) -> None:

@@ -1,0 +1,46 @@
+"""The batch that every contender works on: the same states, torques and parameters."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.library import Array, Library
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """N states of one robot.
+
+    Attributes:
+        q, dq, ddq, tau: (N, n) [rad or m, ..., N·m or N]; tau is Y π with noise.
+        pi, lam: (10 n,) of the URDF.
+        weight, rotor: (n,), ones and zeros.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    tau: Array
+    pi: Array
+    lam: Array
+    weight: Array
+    rotor: Array
+
+    @property
+    def size(self) -> int:
+        """N."""
+        return len(self.q)
+
+    def named(self, name: str) -> Array:
+        """The array that a kernel's input of this name takes."""
+        return np.ascontiguousarray(getattr(self, name))
+
+
+def make_batch(lib: Library, samples: int, seed: int = 0) -> Batch:
+    """Positions all around, brisk velocities and accelerations."""
+    rng = np.random.default_rng(seed)
+    n = lib.n_joints
+    q = rng.uniform(-np.pi, np.pi, (samples, n))
+    dq, ddq = rng.normal(0, 2, (samples, n)), rng.normal(0, 5, (samples, n))
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + rng.normal(0, 1, (samples, n))
+    return Batch(q, dq, ddq, tau, lib.pi0, lib.lam0, np.ones(n), np.zeros(n))

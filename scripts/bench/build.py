@@ -1,0 +1,156 @@
+"""The run behind `scripts/bench_build`: a real build in an empty folder, its compiler timed.
+
+`python -m symgen build` runs as a user would start it, with $CC pointing to a wrapper that runs
+the same compiler and notes when each call began and ended; nothing else is different.
+"""
+
+import json
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from bench.compiled import BenchError
+from symgen.compiler import compiler_version, find_compiler
+
+_ROOT = Path(__file__).resolve().parents[2]
+
+_WRAPPER = """\
+import json, os, subprocess, sys, time
+log, *command = sys.argv[1:]
+start = time.time()
+status = subprocess.run(command).returncode
+with open(log, "a") as out:
+    out.write(json.dumps([start, time.time(), command]) + "\\n")
+sys.exit(status)
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One call of the compiler, seconds from the start of the build."""
+
+    name: str
+    start: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Seconds of one build from nothing, and of the call after it.
+
+    Attributes:
+        generate: from the start of Python to the first compilation: imports, URDF to C text.
+        compile: from the first compilation to the end of the last, in parallel.
+        link: of the shared library.
+        total: as the user waits, hashes and renaming included.
+        again: the same command once more, with nothing to do.
+        units: every compilation; they overlap.
+    """
+
+    robot: str
+    compiler: str
+    cores: int
+    generate: float
+    compile: float
+    link: float
+    total: float
+    again: float
+    bytes: int
+    units: tuple[Unit, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def measure(robot: str, kept: Path | None = None) -> Report:
+    """Build a bundled robot twice in an empty folder.
+
+    Args:
+        robot: name.
+        kept: folder for the result; a temporary one without it.
+
+    Raises:
+        BenchError: the build failed, its message is part of the sentence; or `kept` is not empty.
+    """
+    if kept is not None and kept.exists() and any(kept.iterdir()):
+        raise BenchError(f"'{kept}' is not empty, and a build from nothing needs an empty folder")
+    compiler = find_compiler()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        wrapper, log = folder / "timed.py", folder / "calls.jsonl"
+        wrapper.write_text(_WRAPPER, encoding="utf-8")
+        timed = (sys.executable, "-I", "-S", str(wrapper), str(log), *compiler)
+        out = kept or folder / "generated"
+        start = time.time()
+        total = _build(robot, out, timed)
+        again = _build(robot, out, timed)
+        lines = log.read_text(encoding="utf-8").splitlines()
+        size = (out / robot / f"lib{robot}.so").stat().st_size
+    calls = [json.loads(line) for line in lines]
+    units = sorted(
+        (
+            Unit(Path(command[command.index("-o") + 1]).stem, begin - start, end - begin)
+            for begin, end, command in calls
+            if "-c" in command
+        ),
+        key=lambda unit: unit.start,
+    )
+    links = [end - begin for begin, end, command in calls if "-shared" in command]
+    first = units[0].start
+    return Report(
+        robot=robot,
+        compiler=compiler_version(compiler),
+        cores=os.cpu_count() or 1,
+        generate=first,
+        compile=max(unit.start + unit.seconds for unit in units) - first,
+        link=sum(links),
+        total=total,
+        again=again,
+        bytes=size,
+        units=tuple(units),
+    )
+
+
+def _build(robot: str, out: Path, compiler: tuple[str, ...]) -> float:
+    """Seconds of one `symgen build`."""
+    path = os.pathsep.join((str(_ROOT), *filter(None, (os.environ.get("PYTHONPATH"),))))
+    environment = os.environ | {"CC": shlex.join(compiler), "PYTHONPATH": path}
+    command = [sys.executable, "-m", "symgen", "build", "--robot", robot, "--out", str(out)]
+    start = time.perf_counter()
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if run.returncode != 0:
+        raise BenchError(f"the build of '{robot}' failed: {run.stderr.strip()[-2000:]}")
+    return time.perf_counter() - start
+
+
+def table(report: Report) -> Table:
+    """Stages and units, in seconds."""
+    shown = Table(
+        "stage",
+        "begins",
+        "seconds",
+        title=f"{report.robot}: from nothing to the compiled library",
+        caption=(
+            f"{report.compiler}, {report.cores} cores; compilations overlap. "
+            f"The library has {report.bytes / 1e6:.2f} MB."
+        ),
+    )
+    for column in shown.columns[1:]:
+        column.justify = "right"
+    shown.add_row("start Python, read, generate", "0.00", f"{report.generate:.2f}")
+    for unit in report.units:
+        shown.add_row(f"  compile {unit.name}", f"{unit.start:.2f}", f"{unit.seconds:.2f}")
+    shown.add_row("compile, all", f"{report.generate:.2f}", f"{report.compile:.2f}")
+    shown.add_row("link", "", f"{report.link:.2f}", end_section=True)
+    shown.add_row("total", "", f"{report.total:.2f}")
+    shown.add_row("second call, nothing to do", "", f"{report.again:.2f}")
+    return shown

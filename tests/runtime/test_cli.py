@@ -244,7 +244,9 @@ def test_a_real_process(lib: Library, log: Path, tmp_path: Path) -> None:
 # The process stops for good at a known point inside the method; only SIGINT gets it going again.
 WAITING = """
 import sys, time
+import runtime.descent
 import runtime.cli.{module} as room
+runtime.descent.CHUNK = 50  # a look at Ctrl-C every 50 iterations
 original = room.{function}
 
 def waiting(*args, progress, **options):

@@ -183,7 +183,8 @@ class Library:
 
     def harmonic_basis(self, m: ArrayLike, t: ArrayLike, t_f: float) -> Array:
         """φ_m(t) of the Fourier + quintic basis and three derivatives, (N, 4). Eqs. 3.24–3.27."""
-        return self._binding.call("harmonic_basis", _column(m), _column(t), t_f)[0]
+        orders, times = np.broadcast_arrays(np.atleast_1d(m), np.atleast_1d(t))
+        return self._binding.call("harmonic_basis", _column(orders), _column(times), t_f)[0]
 
     def transfer_basis(self, t: ArrayLike, t_f: float) -> Array:
         """S(t), the rest-to-rest quintic from 0 to 1, and three derivatives, (N, 4)."""

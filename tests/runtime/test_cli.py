@@ -243,8 +243,11 @@ def test_a_real_process(lib: Library, log: Path, tmp_path: Path) -> None:
 
 # The process stops for good at a known point inside the method; only SIGINT gets it going again.
 WAITING = """
-import sys, time
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
+import runtime.descent
 import runtime.cli.{module} as room
+runtime.descent.CHUNK = 50  # a look at Ctrl-C every 50 iterations
 original = room.{function}
 
 def waiting(*args, progress, **options):

@@ -7,6 +7,7 @@ import pytest
 
 import runtime
 from runtime import METHODS, PRESETS, Identification, Preset, Recording, identify
+from runtime.descent import CHUNK
 from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Library
 from runtime.metrics import airm, torque_error
@@ -167,7 +168,7 @@ def test_interruption_keeps_the_best(lib: Library, ideal_runs: Runs) -> None:
     train, validation, test = ideal_runs
     result = identify(train, lib, validation=validation, test=test, progress=stop)
     assert result.status.startswith("interrupted by the user")
-    assert result.iterations == 50
+    assert result.iterations == CHUNK
     before, after = errors(result)
     assert after < before
 

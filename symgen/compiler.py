@@ -27,6 +27,13 @@ FLAGS = (
 )
 """Never -ffast-math: it breaks range reduction and the handling of NaN."""
 
+VECTOR_FLAGS = (
+    "-O3",  # unrolls the loops over lanes
+    "-ffp-contract=fast",  # fused multiply-add, which ISO C turns off by itself
+    "-fno-tree-vectorize",  # the vectors are there already; looking for more costs compile time
+    "-fno-tree-slp-vectorize",
+)
+
 LEVELS = {
     "x86_64": {"v4": (8, "x86-64-v4"), "v3": (4, "x86-64-v3"), "v2": (2, "x86-64-v2")},
     "aarch64": {"neon": (2, "")},
@@ -79,7 +86,12 @@ def compile_library(sources: list[Path], target: Path, per_level: Sequence[Path]
         (source.name, f"{source.stem}.o", ()) for source in sources
     ]
     for level, (width, architecture) in LEVELS.get(machine(), {}).items():
-        extra = (f"-DLEVEL={level}", f"-DW={width}", *_architecture(compiler, architecture))
+        extra = (
+            f"-DLEVEL={level}",
+            f"-DW={width}",
+            *VECTOR_FLAGS,
+            *_architecture(compiler, architecture),
+        )
         units += [(path.name, f"{path.stem}_{level}.o", extra) for path in per_level]
     commands = [
         (*compiler, *FLAGS, *extra, "-c", source, "-o", unit) for source, unit, extra in units

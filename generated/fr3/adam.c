@@ -22,9 +22,6 @@
 #define PARAMETERS 10
 #define LAMBDA (PARAMETERS * LINKS)
 
-/* vectors that start at any double */
-typedef double vu __attribute__((vector_size(8 * W), aligned(8)));
-
 void OWN(pi_from_lam_batch)(long n, const double *lam, long lam_step, double *pi);
 void OWN(pi_adjoint_batch)(long n, const double *lam, long lam_step, const double *slope, long slope_step, double *gradient);
 void OWN(loss_gradient_batch)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *pi, long pi_step, double *loss, double *gradient, double *residual);

@@ -7,6 +7,8 @@
 #include <stdint.h>
 
 typedef double vd __attribute__((vector_size(8 * W)));
+/* the same, wherever it starts in memory */
+typedef double vu __attribute__((vector_size(8 * W), aligned(8)));
 typedef int64_t vi __attribute__((vector_size(8 * W)));
 
 static inline vd vd_all(double x)
@@ -38,6 +40,64 @@ static inline vd vd_choose(vi mask, vd a, vd b)
     return (vd)((mask & (vi)a) | (~mask & (vi)b));
 }
 
+/* Lanes of a and b in the order of the constants; GCC before 12 spells it differently. */
+#if defined(__clang__) || __GNUC__ >= 12
+#define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define SHUFFLE(a, b, ...) __builtin_shuffle(a, b, (vi){__VA_ARGS__})
+#endif
+
+/* True when a mask is set in any lane: fold the vector in halves. */
+static inline int vi_any(vi m)
+{
+#if W == 8
+    m |= SHUFFLE(m, m, 4, 5, 6, 7, 0, 1, 2, 3);
+    m |= SHUFFLE(m, m, 2, 3, 0, 1, 6, 7, 4, 5);
+    m |= SHUFFLE(m, m, 1, 0, 3, 2, 5, 4, 7, 6);
+#elif W == 4
+    m |= SHUFFLE(m, m, 2, 3, 0, 1);
+    m |= SHUFFLE(m, m, 1, 0, 3, 2);
+#elif W == 2
+    m |= SHUFFLE(m, m, 1, 0);
+#endif
+    return m[0] != 0;
+}
+
+/* W rows of W numbers become W columns: butterflies of distance 1, 2, 4. */
+static inline void transpose(vd r[W])
+{
+#define BUTTERFLY(d, low, high)                     \
+    for (int i = 0; i < W; ++i) {                   \
+        if (!(i & d)) {                             \
+            const vd a = r[i], b = r[i + d];        \
+            r[i] = low;                             \
+            r[i + d] = high;                        \
+        }                                           \
+    }
+#if W == 8
+    BUTTERFLY(1, SHUFFLE(a, b, 0, 8, 2, 10, 4, 12, 6, 14), SHUFFLE(a, b, 1, 9, 3, 11, 5, 13, 7, 15))
+    BUTTERFLY(2, SHUFFLE(a, b, 0, 1, 8, 9, 4, 5, 12, 13), SHUFFLE(a, b, 2, 3, 10, 11, 6, 7, 14, 15))
+    BUTTERFLY(4, SHUFFLE(a, b, 0, 1, 2, 3, 8, 9, 10, 11), SHUFFLE(a, b, 4, 5, 6, 7, 12, 13, 14, 15))
+#elif W == 4
+    BUTTERFLY(1, SHUFFLE(a, b, 0, 4, 2, 6), SHUFFLE(a, b, 1, 5, 3, 7))
+    BUTTERFLY(2, SHUFFLE(a, b, 0, 1, 4, 5), SHUFFLE(a, b, 2, 3, 6, 7))
+#elif W == 2
+    BUTTERFLY(1, SHUFFLE(a, b, 0, 2), SHUFFLE(a, b, 1, 3))
+#endif
+#undef BUTTERFLY
+}
+
+/* For arguments that the range reduction below cannot take. */
+static __attribute__((noinline, cold)) void vd_sincos_far(vd x, vi far, vd *s, vd *c)
+{
+    for (int l = 0; l < W; ++l) {
+        if (far[l]) {
+            (*s)[l] = sin(x[l]);
+            (*c)[l] = cos(x[l]);
+        }
+    }
+}
+
 /* sin and cos to 2 ulp: x - k pi/2 with pi/2 in three parts (Cody-Waite; the products with k are
  * exact below the limit), then the minimax polynomials of FreeBSD's k_sin and k_cos on |r| <= pi/4.
  * Beyond the limit, and for NaN and infinity, the C library answers lane by lane. */
@@ -67,17 +127,9 @@ static inline void vd_sincos(vd x, vd *s, vd *c)
     const vi odd = -(n & 1), flip_sine = (n & 2) << 62, flip_cosine = ((n + 1) & 2) << 62;
     *s = (vd)((vi)vd_choose(odd, cosine, sine) ^ flip_sine);
     *c = (vd)((vi)vd_choose(odd, sine, cosine) ^ flip_cosine);
-    int far = 0;
-    for (int l = 0; l < W; ++l) {
-        far |= !(fabs(x[l]) < limit);
-    }
-    if (far) {
-        for (int l = 0; l < W; ++l) {
-            if (!(fabs(x[l]) < limit)) {
-                (*s)[l] = sin(x[l]);
-                (*c)[l] = cos(x[l]);
-            }
-        }
+    const vi far = ~(vi)((x < limit) & (x > -limit));
+    if (__builtin_expect(vi_any(far), 0)) {
+        vd_sincos_far(x, far, s, c);
     }
 }
 

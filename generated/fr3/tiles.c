@@ -12,9 +12,24 @@
 
 #include "lanes.h"
 
-/* W samples of `size` numbers, `step` apart, as rows of W lanes; lanes beyond `have` repeat. */
-static inline void load(vd *rows, const double *from, long step, int size, int have)
+/* W samples of `size` numbers, `step` apart, as rows of W lanes; lanes beyond `have` repeat.
+ * `left` numbers may be read from `from` on, counting whole steps: enough of them, and the samples
+ * are read W numbers at a time and turned in registers. */
+static inline void load(vd *rows, const double *from, long step, int size, int have, long left)
 {
+    if (have == W && left - (W - 1) * step >= (size + W - 1) / W * W) {
+        for (int k = 0; k < size; k += W) {
+            vd block[W];
+            for (int l = 0; l < W; ++l) {
+                block[l] = *(const vu *)(from + l * step + k);
+            }
+            transpose(block);
+            for (int i = 0; i < W && k + i < size; ++i) {
+                rows[k + i] = block[i];
+            }
+        }
+        return;
+    }
     for (int l = 0; l < W; ++l) {
         const double *one = from + (l < have ? l : have - 1) * step;
         for (int k = 0; k < size; ++k) {
@@ -23,8 +38,28 @@ static inline void load(vd *rows, const double *from, long step, int size, int h
     }
 }
 
+/* Rows of W lanes as samples of `size` numbers. A short row (size < W) is written with a tail that
+ * the next sample overwrites; the last sample is written number by number. */
 static inline void store(double *to, const vd *rows, int size, int have)
 {
+    if (have == W && 2 * size >= W) {
+        for (int k = 0; k < size; k += W) {
+            const int first = k + W <= size || size < W ? k : size - W;
+            const int width = size < W ? size : W;
+            vd block[W];
+            for (int i = 0; i < W; ++i) {
+                block[i] = i < width ? rows[first + i] : rows[0];
+            }
+            transpose(block);
+            for (int l = 0; l < W - 1; ++l) {
+                *(vu *)(to + l * size + first) = block[l];
+            }
+            for (int i = 0; i < width; ++i) {
+                to[(W - 1) * size + first + i] = block[W - 1][i];
+            }
+        }
+        return;
+    }
     for (int l = 0; l < have; ++l) {
         for (int k = 0; k < size; ++k) {
             to[l * size + k] = rows[k][l];
@@ -32,11 +67,25 @@ static inline void store(double *to, const vd *rows, int size, int have)
     }
 }
 
-static inline void add(double *sum, const vd *rows, int size, int have)
+/* Full tiles add up lane by lane in `sums`, the last one and the lanes at the end in `total`. */
+static inline void add(vd *sums, double *total, const vd *rows, int size, int have)
 {
     for (int k = 0; k < size; ++k) {
-        for (int l = 0; l < have; ++l) {
-            sum[k] += rows[k][l];
+        if (have == W) {
+            sums[k] += rows[k];
+        } else {
+            for (int l = 0; l < have; ++l) {
+                total[k] += rows[k][l];
+            }
+        }
+    }
+}
+
+static inline void gather(double *total, const vd *sums, int size)
+{
+    for (int k = 0; k < size; ++k) {
+        for (int l = 0; l < W; ++l) {
+            total[k] += sums[k][l];
         }
     }
 }
@@ -822,11 +871,11 @@ void BATCH(inverse_dynamics)(long n, const double *q, long q_step, const double 
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd ddq_rows[7];
-            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have);
+            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have, (n - i) * ddq_step);
             vd tau_out[7];
             inverse_dynamics_tile(q_rows, dq_rows, ddq_rows, pi_here, u, tau_out);
             store(tau + i * 7, tau_out, 7, have);
@@ -2628,11 +2677,11 @@ void BATCH(torque)(long n, const double *q, long q_step, const double *dq, long 
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd ddq_rows[7];
-            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have);
+            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have, (n - i) * ddq_step);
             vd tau_out[7];
             torque_tile(q_rows, dq_rows, ddq_rows, lam_here, u, tau_out);
             store(tau + i * 7, tau_out, 7, have);
@@ -12202,11 +12251,11 @@ void BATCH(torque_jacobian)(long n, const double *q, long q_step, const double *
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd ddq_rows[7];
-            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have);
+            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have, (n - i) * ddq_step);
             vd jacobian_out[490];
             torque_jacobian_tile(q_rows, dq_rows, ddq_rows, lam_here, u, jacobian_out);
             store(jacobian + i * 490, jacobian_out, 490, have);
@@ -14255,11 +14304,11 @@ void BATCH(regressor)(long n, const double *q, long q_step, const double *dq, lo
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd ddq_rows[7];
-            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have);
+            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have, (n - i) * ddq_step);
             vd Y_out[490];
             regressor_tile(q_rows, dq_rows, ddq_rows, Y_out);
             store(Y + i * 490, Y_out, 490, have);
@@ -15814,11 +15863,11 @@ void BATCH(base_regressor)(long n, const double *q, long q_step, const double *d
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd ddq_rows[7];
-            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have);
+            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have, (n - i) * ddq_step);
             vd Y_b_out[301];
             base_regressor_tile(q_rows, dq_rows, ddq_rows, Y_b_out);
             store(Y_b + i * 301, Y_b_out, 301, have);
@@ -17177,7 +17226,7 @@ void BATCH(mass_matrix)(long n, const double *q, long q_step, const double *pi, 
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd M_out[49];
             mass_matrix_tile(q_rows, pi_here, u, M_out);
             store(M + i * 49, M_out, 49, have);
@@ -17943,9 +17992,9 @@ void BATCH(bias_forces)(long n, const double *q, long q_step, const double *dq, 
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd h_out[7];
             bias_forces_tile(q_rows, dq_rows, pi_here, u, h_out);
             store(h + i * 7, h_out, 7, have);
@@ -20220,11 +20269,11 @@ void BATCH(forward_dynamics)(long n, const double *q, long q_step, const double 
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd tau_rows[7];
-            load(tau_rows, tau + i * tau_step, tau_step, 7, have);
+            load(tau_rows, tau + i * tau_step, tau_step, 7, have, (n - i) * tau_step);
             vd ddq_out[7];
             forward_dynamics_tile(q_rows, dq_rows, tau_rows, pi_here, rotor_here, u, ddq_out);
             store(ddq + i * 7, ddq_out, 7, have);
@@ -20402,7 +20451,7 @@ void BATCH(end_effector)(long n, const double *q, long q_step, double *H)
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd H_out[16];
             end_effector_tile(q_rows, H_out);
             store(H + i * 16, H_out, 16, have);
@@ -21689,10 +21738,14 @@ static inline void loss_gradient_tile(const vd *q, const vd *dq, const vd *ddq, 
 void BATCH(loss_gradient)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *pi, long pi_step, double *loss, double *gradient, double *residual);
 void BATCH(loss_gradient)(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *pi, long pi_step, double *loss, double *gradient, double *residual)
 {
+    vd loss_sums[1];
     for (int k = 0; k < 1; ++k) {
+        loss_sums[k] = (vd){0};
         loss[k] = 0.0;
     }
+    vd gradient_sums[70];
     for (int k = 0; k < 70; ++k) {
+        gradient_sums[k] = (vd){0};
         gradient[k] = 0.0;
     }
     const long group = weight_step == 0 && pi_step == 0 ? n : 1;
@@ -21704,22 +21757,24 @@ void BATCH(loss_gradient)(long n, const double *q, long q_step, const double *dq
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd ddq_rows[7];
-            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have);
+            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have, (n - i) * ddq_step);
             vd tau_rows[7];
-            load(tau_rows, tau + i * tau_step, tau_step, 7, have);
+            load(tau_rows, tau + i * tau_step, tau_step, 7, have, (n - i) * tau_step);
             vd loss_out[1];
             vd gradient_out[70];
             vd residual_out[7];
             loss_gradient_tile(q_rows, dq_rows, ddq_rows, tau_rows, weight_here, pi_here, u, loss_out, gradient_out, residual_out);
-            add(loss, loss_out, 1, have);
-            add(gradient, gradient_out, 70, have);
+            add(loss_sums, loss, loss_out, 1, have);
+            add(gradient_sums, gradient, gradient_out, 70, have);
             store(residual + i * 7, residual_out, 7, have);
         }
     }
+    gather(loss, loss_sums, 1);
+    gather(gradient, gradient_sums, 70);
 }
 
 /* Eqs. 4.25-4.31. 146 operations per sample. */
@@ -21893,7 +21948,7 @@ void BATCH(pi_from_lam)(long n, const double *lam, long lam_step, double *pi)
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd lam_rows[10];
-            load(lam_rows, lam + i * lam_step, lam_step, 10, have);
+            load(lam_rows, lam + i * lam_step, lam_step, 10, have, (n - i) * lam_step);
             vd pi_out[10];
             pi_from_lam_tile(lam_rows, pi_out);
             store(pi + i * 10, pi_out, 10, have);
@@ -22677,7 +22732,7 @@ void BATCH(pi_jacobian)(long n, const double *lam, long lam_step, double *jacobi
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd lam_rows[10];
-            load(lam_rows, lam + i * lam_step, lam_step, 10, have);
+            load(lam_rows, lam + i * lam_step, lam_step, 10, have, (n - i) * lam_step);
             vd jacobian_out[100];
             pi_jacobian_tile(lam_rows, jacobian_out);
             store(jacobian + i * 100, jacobian_out, 100, have);
@@ -23110,9 +23165,9 @@ void BATCH(pi_adjoint)(long n, const double *lam, long lam_step, const double *s
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd lam_rows[10];
-            load(lam_rows, lam + i * lam_step, lam_step, 10, have);
+            load(lam_rows, lam + i * lam_step, lam_step, 10, have, (n - i) * lam_step);
             vd slope_rows[10];
-            load(slope_rows, slope + i * slope_step, slope_step, 10, have);
+            load(slope_rows, slope + i * slope_step, slope_step, 10, have, (n - i) * slope_step);
             vd gradient_out[10];
             pi_adjoint_tile(lam_rows, slope_rows, gradient_out);
             store(gradient + i * 10, gradient_out, 10, have);
@@ -24632,7 +24687,7 @@ void BATCH(lam_from_pi)(long n, const double *pi, long pi_step, double *lam)
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd pi_rows[10];
-            load(pi_rows, pi + i * pi_step, pi_step, 10, have);
+            load(pi_rows, pi + i * pi_step, pi_step, 10, have, (n - i) * pi_step);
             vd lam_out[10];
             lam_from_pi_tile(pi_rows, lam_out);
             store(lam + i * 10, lam_out, 10, have);
@@ -26060,7 +26115,7 @@ void BATCH(nearest_realisable)(long n, const double *pi, long pi_step, const dou
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd pi_rows[10];
-            load(pi_rows, pi + i * pi_step, pi_step, 10, have);
+            load(pi_rows, pi + i * pi_step, pi_step, 10, have, (n - i) * pi_step);
             vd realisable_out[10];
             nearest_realisable_tile(pi_rows, floor_here, realisable_out);
             store(realisable + i * 10, realisable_out, 10, have);
@@ -26268,7 +26323,7 @@ void BATCH(inertia_matrix)(long n, const double *lam, long lam_step, double *M)
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd lam_rows[10];
-            load(lam_rows, lam + i * lam_step, lam_step, 10, have);
+            load(lam_rows, lam + i * lam_step, lam_step, 10, have, (n - i) * lam_step);
             vd M_out[36];
             inertia_matrix_tile(lam_rows, M_out);
             store(M + i * 36, M_out, 36, have);
@@ -26314,7 +26369,7 @@ void BATCH(pseudo_inertia)(long n, const double *pi, long pi_step, double *P)
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd pi_rows[10];
-            load(pi_rows, pi + i * pi_step, pi_step, 10, have);
+            load(pi_rows, pi + i * pi_step, pi_step, 10, have, (n - i) * pi_step);
             vd P_out[16];
             pseudo_inertia_tile(pi_rows, P_out);
             store(P + i * 16, P_out, 16, have);
@@ -26402,9 +26457,9 @@ void BATCH(harmonic_basis)(long n, const double *m, long m_step, const double *t
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd m_rows[1];
-            load(m_rows, m + i * m_step, m_step, 1, have);
+            load(m_rows, m + i * m_step, m_step, 1, have, (n - i) * m_step);
             vd t_rows[1];
-            load(t_rows, t + i * t_step, t_step, 1, have);
+            load(t_rows, t + i * t_step, t_step, 1, have, (n - i) * t_step);
             vd phi_out[4];
             harmonic_basis_tile(m_rows, t_rows, t_f_here, u, phi_out);
             store(phi + i * 4, phi_out, 4, have);
@@ -26486,7 +26541,7 @@ void BATCH(transfer_basis)(long n, const double *t, long t_step, const double *t
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd t_rows[1];
-            load(t_rows, t + i * t_step, t_step, 1, have);
+            load(t_rows, t + i * t_step, t_step, 1, have, (n - i) * t_step);
             vd S_out[4];
             transfer_basis_tile(t_rows, t_f_here, u, S_out);
             store(S + i * 4, S_out, 4, have);
@@ -29711,13 +29766,13 @@ void BATCH(regressor_adjoint)(long n, const double *q, long q_step, const double
         for (long i = g; i < g + group; i += W) {
             const int have = (int)(g + group - i < W ? g + group - i : W);
             vd q_rows[7];
-            load(q_rows, q + i * q_step, q_step, 7, have);
+            load(q_rows, q + i * q_step, q_step, 7, have, (n - i) * q_step);
             vd dq_rows[7];
-            load(dq_rows, dq + i * dq_step, dq_step, 7, have);
+            load(dq_rows, dq + i * dq_step, dq_step, 7, have, (n - i) * dq_step);
             vd ddq_rows[7];
-            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have);
+            load(ddq_rows, ddq + i * ddq_step, ddq_step, 7, have, (n - i) * ddq_step);
             vd seed_rows[301];
-            load(seed_rows, seed + i * seed_step, seed_step, 301, have);
+            load(seed_rows, seed + i * seed_step, seed_step, 301, have, (n - i) * seed_step);
             vd gradient_out[21];
             regressor_adjoint_tile(q_rows, dq_rows, ddq_rows, seed_rows, gradient_out);
             store(gradient + i * 21, gradient_out, 21, have);

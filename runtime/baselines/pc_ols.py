@@ -19,8 +19,9 @@ from runtime.problem import Fit, Problem
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
-SLACK = 1e-5
-"""Relative loss given away for staying near the first guess."""
+SLACK = 1e-3
+"""Relative loss given away for staying near the first guess. The optimum itself is often reached
+only with absurd bodies: a poorly excited arm of 16 kg asked for links of 1400 kg at 1e-5."""
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 
 

@@ -7,6 +7,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,12 +46,21 @@ class Binding:
             function.argtypes, function.restype = (ctypes.c_void_p, ctypes.c_long), None
         return function
 
+    def _symbol(self, name: str) -> Any:
+        try:
+            return self._dll[name]
+        except AttributeError:
+            raise LibraryError(
+                f"the library of '{self._manifest.robot}' has no function '{name}', so another "
+                f"version of symgen built it; {_AGAIN}"
+            ) from None
+
     def _has(self, level: str) -> bool:
         return hasattr(self._dll, f"{self._manifest.robot}_{level}_torque_batch")
 
     def _best_level(self) -> str:
         """What the processor can run, as the library itself finds out."""
-        answer = self._dll[f"{self._manifest.robot}_level"]
+        answer = self._symbol(f"{self._manifest.robot}_level")
         answer.restype = ctypes.c_char_p
         best = str(answer().decode())
         return best if best in self.levels else "portable"
@@ -58,7 +68,7 @@ class Binding:
     def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
         robot = self._manifest.robot
         prefix = robot if self.level == "portable" else f"{robot}_{self.level}"
-        function = self._dll[f"{prefix}_{kernel.name}_batch"]
+        function = self._symbol(f"{prefix}_{kernel.name}_batch")
         pair = (ctypes.c_void_p, ctypes.c_long)
         function.argtypes = (
             ctypes.c_long,

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from runtime import Identification, Recording, identify
 from runtime.baselines import ConvexOptimum, convex_optimum, fit_ols, fit_pc_ols
+from runtime.baselines.pc_ols import SLACK
 from runtime.errors import IdentificationError
 from runtime.friction import add_columns
 from runtime.library import Library
@@ -178,11 +179,11 @@ def test_pc_ols_recovers_the_truth_without_noise(
 def test_pc_ols_stays_near_the_guess_within_its_slack(
     lib: Library, measured: Problem, measured_statistics: Compressed, optimum: ConvexOptimum
 ) -> None:
-    """Property: at most 1e-5 above the optimum, consistent, and nearer to the guess than it."""
+    """Property: at most `SLACK` above the optimum, consistent, and nearer to the guess than it."""
     fit = fit_pc_ols(measured)
     loss = measured_statistics.value(fit.pi, fit.phi)
-    # 1e-5 is the slack that it gives away; as much again for lifting a link off the boundary.
-    assert optimum.loss * (1 - 1e-6) <= loss <= optimum.loss * (1 + 2e-5)
+    # The slack that it gives away; 5 % of that for lifting a link off the boundary.
+    assert optimum.loss * (1 - 1e-6) <= loss <= optimum.loss * (1 + 1.05 * SLACK)
     assert lib.relative_eigenvalues(fit.pi).min() >= 0
     assert np.linalg.norm(fit.pi - lib.pi0) < np.linalg.norm(optimum.pi - lib.pi0)
 

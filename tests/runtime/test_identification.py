@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime import METHODS, PRESETS, Identification, Preset, Recording, identify
+from runtime import METHODS, PRESETS, Identification, Preset, Recording, identify, read_recording
+from runtime.baselines.pc_ols import SLACK
 from runtime.descent import CHUNK
 from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Library
@@ -133,8 +134,18 @@ def test_real_arm_by_the_convex_program(panda: Recording, lib: Library) -> None:
     result = identify(panda, lib, "pc-ols")
     assert errors(result)[1] <= 1.45
     assert result.is_consistent
-    # Its slack is 1e-5, and as much for lifting links off the boundary of consistency.
-    assert abs(result.gap) < 1e-4
+    # Its slack, and 5 % of that for lifting links off the boundary of consistency.
+    assert 0 <= result.gap <= 1.05 * SLACK
+
+
+def test_the_convex_program_gives_bodies_one_could_lift(robot, shared_data) -> None:
+    """Real data: a hardly exciting log, on which the bare optimum asks for 1400 kg per link."""
+    lib = robot("kuka_lwr4")
+    result = identify(read_recording("lwr4_flobaroid"), lib, "pc-ols")
+    masses, known = (pi.reshape(lib.n_joints, -1)[:, 0] for pi in (result.pi, lib.pi0))
+    # The arm weighs 16 kg; without a prior twice that still explains the log.
+    assert masses.sum() < 2.5 * known.sum()
+    assert result.gap <= 1.05 * SLACK
 
 
 def test_real_arm_by_the_documents_preset(panda: Recording, lib: Library) -> None:

@@ -56,6 +56,7 @@ class Identification:
         optimum: smallest loss of any physically consistent model on the same samples.
         seconds: of the method alone.
         train, validation, test: the prepared recordings.
+        one_run: True when they are parts of one recording.
         notes: what was done on the way.
     """
 
@@ -76,6 +77,7 @@ class Identification:
     train: Recording
     validation: Recording
     test: Recording
+    one_run: bool
     seed: int
     notes: tuple[str, ...] = field(default=())
 
@@ -212,6 +214,7 @@ def identify(
         train=parts[0],
         validation=parts[1],
         test=parts[2],
+        one_run=test is None,
         seed=seed,
         notes=fit.notes,
     )

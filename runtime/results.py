@@ -124,7 +124,7 @@ def _recording_facts(result: Identification) -> dict[str, Any]:
     }
     spans = ", ".join(f"{name} {r.t[0]:.2f}–{r.t[-1]:.2f} s" for name, r in parts.items())
     return {
-        "name": result.train.name,
+        "name": result.train.name.removesuffix("/train"),
         "duration": float(sum(r.duration for r in parts.values())),
         "samples": {name: len(r) for name, r in parts.items()},
         "history": list(result.train.history),
@@ -176,7 +176,7 @@ def _trace_facts(result: Identification) -> dict[str, Any] | None:
 
 def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
     warnings = list(result.notes)
-    if result.train.name == result.test.name:
+    if result.one_run:
         warnings.append(
             "training, validation and test are parts of one run, which flatters; "
             "record a second trajectory to test on"

@@ -108,6 +108,7 @@ def test_perfect_fits_are_doubted(
     assert not any("one run" in text for text in warnings)
     ordinary = result_facts(identify(noisy, lib, "ols"), "")["warnings"]
     assert not any("perfect to rounding" in text for text in ordinary)
+    assert any("one run" in text for text in ordinary)
 
 
 def test_inconsistent_models_are_told(lib: Library, panda: Recording) -> None:

@@ -6,8 +6,8 @@ from runtime.errors import IdentificationError
 from runtime.library import Library
 from runtime.recording import Recording
 
-OUTSIDE = 0.35
-"""How far beyond a joint limit (rad or m) a measured position is no longer a rounding matter."""
+OUTSIDE = 1.0
+"""How far beyond a joint limit (rad or m) a position speaks of another unit, order or robot."""
 
 SLOWEST = 2.0
 """Rate in Hz below which differences of positions say nothing about speed."""

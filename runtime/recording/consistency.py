@@ -12,6 +12,8 @@ from runtime.errors import RecordingError
 from runtime.recording.recording import FloatArray, Recording
 
 STRIDE = 5
+USUAL_STEP = 0.5
+"""Median step in rad above which the rows are no motion (states drawn at random, say)."""
 DEGREE = 180.0 / np.pi
 
 
@@ -51,10 +53,14 @@ def check_consistency(recording: Recording) -> Recording:
 def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     """Angles without jumps of one turn, and the number of jumps per joint.
 
-    A step counts as a jump only if it is one turn to within 0.5 rad; other steps are kept.
+    A step counts as a jump only if it is one turn to within 0.5 rad, at a joint whose steps are
+    usually small; other steps are kept.
     """
+    if len(q) < 2:
+        return q, np.zeros(q.shape[1], dtype=np.int64)
     turns = np.round(np.diff(q, axis=0) / (2.0 * np.pi))
     jump = (np.abs(turns) == 1.0) & (np.abs(np.diff(q, axis=0) - 2.0 * np.pi * turns) < 0.5)
+    jump &= np.median(np.abs(np.diff(q, axis=0)), axis=0) < USUAL_STEP
     if not jump.any():
         return q, np.zeros(q.shape[1], dtype=np.int64)
     correction = np.zeros_like(q)

@@ -19,6 +19,7 @@ from runtime.recording import (
     read_recording,
     write_recording,
 )
+from runtime.recording.consistency import unwrap
 from runtime.recording.recipe_file import recipe_from_table
 
 HEADER = "t,q1,q2,dq1,dq2,tau1,tau2"
@@ -440,3 +441,12 @@ def test_changed_published_file_is_told(tmp_path):
     table = {"name": "x", "source": {"sha256": {"log.csv": "0" * 64}}}
     recording = read_recording(path, recipe_from_table(table))
     assert "not the published file that recipe 'x' pins" in recording.history[-1]
+
+
+def test_states_drawn_at_random_are_not_unwrapped():
+    """Property: where rows are no motion, a difference near one turn means nothing."""
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-np.pi, np.pi, (500, 3))
+    kept, jumps = unwrap(q)
+    assert not jumps.any()
+    assert kept is q

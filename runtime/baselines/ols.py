@@ -7,6 +7,7 @@ Source: Gautier 1997; document Sec. 3.1.3.
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.library.manifest import PI_NAMES
 from runtime.problem import Fit, Problem
 
 RANK_TOLERANCE = 1e-9
@@ -40,4 +41,5 @@ def fit_ols(problem: Problem) -> Fit:
     k = lib.base_matrix
     pi = guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0]
     status = f"solved by QR; condition number of the normalised columns {sigma[0] / sigma[-1]:.1f}"
-    return Fit(pi, phi, None, status)
+    possible = bool((lib.relative_eigenvalues(pi) > 0).all() and (pi[:: len(PI_NAMES)] > 0).all())
+    return Fit(pi, phi, lib.lam_from_pi(pi) if possible else None, status)

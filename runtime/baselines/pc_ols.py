@@ -65,7 +65,7 @@ def fit_pc_ols(problem: Problem) -> Fit:
     size = cones.width
     explained = 2 * statistics.n_samples * best.loss - statistics.rest
     # Slack below the solver's own accuracy would make the second problem infeasible.
-    floor = (1e-6 * np.linalg.norm(statistics.target)) ** 2
+    floor = (1e-8 * np.linalg.norm(statistics.target)) ** 2
     bound = np.sqrt(max(explained, 0.0) + SLACK * 2 * statistics.n_samples * best.loss + floor)
     cost = np.zeros(size + 1)
     cost[-1] = 1.0

@@ -14,6 +14,7 @@ from runtime.library import Library
 from runtime.metrics import airm, torque_error
 from runtime.optimizers import AdamOptions, StoppingRule
 from runtime.recording import Friction, Preparation, Split
+from runtime.results import result_facts
 
 Runs = tuple[Recording, ...]
 
@@ -167,6 +168,16 @@ def test_prediction_is_the_model_and_its_friction(panda_adam: Identification) ->
     assert r.predict(q, dq, ddq) == pytest.approx(expected, rel=1e-11, abs=1e-11)
     assert r.predict(q[0], dq[0], ddq[0]) == pytest.approx(expected[0], rel=1e-11, abs=1e-11)
     assert r.beta == pytest.approx(r.lib.base_matrix @ r.pi, rel=1e-14)
+
+
+def test_trials_can_do_without_the_certificate(lib: Library, ideal_runs: Runs) -> None:
+    """Property: the same parameters, no optimum, and a gap that says that it is unknown."""
+    train, validation, test = ideal_runs
+    sure = identify(train, lib, validation=validation, test=test)
+    quick = identify(train, lib, validation=validation, test=test, certify=False)
+    np.testing.assert_array_equal(sure.pi, quick.pi)
+    assert np.isnan(quick.gap)
+    assert result_facts(quick, "")["gap_to_convex_optimum"] is None
 
 
 def test_interruption_keeps_the_best(lib: Library, ideal_runs: Runs) -> None:

@@ -85,13 +85,12 @@ def compile_library(sources: list[Path], target: Path, per_level: Sequence[Path]
     units: list[tuple[str, str, tuple[str, ...]]] = [
         (source.name, f"{source.stem}.o", ()) for source in sources
     ]
-    for level, (width, architecture) in LEVELS.get(machine(), {}).items():
-        extra = (
-            f"-DLEVEL={level}",
-            f"-DW={width}",
-            *VECTOR_FLAGS,
-            *_architecture(compiler, architecture),
-        )
+    levels = LEVELS.get(machine(), {}) if per_level else {}
+    for level, (width, architecture) in levels.items():
+        march = _architecture(compiler, architecture)
+        if not _knows(compiler, march):
+            continue  # an older compiler; the loader takes the best of the others
+        extra = (f"-DLEVEL={level}", f"-DW={width}", *VECTOR_FLAGS, *march)
         units += [(path.name, f"{path.stem}_{level}.o", extra) for path in per_level]
     commands = [
         (*compiler, *FLAGS, *extra, "-c", source, "-o", unit) for source, unit, extra in units
@@ -117,6 +116,12 @@ def _architecture(compiler: tuple[str, ...], name: str) -> tuple[str, ...]:
         return ()
     # zig spells the same levels with underscores
     return (f"-march={name.replace('-', '_') if 'ziglang' in compiler else name}",)
+
+
+def _knows(compiler: tuple[str, ...], march: tuple[str, ...]) -> bool:
+    """Does the compiler know this instruction set?"""
+    probe = [*compiler, *march, "-x", "c", "-E", os.devnull]
+    return subprocess.run(probe, capture_output=True, check=False).returncode == 0
 
 
 def _run(command: tuple[str, ...], folder: Path) -> None:

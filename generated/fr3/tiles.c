@@ -1,4 +1,4 @@
-/* fr3: every per-sample kernel on tiles of W samples, written by symgen 0.1.0.
+/* fr3: every kernel on tiles of W samples, written by symgen 0.1.0.
  * Compiled once per instruction set with -DLEVEL=v4 -DW=8 (AVX-512), v3 and 4 (AVX2), v2 and 2.
  * A wider vector type than the instruction set has is slower than none: LEVEL, W and -march go
  * together. Never compile with -ffast-math: it breaks the range reduction of sine and cosine. */

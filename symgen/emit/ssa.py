@@ -89,7 +89,7 @@ class TileProgram:
         prepare: statements that fill `u` from the shared inputs.
         uniform: length of `u`.
         body: statements on rows of W samples.
-        operations: per sample, trigonometric pairs counted as two.
+        operations: per sample, without those of `prepare`.
     """
 
     prepare: list[str]
@@ -136,7 +136,7 @@ def c_constant(value: float) -> str:
 
 
 def tile_program(kernel: Kernel) -> TileProgram:
-    """The tile form of a kernel whose per-sample part is arithmetic and sines and cosines.
+    """The tile form of a kernel.
 
     Raises:
         BuildError: a per-sample instruction has no vector form.

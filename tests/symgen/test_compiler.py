@@ -3,13 +3,14 @@
 import ctypes
 import importlib.util
 import os
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 
 from symgen import compiler
-from symgen.compiler import compile_library, find_compiler, sha256_of
+from symgen.compiler import compile_library, find_compiler, machine, sha256_of
 from symgen.errors import CompilerError
 
 SOURCE = "double twice(double x);\ndouble twice(double x) { return 2.0 * x; }\n"
@@ -120,3 +121,26 @@ def test_flags_are_safe() -> None:
     """Property: nothing that breaks NaN or range reduction; the C standard is stated."""
     assert "-std=c99" in compiler.FLAGS
     assert not {"-ffast-math", "-Ofast", "-ffinite-math-only"} & set(compiler.FLAGS)
+
+
+def test_levels_that_the_compiler_does_not_know_are_left_out(
+    monkeypatch: pytest.MonkeyPatch, source: Path, tmp_path: Path
+) -> None:
+    """Property: an older compiler gives a library with fewer levels, not an error."""
+    if machine() != "x86_64":
+        pytest.skip("the levels of this test are those of x86-64")
+    old = tmp_path / "old-cc"
+    refuse = 'case "$*" in *x86-64-v[34]*) echo "bad value for -march" >&2; exit 1;; esac'
+    old.write_text(f'#!/bin/sh\n{refuse}\nexec {shutil.which("cc") or "gcc"} "$@"\n')
+    old.chmod(0o755)
+    monkeypatch.setenv("CC", str(old))
+    level = source.with_name("level.c")
+    level.write_text(
+        "#define JOIN(x) f_##x\n#define AT(x) JOIN(x)\nint AT(LEVEL)(void) { return W; }\n"
+    )
+    target = source.with_name("libtwice.so")
+    compile_library([source], target, [level])
+    library = ctypes.CDLL(str(target))
+    assert library.f_v2() == 2
+    assert not hasattr(library, "f_v3")
+    assert not hasattr(library, "f_v4")

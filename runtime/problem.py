@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from runtime.objective import Compressed, Samples, compress
 from runtime.optimizers import Trace
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)  # no slots: the statistics are computed once and kept
 class Problem:
     """Same data, same weights, same start for every method.
 
@@ -32,7 +33,11 @@ class Problem:
 
     def statistics(self, weights: Array | None = None) -> Compressed:
         """Compressed training data, with the problem's weights unless others are given."""
-        return compress(self.lib, self.train, self.weights if weights is None else weights)
+        return self._weighted if weights is None else compress(self.lib, self.train, weights)
+
+    @cached_property
+    def _weighted(self) -> Compressed:
+        return compress(self.lib, self.train, self.weights)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.library import Array, Batches, CompiledAdam, Library, Quadratic
+from runtime.library import Array, Batches, CompiledAdam, Quadratic
+from runtime.library.adam import DIVERGED
 from runtime.objective import Compressed, CompressedObjective, TorqueObjective, compress
 from runtime.optimizers import AdamOptions, Outcome, Status, StoppingRule, Trace, minimise
 from runtime.problem import Problem
@@ -33,15 +34,14 @@ def descend(
     """Descend from x0 by the compiled loop if there is one, else by the reference."""
     if problem.lib.compiled_adam is None:
         return descend_by_steps(problem, objective, statistics, x0, preset)
-    return _descend_compiled(problem, problem.lib, objective, statistics, x0, preset)
+    return _descend_compiled(problem, objective, statistics, x0, preset)
 
 
 def descend_by_steps(
     problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
 ) -> Outcome:
     """The reference: one NumPy step at a time."""
-    held = TorqueObjective(problem.lib, problem.validation, problem.weights)
-    held.unit = objective.unit
+    held = TorqueObjective(problem.lib, problem.validation, problem.weights, objective.unit)
     if preset.batch is None:
         value_gradient = CompressedObjective(objective, statistics).value_gradient
     else:
@@ -54,15 +54,10 @@ def descend_by_steps(
 
 
 def _descend_compiled(
-    problem: Problem,
-    lib: Library,
-    objective: TorqueObjective,
-    statistics: Compressed,
-    x0: Array,
-    preset: Preset,
+    problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
 ) -> Outcome:
+    lib, rule, train = problem.lib, preset.rule, problem.train
     held = compress(lib, problem.validation, problem.weights)
-    rule, train = preset.rule, problem.train
     batches = None
     if preset.batch is not None:
         batches = Batches(
@@ -118,7 +113,7 @@ def _run(
             if progress is not None:
                 progress(job.step, job.best)
             if job.finished:
-                return Status.PATIENCE if job.finished == 1 else Status.DIVERGED
+                return Status.DIVERGED if job.finished == DIVERGED else Status.PATIENCE
     except KeyboardInterrupt:
         return Status.INTERRUPTED
     return Status.MAX_ITERATIONS

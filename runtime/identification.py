@@ -199,7 +199,9 @@ def identify(
     start = time.perf_counter()
     fit = _fit(problem, method, preset)
     seconds = time.perf_counter() - start
-    statistics = problem.statistics()
+    statistics, optimum = problem.statistics(), fit.optimum
+    if optimum is None:
+        optimum = convex_optimum(lib, statistics).loss if certify else np.nan
     return Identification(
         method=method,
         lib=lib,
@@ -211,7 +213,7 @@ def identify(
         weights=problem.weights,
         status=fit.status,
         loss=statistics.value(fit.pi, fit.phi),
-        optimum=convex_optimum(lib, statistics).loss if certify else np.nan,
+        optimum=optimum,
         seconds=seconds,
         iterations=fit.iterations,
         trace=fit.trace,

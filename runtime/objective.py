@@ -75,11 +75,13 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
 class TorqueObjective:
     """L(x) and ∇L(x) on given samples, whole or on a mini-batch of rows."""
 
-    def __init__(self, lib: Library, samples: Samples, weights: Array) -> None:
+    def __init__(
+        self, lib: Library, samples: Samples, weights: Array, unit: Array | None = None
+    ) -> None:
         self.lib, self.samples, self.weights = lib, samples, weights
         self.n_lam = lib.lam0.size
         self.shape = samples.columns.shape[1:]
-        self.unit = friction_unit(samples)
+        self.unit = friction_unit(samples) if unit is None else unit
 
     def split(self, x: Array) -> tuple[Array, Array]:
         """λ and φ (n, k) of x."""
@@ -100,8 +102,7 @@ class TorqueObjective:
         free = tau - friction.torque(columns, phi) if phi.size else tau
         pi = lib.pi_from_lam(lam)
         loss, slope, residual = lib.loss_gradient(q, dq, ddq, free, self.weights, pi)
-        blocks = lib.pi_jacobian(lam)
-        n_lam = np.einsum("kij,ki->kj", blocks, slope.reshape(len(blocks), -1)).ravel()
+        n_lam = lib.pi_adjoint(lam, slope)
         n_phi = np.einsum("ijk,ij->jk", columns, residual * self.weights) * self.unit
         return loss / len(q), np.concatenate([n_lam, n_phi.ravel()]) / len(q)
 
@@ -146,6 +147,17 @@ class Compressed:
         residual = self.factor @ np.concatenate([pi, phi.ravel()]) - self.target
         return float((residual @ residual + self.rest) / (2 * self.n_samples))
 
+    def base_columns(self, lib: Library) -> tuple[Array, Array]:
+        """R's columns of the base parameters and the friction, each of length one, and lengths.
+
+        A silent column stays zero and counts as of length one.
+        """
+        friction_columns = range(lib.pi0.size, self.factor.shape[1])
+        matrix = self.factor[:, [*lib.base_columns, *friction_columns]]
+        lengths = np.linalg.norm(matrix, axis=0)
+        lengths = np.where(lengths > 0, lengths, 1.0)
+        return matrix / lengths, lengths
+
 
 def compress(lib: Library, samples: Samples, weights: Array) -> Compressed:
     """Stream the weighted rows [Y F τ] through QR."""
@@ -187,8 +199,7 @@ class CompressedObjective:
         lam, phi = self.whole.split(x)
         residual = s.factor @ np.concatenate([lib.pi_from_lam(lam), phi.ravel()]) - s.target
         slope = s.factor.T @ residual / s.n_samples
-        blocks = lib.pi_jacobian(lam)
-        n_lam = np.einsum("kij,ki->kj", blocks, slope[: lam.size].reshape(len(blocks), -1)).ravel()
+        n_lam = lib.pi_adjoint(lam, slope[: lam.size])
         n_phi = slope[lam.size :] * self.whole.unit.ravel()
         value = (residual @ residual + s.rest) / (2 * s.n_samples)
         return float(value), np.concatenate([n_lam, n_phi])

@@ -49,6 +49,7 @@ class Fit:
         phi: friction coefficients (n, k), k = 0 without friction.
         lam: (10 n,), None where π has none.
         status: a sentence.
+        optimum: smallest loss of any consistent model, where the method has found it anyway.
         notes: sentences about what was done on the way.
     """
 
@@ -58,6 +59,7 @@ class Fit:
     status: str
     iterations: int | None = None
     trace: Trace | None = None
+    optimum: float | None = None
     notes: tuple[str, ...] = ()
 
 

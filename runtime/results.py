@@ -13,7 +13,7 @@ from runtime import metrics
 from runtime.atomic import replacing
 from runtime.identification import Identification
 from runtime.library import Array
-from runtime.objective import samples_of
+from runtime.objective import compress, samples_of
 
 FORMAT = 1
 SUSPICIOUSLY_GOOD = 1e-4
@@ -96,17 +96,9 @@ def write_result(result: Identification, folder: Path, command: str) -> dict[str
 
 def condition_number(result: Identification) -> float | None:
     """cond of the column-normalised [Y_b F] of the training samples; None when it is singular."""
-    train = samples_of(result.train, result.lib)
-    y = result.lib.base_regressor(train.q, train.dq, train.ddq)
-    k = train.columns.shape[2]
-    spread = np.zeros((*y.shape[:2], y.shape[1] * k))
-    for j in range(y.shape[1]):
-        spread[:, j, j * k : (j + 1) * k] = train.columns[:, j]
-    stacked = np.concatenate([y, spread], axis=2).reshape(-1, y.shape[2] + spread.shape[2])
-    norms = np.linalg.norm(stacked, axis=0)
-    if not norms.all():
-        return None
-    sigma = np.linalg.svd(stacked / norms, compute_uv=False)
+    lib, train = result.lib, samples_of(result.train, result.lib)
+    matrix, _ = compress(lib, train, np.ones(lib.n_joints)).base_columns(lib)
+    sigma = np.linalg.svd(matrix, compute_uv=False)
     return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 
 

@@ -22,19 +22,16 @@ def fit_ols(problem: Problem) -> Fit:
     """
     lib = problem.lib
     statistics = problem.statistics(np.ones(lib.n_joints))
-    columns = [*lib.base_columns, *range(lib.pi0.size, statistics.factor.shape[1])]
-    matrix = statistics.factor[:, columns]
-    norms = np.linalg.norm(matrix, axis=0)
-    norms = np.where(norms > 0, norms, 1.0)
-    sigma = np.linalg.svd(matrix / norms, compute_uv=False)
+    matrix, norms = statistics.base_columns(lib)
+    sigma = np.linalg.svd(matrix, compute_uv=False)
     rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
-    if rank < len(columns):
+    if rank < norms.size:
         raise IdentificationError(
-            f"the motion excites {rank} of {len(columns)} columns (base parameters and friction), "
+            f"the motion excites {rank} of {norms.size} columns (base parameters and friction), "
             "so ordinary least squares has no unique answer; record a richer trajectory, or use "
             "a method that keeps to the first guess where the data are silent: adam, pc-ols"
         )
-    solution = np.linalg.lstsq(matrix / norms, statistics.target, rcond=None)[0] / norms
+    solution = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
     n_b = len(lib.base_columns)
     beta, phi = solution[:n_b], solution[n_b:].reshape(problem.train.columns.shape[1:])
     guess = lib.pi_from_lam(problem.start)

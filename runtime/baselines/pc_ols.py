@@ -81,6 +81,7 @@ def fit_pc_ols(problem: Problem) -> Fit:
         phi=phi,
         lam=lib.lam_from_pi(pi),
         status=f"Clarabel: {status}{edge}; convex optimum {best.loss:.6g}",
+        optimum=best.loss,
     )
 
 

@@ -199,6 +199,7 @@ def test_all_kernels_agree_on_all_levels(robot, name):
         "regressor_adjoint": (q, dq, ddq, seed),
         "pi_from_lam": (lam,),
         "pi_jacobian": (lam,),
+        "pi_adjoint": (lam, rng.normal(size=lam.shape)),
         "lam_from_pi": (lib.pi_from_lam(lam),),
         "inertia_matrix": (lam,),
         "nearest_realisable": (lib.pi_from_lam(lam),),

@@ -26,6 +26,10 @@ from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
 
+PER_LEVEL = ("tiles.c", "adam.c")
+"""Sources that are compiled once per instruction set."""
+
+
 @dataclass(frozen=True, slots=True)
 class BuildResult:
     """Where the library lies, whether anything had to be done, and what to tell the user."""
@@ -111,9 +115,9 @@ def _write_files(staging: Path, robot: EmittedRobot) -> None:
 
 
 def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
-    sources = [staging / "kernels.c", staging / "batch.c"]
     library = staging / f"lib{request.name}.so"
-    compiled = compile_library(sources, library, [staging / "tiles.c", staging / "adam.c"])
+    per_level = [staging / name for name in PER_LEVEL if name in names]
+    compiled = compile_library([staging / "kernels.c"], library, per_level)
     record = {
         "fingerprint": request.fingerprint,
         "sha256": compiled.sha256,

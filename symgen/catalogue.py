@@ -56,22 +56,30 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     effort = "|".join({True: "N", False: "N*m"}[s] for s in sorted(slides))
     q_, dq_, ddq_ = (Argument(name, (n,), _units(chain, k)) for k, name in enumerate(_STATE))
     tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI", shared=True)
+    beta_ = Argument("beta", (b,), "SI", shared=True)
     lam_ = Argument("lam", (P * n,), "lambda", shared=True)
     weight_ = Argument("weight", (n,), "1", shared=True)
     inertia_unit = "|".join({True: "kg", False: "kg*m^2"}[s] for s in sorted(slides))
     rotor_ = Argument("rotor", (n,), inertia_unit, shared=True)
-    s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, lam_, weight_, rotor_)}
-    q, dq, ddq, tau, pi, lam, weight, rotor = s.values()
+    s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, beta_, lam_, weight_, rotor_)}
+    q, dq, ddq, tau, pi, beta, lam, weight, rotor = s.values()
     motion = {a: s[a] for a in (q_, dq_, ddq_)}
     with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
     predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
-    torque = dynamics.inverse_dynamics(chain, q, dq, ddq, dynamics.pi_from_lam_all(lam))
-    residual = predicted - tau
+    from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
+    torque = ca.substitute(from_base, beta, ca.mtimes(ca.sparsify(ca.DM(base.matrix)), dynamics.pi_from_lam_all(lam)))
+    residual = from_base - tau
     loss = ca.dot(residual, weight * residual) / 2
-    slope = ca.jtimes(predicted, pi, weight * residual, True)
+    slope = ca.jtimes(from_base, beta, weight * residual, True)
     return (
         make_kernel(
             "inverse_dynamics", with_pi, {tau_: predicted}, "tau = Y(q, dq, ddq) pi, Eq. 4.3"
+        ),
+        make_kernel(
+            "base_inverse_dynamics",
+            motion | {beta_: beta},
+            {tau_: from_base},
+            "tau = Y_b(q, dq, ddq) beta, Eq. 3.11",
         ),
         make_kernel("torque", with_lam, {tau_: torque}, "tau = Y(q, dq, ddq) pi(lam), Eq. 4.3"),
         make_kernel(
@@ -126,15 +134,23 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         ),
         make_kernel(
             "loss_gradient",
-            motion | {tau_: tau, weight_: weight, pi_: pi},
+            motion | {tau_: tau, weight_: weight, beta_: beta},
             {
                 Argument("loss", (1,), "1", summed=True): loss,
-                Argument("gradient", (P * n,), "d loss / d pi", summed=True): slope,
+                Argument("gradient", (b,), "d loss / d beta", summed=True): slope,
                 Argument("residual", (n,), effort): residual,
             },
-            "sum of (Y pi - tau)' W (Y pi - tau) / 2 and of Y' W (Y pi - tau), Eqs. 4.6, 4.32",
+            "sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32",
         ),
     )
+
+
+def _expanded(base: BaseParameters, beta: Any) -> Any:
+    """A π with these base parameters: β in the base columns, zero elsewhere."""
+    pi = ca.SX(base.matrix.shape[1], 1)
+    for k, column in enumerate(base.columns):
+        pi[column] = beta[k]
+    return pi
 
 
 def _bodies() -> tuple[Kernel, ...]:
@@ -150,11 +166,12 @@ def _bodies() -> tuple[Kernel, ...]:
             "pi_jacobian",
             {lam_: lam},
             {
+                pi_: inertia.pi_from_lam(lam),
                 Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(
                     inertia.pi_from_lam(lam), lam
                 )
             },
-            "d pi / d lam of one link",
+            "pi and d pi / d lam of one link",
             "link",
         ),
         make_kernel(

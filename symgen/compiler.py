@@ -23,20 +23,19 @@ FLAGS = (
     "-fno-trapping-math",
     "-Wall",
     "-Wextra",
-    "-Wno-unused-parameter",  # a kernel may not need every input: M(q) of a 1-joint arm
 )
 """Never -ffast-math: it breaks range reduction and the handling of NaN."""
 
 VECTOR_FLAGS = (
-    "-O3",  # unrolls the loops over lanes
     "-ffp-contract=fast",  # fused multiply-add, which ISO C turns off by itself
     "-fno-tree-vectorize",  # the vectors are there already; looking for more costs compile time
     "-fno-tree-slp-vectorize",
 )
 
+PORTABLE = {"portable": (1, "")}
 LEVELS = {
-    "x86_64": {"v4": (8, "x86-64-v4"), "v3": (4, "x86-64-v3"), "v2": (2, "x86-64-v2")},
-    "aarch64": {"neon": (2, "")},
+    "x86_64": {"v4": (8, "x86-64-v4"), "v3": (4, "x86-64-v3"), "v2": (2, "x86-64-v2"), **PORTABLE},
+    "aarch64": {"neon": (2, ""), **PORTABLE},
 }
 """Per machine: level → lanes and instruction set. A vector wider than the set is slow."""
 
@@ -85,7 +84,7 @@ def compile_library(sources: list[Path], target: Path, per_level: Sequence[Path]
     units: list[tuple[str, str, tuple[str, ...]]] = [
         (source.name, f"{source.stem}.o", ()) for source in sources
     ]
-    levels = LEVELS.get(machine(), {}) if per_level else {}
+    levels = LEVELS.get(machine(), PORTABLE) if per_level else {}
     for level, (width, architecture) in levels.items():
         march = _architecture(compiler, architecture)
         if not _knows(compiler, march):

@@ -50,7 +50,7 @@ class BuildRequest:
         digest = hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode())
         package = Path(__file__).parent
         for path in sorted(package.rglob("*")):
-            if path.suffix in {".py", ".jinja2"}:
+            if path.suffix in {".py", ".jinja2", ".h"}:
                 digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
         digest.update(__version__.encode())
         for tool in ("casadi", "pin", "numpy", "jinja2"):

@@ -9,88 +9,71 @@ extern "C" {
 /* Ties this code to the manifest.json beside it. */
 const char *fr3_model_hash(void);
 
-/* Instruction set whose batch functions, such as fr3_v4_torque_batch, are the fastest here. */
+/* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
 const char *fr3_level(void);
 
 /* tau = Y(q, dq, ddq) pi, Eq. 4.3. 736 operations. */
 void fr3_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7]);
-void fr3_inverse_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau);
 
-/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1689 operations. */
+/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 628 operations. */
+void fr3_base_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double beta[43], double tau[7]);
+
+/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1695 operations. */
 void fr3_torque(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double tau[7]);
-void fr3_torque_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *tau);
 
 /* d tau / d lam, Eqs. 4.34-4.36. 8731 operations. */
 void fr3_torque_jacobian(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double jacobian[490]);
-void fr3_torque_jacobian_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *lam, long lam_step, double *jacobian);
 
 /* Y with tau = Y pi, Eq. 3.1. 1538 operations. */
 void fr3_regressor(const double q[7], const double dq[7], const double ddq[7], double Y[490]);
-void fr3_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y);
 
 /* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations. */
 void fr3_base_regressor(const double q[7], const double dq[7], const double ddq[7], double Y_b[301]);
-void fr3_base_regressor_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, double *Y_b);
 
 /* M(q), Eq. 2.34. 1273 operations. */
 void fr3_mass_matrix(const double q[7], const double pi[70], double M[49]);
-void fr3_mass_matrix_batch(long n, const double *q, long q_step, const double *pi, long pi_step, double *M);
 
 /* h = C(q, dq) dq - tau_grav, Eq. 2.34. 713 operations. */
 void fr3_bias_forces(const double q[7], const double dq[7], const double pi[70], double h[7]);
-void fr3_bias_forces_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *pi, long pi_step, double *h);
 
 /* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 2211 operations. */
 void fr3_forward_dynamics(const double q[7], const double dq[7], const double tau[7], const double pi[70], const double rotor[7], double ddq[7]);
-void fr3_forward_dynamics_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *tau, long tau_step, const double *pi, long pi_step, const double *rotor, long rotor_step, double *ddq);
 
 /* pose of the tip in the base frame, Eq. 2.15. 141 operations. */
 void fr3_end_effector(const double q[7], double H[16]);
-void fr3_end_effector_batch(long n, const double *q, long q_step, double *H);
 
-/* sum of (Y pi - tau)' W (Y pi - tau) / 2 and of Y' W (Y pi - tau), Eqs. 4.6, 4.32. 1171 operations. */
-void fr3_loss_gradient(const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7], const double pi[70], double loss[1], double gradient[70], double residual[7]);
-void fr3_loss_gradient_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *pi, long pi_step, double *loss, double *gradient, double *residual);
+/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 976 operations. */
+void fr3_loss_gradient(const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7], const double beta[43], double loss[1], double gradient[43], double residual[7]);
 
 /* Eqs. 4.25-4.31. 146 operations. */
 void fr3_pi_from_lam(const double lam[10], double pi[10]);
-void fr3_pi_from_lam_batch(long n, const double *lam, long lam_step, double *pi);
 
-/* d pi / d lam of one link. 663 operations. */
-void fr3_pi_jacobian(const double lam[10], double jacobian[100]);
-void fr3_pi_jacobian_batch(long n, const double *lam, long lam_step, double *jacobian);
+/* pi and d pi / d lam of one link. 705 operations. */
+void fr3_pi_jacobian(const double lam[10], double pi[10], double jacobian[100]);
 
 /* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations. */
 void fr3_pi_adjoint(const double lam[10], const double slope[10], double gradient[10]);
-void fr3_pi_adjoint_batch(long n, const double *lam, long lam_step, const double *slope, long slope_step, double *gradient);
 
 /* Eqs. 4.18-4.23. 1489 operations. */
 void fr3_lam_from_pi(const double pi[10], double lam[10]);
-void fr3_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam);
 
 /* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations. */
 void fr3_nearest_realisable(const double pi[10], const double floor[1], double realisable[10]);
-void fr3_nearest_realisable_batch(long n, const double *pi, long pi_step, const double *floor, long floor_step, double *realisable);
 
 /* M(lam), Eq. 4.14 (linear part first). 149 operations. */
 void fr3_inertia_matrix(const double lam[10], double M[36]);
-void fr3_inertia_matrix_batch(long n, const double *lam, long lam_step, double *M);
 
 /* P(pi), Eqs. 3.9, 3.10. 9 operations. */
 void fr3_pseudo_inertia(const double pi[10], double P[16]);
-void fr3_pseudo_inertia_batch(long n, const double *pi, long pi_step, double *P);
 
 /* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations. */
 void fr3_harmonic_basis(const double m[1], const double t[1], const double t_f[1], double phi[4]);
-void fr3_harmonic_basis_batch(long n, const double *m, long m_step, const double *t, long t_step, const double *t_f, long t_f_step, double *phi);
 
 /* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations. */
 void fr3_transfer_basis(const double t[1], const double t_f[1], double S[4]);
-void fr3_transfer_basis_batch(long n, const double *t, long t_step, const double *t_f, long t_f_step, double *S);
 
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations. */
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21]);
-void fr3_regressor_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *seed, long seed_step, double *gradient);
 
 /* L = y'Hy/2 - h'y + c; H is padded x padded, row-major. */
 typedef struct {

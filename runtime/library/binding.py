@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 _AGAIN = "run: python -m symgen build"
 
 
-VECTOR_LEVELS = ("v2", "v3", "v4", "neon")
-"""Instruction sets that a library may hold its batch functions for, beside "portable"."""
+LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
+"""What a library may hold its batch functions for: CasADi's own C, plain C, instruction sets."""
 
 
 class Binding:
@@ -30,7 +30,7 @@ class Binding:
     def __init__(self, folder: Path, manifest: Manifest, level: str | None) -> None:
         self._manifest = manifest
         self._dll = _open(folder, manifest)
-        self.levels = ("portable", *(name for name in VECTOR_LEVELS if self._has(name)))
+        self.levels = tuple(name for name in LEVELS if self._has(name))
         self.level = level or self._best_level()
         if self.level not in self.levels:
             raise LibraryError(
@@ -67,8 +67,7 @@ class Binding:
 
     def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
         robot = self._manifest.robot
-        prefix = robot if self.level == "portable" else f"{robot}_{self.level}"
-        function = self._symbol(f"{prefix}_{kernel.name}_batch")
+        function = self._symbol(f"{robot}_{self.level}_{kernel.name}_batch")
         pair = (ctypes.c_void_p, ctypes.c_long)
         function.argtypes = (
             ctypes.c_long,

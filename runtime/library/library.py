@@ -19,7 +19,7 @@ def load(robot: str | os.PathLike[str], level: str | None = None) -> "Library":
 
     A name is looked up in ./generated, then in the generated folder beside this package. The
     level is the instruction set of the batch functions, by default the best that runs here:
-    v4 (AVX-512), v3 (AVX2), v2, neon, or portable, which is plain C and the reference.
+    v4 (AVX-512), v3 (AVX2), v2, neon, or portable; casadi is CasADi's own C, the reference.
 
     Raises:
         LibraryError: missing, stale, foreign or damaged; the message says what to run.
@@ -104,6 +104,12 @@ class Library:
         """τ = Y(q, dq, ddq) π, (N, n) [N·m or N]. Source: Eq. 4.3."""
         return self._binding.call("inverse_dynamics", q, dq, ddq, pi)[0]
 
+    def base_inverse_dynamics(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, beta: ArrayLike
+    ) -> Array:
+        """τ = Y_b(q, dq, ddq) β, (N, n) [N·m or N]. Source: Eq. 3.11."""
+        return self._binding.call("base_inverse_dynamics", q, dq, ddq, beta)[0]
+
     def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike) -> Array:
         """τ = Y(q, dq, ddq) π(λ), (N, n). Source: Eqs. 4.3, 4.14."""
         return self._binding.call("torque", q, dq, ddq, lam)[0]
@@ -152,8 +158,10 @@ class Library:
 
         Source: Eqs. 4.5, 4.6, 4.32.
         """
-        loss, gradient, residual = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, pi)
-        return float(loss[0]), gradient, residual
+        beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
+        values = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
+        loss, gradient, residual = values
+        return float(loss[0]), gradient @ self.base_matrix, residual
 
     def regressor_adjoint(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, seed: ArrayLike
@@ -199,7 +207,7 @@ class Library:
 
     def pi_jacobian(self, lam: ArrayLike) -> Array:
         """∂π_k/∂λ_k, (n, 10, 10) or (N, n, 10, 10)."""
-        blocks = self._binding.call("pi_jacobian", self._links("lam", lam))[0]
+        blocks = self._binding.call("pi_jacobian", self._links("lam", lam))[1]
         return blocks.reshape(*np.shape(lam)[:-1], self.n_joints, _SIZE, _SIZE)
 
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:

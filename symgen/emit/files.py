@@ -5,6 +5,7 @@ The files come from `templates/`, which hold loops and names, never maths.
 
 import hashlib
 import json
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,22 +68,12 @@ def emit(
     files = {
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "kernels.c": render("kernels.c.jinja2", context),
-        "batch.c": render("batch.c.jinja2", context),
         "lanes.h": (_TEMPLATES / "lanes.h").read_text(encoding="utf-8"),
+        "tiles.h": render("tiles.h.jinja2", context),
         "tiles.c": render("tiles.c.jinja2", context),
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
-    if context["identifies"]:
-        by_name = {kernel.name: kernel for kernel in kernels}
-        (lam,) = by_name["pi_from_lam"].inputs
-        q, all_pi = by_name["loss_gradient"].inputs[0], by_name["loss_gradient"].inputs[-1]
-        context |= {
-            "parameters": lam.size,
-            "joints": q.size,
-            "links": all_pi.size // lam.size,
-        }
-        files["adam.c"] = render("adam.c.jinja2", context)
     return EmittedRobot(files, manifest["model_hash"])
 
 
@@ -113,5 +104,8 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
         lstrip_blocks=True,
         keep_trailing_newline=True,
         autoescape=False,  # noqa: S701  C and Markdown, not HTML
+    )
+    environment.tests["idle_in"] = lambda name, lines: not any(
+        re.search(rf"\b{name}\[", line) for line in lines
     )
     return lambda template, context: environment.get_template(template).render(context)

@@ -5,10 +5,12 @@ The scalar form (`c_body`) is the reference: every instruction is one `const dou
 inputs only, such as λ → π, is computed once per batch as scalars (`prepare`), the rest per tile.
 """
 
+import re
 from dataclasses import dataclass
 
 import casadi as ca
 
+from symgen.emit.schedule import Statement, scheduled
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
 
@@ -83,19 +85,25 @@ _NEEDS_VECTORS = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class TileProgram:
-    """A kernel split into what is computed once and what is computed per tile of W samples.
+    """A kernel split into what is computed once and what is computed per tile of samples.
 
     Attributes:
         prepare: statements that fill `u` from the shared inputs.
         uniform: length of `u`.
+        turned: name of the input whose sines and cosines the body reads from `sc`; "" if none.
+        turns: entries of it, in order; entry i has its sine in row 2i of `sc`, its cosine below.
         body: statements on rows of W samples.
         operations: per sample, without those of `prepare`.
+        filled: per output, the entries that the body writes; the others are zero by structure.
     """
 
     prepare: list[str]
     uniform: int
+    turned: str
+    turns: list[int]
     body: list[str]
     operations: int
+    filled: dict[str, list[int]]
 
 
 def c_body(kernel: Kernel) -> list[str]:
@@ -148,10 +156,12 @@ class _TileWriter:
     def __init__(self, kernel: Kernel) -> None:
         self._kernel = kernel
         self._prepare: list[str] = []
-        self._body: list[str] = []
+        self._body: list[Statement] = []
         self._slots: dict[str, int] = {}
-        self._pairs: dict[str, int] = {}
+        self._pairs: dict[str, str] = {}
+        self._turned, self._turns = "", set[int]()
         self._operations = 0
+        self._filled: dict[str, list[int]] = {a.name: [] for a in kernel.outputs}
 
     def program(self) -> TileProgram:
         f, kernel = self._kernel.function, self._kernel
@@ -161,15 +171,13 @@ class _TileWriter:
             op, ins, outs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
             if op == ca.OP_INPUT:
                 argument = kernel.inputs[ins[0]]
-                text[outs[0]] = f"{argument.name}[{ins[1]}]"
                 shared[outs[0]] = argument.shared
+                text[outs[0]] = f"{argument.name}[{ins[1]}{'' if argument.shared else ' * VS'}]"
             elif op == ca.OP_CONST:
                 text[outs[0]] = c_constant(f.instruction_constant(k))
                 shared[outs[0]] = True
             elif op == ca.OP_OUTPUT:
-                value = self._seen_by_tile(text[ins[0]]) if shared[ins[0]] else text[ins[0]]
-                target = f"{kernel.outputs[outs[0]].name}[{outs[1]}]"
-                self._body.append(f"{target} = {f'vd_all({value})' if shared[ins[0]] else value};")
+                self._output(kernel.outputs[outs[0]].name, outs[1], text[ins[0]], shared[ins[0]])
             else:
                 uniform = all(shared[i] for i in ins)
                 operands = [text[i] for i in ins]
@@ -177,31 +185,57 @@ class _TileWriter:
                     operands = [self._operand(text[i], shared[i], op) for i in ins]
                 text[outs[0]] = self._statement(k, op, operands, uniform)
                 shared[outs[0]] = uniform
-        return TileProgram(self._prepare_lines(), len(self._slots), self._body, self._operations)
+        return TileProgram(
+            self._prepare_lines(),
+            len(self._slots),
+            self._turned,
+            sorted(self._turns),
+            [statement.text for statement in scheduled(self._body)],
+            self._operations,
+            self._filled,
+        )
+
+    def _output(self, name: str, index: int, text: str, shared: bool) -> None:
+        if shared and text == c_constant(0.0):
+            return
+        value = f"vd_all({self._seen_by_tile(text)})" if shared else text
+        self._filled[name].append(index)
+        self._body.append(Statement(f"{name}[{index} * VS] = {value};", "", self._uses([value])))
 
     def _statement(self, k: int, op: int, operands: list[str], uniform: bool) -> str:
         name = f"t{k}"
         table = EXPRESSIONS if uniform else _TILE_EXPRESSIONS
         if not uniform:
             self._operations += 1
-        if not uniform and op in {ca.OP_SIN, ca.OP_COS}:
-            return self._sine_or_cosine(op, operands[0], k)
+            if op in {ca.OP_SIN, ca.OP_COS}:
+                return self._sine_or_cosine(op, operands[0], k)
         if op not in table:
             raise BuildError(
                 f"kernel '{self._kernel.name}' uses the CasADi instruction {op} per sample, for "
                 "which the emitter has no vector form; add it to symgen.emit.ssa"
             )
-        kind, lines = ("double", self._prepare) if uniform else ("vd", self._body)
-        lines.append(f"const {kind} {name} = {table[op].format(*operands)};")
+        line = table[op].format(*operands)
+        if uniform:
+            self._prepare.append(f"const double {name} = {line};")
+        else:
+            self._body.append(Statement(f"const vd {name} = {line};", name, self._uses(operands)))
         return name
 
     def _sine_or_cosine(self, op: int, operand: str, k: int) -> str:
-        """Both at once, since the other one is nearly always needed too."""
+        """Both at once, since the other one is nearly always needed too.
+
+        Those of an input come from `sc`, where a caller may have stored them.
+        """
+        argument = _INPUT.fullmatch(operand)
+        if argument and self._turned in {"", argument["name"]}:
+            self._turned = argument["name"]
+            self._turns.add(int(argument["index"]))
+            return f"sc[{2 * int(argument['index']) + (op == ca.OP_COS)} * VS]"
         if operand not in self._pairs:
-            self._pairs[operand] = k
-            self._body.append(f"vd s{k}, c{k};")
-            self._body.append(f"vd_sincos({operand}, &s{k}, &c{k});")
-        return f"{'s' if op == ca.OP_SIN else 'c'}{self._pairs[operand]}"
+            self._pairs[operand] = f"sc{k}"
+            text = f"vd sc{k}[2]; vd_sincos({operand}, sc{k}, sc{k} + 1);"
+            self._body.append(Statement(text, f"sc{k}", self._uses([operand])))
+        return f"{self._pairs[operand]}[{int(op == ca.OP_COS)}]"
 
     def _operand(self, text: str, shared: bool, op: int) -> str:
         if not shared:
@@ -215,5 +249,14 @@ class _TileWriter:
             return text
         return f"u[{self._slots.setdefault(text, len(self._slots))}]"
 
+    @staticmethod
+    def _uses(operands: list[str]) -> tuple[str, ...]:
+        """Names of the body among the operands; inputs and shared values are memory."""
+        return tuple(dict.fromkeys(m[0] for o in operands if (m := _LOCAL.match(o))))
+
     def _prepare_lines(self) -> list[str]:
         return [*self._prepare, *(f"u[{slot}] = {name};" for name, slot in self._slots.items())]
+
+
+_INPUT = re.compile(r"(?P<name>\w+)\[(?P<index>\d+) \* VS\]")
+_LOCAL = re.compile(r"(?:t|sc)\d+\b")

@@ -64,10 +64,10 @@ static inline int vi_any(vi m)
 }
 
 /* W rows of W numbers become W columns: butterflies of distance 1, 2, 4. */
-static inline void transpose(vd r[W])
+static inline __attribute__((always_inline)) void transpose(vd r[W])
 {
 #define BUTTERFLY(d, low, high)                     \
-    for (int i = 0; i < W; ++i) {                   \
+    _Pragma("GCC unroll 8") for (int i = 0; i < W; ++i) {                   \
         if (!(i & d)) {                             \
             const vd a = r[i], b = r[i + d];        \
             r[i] = low;                             \
@@ -83,54 +83,93 @@ static inline void transpose(vd r[W])
     BUTTERFLY(2, SHUFFLE(a, b, 0, 1, 4, 5), SHUFFLE(a, b, 2, 3, 6, 7))
 #elif W == 2
     BUTTERFLY(1, SHUFFLE(a, b, 0, 2), SHUFFLE(a, b, 1, 3))
+#else
+    (void)r;
 #endif
 #undef BUTTERFLY
 }
 
-/* For arguments that the range reduction below cannot take. */
-static __attribute__((noinline, cold)) void vd_sincos_far(vd x, vi far, vd *s, vd *c)
+/* sin and cos to 2 ulp for |x| < VD_NEAR: x - k pi/2 with pi/2 in three parts (Cody-Waite), then
+ * the minimax polynomials of FreeBSD's k_sin and k_cos on |r| <= pi/4. With fused multiply-add the
+ * parts have 53 bits each and the first step is exact; without it they are short enough for their
+ * products with k to be exact, and what a - b rounds off is carried along. */
+#define VD_NEAR 1e5
+static inline void vd_sincos_near(vd x, vd *s, vd *c)
+{
+    const double shift = 6755399441055744.0;
+    const vd t = x * 0.63661977236758134308 + shift;
+    const vi n = (vi)t;
+    const vd k = t - shift;
+#if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
+    vd r = x - k * 1.57079632679489655800e+00;
+    r = r - k * 6.12323399573676603587e-17;
+    r = r + k * 1.49738490485916983294e-33;
+#else
+    const vd a = x - k * 1.57079632673412561417e+00, b = k * 6.07710050630396597660e-11;
+    const vd most = a - b, rest = (a - most) - b;
+    const vd r = most + (rest - k * 2.02226624879595063154e-21);
+#endif
+    const vd z = r * r;
+    vd p = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08;
+    vd q = z * -1.13596475577881948265e-11 + 2.08757232129817482790e-09;
+    p = p * z + 2.75573137070700676789e-06;
+    q = q * z - 2.75573143513906633035e-07;
+    p = p * z - 1.98412698298579493134e-04;
+    q = q * z + 2.48015872894767294178e-05;
+    p = p * z + 8.33333333332248946124e-03;
+    q = q * z - 1.38888888888741095749e-03;
+    p = p * z - 1.66666666666666324348e-01;
+    q = q * z + 4.16666666666666019037e-02;
+    const vd sine = (r * z) * p + r;
+    const vd cosine = (q * z - 0.5) * z + 1.0;
+    const vi odd = (n & 1) != 0;
+    *s = (vd)((vi)vd_choose(odd, cosine, sine) ^ ((n & 2) << 62));
+    *c = (vd)((vi)vd_choose(odd, sine, cosine) ^ (((n + 1) & 2) << 62));
+}
+
+/* For arguments beyond: the C library, lane by lane; NaN and infinity give NaN. */
+static __attribute__((noinline, cold)) void vd_sincos_far(vd x, vd *s, vd *c)
 {
     for (int l = 0; l < W; ++l) {
-        if (far[l]) {
+        if (!(fabs(x[l]) < VD_NEAR)) {
             (*s)[l] = sin(x[l]);
             (*c)[l] = cos(x[l]);
         }
     }
 }
 
-/* sin and cos to 2 ulp: x - k pi/2 with pi/2 in three parts (Cody-Waite; the products with k are
- * exact below the limit), then the minimax polynomials of FreeBSD's k_sin and k_cos on |r| <= pi/4.
- * Beyond the limit, and for NaN and infinity, the C library answers lane by lane. */
 static inline void vd_sincos(vd x, vd *s, vd *c)
 {
-    const double limit = 1e5, shift = 6755399441055744.0;
-    const vd t = x * 0.63661977236758134308 + shift;
-    const vi n = (vi)t;
-    const vd k = t - shift;
-    const vd a = x - k * 1.57079632673412561417e+00, b = k * 6.07710050630396597660e-11;
-    const vd most = a - b;
-    const vd rest = (a - most) - b; /* what the line above rounded off */
-    const vd r = most + (rest - k * 2.02226624879595063154e-21);
-    const vd z = r * r;
-    vd p = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08;
-    p = p * z + 2.75573137070700676789e-06;
-    p = p * z - 1.98412698298579493134e-04;
-    p = p * z + 8.33333333332248946124e-03;
-    p = p * z - 1.66666666666666324348e-01;
-    const vd sine = r + r * z * p;
-    vd q = z * -1.13596475577881948265e-11 + 2.08757232129817482790e-09;
-    q = q * z - 2.75573143513906633035e-07;
-    q = q * z + 2.48015872894767294178e-05;
-    q = q * z - 1.38888888888741095749e-03;
-    q = q * z + 4.16666666666666019037e-02;
-    const vd cosine = 1.0 - (0.5 * z - z * z * q);
-    const vi odd = -(n & 1), flip_sine = (n & 2) << 62, flip_cosine = ((n + 1) & 2) << 62;
-    *s = (vd)((vi)vd_choose(odd, cosine, sine) ^ flip_sine);
-    *c = (vd)((vi)vd_choose(odd, sine, cosine) ^ flip_cosine);
-    const vi far = ~(vi)((x < limit) & (x > -limit));
+    const vi far = ~(vi)((x < VD_NEAR) & (x > -VD_NEAR));
+    vd_sincos_near(x, s, c);
     if (__builtin_expect(vi_any(far), 0)) {
-        vd_sincos_far(x, far, s, c);
+        vd_sincos_far(x, s, c);
     }
+}
+
+/* exp to 1 ulp for |x| < 700: x = k ln 2 + r, then the rational form of FreeBSD's e_exp on
+ * |r| <= ln 2 / 2; beyond, and for NaN and infinity, the C library answers lane by lane. */
+static inline vd vd_exp(vd x)
+{
+    const double near = 700.0, shift = 6755399441055744.0;
+    const vd t = x * 1.44269504088896338700 + shift;
+    const vd k = t - shift;
+    const vd high = x - k * 6.93147180369123816490e-01, low = k * 1.90821492927058770002e-10;
+    const vd r = high - low, z = r * r;
+    vd p = z * 4.13813679705723846039e-08 - 1.65339022054652515390e-06;
+    p = p * z + 6.61375632143793436117e-05;
+    p = p * z - 2.77777777770155933842e-03;
+    p = p * z + 1.66666666666666019037e-01;
+    const vd c = r - z * p;
+    const vd y = 1.0 - ((low - (r * c) / (2.0 - c)) - high);
+    vd result = (vd)((vi)y + ((vi)t << 52));
+    const vi far = ~(vi)((x < near) & (x > -near));
+    if (__builtin_expect(vi_any(far), 0)) {
+        for (int l = 0; l < W; ++l) {
+            result[l] = far[l] ? exp(x[l]) : result[l];
+        }
+    }
+    return result;
 }
 
 /* The C library, lane by lane: for what runs once per link, not once per sample. */
@@ -142,7 +181,6 @@ static inline void vd_sincos(vd x, vd *s, vd *c)
         }                         \
         return x;                 \
     }
-LANEWISE(vd_exp, exp)
 LANEWISE(vd_log, log)
 LANEWISE(vd_tanh, tanh)
 LANEWISE(vd_abs, fabs)
@@ -160,5 +198,141 @@ LANEWISE2(vd_atan2, atan2)
 LANEWISE2(vd_min, fmin)
 LANEWISE2(vd_max, fmax)
 #undef LANEWISE2
+
+/* Tiles: LANES samples side by side, whatever W is; row k of a tile begins at its number 8 k and
+ * takes VECTORS vectors. */
+#define LANES 8
+#define VECTORS (LANES / W)
+#define UNROLL _Pragma("GCC unroll 8")
+#define APART __attribute__((noinline, unused))
+#define TILE(name, rows) double name[(rows) * LANES] __attribute__((aligned(64)))
+
+/* The samples from `from` on, `size` numbers each and `step` apart, as one tile. Lanes beyond `have`
+ * repeat the last sample. `left` numbers may be read, counting whole steps: enough of them, and the
+ * samples are read W numbers at a time and turned in registers. */
+static APART void load(double *tile, const double *from, long step, int size, long have, long left)
+{
+    if (have >= LANES && left - (LANES - 1) * step >= (size + W - 1) / W * W) {
+        for (int h = 0; h < LANES; h += W) {
+            for (int k = 0; k < size; k += W) {
+                vd block[W];
+                UNROLL for (int l = 0; l < W; ++l) {
+                    block[l] = *(const vu *)(from + (h + l) * step + k);
+                }
+                transpose(block);
+                for (int i = 0; i < W && k + i < size; ++i) {
+                    *(vu *)(tile + (k + i) * LANES + h) = block[i];
+                }
+            }
+        }
+        return;
+    }
+    for (int l = 0; l < LANES; ++l) {
+        const double *one = from + (l < have ? l : have - 1) * step;
+        for (int k = 0; k < size; ++k) {
+            tile[k * LANES + l] = one[k];
+        }
+    }
+}
+
+/* One tile as `have` samples of `size` numbers, one after the other. A short row (size < W) is
+ * written with a tail that the next sample overwrites; the last sample is written by numbers. */
+static APART void store(double *to, const double *tile, int size, long have)
+{
+    if (have >= LANES && 2 * size >= W) {
+        const int width = size < W ? size : W;
+        for (int h = 0; h < LANES; h += W) {
+            for (int k = 0; k < size; k += W) {
+                const int first = k + W <= size || size < W ? k : size - W;
+                vd block[W];
+                UNROLL for (int i = 0; i < W; ++i) {
+                    block[i] = *(const vu *)(tile + (i < width ? first + i : 0) * LANES + h);
+                }
+                transpose(block);
+                UNROLL for (int l = 0; l < W; ++l) {
+                    if (h + l < LANES - 1) {
+                        *(vu *)(to + (h + l) * size + first) = block[l];
+                    }
+                }
+                if (h + W == LANES) {
+                    for (int i = 0; i < width; ++i) {
+                        to[(LANES - 1) * size + first + i] = block[W - 1][i];
+                    }
+                }
+            }
+        }
+        return;
+    }
+    for (int l = 0; l < LANES && l < have; ++l) {
+        for (int k = 0; k < size; ++k) {
+            to[l * size + k] = tile[k * LANES + l];
+        }
+    }
+}
+
+/* Full tiles add up lane by lane in `sums`, the lanes of the last one and of `sums` in `total`. */
+static APART void add(double *sums, double *total, const double *tile, int size, long have)
+{
+    for (int k = 0; k < size; ++k) {
+        if (have >= LANES) {
+            for (int h = k * LANES; h < (k + 1) * LANES; h += W) {
+                *(vu *)(sums + h) += *(const vu *)(tile + h);
+            }
+        } else {
+            for (int l = 0; l < have; ++l) {
+                total[k] += tile[k * LANES + l];
+            }
+        }
+    }
+}
+
+static APART void gather(double *total, const double *sums, int size)
+{
+    for (int k = 0; k < size; ++k) {
+        for (int l = 0; l < LANES; ++l) {
+            total[k] += sums[k * LANES + l];
+        }
+    }
+}
+
+/* Those beyond VD_NEAR: the C library, one by one. */
+static __attribute__((noinline, cold)) void sines_far(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
+{
+    for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
+        for (int i = 0; i < count; ++i) {
+            const double *from = q + t + turns[i] * LANES;
+            double *to = sc + 2 * (t + turns[i] * LANES);
+            for (int l = 0; l < LANES; ++l) {
+                if (!(fabs(from[l]) < VD_NEAR)) {
+                    to[l] = sin(from[l]);
+                    to[l + LANES] = cos(from[l]);
+                }
+            }
+        }
+    }
+}
+
+/* Rows 2 r and 2 r + 1 of each tile of `sc`: sine and cosine of row r of `q`, for the r in `turns`. */
+static APART void sines(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
+{
+    vi far = {0};
+    for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
+        for (int i = 0; i < count; ++i) {
+            const double *from = q + t + turns[i] * LANES;
+            double *to = sc + 2 * (t + turns[i] * LANES);
+            for (int h = 0; h < LANES; h += W) {
+                const vd x = *(const vu *)(from + h);
+                vd s, c;
+                far |= ~(vi)((x < VD_NEAR) & (x > -VD_NEAR));
+                vd_sincos_near(x, &s, &c);
+                *(vu *)(to + h) = s;
+                *(vu *)(to + h + LANES) = c;
+            }
+        }
+    }
+    if (__builtin_expect(vi_any(far), 0)) {
+        sines_far(sc, q, turns, count, rows, tiles);
+    }
+}
 
 #endif

@@ -1,0 +1,118 @@
+"""An order of straight-line statements that keeps the processor's pipes full.
+
+CasADi writes expressions depth first, which keeps few values alive. A recursion along a chain of
+bodies then waits for itself, since a processor looks ahead by less than one such body of code:
+where the longest chain of dependent statements takes more than half as long as issuing all of
+them, they are listed by height instead, as a compiler's scheduler would.
+"""
+
+import re
+from dataclasses import dataclass
+
+LATENCY = 4
+"""Cycles until the result of a multiplication or addition can be used, on current processors."""
+ISSUE = 2
+"""Multiplications that start per cycle."""
+ALIVE = 28
+"""Values alive at once above which one that frees registers goes first; AVX-512 has 32."""
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One line of C: the name it defines ("" for a store) and the names it uses."""
+
+    text: str
+    defines: str
+    uses: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Node:
+    """Statements that become one instruction: a sum with the product that only it uses."""
+
+    statements: list[Statement]
+    needs: set[int]
+    feeds: set[int]
+    height: int = 0
+
+
+def scheduled(statements: list[Statement]) -> list[Statement]:
+    """The same statements in an order that respects their dependences."""
+    nodes = _nodes(statements)
+    for node in reversed(nodes):
+        node.height = LATENCY + max((nodes[k].height for k in node.feeds), default=0)
+    if max((node.height for node in nodes), default=0) <= len(nodes) / ISSUE / 2:
+        return statements
+    return [statement for k in _by_height(nodes) for statement in nodes[k].statements]
+
+
+def _nodes(statements: list[Statement]) -> list[_Node]:
+    where = {s.defines: k for k, s in enumerate(statements) if s.defines}
+    users: dict[str, int] = {}
+    for statement in statements:
+        for name in statement.uses:
+            users[name] = users.get(name, 0) + 1
+    owner = list(range(len(statements)))
+    for k, statement in enumerate(statements):
+        if not _SUM.fullmatch(statement.text):
+            continue
+        products = [n for n in statement.uses if users[n] == 1 and _is_product(statements, where, n)]
+        if products:
+            owner[where[products[-1]]] = k  # fused multiply-add takes one of them
+    number = {k: i for i, k in enumerate(sorted(set(owner)))}
+    nodes = [_Node([], set(), set()) for _ in number]
+    for k, statement in enumerate(statements):
+        nodes[number[owner[k]]].statements.append(statement)
+    for k, statement in enumerate(statements):
+        here = number[owner[k]]
+        for name in statement.uses:
+            there = number[owner[where[name]]]
+            if there != here:
+                nodes[here].needs.add(there)
+                nodes[there].feeds.add(here)
+    return nodes
+
+
+def _is_product(statements: list[Statement], where: dict[str, int], name: str) -> bool:
+    return _PRODUCT.fullmatch(statements[where[name]].text) is not None
+
+
+def _by_height(nodes: list[_Node]) -> list[int]:
+    """List scheduling on a model processor: what is farthest from the end goes first."""
+    waits = [len(node.needs) for node in nodes]
+    unread = [len(node.feeds) for node in nodes]
+    ready_at = [0] * len(nodes)
+    ready = {k for k, count in enumerate(waits) if count == 0}
+    order: list[int] = []
+    cycle = alive = 0
+
+    def growth(k: int) -> int:
+        return bool(nodes[k].feeds) - sum(unread[m] == 1 for m in nodes[k].needs)
+
+    while ready:
+        for _ in range(ISSUE):
+            now = [k for k in ready if ready_at[k] <= cycle]
+            if not now:
+                break
+            if alive < ALIVE:
+                chosen = min(now, key=lambda k: (-nodes[k].height, k))
+            else:
+                chosen = min(now, key=lambda k: (growth(k), -nodes[k].height, k))
+                if growth(chosen) > 0 and any(growth(k) <= 0 for k in ready):
+                    break  # a statement that frees a register is on its way
+            ready.remove(chosen)
+            order.append(chosen)
+            alive += growth(chosen)
+            for m in nodes[chosen].needs:
+                unread[m] -= 1
+            for m in nodes[chosen].feeds:
+                waits[m] -= 1
+                ready_at[m] = max(ready_at[m], cycle + LATENCY)
+                if waits[m] == 0:
+                    ready.add(m)
+        cycle += 1
+    return order
+
+
+_SUM = re.compile(r"const vd \w+ = \S+ [+-] \S+;")
+_PRODUCT = re.compile(r"const vd \w+ = \S+ \* \S+;")

@@ -7,7 +7,9 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
     result = runtime.identify(recording, lib, method="adam")
 """
 
-from runtime.identification import METHODS, PRESETS, Identification, Preset, identify
+from runtime.descent import Preset
+from runtime.fitting import PRESETS
+from runtime.identification import METHODS, Identification, identify
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.recording import Recording, read_recording, write_recording
 

@@ -1,22 +1,40 @@
-"""λ-Adam: the same descent as a compiled loop, or step by step in NumPy as its reference.
+"""Descents in λ: compiled loops, or step by step in NumPy as their reference.
 
-Both minimise L(x), x = [λ, ψ], on mini-batches or on compressed statistics, validate on held-out
-samples and keep the best point; the compiled loop is the default where the library has one.
+All minimise L(x), x = [λ, ψ]. Adam goes over mini-batches or compressed statistics, validates on
+held-out samples and keeps the best point; Levenberg–Marquardt goes to the bottom of the training
+loss. The compiled loops are the default where the library has them; many problems are one call.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.library import Array, Batches, CompiledAdam, Quadratic
-from runtime.library.adam import DIVERGED
+from runtime.library import AdamProblem, Array, CompiledAdam, LeastSquares, Library
+from runtime.library.descent import CONVERGED, DIVERGED, PATIENCE, STALLED
 from runtime.objective import Compressed, CompressedObjective, TorqueObjective, compress
-from runtime.optimizers import AdamOptions, Outcome, Status, StoppingRule, Trace, minimise
+from runtime.optimizers import (
+    AdamOptions,
+    LevenbergOptions,
+    Outcome,
+    Status,
+    StoppingRule,
+    Trace,
+    levenberg,
+    minimise,
+)
 from runtime.problem import Problem
 
 CHUNK = 500
 """Iterations between two looks at progress and Ctrl-C."""
+
+_STATUS = {
+    0: Status.MAX_ITERATIONS,
+    PATIENCE: Status.PATIENCE,
+    DIVERGED: Status.DIVERGED,
+    CONVERGED: Status.CONVERGED,
+    STALLED: Status.STALLED,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,104 +46,198 @@ class Preset:
     batch: int | None
 
 
-def descend(
-    problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
-) -> Outcome:
-    """Descend from x0 by the compiled loop if there is one, else by the reference."""
-    if problem.lib.compiled_adam is None:
-        return descend_by_steps(problem, objective, statistics, x0, preset)
-    return _descend_compiled(problem, objective, statistics, x0, preset)
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """A problem with its objective, its compressed training and held-out data, and a start."""
+
+    problem: Problem
+    objective: TorqueObjective
+    statistics: Compressed
+    held: Compressed
+    x0: Array
 
 
-def descend_by_steps(
-    problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
-) -> Outcome:
-    """The reference: one NumPy step at a time."""
+def descent_of(problem: Problem, objective: TorqueObjective, x0: Array) -> Descent:
+    """A descent from x0 with the statistics that it needs."""
+    held = compress(problem.lib, problem.validation, problem.weights)
+    return Descent(problem, objective, problem.statistics(), held, x0)
+
+
+def descend(descent: Descent, preset: Preset) -> Outcome:
+    """Adam from x0 by the compiled loop if there is one, else by the reference."""
+    if not descent.problem.lib.descends:
+        return descend_by_steps(descent, preset)
+    return descend_many([descent], preset)[0]
+
+
+def descend_many(
+    descents: Sequence[Descent],
+    preset: Preset,
+    threads: int = 1,
+    progress: Callable[[int], None] | None = None,
+) -> list[Outcome]:
+    """Adam on many problems of one robot, spread over threads; each as `descend` would do it.
+
+    Args:
+        descents: multi-start or Monte Carlo; a single one reports to its problem's own progress.
+        preset: of all.
+        threads: the answers do not depend on it.
+        progress: called with the number of descents that have ended.
+    """
+    lib, rule, batch = descents[0].problem.lib, preset.rule, preset.batch
+    options = {
+        "rate": preset.adam.learning_rate,
+        "beta1": preset.adam.beta1,
+        "beta2": preset.adam.beta2,
+        "epsilon": preset.adam.epsilon,
+        "threshold": rule.threshold,
+        "validate_every": rule.validate_every,
+        "patience": rule.patience,
+    }
+    traces = rule.max_iterations // rule.validate_every + 1
+    jobs = lib.adam([_adam_problem(d, batch) for d in descents], options, traces, batch or 0)
+    draws = [np.random.default_rng(d.problem.seed) for d in descents]
+    sizes = [len(d.problem.train) for d in descents]
+    done, interrupted = 0, False
+    try:
+        while done < rule.max_iterations and any(job.finished == 0 for job in jobs):
+            count = min(CHUNK, rule.max_iterations - done)
+            rows = None
+            if batch is not None:
+                rows = [
+                    rng.integers(0, size, (0 if job.finished else count, batch))
+                    for rng, size, job in zip(draws, sizes, jobs, strict=True)
+                ]
+            jobs.run(count, rows, threads)
+            done += count
+            if len(jobs) == 1 and descents[0].problem.progress is not None:
+                descents[0].problem.progress(jobs[0].step, jobs[0].best)
+            if progress is not None:
+                progress(sum(job.finished != 0 for job in jobs))
+    except KeyboardInterrupt:
+        interrupted = True
+    return [_adam_outcome(jobs, k, rule, interrupted) for k in range(len(jobs))]
+
+
+def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
+    """Adam by the reference: one NumPy step at a time."""
+    problem, objective = descent.problem, descent.objective
     held = TorqueObjective(problem.lib, problem.validation, problem.weights, objective.unit)
     if preset.batch is None:
-        value_gradient = CompressedObjective(objective, statistics).value_gradient
+        value_gradient = CompressedObjective(objective, descent.statistics).value_gradient
     else:
         rng, size, batch = np.random.default_rng(problem.seed), len(problem.train), preset.batch
 
         def value_gradient(x: Array) -> tuple[float, Array]:
             return objective.value_gradient(x, rng.integers(0, size, batch))
 
-    return minimise(x0, value_gradient, held.value, preset.adam, preset.rule, problem.progress)
-
-
-def _descend_compiled(
-    problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
-) -> Outcome:
-    lib, rule, train = problem.lib, preset.rule, problem.train
-    held = compress(lib, problem.validation, problem.weights)
-    batches = None
-    if preset.batch is not None:
-        batches = Batches(
-            preset.batch,
-            train.q,
-            train.dq,
-            train.ddq,
-            train.tau,
-            train.columns,
-            problem.weights,
-            objective.unit,
-        )
-    job = lib.adam(
-        x0,
-        _quadratic(statistics, objective.unit),
-        _quadratic(held, objective.unit),
-        {
-            "rate": preset.adam.learning_rate,
-            "beta1": preset.adam.beta1,
-            "beta2": preset.adam.beta2,
-            "epsilon": preset.adam.epsilon,
-            "threshold": rule.threshold,
-            "validate_every": rule.validate_every,
-            "patience": rule.patience,
-        },
-        rule.max_iterations // rule.validate_every + 1,
-        batches,
+    return minimise(
+        descent.x0, value_gradient, held.value, preset.adam, preset.rule, problem.progress
     )
-    rng = np.random.default_rng(problem.seed)
-    status = _run(job, rule, problem.progress, rng, len(train), preset.batch)
+
+
+def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
+    """Levenberg–Marquardt by the compiled loop if there is one, else by the reference."""
+    if not descent.problem.lib.descends:
+        return levenberg_by_steps(descent, options)
+    problem, objective = descent.problem, descent.objective
+    validation = CompressedObjective(objective, descent.held)
+    settings = {
+        "first_damping": options.first_damping,
+        "step_tolerance": options.step_tolerance,
+        "decrease_tolerance": options.decrease_tolerance,
+    }
+    squares = least_squares(problem.lib, descent.statistics, objective.unit)
+    jobs = problem.lib.levenberg([descent.x0], [squares], settings, options.max_iterations)
+    job, trace, interrupted = jobs[0], list[tuple[int, float, float]](), False
+    try:
+        while job.finished == 0 and job.step < options.max_iterations:
+            accepted = job.traced
+            jobs.run(1)
+            if job.traced > accepted:
+                trace.append((job.step, job.loss, validation.value_gradient(jobs.x(0))[0]))
+            if problem.progress is not None:
+                problem.progress(job.step, job.loss)
+    except KeyboardInterrupt:
+        interrupted = True
+    x = jobs.x(0)
+    status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
+    columns = zip(*trace, strict=True) if trace else ((), (), ())
+    traces = Trace(*(tuple(c) for c in columns))
+    return Outcome(x, validation.value_gradient(x)[0], job.step, status, traces)
+
+
+def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
+    """Levenberg–Marquardt by the reference: one NumPy step at a time."""
+    problem, objective = descent.problem, descent.objective
+    lib, squares = problem.lib, least_squares(problem.lib, descent.statistics, objective.unit)
+    validation = CompressedObjective(objective, descent.held)
+    size = problem.start.size
+
+    def residual_jacobian(x: Array) -> tuple[Array, Array]:
+        y = np.concatenate([lib.base_matrix @ lib.pi_from_lam(x[:size]), x[size:]])
+        blocks = lib.pi_jacobian(x[:size])
+        links, width = blocks.shape[:2]
+        by_pi = lib.base_matrix.reshape(-1, links, width)
+        by_lam = np.einsum("bki,kij->bkj", by_pi, blocks).reshape(len(by_pi), size)
+        base = len(by_lam)
+        jacobian = np.hstack([squares.factor[:, :base] @ by_lam, squares.factor[:, base:]])
+        return squares.factor @ y - squares.target, jacobian
+
+    return levenberg(
+        descent.x0,
+        residual_jacobian,
+        lambda x: validation.value_gradient(x)[0],
+        options,
+        squares.rest,
+        squares.scale,
+        problem.progress,
+    )
+
+
+def least_squares(lib: Library, statistics: Compressed, unit: Array) -> LeastSquares:
+    """The mean loss in y = [β; ψ] with a triangular factor, friction columns in units of ψ."""
+    n_phi = unit.size
+    friction = statistics.factor[:, statistics.factor.shape[1] - n_phi :] * unit.ravel()
+    matrix = np.hstack([statistics.factor[:, list(lib.base_columns)], friction])
+    rows = np.column_stack([matrix, statistics.target])
+    width = matrix.shape[1]
+    short = np.zeros((width + 1, width + 1))
+    factor = np.linalg.qr(rows, mode="r")
+    short[: len(factor)] = factor
+    return LeastSquares(
+        short[:width, :width],
+        short[:width, width],
+        statistics.rest + float(short[width, width] ** 2),
+        1 / (2 * statistics.n_samples),
+    )
+
+
+def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
+    problem, unit = descent.problem, descent.objective.unit
+    samples = None
+    if batch is not None:
+        s = problem.train
+        columns = (s.columns * unit).reshape(len(s), -1)
+        samples = np.hstack([s.q, s.dq, s.ddq, s.tau, columns])
+    return AdamProblem(
+        descent.x0,
+        least_squares(problem.lib, descent.statistics, unit),
+        least_squares(problem.lib, descent.held, unit),
+        samples,
+        problem.weights,
+    )
+
+
+def _adam_outcome(jobs: CompiledAdam, k: int, rule: StoppingRule, interrupted: bool) -> Outcome:
+    job = jobs[k]
+    status = _STATUS[job.finished]
+    if interrupted and job.finished == 0:
+        status = Status.INTERRUPTED
     validated = np.arange(1, job.traced + 1) * rule.validate_every
     trace = Trace(
         tuple(validated.tolist()),
-        tuple(job.training_trace[: job.traced].tolist()),
-        tuple(job.held_trace[: job.traced].tolist()),
+        tuple(jobs.training_trace[k, : job.traced].tolist()),
+        tuple(jobs.held_trace[k, : job.traced].tolist()),
     )
-    return Outcome(job.result(), job.best, job.step, status, trace)
-
-
-def _run(
-    job: CompiledAdam,
-    rule: StoppingRule,
-    progress: Callable[[int, float], None] | None,
-    rng: np.random.Generator,
-    size: int,
-    batch: int | None,
-) -> Status:
-    """Run the job piece by piece until it ends."""
-    try:
-        while job.step < rule.max_iterations:
-            count = min(CHUNK, rule.max_iterations - job.step)
-            job.run(count, None if batch is None else rng.integers(0, size, (count, batch)))
-            if progress is not None:
-                progress(job.step, job.best)
-            if job.finished:
-                return Status.DIVERGED if job.finished == DIVERGED else Status.PATIENCE
-    except KeyboardInterrupt:
-        return Status.INTERRUPTED
-    return Status.MAX_ITERATIONS
-
-
-def _quadratic(statistics: Compressed, unit: Array) -> Quadratic:
-    """The mean loss in y = [π; ψ]: H = RᵀR/N with the friction columns in units of ψ."""
-    n_phi = unit.size
-    scale = np.concatenate([np.ones(statistics.factor.shape[1] - n_phi), unit.ravel()])
-    rows, n = statistics.factor * scale, statistics.n_samples
-    return Quadratic(
-        rows.T @ rows / n,
-        rows.T @ statistics.target / n,
-        float(statistics.target @ statistics.target + statistics.rest) / (2 * n),
-    )
+    return Outcome(jobs.best_x(k), float(job.best), int(job.step), status, trace)

@@ -15,31 +15,17 @@ from numpy.typing import ArrayLike
 
 from runtime import friction, metrics
 from runtime.baselines import convex_optimum, fit_ols, fit_pc_ols
-from runtime.descent import Preset, descend
+from runtime.descent import Preset
 from runtime.errors import IdentificationError
+from runtime.fitting import PRESETS, fit_adam, fit_levenberg
 from runtime.library import Array, Library
-from runtime.objective import (
-    Samples,
-    TorqueObjective,
-    samples_of,
-    thesis_weights,
-)
-from runtime.optimizers import AdamOptions, StoppingRule, Trace
+from runtime.objective import Samples, samples_of, thesis_weights
+from runtime.optimizers import Trace
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare, split
-from runtime.problem import Fit, Problem, best_friction
+from runtime.problem import Fit, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.threads import one_blas_thread
-
-PRESETS = {
-    "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
-    "real": Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
-    "full": Preset(AdamOptions(1e-3), StoppingRule(20000, 200, threshold=1e-8), None),
-}
-
-THINNEST_AXIS = 1e-6
-"""Σ_com eigenvalues below this fraction of the trace are raised to it after a descent in λ:
-sign-normalised steps can carry a, b or c through 0, where P is singular."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +33,7 @@ class Identification:
     """Identified parameters and what vouches for them.
 
     Attributes:
-        method: adam, pc-ols or ols.
+        method: one of `METHODS`.
         pi, beta: standard and base parameters; lam is None where π has none.
         phi: friction coefficients (n, k) of `friction.columns`.
         weights: diagonal of W in the loss.
@@ -125,6 +111,7 @@ class Identification:
 
 METHODS: dict[str, str] = {
     "adam": "gradient descent in λ, consistent by construction (document Sec. 4)",
+    "lm": "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
     "pc-ols": "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
     "ols": "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
 }
@@ -246,6 +233,8 @@ def _fit(problem: Problem, method: str, preset: str | Preset) -> Fit:
         return fit_ols(problem)
     if method == "pc-ols":
         return fit_pc_ols(problem)
+    if method == "lm":
+        return fit_levenberg(problem)
     if isinstance(preset, str):
         if preset not in PRESETS:
             raise IdentificationError(
@@ -253,43 +242,6 @@ def _fit(problem: Problem, method: str, preset: str | Preset) -> Fit:
             )
         preset = PRESETS[preset]
     return fit_adam(problem, preset)
-
-
-def fit_adam(problem: Problem, preset: Preset) -> Fit:
-    """Descend in x = [λ, ψ] from the first guess with its best friction (Sec. 4.6, 4.7)."""
-    lib = problem.lib
-    statistics = problem.statistics()
-    objective = TorqueObjective(lib, problem.train, problem.weights)
-    guess = lib.pi_from_lam(problem.start)
-    phi = best_friction(statistics, guess, problem.train.columns.shape[1:])
-    x0 = objective.join(problem.start, phi)
-    outcome = descend(problem, objective, statistics, x0, preset)
-    lam, phi = objective.split(outcome.x)
-    pi, notes = _thickened(lib, lib.pi_from_lam(lam))
-    return Fit(
-        pi=pi,
-        phi=phi,
-        lam=lib.lam_from_pi(pi) if notes else lam,
-        status=outcome.status.value,
-        iterations=outcome.iterations,
-        trace=outcome.trace,
-        notes=notes,
-    )
-
-
-def _thickened(lib: Library, pi: Array) -> tuple[Array, tuple[str, ...]]:
-    """π with Σ_com of each link at least `THINNEST_AXIS` of its trace, and what was changed."""
-    safe = lib.nearest_realisable(pi, THINNEST_AXIS)
-    thin = lib.relative_eigenvalues(pi) < THINNEST_AXIS
-    result = np.where(np.repeat(thin, pi.size // lib.n_joints), safe, pi)
-    if not thin.any():
-        return pi, ()
-    names = ", ".join(np.array(lib.link_names)[thin])
-    change = float(np.abs(result - pi).max())
-    return result, (
-        f"the data press {names} onto the edge of consistency (a plate or a rod); the thin axes "
-        f"were kept at the smallest allowed size (largest change {change:.1e} kg·m²)",
-    )
 
 
 def _predict(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:

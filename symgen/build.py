@@ -25,8 +25,7 @@ from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
-
-PER_LEVEL = ("tiles.c", "adam.c")
+PER_LEVEL = ("tiles.c", "descent.c")
 """Sources that are compiled once per instruction set."""
 
 

@@ -67,7 +67,10 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
     predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
     from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
-    torque = ca.substitute(from_base, beta, ca.mtimes(ca.sparsify(ca.DM(base.matrix)), dynamics.pi_from_lam_all(lam)))
+    torque = ca.substitute(from_base, beta, _times(base.matrix, dynamics.pi_from_lam_all(lam)))
+    pi_own_, beta_own_ = Argument("pi", (P * n,), "SI"), Argument("beta", (b,), "SI")
+    slope_ = Argument("slope", (b,), "d cost / d beta")
+    pi_own, slope_of_beta = pi_own_.symbol(), slope_.symbol()
     residual = from_base - tau
     loss = ca.dot(residual, weight * residual) / 2
     slope = ca.jtimes(from_base, beta, weight * residual, True)
@@ -107,6 +110,18 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
                 )
             },
             "Y_b with tau = Y_b beta, Eq. 3.11",
+        ),
+        make_kernel(
+            "base_parameters",
+            {pi_own_: pi_own},
+            {beta_own_: _times(base.matrix, pi_own)},
+            "beta = K pi, Eq. 3.11",
+        ),
+        make_kernel(
+            "base_adjoint",
+            {slope_: slope_of_beta},
+            {Argument("gradient", (P * n,), "d cost / d pi"): _times(base.matrix.T, slope_of_beta)},
+            "K' slope, the adjoint of beta = K pi",
         ),
         make_kernel(
             "mass_matrix",
@@ -153,6 +168,11 @@ def _expanded(base: BaseParameters, beta: Any) -> Any:
     return pi
 
 
+def _times(matrix: Array, vector: Any) -> Any:
+    """matrix · vector without the zeros of the matrix."""
+    return ca.mtimes(ca.sparsify(ca.DM(matrix)), vector)
+
+
 def _bodies() -> tuple[Kernel, ...]:
     pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
     floor_ = Argument("floor", (1,), "1", shared=True)
@@ -169,7 +189,7 @@ def _bodies() -> tuple[Kernel, ...]:
                 pi_: inertia.pi_from_lam(lam),
                 Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(
                     inertia.pi_from_lam(lam), lam
-                )
+                ),
             },
             "pi and d pi / d lam of one link",
             "link",

@@ -30,6 +30,12 @@ void fr3_regressor(const double q[7], const double dq[7], const double ddq[7], d
 /* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations. */
 void fr3_base_regressor(const double q[7], const double dq[7], const double ddq[7], double Y_b[301]);
 
+/* beta = K pi, Eq. 3.11. 115 operations. */
+void fr3_base_parameters(const double pi[70], double beta[43]);
+
+/* K' slope, the adjoint of beta = K pi. 63 operations. */
+void fr3_base_adjoint(const double slope[43], double gradient[70]);
+
 /* M(q), Eq. 2.34. 1273 operations. */
 void fr3_mass_matrix(const double q[7], const double pi[70], double M[49]);
 
@@ -75,20 +81,26 @@ void fr3_transfer_basis(const double t[1], const double t_f[1], double S[4]);
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations. */
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21]);
 
-/* L = y'Hy/2 - h'y + c; H is padded x padded, row-major. */
+/* L = (||R y - r||^2 + rest) scale, y = [K pi; psi]; R is upper triangular, column after column. */
 typedef struct {
-    const double *hessian, *linear;
-    double constant;
-} fr3_quadratic;
+    const double *factor, *target;
+    double rest, scale;
+} fr3_least_squares;
 
-enum { FR3_ADAM_PATIENCE = 1, FR3_ADAM_DIVERGED = 2 };
+enum {
+    FR3_PATIENCE = 1,
+    FR3_DIVERGED,
+    FR3_CONVERGED,
+    FR3_STALLED
+};
 
-/* A descent in x = [lambda; psi], see adam.c. `padded` is `size` rounded up to a multiple of 8;
- * x, m, v, best_x are that long and zero beyond `size`. batch = 0 descends on `training`, else on
- * mini-batches: rows names batch samples per iteration, work holds 5 batch n + 2 padded numbers. */
+/* Adam in x = [lambda; psi], see descent.c. x, m, v, best_x are `padded` long, a multiple of 8, and
+ * zero beyond `size`; factors have `equations` rows and columns, a multiple of 8 too. batch = 0
+ * descends on `training`, else on mini-batches: rows names batch samples per iteration. work holds
+ * 8 (4 n (4 + columns_per_joint) + size) + 3 equations + padded numbers. */
 typedef struct {
-    long size, padded;
-    fr3_quadratic training, held;
+    long size, padded, equations;
+    fr3_least_squares training, held;
     double rate, beta1, beta2, epsilon, threshold;
     long validate_every, patience;
     double *x, *m, *v, *best_x;
@@ -97,9 +109,21 @@ typedef struct {
     double *training_trace, *held_trace;
     long batch, columns_per_joint;
     const long *rows;
-    const double *q, *dq, *ddq, *tau, *columns, *weight, *unit;
+    const double *samples, *weight;
     double *work;
 } fr3_adam_job;
+
+/* Levenberg-Marquardt in x = [lambda; psi], see descent.c; damping = 0 at the start, growth = 2.
+ * work holds equations (size + 2 equations + 3) + 2 size numbers. */
+typedef struct {
+    long size, equations;
+    fr3_least_squares training;
+    double first_damping, step_tolerance, decrease_tolerance;
+    double *x, *trace;
+    double loss, damping, growth;
+    long step, finished, traced;
+    double *work;
+} fr3_levenberg_job;
 
 #ifdef __cplusplus
 }

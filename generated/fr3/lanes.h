@@ -16,8 +16,19 @@ static inline vd vd_all(double x)
     return x - (vd){0};
 }
 
+/* Compilers have no portable spelling for the square root of a vector. */
 static inline vd vd_sqrt(vd x)
 {
+#if (W == 8 && defined(__AVX512F__)) || (W == 4 && defined(__AVX__)) || (W == 2 && defined(__AVX__))
+    __asm__("vsqrtpd %1, %0" : "=v"(x) : "v"(x));
+    return x;
+#elif W == 2 && defined(__SSE2__)
+    __asm__("sqrtpd %1, %0" : "=x"(x) : "x"(x));
+    return x;
+#elif W == 2 && defined(__aarch64__)
+    __asm__("fsqrt %0.2d, %1.2d" : "=w"(x) : "w"(x));
+    return x;
+#endif
     for (int l = 0; l < W; ++l) {
         x[l] = sqrt(x[l]);
     }
@@ -207,65 +218,86 @@ LANEWISE2(vd_max, fmax)
 #define APART __attribute__((noinline, unused))
 #define TILE(name, rows) double name[(rows) * LANES] __attribute__((aligned(64)))
 
-/* The samples from `from` on, `size` numbers each and `step` apart, as one tile. Lanes beyond `have`
- * repeat the last sample. `left` numbers may be read, counting whole steps: enough of them, and the
- * samples are read W numbers at a time and turned in registers. */
-static APART void load(double *tile, const double *from, long step, int size, long have, long left)
+/* LANES samples of `size` numbers as one tile: W numbers of W samples are turned in registers.
+ * `roomy` allows reading past the end of each sample up to a multiple of W. */
+static inline void turn(double *tile, const double *const *one, int size, int roomy)
 {
-    if (have >= LANES && left - (LANES - 1) * step >= (size + W - 1) / W * W) {
-        for (int h = 0; h < LANES; h += W) {
-            for (int k = 0; k < size; k += W) {
+    for (int h = 0; h < LANES; h += W) {
+        for (int k = 0; k < size; k += W) {
+            if (k + W <= size || roomy) {
                 vd block[W];
                 UNROLL for (int l = 0; l < W; ++l) {
-                    block[l] = *(const vu *)(from + (h + l) * step + k);
+                    block[l] = *(const vu *)(one[h + l] + k);
                 }
                 transpose(block);
                 for (int i = 0; i < W && k + i < size; ++i) {
                     *(vu *)(tile + (k + i) * LANES + h) = block[i];
                 }
+            } else {
+                for (int i = k; i < size; ++i) {
+                    for (int l = h; l < h + W; ++l) {
+                        tile[i * LANES + l] = one[l][i];
+                    }
+                }
             }
-        }
-        return;
-    }
-    for (int l = 0; l < LANES; ++l) {
-        const double *one = from + (l < have ? l : have - 1) * step;
-        for (int k = 0; k < size; ++k) {
-            tile[k * LANES + l] = one[k];
         }
     }
 }
 
-/* One tile as `have` samples of `size` numbers, one after the other. A short row (size < W) is
- * written with a tail that the next sample overwrites; the last sample is written by numbers. */
+/* The samples from `from` on, `step` apart, as one tile; lanes beyond `have` repeat the last one.
+ * `left` numbers may be read, counting whole steps. */
+static APART void load(double *tile, const double *from, long step, int size, long have, long left)
+{
+    const double *one[LANES];
+    const long last = (have < LANES ? have : LANES) - 1;
+    for (int l = 0; l < LANES; ++l) {
+        one[l] = from + (l < last ? l : last) * step;
+    }
+    turn(tile, one, size, left - last * step >= (size + W - 1) / W * W);
+}
+
+/* The samples that `rows` names, one after the other in `from`, as one tile. */
+static APART void pick(double *tile, const double *from, const long *rows, int size, long have)
+{
+    const double *one[LANES];
+    for (int l = 0; l < LANES; ++l) {
+        one[l] = from + rows[l < have ? l : have - 1] * size;
+    }
+    turn(tile, one, size, 0);
+}
+
+/* One tile as `have` samples of `size` numbers, one after the other. A row shorter than W is written
+ * with a tail that the next sample overwrites, the last one by numbers. */
 static APART void store(double *to, const double *tile, int size, long have)
 {
-    if (have >= LANES && 2 * size >= W) {
-        const int width = size < W ? size : W;
-        for (int h = 0; h < LANES; h += W) {
-            for (int k = 0; k < size; k += W) {
-                const int first = k + W <= size || size < W ? k : size - W;
-                vd block[W];
-                UNROLL for (int i = 0; i < W; ++i) {
-                    block[i] = *(const vu *)(tile + (i < width ? first + i : 0) * LANES + h);
-                }
-                transpose(block);
-                UNROLL for (int l = 0; l < W; ++l) {
-                    if (h + l < LANES - 1) {
-                        *(vu *)(to + (h + l) * size + first) = block[l];
-                    }
-                }
-                if (h + W == LANES) {
-                    for (int i = 0; i < width; ++i) {
-                        to[(LANES - 1) * size + first + i] = block[W - 1][i];
-                    }
-                }
+    const long last = (have < LANES ? have : LANES) - 1;
+    const int width = size < W ? size : W;
+    if (2 * size < W) {
+        for (long l = 0; l <= last; ++l) {
+            for (int k = 0; k < size; ++k) {
+                to[l * size + k] = tile[k * LANES + l];
             }
         }
         return;
     }
-    for (int l = 0; l < LANES && l < have; ++l) {
-        for (int k = 0; k < size; ++k) {
-            to[l * size + k] = tile[k * LANES + l];
+    for (int h = 0; h <= last; h += W) {
+        for (int k = 0; k < size; k += W) {
+            const int first = k + W <= size || size < W ? k : size - W;
+            vd block[W];
+            for (int i = 0; i < W; ++i) {
+                block[i] = *(const vu *)(tile + (first + (i < width ? i : 0)) * LANES + h);
+            }
+            transpose(block);
+            for (int l = 0; l < W && h + l <= last; ++l) {
+                double *one = to + (h + l) * size + first;
+                if (size >= W || h + l < last) {
+                    *(vu *)one = block[l];
+                } else {
+                    for (int i = 0; i < width; ++i) {
+                        one[i] = block[l][i];
+                    }
+                }
+            }
         }
     }
 }

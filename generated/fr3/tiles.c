@@ -54,7 +54,8 @@ void OWN(inverse_dynamics_prepare)(const double *pi, double *u)
     u[17] = t805;
 }
 
-static inline void inverse_dynamics_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict pi, const double *restrict u, vu *restrict tau)
+static inline void inverse_dynamics_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict pi, const double *restrict u, vu *restrict tau)
 {
     (void)q;
     const vd t22 = sc[3 * VS] * dq[0 * VS];
@@ -772,10 +773,12 @@ static inline void inverse_dynamics_lanes(const vu *restrict sc, const vu *restr
     tau[0 * VS] = t794;
 }
 
-void OWN(inverse_dynamics_tile)(const double *sc, const double *q, const double *dq, const double *ddq, const double *pi, const double *u, double *tau)
+void OWN(inverse_dynamics_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *pi, const double *u, double *tau)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        inverse_dynamics_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), pi, u, (vu *)(tau + lane));
+        inverse_dynamics_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), pi, u, (vu *)(tau + lane));
     }
 }
 
@@ -801,15 +804,18 @@ void OWN(inverse_dynamics_batch)(long n, const double *q, long q_step, const dou
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
                 TILE(ddq_tile, 7);
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
-                OWN(inverse_dynamics_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, pi_here, u, tau_out);
+                OWN(inverse_dynamics_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, pi_here, u, tau_out);
                 store(tau + i * 7, tau_out, 7, end - i);
             }
         }
     }
 }
 
-void OWN(inverse_dynamics_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *pi, double *tau);
-void OWN(inverse_dynamics_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *pi, double *tau)
+void OWN(inverse_dynamics_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *pi, double *tau);
+void OWN(inverse_dynamics_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *pi, double *tau)
 {
     double u[18];
     OWN(inverse_dynamics_prepare)(pi, u);
@@ -821,7 +827,8 @@ void OWN(inverse_dynamics_tiles)(long tiles, const double *sc, const double *q, 
             OWN(inverse_dynamics_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(inverse_dynamics_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, ddq + i * 56, pi, u, tau + i * 56);
+            OWN(inverse_dynamics_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, ddq + i * 56, pi, u, tau + i * 56);
         }
     }
 }
@@ -849,7 +856,8 @@ void OWN(base_inverse_dynamics_prepare)(const double *beta, double *u)
     u[5] = t637;
 }
 
-static inline void base_inverse_dynamics_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict beta, const double *restrict u, vu *restrict tau)
+static inline void base_inverse_dynamics_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict beta, const double *restrict u, vu *restrict tau)
 {
     (void)q;
     const vd t22 = sc[3 * VS] * dq[0 * VS];
@@ -1471,10 +1479,12 @@ static inline void base_inverse_dynamics_lanes(const vu *restrict sc, const vu *
     tau[0 * VS] = t670;
 }
 
-void OWN(base_inverse_dynamics_tile)(const double *sc, const double *q, const double *dq, const double *ddq, const double *beta, const double *u, double *tau)
+void OWN(base_inverse_dynamics_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *beta, const double *u, double *tau)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        base_inverse_dynamics_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), beta, u, (vu *)(tau + lane));
+        base_inverse_dynamics_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), beta, u, (vu *)(tau + lane));
     }
 }
 
@@ -1500,15 +1510,18 @@ void OWN(base_inverse_dynamics_batch)(long n, const double *q, long q_step, cons
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
                 TILE(ddq_tile, 7);
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
-                OWN(base_inverse_dynamics_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, beta_here, u, tau_out);
+                OWN(base_inverse_dynamics_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, beta_here, u, tau_out);
                 store(tau + i * 7, tau_out, 7, end - i);
             }
         }
     }
 }
 
-void OWN(base_inverse_dynamics_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *beta, double *tau);
-void OWN(base_inverse_dynamics_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *beta, double *tau)
+void OWN(base_inverse_dynamics_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *beta, double *tau);
+void OWN(base_inverse_dynamics_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *beta, double *tau)
 {
     double u[6];
     OWN(base_inverse_dynamics_prepare)(beta, u);
@@ -1520,7 +1533,8 @@ void OWN(base_inverse_dynamics_tiles)(long tiles, const double *sc, const double
             OWN(base_inverse_dynamics_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(base_inverse_dynamics_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, ddq + i * 56, beta, u, tau + i * 56);
+            OWN(base_inverse_dynamics_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, ddq + i * 56, beta, u, tau + i * 56);
         }
     }
 }
@@ -2658,7 +2672,8 @@ void OWN(torque_prepare)(const double *lam, double *u)
     u[48] = t1811;
 }
 
-static inline void torque_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict lam, const double *restrict u, vu *restrict tau)
+static inline void torque_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict lam, const double *restrict u, vu *restrict tau)
 {
     (void)q;
     (void)lam;
@@ -3281,10 +3296,12 @@ static inline void torque_lanes(const vu *restrict sc, const vu *restrict q, con
     tau[0 * VS] = t1776;
 }
 
-void OWN(torque_tile)(const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *tau)
+void OWN(torque_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *tau)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        torque_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), lam, u, (vu *)(tau + lane));
+        torque_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), lam, u, (vu *)(tau + lane));
     }
 }
 
@@ -3310,15 +3327,18 @@ void OWN(torque_batch)(long n, const double *q, long q_step, const double *dq, l
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
                 TILE(ddq_tile, 7);
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
-                OWN(torque_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, lam_here, u, tau_out);
+                OWN(torque_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, lam_here, u, tau_out);
                 store(tau + i * 7, tau_out, 7, end - i);
             }
         }
     }
 }
 
-void OWN(torque_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *tau);
-void OWN(torque_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *tau)
+void OWN(torque_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *tau);
+void OWN(torque_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *tau)
 {
     double u[49];
     OWN(torque_prepare)(lam, u);
@@ -3330,7 +3350,8 @@ void OWN(torque_tiles)(long tiles, const double *sc, const double *q, const doub
             OWN(torque_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(torque_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, ddq + i * 56, lam, u, tau + i * 56);
+            OWN(torque_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, ddq + i * 56, lam, u, tau + i * 56);
         }
     }
 }
@@ -7935,7 +7956,8 @@ void OWN(torque_jacobian_prepare)(const double *lam, double *u)
     u[320] = t5785;
 }
 
-static inline void torque_jacobian_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict lam, const double *restrict u, vu *restrict jacobian)
+static inline void torque_jacobian_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const double *restrict lam, const double *restrict u, vu *restrict jacobian)
 {
     (void)q;
     (void)lam;
@@ -12671,10 +12693,12 @@ static inline void torque_jacobian_lanes(const vu *restrict sc, const vu *restri
     jacobian[489 * VS] = t9338;
 }
 
-void OWN(torque_jacobian_tile)(const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *jacobian)
+void OWN(torque_jacobian_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *jacobian)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        torque_jacobian_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), lam, u, (vu *)(jacobian + lane));
+        torque_jacobian_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), lam, u, (vu *)(jacobian + lane));
     }
 }
 
@@ -12700,15 +12724,18 @@ void OWN(torque_jacobian_batch)(long n, const double *q, long q_step, const doub
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
                 TILE(ddq_tile, 7);
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
-                OWN(torque_jacobian_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, lam_here, u, jacobian_out);
+                OWN(torque_jacobian_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, lam_here, u, jacobian_out);
                 store(jacobian + i * 490, jacobian_out, 490, end - i);
             }
         }
     }
 }
 
-void OWN(torque_jacobian_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *jacobian);
-void OWN(torque_jacobian_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *jacobian)
+void OWN(torque_jacobian_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *jacobian);
+void OWN(torque_jacobian_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *lam, double *jacobian)
 {
     double u[321];
     OWN(torque_jacobian_prepare)(lam, u);
@@ -12720,7 +12747,8 @@ void OWN(torque_jacobian_tiles)(long tiles, const double *sc, const double *q, c
             OWN(torque_jacobian_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(torque_jacobian_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, ddq + i * 56, lam, u, jacobian + i * 3920);
+            OWN(torque_jacobian_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, ddq + i * 56, lam, u, jacobian + i * 3920);
         }
     }
 }
@@ -12732,7 +12760,8 @@ void OWN(regressor_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
-static inline void regressor_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, vu *restrict Y)
+static inline void regressor_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, vu *restrict Y)
 {
     (void)q;
     Y[6 * VS] = ddq[0 * VS];
@@ -14518,10 +14547,12 @@ static inline void regressor_lanes(const vu *restrict sc, const vu *restrict q, 
     Y[489 * VS] = t699;
 }
 
-void OWN(regressor_tile)(const double *sc, const double *q, const double *dq, const double *ddq, double *Y)
+void OWN(regressor_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, double *Y)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        regressor_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (vu *)(Y + lane));
+        regressor_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (vu *)(Y + lane));
     }
 }
 
@@ -14544,15 +14575,18 @@ void OWN(regressor_batch)(long n, const double *q, long q_step, const double *dq
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
                 TILE(ddq_tile, 7);
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
-                OWN(regressor_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, Y_out);
+                OWN(regressor_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, Y_out);
                 store(Y + i * 490, Y_out, 490, end - i);
             }
         }
     }
 }
 
-void OWN(regressor_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y);
-void OWN(regressor_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y)
+void OWN(regressor_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, double *Y);
+void OWN(regressor_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, double *Y)
 {
     TILE(own_sc, BLOCK * 14);
     for (long block = 0; block < tiles; block += BLOCK) {
@@ -14562,7 +14596,8 @@ void OWN(regressor_tiles)(long tiles, const double *sc, const double *q, const d
             OWN(regressor_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(regressor_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, ddq + i * 56, Y + i * 3920);
+            OWN(regressor_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, ddq + i * 56, Y + i * 3920);
         }
     }
 }
@@ -14574,7 +14609,8 @@ void OWN(base_regressor_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
-static inline void base_regressor_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, vu *restrict Y_b)
+static inline void base_regressor_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, vu *restrict Y_b)
 {
     (void)q;
     Y_b[0 * VS] = ddq[0 * VS];
@@ -15988,10 +16024,12 @@ static inline void base_regressor_lanes(const vu *restrict sc, const vu *restric
     Y_b[300 * VS] = t626;
 }
 
-void OWN(base_regressor_tile)(const double *sc, const double *q, const double *dq, const double *ddq, double *Y_b)
+void OWN(base_regressor_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, double *Y_b)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        base_regressor_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (vu *)(Y_b + lane));
+        base_regressor_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (vu *)(Y_b + lane));
     }
 }
 
@@ -16014,15 +16052,18 @@ void OWN(base_regressor_batch)(long n, const double *q, long q_step, const doubl
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
                 TILE(ddq_tile, 7);
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
-                OWN(base_regressor_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, Y_b_out);
+                OWN(base_regressor_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, Y_b_out);
                 store(Y_b + i * 301, Y_b_out, 301, end - i);
             }
         }
     }
 }
 
-void OWN(base_regressor_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y_b);
-void OWN(base_regressor_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, double *Y_b)
+void OWN(base_regressor_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, double *Y_b);
+void OWN(base_regressor_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, double *Y_b)
 {
     TILE(own_sc, BLOCK * 14);
     for (long block = 0; block < tiles; block += BLOCK) {
@@ -16032,7 +16073,416 @@ void OWN(base_regressor_tiles)(long tiles, const double *sc, const double *q, co
             OWN(base_regressor_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(base_regressor_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, ddq + i * 56, Y_b + i * 2408);
+            OWN(base_regressor_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, ddq + i * 56, Y_b + i * 2408);
+        }
+    }
+}
+
+/* beta = K pi, Eq. 3.11. 115 operations per sample. */
+void OWN(base_parameters_sines)(long tiles, const double *pi, double *sc)
+{
+    static const int turns[] = {0};
+    sines(sc, pi, turns, 0, 70, tiles);
+}
+
+static inline void base_parameters_lanes(
+const vu *restrict sc,const vu *restrict pi, vu *restrict beta)
+{
+    (void)sc;
+    const vd t2 = pi[6 * VS] + pi[15 * VS];
+    beta[0 * VS] = t2;
+    beta[1 * VS] = pi[11 * VS];
+    const vd t9 = (-0.316) * pi[20 * VS];
+    const vd t10 = pi[12 * VS] + t9;
+    const vd t12 = t10 - pi[23 * VS];
+    const vd t14 = (-0.316) * pi[30 * VS];
+    const vd t15 = t12 + t14;
+    const vd t17 = (-0.316) * pi[40 * VS];
+    const vd t18 = t15 + t17;
+    const vd t20 = (-0.316) * pi[50 * VS];
+    const vd t21 = t18 + t20;
+    const vd t23 = (-0.316) * pi[60 * VS];
+    const vd t24 = t21 + t23;
+    beta[2 * VS] = t24;
+    const vd t27 = pi[14 * VS] - pi[15 * VS];
+    const vd t29 = 0.099856 * pi[20 * VS];
+    const vd t30 = t27 + t29;
+    const vd t32 = 0.63200000000000001 * pi[23 * VS];
+    const vd t33 = t30 + t32;
+    const vd t35 = t33 + pi[25 * VS];
+    const vd t37 = 0.10666225 * pi[30 * VS];
+    const vd t38 = t35 + t37;
+    const vd t39 = 0.10666225 * pi[40 * VS];
+    const vd t40 = t38 + t39;
+    const vd t41 = 0.10666225 * pi[50 * VS];
+    const vd t42 = t40 + t41;
+    const vd t43 = 0.10666225 * pi[60 * VS];
+    const vd t44 = t42 + t43;
+    beta[3 * VS] = t44;
+    const vd t47 = pi[16 * VS] + t29;
+    const vd t48 = t47 + t32;
+    const vd t49 = t48 + pi[25 * VS];
+    const vd t50 = t49 + t37;
+    const vd t51 = t50 + t39;
+    const vd t52 = t51 + t41;
+    const vd t53 = t52 + t43;
+    beta[4 * VS] = t53;
+    beta[5 * VS] = pi[17 * VS];
+    beta[6 * VS] = pi[18 * VS];
+    beta[7 * VS] = pi[19 * VS];
+    const vd t63 = 0.082500000000000004 * pi[30 * VS];
+    const vd t64 = pi[21 * VS] + t63;
+    const vd t65 = 0.082500000000000004 * pi[40 * VS];
+    const vd t66 = t64 + t65;
+    const vd t67 = 0.082500000000000004 * pi[50 * VS];
+    const vd t68 = t66 + t67;
+    const vd t69 = 0.082500000000000004 * pi[60 * VS];
+    const vd t70 = t68 + t69;
+    beta[8 * VS] = t70;
+    const vd t74 = pi[22 * VS] - pi[33 * VS];
+    beta[9 * VS] = t74;
+    const vd t77 = pi[24 * VS] - pi[25 * VS];
+    const vd t79 = (-0.0068062499999999998) * pi[30 * VS];
+    const vd t80 = t77 + t79;
+    const vd t82 = t80 + pi[35 * VS];
+    beta[10 * VS] = t82;
+    const vd t86 = 0.0068062499999999998 * pi[30 * VS];
+    const vd t87 = pi[26 * VS] + t86;
+    const vd t88 = t87 + pi[35 * VS];
+    const vd t90 = 0.0136125 * pi[40 * VS];
+    const vd t91 = t88 + t90;
+    const vd t92 = 0.0136125 * pi[50 * VS];
+    const vd t93 = t91 + t92;
+    const vd t94 = 0.0136125 * pi[60 * VS];
+    const vd t95 = t93 + t94;
+    beta[11 * VS] = t95;
+    const vd t98 = 0.082500000000000004 * pi[33 * VS];
+    const vd t99 = pi[27 * VS] + t98;
+    beta[12 * VS] = t99;
+    beta[13 * VS] = pi[28 * VS];
+    beta[14 * VS] = pi[29 * VS];
+    const vd t107 = (-0.082500000000000004) * pi[40 * VS];
+    const vd t108 = pi[31 * VS] + t107;
+    const vd t109 = (-0.082500000000000004) * pi[50 * VS];
+    const vd t110 = t108 + t109;
+    const vd t111 = (-0.082500000000000004) * pi[60 * VS];
+    const vd t112 = t110 + t111;
+    beta[15 * VS] = t112;
+    const vd t116 = 0.38400000000000001 * pi[40 * VS];
+    const vd t117 = pi[32 * VS] + t116;
+    const vd t119 = t117 + pi[43 * VS];
+    const vd t120 = 0.38400000000000001 * pi[50 * VS];
+    const vd t121 = t119 + t120;
+    const vd t122 = 0.38400000000000001 * pi[60 * VS];
+    const vd t123 = t121 + t122;
+    beta[16 * VS] = t123;
+    const vd t126 = pi[34 * VS] - pi[35 * VS];
+    const vd t128 = 0.14064974999999999 * pi[40 * VS];
+    const vd t129 = t126 + t128;
+    const vd t131 = 0.76800000000000002 * pi[43 * VS];
+    const vd t132 = t129 + t131;
+    const vd t134 = t132 + pi[45 * VS];
+    const vd t135 = 0.14064974999999999 * pi[50 * VS];
+    const vd t136 = t134 + t135;
+    const vd t137 = 0.14064974999999999 * pi[60 * VS];
+    const vd t138 = t136 + t137;
+    beta[17 * VS] = t138;
+    const vd t142 = 0.15426224999999999 * pi[40 * VS];
+    const vd t143 = pi[36 * VS] + t142;
+    const vd t144 = t143 + t131;
+    const vd t145 = t144 + pi[45 * VS];
+    const vd t146 = 0.15426224999999999 * pi[50 * VS];
+    const vd t147 = t145 + t146;
+    const vd t148 = 0.15426224999999999 * pi[60 * VS];
+    const vd t149 = t147 + t148;
+    beta[18 * VS] = t149;
+    const vd t153 = 0.03168 * pi[40 * VS];
+    const vd t154 = pi[37 * VS] + t153;
+    const vd t155 = 0.082500000000000004 * pi[43 * VS];
+    const vd t156 = t154 + t155;
+    const vd t157 = 0.03168 * pi[50 * VS];
+    const vd t158 = t156 + t157;
+    const vd t159 = 0.03168 * pi[60 * VS];
+    const vd t160 = t158 + t159;
+    beta[19 * VS] = t160;
+    beta[20 * VS] = pi[38 * VS];
+    beta[21 * VS] = pi[39 * VS];
+    beta[22 * VS] = pi[41 * VS];
+    const vd t170 = pi[42 * VS] - pi[53 * VS];
+    beta[23 * VS] = t170;
+    const vd t173 = pi[44 * VS] - pi[45 * VS];
+    const vd t175 = t173 + pi[55 * VS];
+    const vd t177 = 0.007744 * pi[60 * VS];
+    const vd t178 = t175 + t177;
+    beta[24 * VS] = t178;
+    const vd t181 = pi[46 * VS] + pi[55 * VS];
+    const vd t182 = t181 + t177;
+    beta[25 * VS] = t182;
+    beta[26 * VS] = pi[47 * VS];
+    beta[27 * VS] = pi[48 * VS];
+    beta[28 * VS] = pi[49 * VS];
+    const vd t192 = 0.087999999999999995 * pi[60 * VS];
+    const vd t193 = pi[51 * VS] + t192;
+    beta[29 * VS] = t193;
+    const vd t197 = pi[52 * VS] - pi[63 * VS];
+    beta[30 * VS] = t197;
+    const vd t200 = pi[54 * VS] - pi[55 * VS];
+    const vd t202 = (-0.007744) * pi[60 * VS];
+    const vd t203 = t200 + t202;
+    const vd t205 = t203 + pi[65 * VS];
+    beta[31 * VS] = t205;
+    const vd t208 = pi[56 * VS] + t177;
+    const vd t209 = t208 + pi[65 * VS];
+    beta[32 * VS] = t209;
+    const vd t212 = 0.087999999999999995 * pi[63 * VS];
+    const vd t213 = pi[57 * VS] + t212;
+    beta[33 * VS] = t213;
+    beta[34 * VS] = pi[58 * VS];
+    beta[35 * VS] = pi[59 * VS];
+    beta[36 * VS] = pi[61 * VS];
+    beta[37 * VS] = pi[62 * VS];
+    const vd t224 = pi[64 * VS] - pi[65 * VS];
+    beta[38 * VS] = t224;
+    beta[39 * VS] = pi[66 * VS];
+    beta[40 * VS] = pi[67 * VS];
+    beta[41 * VS] = pi[68 * VS];
+    beta[42 * VS] = pi[69 * VS];
+}
+
+void OWN(base_parameters_tile)(
+const double *sc,const double *pi, double *beta)
+{
+    for (int lane = 0; lane < LANES; lane += W) {
+        base_parameters_lanes(
+(const vu *)(sc + lane),(const vu *)(pi + lane), (vu *)(beta + lane));
+    }
+}
+
+void OWN(base_parameters_batch)(long n, const double *pi, long pi_step, double *beta);
+void OWN(base_parameters_batch)(long n, const double *pi, long pi_step, double *beta)
+{
+    TILE(beta_out, 43) = {0};
+    const long group = n;
+    for (long g = 0; g < n; g += group) {
+        for (long block = g; block < g + group; block += BLOCK * LANES) {
+            const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 140);
+            TILE(pi_block, BLOCK * 70);
+            for (long i = block; i < end; i += LANES) {
+                load(pi_block + (i - block) * 70, pi + i * pi_step, pi_step, 70, end - i, (n - i) * pi_step);
+            }
+            OWN(base_parameters_sines)((end - block + LANES - 1) / LANES, pi_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(base_parameters_tile)(
+sc + (i - block) * 140,pi_block + (i - block) * 70, beta_out);
+                store(beta + i * 43, beta_out, 43, end - i);
+            }
+        }
+    }
+}
+
+void OWN(base_parameters_tiles)(long tiles
+, const double *sc, const double *pi, double *beta);
+void OWN(base_parameters_tiles)(long tiles
+, const double *sc, const double *pi, double *beta)
+{
+    TILE(own_sc, BLOCK * 140);
+    for (long block = 0; block < tiles; block += BLOCK) {
+        const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 1120 : own_sc;
+        if (!sc) {
+            OWN(base_parameters_sines)(end - block, pi + block * 560, own_sc);
+        }
+        for (long i = block; i < end; ++i) {
+            OWN(base_parameters_tile)(
+here + (i - block) * 1120,pi + i * 560, beta + i * 344);
+        }
+    }
+}
+
+/* K' slope, the adjoint of beta = K pi. 63 operations per sample. */
+void OWN(base_adjoint_sines)(long tiles, const double *slope, double *sc)
+{
+    static const int turns[] = {0};
+    sines(sc, slope, turns, 0, 43, tiles);
+}
+
+static inline void base_adjoint_lanes(
+const vu *restrict sc,const vu *restrict slope, vu *restrict gradient)
+{
+    (void)sc;
+    const vd t31 = (-0.316) * slope[2 * VS];
+    const vd t62 = 0.10666225 * slope[3 * VS];
+    const vd t64 = 0.10666225 * slope[4 * VS];
+    const vd t67 = 0.082500000000000004 * slope[8 * VS];
+    const vd t97 = 0.0136125 * slope[11 * VS];
+    const vd t100 = (-0.082500000000000004) * slope[15 * VS];
+    const vd t103 = 0.38400000000000001 * slope[16 * VS];
+    const vd t106 = 0.14064974999999999 * slope[17 * VS];
+    const vd t63 = t31 + t62;
+    const vd t109 = 0.15426224999999999 * slope[18 * VS];
+    const vd t112 = 0.03168 * slope[19 * VS];
+    const vd t161 = 0.007744 * slope[24 * VS];
+    const vd t163 = 0.007744 * slope[25 * VS];
+    const vd t120 = 0.76800000000000002 * slope[17 * VS];
+    const vd t166 = 0.087999999999999995 * slope[29 * VS];
+    const vd t33 = 0.099856 * slope[3 * VS];
+    const vd t65 = t63 + t64;
+    const vd t43 = 0.63200000000000001 * slope[3 * VS];
+    const vd t70 = (-0.0068062499999999998) * slope[10 * VS];
+    const vd t122 = 0.76800000000000002 * slope[18 * VS];
+    const vd t121 = slope[16 * VS] + t120;
+    const vd t169 = (-0.007744) * slope[31 * VS];
+    const vd t34 = t31 + t33;
+    const vd t35 = 0.099856 * slope[4 * VS];
+    const vd t68 = t65 + t67;
+    const vd t44 = t43 - slope[2 * VS];
+    const vd t45 = 0.63200000000000001 * slope[4 * VS];
+    const vd t50 = slope[3 * VS] + slope[4 * VS];
+    const vd t73 = 0.0068062499999999998 * slope[11 * VS];
+    const vd t80 = 0.082500000000000004 * slope[12 * VS];
+    const vd t85 = slope[10 * VS] + slope[11 * VS];
+    const vd t123 = t121 + t122;
+    const vd t98 = t68 + t97;
+    const vd t71 = t68 + t70;
+    const vd t124 = 0.082500000000000004 * slope[19 * VS];
+    const vd t129 = slope[17 * VS] + slope[18 * VS];
+    const vd t149 = slope[24 * VS] + slope[25 * VS];
+    const vd t171 = 0.007744 * slope[32 * VS];
+    const vd t178 = 0.087999999999999995 * slope[33 * VS];
+    const vd t183 = slope[31 * VS] + slope[32 * VS];
+    const vd t101 = t98 + t100;
+    const vd t20 = slope[0 * VS] - slope[3 * VS];
+    const vd t36 = t34 + t35;
+    const vd t46 = t44 + t45;
+    const vd t51 = t50 - slope[10 * VS];
+    const vd t74 = t71 + t73;
+    const vd t81 = t80 - slope[9 * VS];
+    const vd t86 = t85 - slope[17 * VS];
+    const vd t104 = t101 + t103;
+    const vd t125 = t123 + t124;
+    const vd t130 = t129 - slope[24 * VS];
+    const vd t145 = -slope[23 * VS];
+    const vd t150 = t149 - slope[31 * VS];
+    const vd t179 = t178 - slope[30 * VS];
+    const vd t184 = t183 - slope[38 * VS];
+    gradient[6 * VS] = slope[0 * VS];
+    const vd t107 = t104 + t106;
+    gradient[11 * VS] = slope[1 * VS];
+    gradient[12 * VS] = slope[2 * VS];
+    gradient[14 * VS] = slope[3 * VS];
+    gradient[15 * VS] = t20;
+    gradient[16 * VS] = slope[4 * VS];
+    gradient[17 * VS] = slope[5 * VS];
+    gradient[18 * VS] = slope[6 * VS];
+    const vd t110 = t107 + t109;
+    gradient[19 * VS] = slope[7 * VS];
+    gradient[20 * VS] = t36;
+    gradient[21 * VS] = slope[8 * VS];
+    gradient[22 * VS] = slope[9 * VS];
+    gradient[23 * VS] = t46;
+    gradient[24 * VS] = slope[10 * VS];
+    gradient[25 * VS] = t51;
+    const vd t113 = t110 + t112;
+    gradient[26 * VS] = slope[11 * VS];
+    gradient[27 * VS] = slope[12 * VS];
+    gradient[28 * VS] = slope[13 * VS];
+    gradient[29 * VS] = slope[14 * VS];
+    gradient[30 * VS] = t74;
+    gradient[31 * VS] = slope[15 * VS];
+    gradient[32 * VS] = slope[16 * VS];
+    const vd t162 = t113 + t161;
+    gradient[33 * VS] = t81;
+    gradient[34 * VS] = slope[17 * VS];
+    gradient[35 * VS] = t86;
+    gradient[36 * VS] = slope[18 * VS];
+    gradient[37 * VS] = slope[19 * VS];
+    gradient[38 * VS] = slope[20 * VS];
+    gradient[39 * VS] = slope[21 * VS];
+    const vd t164 = t162 + t163;
+    gradient[40 * VS] = t113;
+    gradient[41 * VS] = slope[22 * VS];
+    gradient[42 * VS] = slope[23 * VS];
+    gradient[43 * VS] = t125;
+    gradient[44 * VS] = slope[24 * VS];
+    gradient[45 * VS] = t130;
+    gradient[46 * VS] = slope[25 * VS];
+    const vd t167 = t164 + t166;
+    gradient[47 * VS] = slope[26 * VS];
+    gradient[48 * VS] = slope[27 * VS];
+    gradient[49 * VS] = slope[28 * VS];
+    gradient[50 * VS] = t113;
+    gradient[51 * VS] = slope[29 * VS];
+    gradient[52 * VS] = slope[30 * VS];
+    gradient[53 * VS] = t145;
+    const vd t170 = t167 + t169;
+    gradient[54 * VS] = slope[31 * VS];
+    gradient[55 * VS] = t150;
+    gradient[56 * VS] = slope[32 * VS];
+    gradient[57 * VS] = slope[33 * VS];
+    gradient[58 * VS] = slope[34 * VS];
+    gradient[59 * VS] = slope[35 * VS];
+    gradient[61 * VS] = slope[36 * VS];
+    const vd t172 = t170 + t171;
+    gradient[62 * VS] = slope[37 * VS];
+    gradient[63 * VS] = t179;
+    gradient[64 * VS] = slope[38 * VS];
+    gradient[65 * VS] = t184;
+    gradient[66 * VS] = slope[39 * VS];
+    gradient[67 * VS] = slope[40 * VS];
+    gradient[68 * VS] = slope[41 * VS];
+    gradient[60 * VS] = t172;
+    gradient[69 * VS] = slope[42 * VS];
+}
+
+void OWN(base_adjoint_tile)(
+const double *sc,const double *slope, double *gradient)
+{
+    for (int lane = 0; lane < LANES; lane += W) {
+        base_adjoint_lanes(
+(const vu *)(sc + lane),(const vu *)(slope + lane), (vu *)(gradient + lane));
+    }
+}
+
+void OWN(base_adjoint_batch)(long n, const double *slope, long slope_step, double *gradient);
+void OWN(base_adjoint_batch)(long n, const double *slope, long slope_step, double *gradient)
+{
+    TILE(gradient_out, 70) = {0};
+    const long group = n;
+    for (long g = 0; g < n; g += group) {
+        for (long block = g; block < g + group; block += BLOCK * LANES) {
+            const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 86);
+            TILE(slope_block, BLOCK * 43);
+            for (long i = block; i < end; i += LANES) {
+                load(slope_block + (i - block) * 43, slope + i * slope_step, slope_step, 43, end - i, (n - i) * slope_step);
+            }
+            OWN(base_adjoint_sines)((end - block + LANES - 1) / LANES, slope_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(base_adjoint_tile)(
+sc + (i - block) * 86,slope_block + (i - block) * 43, gradient_out);
+                store(gradient + i * 70, gradient_out, 70, end - i);
+            }
+        }
+    }
+}
+
+void OWN(base_adjoint_tiles)(long tiles
+, const double *sc, const double *slope, double *gradient);
+void OWN(base_adjoint_tiles)(long tiles
+, const double *sc, const double *slope, double *gradient)
+{
+    TILE(own_sc, BLOCK * 86);
+    for (long block = 0; block < tiles; block += BLOCK) {
+        const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 688 : own_sc;
+        if (!sc) {
+            OWN(base_adjoint_sines)(end - block, slope + block * 344, own_sc);
+        }
+        for (long i = block; i < end; ++i) {
+            OWN(base_adjoint_tile)(
+here + (i - block) * 688,slope + i * 344, gradient + i * 560);
         }
     }
 }
@@ -16066,7 +16516,8 @@ void OWN(mass_matrix_prepare)(const double *pi, double *u)
     u[8] = t1373;
 }
 
-static inline void mass_matrix_lanes(const vu *restrict sc, const vu *restrict q, const double *restrict pi, const double *restrict u, vu *restrict M)
+static inline void mass_matrix_lanes(
+const vu *restrict sc,const vu *restrict q, const double *restrict pi, const double *restrict u, vu *restrict M)
 {
     (void)q;
     const vd t16 = sc[6 * VS] * sc[3 * VS];
@@ -17372,10 +17823,12 @@ static inline void mass_matrix_lanes(const vu *restrict sc, const vu *restrict q
     M[48 * VS] = vd_all(pi[66]);
 }
 
-void OWN(mass_matrix_tile)(const double *sc, const double *q, const double *pi, const double *u, double *M)
+void OWN(mass_matrix_tile)(
+const double *sc,const double *q, const double *pi, const double *u, double *M)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        mass_matrix_lanes((const vu *)(sc + lane), (const vu *)(q + lane), pi, u, (vu *)(M + lane));
+        mass_matrix_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), pi, u, (vu *)(M + lane));
     }
 }
 
@@ -17397,15 +17850,18 @@ void OWN(mass_matrix_batch)(long n, const double *q, long q_step, const double *
             }
             OWN(mass_matrix_sines)((end - block + LANES - 1) / LANES, q_block, sc);
             for (long i = block; i < end; i += LANES) {
-                OWN(mass_matrix_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, pi_here, u, M_out);
+                OWN(mass_matrix_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, pi_here, u, M_out);
                 store(M + i * 49, M_out, 49, end - i);
             }
         }
     }
 }
 
-void OWN(mass_matrix_tiles)(long tiles, const double *sc, const double *q, const double *pi, double *M);
-void OWN(mass_matrix_tiles)(long tiles, const double *sc, const double *q, const double *pi, double *M)
+void OWN(mass_matrix_tiles)(long tiles
+, const double *sc, const double *q, const double *pi, double *M);
+void OWN(mass_matrix_tiles)(long tiles
+, const double *sc, const double *q, const double *pi, double *M)
 {
     double u[9];
     OWN(mass_matrix_prepare)(pi, u);
@@ -17417,7 +17873,8 @@ void OWN(mass_matrix_tiles)(long tiles, const double *sc, const double *q, const
             OWN(mass_matrix_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(mass_matrix_tile)(here + (i - block) * 112, q + i * 56, pi, u, M + i * 392);
+            OWN(mass_matrix_tile)(
+here + (i - block) * 112,q + i * 56, pi, u, M + i * 392);
         }
     }
 }
@@ -17469,7 +17926,8 @@ void OWN(bias_forces_prepare)(const double *pi, double *u)
     u[17] = t781;
 }
 
-static inline void bias_forces_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const double *restrict pi, const double *restrict u, vu *restrict h)
+static inline void bias_forces_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const double *restrict pi, const double *restrict u, vu *restrict h)
 {
     (void)q;
     const vd t15 = sc[2 * VS] * dq[0 * VS];
@@ -18164,10 +18622,12 @@ static inline void bias_forces_lanes(const vu *restrict sc, const vu *restrict q
     h[0 * VS] = t771;
 }
 
-void OWN(bias_forces_tile)(const double *sc, const double *q, const double *dq, const double *pi, const double *u, double *h)
+void OWN(bias_forces_tile)(
+const double *sc,const double *q, const double *dq, const double *pi, const double *u, double *h)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        bias_forces_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), pi, u, (vu *)(h + lane));
+        bias_forces_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), pi, u, (vu *)(h + lane));
     }
 }
 
@@ -18191,15 +18651,18 @@ void OWN(bias_forces_batch)(long n, const double *q, long q_step, const double *
             for (long i = block; i < end; i += LANES) {
                 TILE(dq_tile, 7);
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
-                OWN(bias_forces_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, pi_here, u, h_out);
+                OWN(bias_forces_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, pi_here, u, h_out);
                 store(h + i * 7, h_out, 7, end - i);
             }
         }
     }
 }
 
-void OWN(bias_forces_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *pi, double *h);
-void OWN(bias_forces_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *pi, double *h)
+void OWN(bias_forces_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *pi, double *h);
+void OWN(bias_forces_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *pi, double *h)
 {
     double u[18];
     OWN(bias_forces_prepare)(pi, u);
@@ -18211,7 +18674,8 @@ void OWN(bias_forces_tiles)(long tiles, const double *sc, const double *q, const
             OWN(bias_forces_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(bias_forces_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, pi, u, h + i * 56);
+            OWN(bias_forces_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, pi, u, h + i * 56);
         }
     }
 }
@@ -18283,7 +18747,8 @@ void OWN(forward_dynamics_prepare)(const double *pi, const double *rotor, double
     u[27] = t2249;
 }
 
-static inline void forward_dynamics_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict tau, const double *restrict pi, const double *restrict rotor, const double *restrict u, vu *restrict ddq)
+static inline void forward_dynamics_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict tau, const double *restrict pi, const double *restrict rotor, const double *restrict u, vu *restrict ddq)
 {
     (void)q;
     const vd t16 = sc[2 * VS] * dq[0 * VS];
@@ -20466,10 +20931,12 @@ static inline void forward_dynamics_lanes(const vu *restrict sc, const vu *restr
     ddq[6 * VS] = t2262;
 }
 
-void OWN(forward_dynamics_tile)(const double *sc, const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, const double *u, double *ddq)
+void OWN(forward_dynamics_tile)(
+const double *sc,const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, const double *u, double *ddq)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        forward_dynamics_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(tau + lane), pi, rotor, u, (vu *)(ddq + lane));
+        forward_dynamics_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(tau + lane), pi, rotor, u, (vu *)(ddq + lane));
     }
 }
 
@@ -20496,15 +20963,18 @@ void OWN(forward_dynamics_batch)(long n, const double *q, long q_step, const dou
                 load(dq_tile, dq + i * dq_step, dq_step, 7, end - i, (n - i) * dq_step);
                 TILE(tau_tile, 7);
                 load(tau_tile, tau + i * tau_step, tau_step, 7, end - i, (n - i) * tau_step);
-                OWN(forward_dynamics_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, tau_tile, pi_here, rotor_here, u, ddq_out);
+                OWN(forward_dynamics_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, tau_tile, pi_here, rotor_here, u, ddq_out);
                 store(ddq + i * 7, ddq_out, 7, end - i);
             }
         }
     }
 }
 
-void OWN(forward_dynamics_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, double *ddq);
-void OWN(forward_dynamics_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, double *ddq)
+void OWN(forward_dynamics_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, double *ddq);
+void OWN(forward_dynamics_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, double *ddq)
 {
     double u[28];
     OWN(forward_dynamics_prepare)(pi, rotor, u);
@@ -20516,7 +20986,8 @@ void OWN(forward_dynamics_tiles)(long tiles, const double *sc, const double *q, 
             OWN(forward_dynamics_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(forward_dynamics_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, tau + i * 56, pi, rotor, u, ddq + i * 56);
+            OWN(forward_dynamics_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, tau + i * 56, pi, rotor, u, ddq + i * 56);
         }
     }
 }
@@ -20528,7 +20999,8 @@ void OWN(end_effector_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 7, 7, tiles);
 }
 
-static inline void end_effector_lanes(const vu *restrict sc, const vu *restrict q, vu *restrict H)
+static inline void end_effector_lanes(
+const vu *restrict sc,const vu *restrict q, vu *restrict H)
 {
     (void)q;
     const vd t99 = 0.087999999999999995 * sc[11 * VS];
@@ -20673,10 +21145,12 @@ static inline void end_effector_lanes(const vu *restrict sc, const vu *restrict 
     H[15 * VS] = vd_all(1.0);
 }
 
-void OWN(end_effector_tile)(const double *sc, const double *q, double *H)
+void OWN(end_effector_tile)(
+const double *sc,const double *q, double *H)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        end_effector_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (vu *)(H + lane));
+        end_effector_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (vu *)(H + lane));
     }
 }
 
@@ -20695,15 +21169,18 @@ void OWN(end_effector_batch)(long n, const double *q, long q_step, double *H)
             }
             OWN(end_effector_sines)((end - block + LANES - 1) / LANES, q_block, sc);
             for (long i = block; i < end; i += LANES) {
-                OWN(end_effector_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, H_out);
+                OWN(end_effector_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, H_out);
                 store(H + i * 16, H_out, 16, end - i);
             }
         }
     }
 }
 
-void OWN(end_effector_tiles)(long tiles, const double *sc, const double *q, double *H);
-void OWN(end_effector_tiles)(long tiles, const double *sc, const double *q, double *H)
+void OWN(end_effector_tiles)(long tiles
+, const double *sc, const double *q, double *H);
+void OWN(end_effector_tiles)(long tiles
+, const double *sc, const double *q, double *H)
 {
     TILE(own_sc, BLOCK * 14);
     for (long block = 0; block < tiles; block += BLOCK) {
@@ -20713,7 +21190,8 @@ void OWN(end_effector_tiles)(long tiles, const double *sc, const double *q, doub
             OWN(end_effector_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(end_effector_tile)(here + (i - block) * 112, q + i * 56, H + i * 128);
+            OWN(end_effector_tile)(
+here + (i - block) * 112,q + i * 56, H + i * 128);
         }
     }
 }
@@ -20742,7 +21220,8 @@ void OWN(loss_gradient_prepare)(const double *weight, const double *beta, double
     u[5] = t637;
 }
 
-static inline void loss_gradient_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const vu *restrict tau, const double *restrict weight, const double *restrict beta, const double *restrict u, vu *restrict loss, vu *restrict gradient, vu *restrict residual)
+static inline void loss_gradient_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const vu *restrict tau, const double *restrict weight, const double *restrict beta, const double *restrict u, vu *restrict loss, vu *restrict gradient, vu *restrict residual)
 {
     (void)q;
     const vd t22 = sc[3 * VS] * dq[0 * VS];
@@ -21756,10 +22235,12 @@ static inline void loss_gradient_lanes(const vu *restrict sc, const vu *restrict
     gradient[41 * VS] = t1096;
 }
 
-void OWN(loss_gradient_tile)(const double *sc, const double *q, const double *dq, const double *ddq, const double *tau, const double *weight, const double *beta, const double *u, double *loss, double *gradient, double *residual)
+void OWN(loss_gradient_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *tau, const double *weight, const double *beta, const double *u, double *loss, double *gradient, double *residual)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        loss_gradient_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (const vu *)(tau + lane), weight, beta, u, (vu *)(loss + lane), (vu *)(gradient + lane), (vu *)(residual + lane));
+        loss_gradient_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (const vu *)(tau + lane), weight, beta, u, (vu *)(loss + lane), (vu *)(gradient + lane), (vu *)(residual + lane));
     }
 }
 
@@ -21798,7 +22279,8 @@ void OWN(loss_gradient_batch)(long n, const double *q, long q_step, const double
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
                 TILE(tau_tile, 7);
                 load(tau_tile, tau + i * tau_step, tau_step, 7, end - i, (n - i) * tau_step);
-                OWN(loss_gradient_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, tau_tile, weight_here, beta_here, u, loss_out, gradient_out, residual_out);
+                OWN(loss_gradient_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, tau_tile, weight_here, beta_here, u, loss_out, gradient_out, residual_out);
                 add(loss_sums, loss, loss_out, 1, end - i);
                 add(gradient_sums, gradient, gradient_out, 43, end - i);
                 store(residual + i * 7, residual_out, 7, end - i);
@@ -21810,8 +22292,16 @@ void OWN(loss_gradient_batch)(long n, const double *q, long q_step, const double
 }
 
 /* Eqs. 4.25-4.31. 146 operations per sample. */
-static inline void pi_from_lam_lanes(const vu *restrict lam, vu *restrict pi)
+void OWN(pi_from_lam_sines)(long tiles, const double *lam, double *sc)
 {
+    static const int turns[] = {0};
+    sines(sc, lam, turns, 0, 10, tiles);
+}
+
+static inline void pi_from_lam_lanes(
+const vu *restrict sc,const vu *restrict lam, vu *restrict pi)
+{
+    (void)sc;
     const vd t14 = lam[4 * VS] * lam[4 * VS];
     const vd t16 = lam[5 * VS] * lam[5 * VS];
     const vd t19 = lam[6 * VS] * lam[6 * VS];
@@ -21970,10 +22460,12 @@ static inline void pi_from_lam_lanes(const vu *restrict lam, vu *restrict pi)
     pi[9 * VS] = t176;
 }
 
-void OWN(pi_from_lam_tile)(const double *lam, double *pi)
+void OWN(pi_from_lam_tile)(
+const double *sc,const double *lam, double *pi)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        pi_from_lam_lanes((const vu *)(lam + lane), (vu *)(pi + lane));
+        pi_from_lam_lanes(
+(const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane));
     }
 }
 
@@ -21985,30 +22477,51 @@ void OWN(pi_from_lam_batch)(long n, const double *lam, long lam_step, double *pi
     for (long g = 0; g < n; g += group) {
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 20);
+            TILE(lam_block, BLOCK * 10);
             for (long i = block; i < end; i += LANES) {
-                TILE(lam_tile, 10);
-                load(lam_tile, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
-                OWN(pi_from_lam_tile)(lam_tile, pi_out);
+                load(lam_block + (i - block) * 10, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
+            }
+            OWN(pi_from_lam_sines)((end - block + LANES - 1) / LANES, lam_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(pi_from_lam_tile)(
+sc + (i - block) * 20,lam_block + (i - block) * 10, pi_out);
                 store(pi + i * 10, pi_out, 10, end - i);
             }
         }
     }
 }
 
-void OWN(pi_from_lam_tiles)(long tiles, const double *lam, double *pi);
-void OWN(pi_from_lam_tiles)(long tiles, const double *lam, double *pi)
+void OWN(pi_from_lam_tiles)(long tiles
+, const double *sc, const double *lam, double *pi);
+void OWN(pi_from_lam_tiles)(long tiles
+, const double *sc, const double *lam, double *pi)
 {
+    TILE(own_sc, BLOCK * 20);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 160 : own_sc;
+        if (!sc) {
+            OWN(pi_from_lam_sines)(end - block, lam + block * 80, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(pi_from_lam_tile)(lam + i * 80, pi + i * 80);
+            OWN(pi_from_lam_tile)(
+here + (i - block) * 160,lam + i * 80, pi + i * 80);
         }
     }
 }
 
 /* pi and d pi / d lam of one link. 705 operations per sample. */
-static inline void pi_jacobian_lanes(const vu *restrict lam, vu *restrict pi, vu *restrict jacobian)
+void OWN(pi_jacobian_sines)(long tiles, const double *lam, double *sc)
 {
+    static const int turns[] = {0};
+    sines(sc, lam, turns, 0, 10, tiles);
+}
+
+static inline void pi_jacobian_lanes(
+const vu *restrict sc,const vu *restrict lam, vu *restrict pi, vu *restrict jacobian)
+{
+    (void)sc;
     const vd t1 = vd_exp(lam[0 * VS]);
     pi[0 * VS] = t1;
     const vd t4 = t1 * lam[1 * VS];
@@ -22785,10 +23298,12 @@ static inline void pi_jacobian_lanes(const vu *restrict lam, vu *restrict pi, vu
     jacobian[99 * VS] = t844;
 }
 
-void OWN(pi_jacobian_tile)(const double *lam, double *pi, double *jacobian)
+void OWN(pi_jacobian_tile)(
+const double *sc,const double *lam, double *pi, double *jacobian)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        pi_jacobian_lanes((const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
+        pi_jacobian_lanes(
+(const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(pi + lane), (vu *)(jacobian + lane));
     }
 }
 
@@ -22801,10 +23316,15 @@ void OWN(pi_jacobian_batch)(long n, const double *lam, long lam_step, double *pi
     for (long g = 0; g < n; g += group) {
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 20);
+            TILE(lam_block, BLOCK * 10);
             for (long i = block; i < end; i += LANES) {
-                TILE(lam_tile, 10);
-                load(lam_tile, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
-                OWN(pi_jacobian_tile)(lam_tile, pi_out, jacobian_out);
+                load(lam_block + (i - block) * 10, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
+            }
+            OWN(pi_jacobian_sines)((end - block + LANES - 1) / LANES, lam_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(pi_jacobian_tile)(
+sc + (i - block) * 20,lam_block + (i - block) * 10, pi_out, jacobian_out);
                 store(pi + i * 10, pi_out, 10, end - i);
                 store(jacobian + i * 100, jacobian_out, 100, end - i);
             }
@@ -22812,20 +23332,36 @@ void OWN(pi_jacobian_batch)(long n, const double *lam, long lam_step, double *pi
     }
 }
 
-void OWN(pi_jacobian_tiles)(long tiles, const double *lam, double *pi, double *jacobian);
-void OWN(pi_jacobian_tiles)(long tiles, const double *lam, double *pi, double *jacobian)
+void OWN(pi_jacobian_tiles)(long tiles
+, const double *sc, const double *lam, double *pi, double *jacobian);
+void OWN(pi_jacobian_tiles)(long tiles
+, const double *sc, const double *lam, double *pi, double *jacobian)
 {
+    TILE(own_sc, BLOCK * 20);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 160 : own_sc;
+        if (!sc) {
+            OWN(pi_jacobian_sines)(end - block, lam + block * 80, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(pi_jacobian_tile)(lam + i * 80, pi + i * 80, jacobian + i * 800);
+            OWN(pi_jacobian_tile)(
+here + (i - block) * 160,lam + i * 80, pi + i * 80, jacobian + i * 800);
         }
     }
 }
 
 /* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations per sample. */
-static inline void pi_adjoint_lanes(const vu *restrict lam, const vu *restrict slope, vu *restrict gradient)
+void OWN(pi_adjoint_sines)(long tiles, const double *lam, double *sc)
 {
+    static const int turns[] = {0};
+    sines(sc, lam, turns, 0, 10, tiles);
+}
+
+static inline void pi_adjoint_lanes(
+const vu *restrict sc,const vu *restrict lam, const vu *restrict slope, vu *restrict gradient)
+{
+    (void)sc;
     const vd t84 = lam[4 * VS] * lam[4 * VS];
     const vd t86 = lam[5 * VS] * lam[5 * VS];
     const vd t89 = lam[6 * VS] * lam[6 * VS];
@@ -23238,10 +23774,12 @@ static inline void pi_adjoint_lanes(const vu *restrict lam, const vu *restrict s
     gradient[9 * VS] = t450;
 }
 
-void OWN(pi_adjoint_tile)(const double *lam, const double *slope, double *gradient)
+void OWN(pi_adjoint_tile)(
+const double *sc,const double *lam, const double *slope, double *gradient)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        pi_adjoint_lanes((const vu *)(lam + lane), (const vu *)(slope + lane), (vu *)(gradient + lane));
+        pi_adjoint_lanes(
+(const vu *)(sc + lane),(const vu *)(lam + lane), (const vu *)(slope + lane), (vu *)(gradient + lane));
     }
 }
 
@@ -23253,32 +23791,53 @@ void OWN(pi_adjoint_batch)(long n, const double *lam, long lam_step, const doubl
     for (long g = 0; g < n; g += group) {
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 20);
+            TILE(lam_block, BLOCK * 10);
             for (long i = block; i < end; i += LANES) {
-                TILE(lam_tile, 10);
-                load(lam_tile, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
+                load(lam_block + (i - block) * 10, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
+            }
+            OWN(pi_adjoint_sines)((end - block + LANES - 1) / LANES, lam_block, sc);
+            for (long i = block; i < end; i += LANES) {
                 TILE(slope_tile, 10);
                 load(slope_tile, slope + i * slope_step, slope_step, 10, end - i, (n - i) * slope_step);
-                OWN(pi_adjoint_tile)(lam_tile, slope_tile, gradient_out);
+                OWN(pi_adjoint_tile)(
+sc + (i - block) * 20,lam_block + (i - block) * 10, slope_tile, gradient_out);
                 store(gradient + i * 10, gradient_out, 10, end - i);
             }
         }
     }
 }
 
-void OWN(pi_adjoint_tiles)(long tiles, const double *lam, const double *slope, double *gradient);
-void OWN(pi_adjoint_tiles)(long tiles, const double *lam, const double *slope, double *gradient)
+void OWN(pi_adjoint_tiles)(long tiles
+, const double *sc, const double *lam, const double *slope, double *gradient);
+void OWN(pi_adjoint_tiles)(long tiles
+, const double *sc, const double *lam, const double *slope, double *gradient)
 {
+    TILE(own_sc, BLOCK * 20);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 160 : own_sc;
+        if (!sc) {
+            OWN(pi_adjoint_sines)(end - block, lam + block * 80, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(pi_adjoint_tile)(lam + i * 80, slope + i * 80, gradient + i * 80);
+            OWN(pi_adjoint_tile)(
+here + (i - block) * 160,lam + i * 80, slope + i * 80, gradient + i * 80);
         }
     }
 }
 
 /* Eqs. 4.18-4.23. 1489 operations per sample. */
-static inline void lam_from_pi_lanes(const vu *restrict pi, vu *restrict lam)
+void OWN(lam_from_pi_sines)(long tiles, const double *pi, double *sc)
 {
+    static const int turns[] = {0};
+    sines(sc, pi, turns, 0, 10, tiles);
+}
+
+static inline void lam_from_pi_lanes(
+const vu *restrict sc,const vu *restrict pi, vu *restrict lam)
+{
+    (void)sc;
     const vd t4 = pi[1 * VS] / pi[0 * VS];
     const vd t7 = pi[2 * VS] / pi[0 * VS];
     const vd t10 = pi[3 * VS] / pi[0 * VS];
@@ -24780,10 +25339,12 @@ static inline void lam_from_pi_lanes(const vu *restrict pi, vu *restrict lam)
     lam[6 * VS] = t1464;
 }
 
-void OWN(lam_from_pi_tile)(const double *pi, double *lam)
+void OWN(lam_from_pi_tile)(
+const double *sc,const double *pi, double *lam)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        lam_from_pi_lanes((const vu *)(pi + lane), (vu *)(lam + lane));
+        lam_from_pi_lanes(
+(const vu *)(sc + lane),(const vu *)(pi + lane), (vu *)(lam + lane));
     }
 }
 
@@ -24795,30 +25356,58 @@ void OWN(lam_from_pi_batch)(long n, const double *pi, long pi_step, double *lam)
     for (long g = 0; g < n; g += group) {
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 20);
+            TILE(pi_block, BLOCK * 10);
             for (long i = block; i < end; i += LANES) {
-                TILE(pi_tile, 10);
-                load(pi_tile, pi + i * pi_step, pi_step, 10, end - i, (n - i) * pi_step);
-                OWN(lam_from_pi_tile)(pi_tile, lam_out);
+                load(pi_block + (i - block) * 10, pi + i * pi_step, pi_step, 10, end - i, (n - i) * pi_step);
+            }
+            OWN(lam_from_pi_sines)((end - block + LANES - 1) / LANES, pi_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(lam_from_pi_tile)(
+sc + (i - block) * 20,pi_block + (i - block) * 10, lam_out);
                 store(lam + i * 10, lam_out, 10, end - i);
             }
         }
     }
 }
 
-void OWN(lam_from_pi_tiles)(long tiles, const double *pi, double *lam);
-void OWN(lam_from_pi_tiles)(long tiles, const double *pi, double *lam)
+void OWN(lam_from_pi_tiles)(long tiles
+, const double *sc, const double *pi, double *lam);
+void OWN(lam_from_pi_tiles)(long tiles
+, const double *sc, const double *pi, double *lam)
 {
+    TILE(own_sc, BLOCK * 20);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 160 : own_sc;
+        if (!sc) {
+            OWN(lam_from_pi_sines)(end - block, pi + block * 80, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(lam_from_pi_tile)(pi + i * 80, lam + i * 80);
+            OWN(lam_from_pi_tile)(
+here + (i - block) * 160,pi + i * 80, lam + i * 80);
         }
     }
 }
 
 /* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations per sample. */
-static inline void nearest_realisable_lanes(const vu *restrict pi, const double *restrict floor, vu *restrict realisable)
+void OWN(nearest_realisable_sines)(long tiles, const double *pi, double *sc)
 {
+    static const int turns[] = {0};
+    sines(sc, pi, turns, 0, 10, tiles);
+}
+
+void OWN(nearest_realisable_prepare)(const double *floor, double *u)
+{
+    (void)floor;
+    (void)u;
+}
+
+static inline void nearest_realisable_lanes(
+const vu *restrict sc,const vu *restrict pi, const double *restrict floor, const double *restrict u, vu *restrict realisable)
+{
+    (void)sc;
+    (void)u;
     const vd t9 = pi[2 * VS] / pi[0 * VS];
     const vd t11 = pi[1 * VS] / pi[0 * VS];
     const vd t17 = pi[3 * VS] / pi[0 * VS];
@@ -26227,10 +26816,12 @@ static inline void nearest_realisable_lanes(const vu *restrict pi, const double 
     realisable[9 * VS] = t1420;
 }
 
-void OWN(nearest_realisable_tile)(const double *pi, const double *floor, double *realisable)
+void OWN(nearest_realisable_tile)(
+const double *sc,const double *pi, const double *floor, const double *u, double *realisable)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        nearest_realisable_lanes((const vu *)(pi + lane), floor, (vu *)(realisable + lane));
+        nearest_realisable_lanes(
+(const vu *)(sc + lane),(const vu *)(pi + lane), floor, u, (vu *)(realisable + lane));
     }
 }
 
@@ -26241,32 +26832,57 @@ void OWN(nearest_realisable_batch)(long n, const double *pi, long pi_step, const
     const long group = floor_step == 0 ? n : 1;
     for (long g = 0; g < n; g += group) {
         const double *floor_here = floor + g * floor_step;
+        double u[1];
+        OWN(nearest_realisable_prepare)(floor_here, u);
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 20);
+            TILE(pi_block, BLOCK * 10);
             for (long i = block; i < end; i += LANES) {
-                TILE(pi_tile, 10);
-                load(pi_tile, pi + i * pi_step, pi_step, 10, end - i, (n - i) * pi_step);
-                OWN(nearest_realisable_tile)(pi_tile, floor_here, realisable_out);
+                load(pi_block + (i - block) * 10, pi + i * pi_step, pi_step, 10, end - i, (n - i) * pi_step);
+            }
+            OWN(nearest_realisable_sines)((end - block + LANES - 1) / LANES, pi_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(nearest_realisable_tile)(
+sc + (i - block) * 20,pi_block + (i - block) * 10, floor_here, u, realisable_out);
                 store(realisable + i * 10, realisable_out, 10, end - i);
             }
         }
     }
 }
 
-void OWN(nearest_realisable_tiles)(long tiles, const double *pi, const double *floor, double *realisable);
-void OWN(nearest_realisable_tiles)(long tiles, const double *pi, const double *floor, double *realisable)
+void OWN(nearest_realisable_tiles)(long tiles
+, const double *sc, const double *pi, const double *floor, double *realisable);
+void OWN(nearest_realisable_tiles)(long tiles
+, const double *sc, const double *pi, const double *floor, double *realisable)
 {
+    double u[1];
+    OWN(nearest_realisable_prepare)(floor, u);
+    TILE(own_sc, BLOCK * 20);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 160 : own_sc;
+        if (!sc) {
+            OWN(nearest_realisable_sines)(end - block, pi + block * 80, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(nearest_realisable_tile)(pi + i * 80, floor, realisable + i * 80);
+            OWN(nearest_realisable_tile)(
+here + (i - block) * 160,pi + i * 80, floor, u, realisable + i * 80);
         }
     }
 }
 
 /* M(lam), Eq. 4.14 (linear part first). 149 operations per sample. */
-static inline void inertia_matrix_lanes(const vu *restrict lam, vu *restrict M)
+void OWN(inertia_matrix_sines)(long tiles, const double *lam, double *sc)
 {
+    static const int turns[] = {0};
+    sines(sc, lam, turns, 0, 10, tiles);
+}
+
+static inline void inertia_matrix_lanes(
+const vu *restrict sc,const vu *restrict lam, vu *restrict M)
+{
+    (void)sc;
     const vd t35 = lam[4 * VS] * lam[4 * VS];
     const vd t37 = lam[5 * VS] * lam[5 * VS];
     const vd t40 = lam[6 * VS] * lam[6 * VS];
@@ -26442,10 +27058,12 @@ static inline void inertia_matrix_lanes(const vu *restrict lam, vu *restrict M)
     M[35 * VS] = t206;
 }
 
-void OWN(inertia_matrix_tile)(const double *lam, double *M)
+void OWN(inertia_matrix_tile)(
+const double *sc,const double *lam, double *M)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        inertia_matrix_lanes((const vu *)(lam + lane), (vu *)(M + lane));
+        inertia_matrix_lanes(
+(const vu *)(sc + lane),(const vu *)(lam + lane), (vu *)(M + lane));
     }
 }
 
@@ -26457,30 +27075,51 @@ void OWN(inertia_matrix_batch)(long n, const double *lam, long lam_step, double 
     for (long g = 0; g < n; g += group) {
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 20);
+            TILE(lam_block, BLOCK * 10);
             for (long i = block; i < end; i += LANES) {
-                TILE(lam_tile, 10);
-                load(lam_tile, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
-                OWN(inertia_matrix_tile)(lam_tile, M_out);
+                load(lam_block + (i - block) * 10, lam + i * lam_step, lam_step, 10, end - i, (n - i) * lam_step);
+            }
+            OWN(inertia_matrix_sines)((end - block + LANES - 1) / LANES, lam_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(inertia_matrix_tile)(
+sc + (i - block) * 20,lam_block + (i - block) * 10, M_out);
                 store(M + i * 36, M_out, 36, end - i);
             }
         }
     }
 }
 
-void OWN(inertia_matrix_tiles)(long tiles, const double *lam, double *M);
-void OWN(inertia_matrix_tiles)(long tiles, const double *lam, double *M)
+void OWN(inertia_matrix_tiles)(long tiles
+, const double *sc, const double *lam, double *M);
+void OWN(inertia_matrix_tiles)(long tiles
+, const double *sc, const double *lam, double *M)
 {
+    TILE(own_sc, BLOCK * 20);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 160 : own_sc;
+        if (!sc) {
+            OWN(inertia_matrix_sines)(end - block, lam + block * 80, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(inertia_matrix_tile)(lam + i * 80, M + i * 288);
+            OWN(inertia_matrix_tile)(
+here + (i - block) * 160,lam + i * 80, M + i * 288);
         }
     }
 }
 
 /* P(pi), Eqs. 3.9, 3.10. 9 operations per sample. */
-static inline void pseudo_inertia_lanes(const vu *restrict pi, vu *restrict P)
+void OWN(pseudo_inertia_sines)(long tiles, const double *pi, double *sc)
 {
+    static const int turns[] = {0};
+    sines(sc, pi, turns, 0, 10, tiles);
+}
+
+static inline void pseudo_inertia_lanes(
+const vu *restrict sc,const vu *restrict pi, vu *restrict P)
+{
+    (void)sc;
     const vd t2 = pi[4 * VS] + pi[5 * VS];
     const vd t10 = -pi[7 * VS];
     const vd t13 = -pi[8 * VS];
@@ -26508,10 +27147,12 @@ static inline void pseudo_inertia_lanes(const vu *restrict pi, vu *restrict P)
     P[10 * VS] = t27;
 }
 
-void OWN(pseudo_inertia_tile)(const double *pi, double *P)
+void OWN(pseudo_inertia_tile)(
+const double *sc,const double *pi, double *P)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        pseudo_inertia_lanes((const vu *)(pi + lane), (vu *)(P + lane));
+        pseudo_inertia_lanes(
+(const vu *)(sc + lane),(const vu *)(pi + lane), (vu *)(P + lane));
     }
 }
 
@@ -26523,28 +27164,47 @@ void OWN(pseudo_inertia_batch)(long n, const double *pi, long pi_step, double *P
     for (long g = 0; g < n; g += group) {
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 20);
+            TILE(pi_block, BLOCK * 10);
             for (long i = block; i < end; i += LANES) {
-                TILE(pi_tile, 10);
-                load(pi_tile, pi + i * pi_step, pi_step, 10, end - i, (n - i) * pi_step);
-                OWN(pseudo_inertia_tile)(pi_tile, P_out);
+                load(pi_block + (i - block) * 10, pi + i * pi_step, pi_step, 10, end - i, (n - i) * pi_step);
+            }
+            OWN(pseudo_inertia_sines)((end - block + LANES - 1) / LANES, pi_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(pseudo_inertia_tile)(
+sc + (i - block) * 20,pi_block + (i - block) * 10, P_out);
                 store(P + i * 16, P_out, 16, end - i);
             }
         }
     }
 }
 
-void OWN(pseudo_inertia_tiles)(long tiles, const double *pi, double *P);
-void OWN(pseudo_inertia_tiles)(long tiles, const double *pi, double *P)
+void OWN(pseudo_inertia_tiles)(long tiles
+, const double *sc, const double *pi, double *P);
+void OWN(pseudo_inertia_tiles)(long tiles
+, const double *sc, const double *pi, double *P)
 {
+    TILE(own_sc, BLOCK * 20);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 160 : own_sc;
+        if (!sc) {
+            OWN(pseudo_inertia_sines)(end - block, pi + block * 80, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(pseudo_inertia_tile)(pi + i * 80, P + i * 128);
+            OWN(pseudo_inertia_tile)(
+here + (i - block) * 160,pi + i * 80, P + i * 128);
         }
     }
 }
 
 /* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 48 operations per sample. */
+void OWN(harmonic_basis_sines)(long tiles, const double *m, double *sc)
+{
+    static const int turns[] = {0};
+    sines(sc, m, turns, 0, 1, tiles);
+}
+
 void OWN(harmonic_basis_prepare)(const double *t_f, double *u)
 {
     const double t34 = 2.0 / t_f[0];
@@ -26557,8 +27217,10 @@ void OWN(harmonic_basis_prepare)(const double *t_f, double *u)
     u[1] = t44;
 }
 
-static inline void harmonic_basis_lanes(const vu *restrict m, const vu *restrict t, const double *restrict t_f, const double *restrict u, vu *restrict phi)
+static inline void harmonic_basis_lanes(
+const vu *restrict sc,const vu *restrict m, const vu *restrict t, const double *restrict t_f, const double *restrict u, vu *restrict phi)
 {
+    (void)sc;
     const vd t5 = t[0 * VS] / t_f[0];
     const vd t11 = m[0 * VS] * m[0 * VS];
     const vd t2 = 6.2831853071795862 * m[0 * VS];
@@ -26612,10 +27274,12 @@ static inline void harmonic_basis_lanes(const vu *restrict m, const vu *restrict
     phi[3 * VS] = t63;
 }
 
-void OWN(harmonic_basis_tile)(const double *m, const double *t, const double *t_f, const double *u, double *phi)
+void OWN(harmonic_basis_tile)(
+const double *sc,const double *m, const double *t, const double *t_f, const double *u, double *phi)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        harmonic_basis_lanes((const vu *)(m + lane), (const vu *)(t + lane), t_f, u, (vu *)(phi + lane));
+        harmonic_basis_lanes(
+(const vu *)(sc + lane),(const vu *)(m + lane), (const vu *)(t + lane), t_f, u, (vu *)(phi + lane));
     }
 }
 
@@ -26630,32 +27294,51 @@ void OWN(harmonic_basis_batch)(long n, const double *m, long m_step, const doubl
         OWN(harmonic_basis_prepare)(t_f_here, u);
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 2);
+            TILE(m_block, BLOCK * 1);
             for (long i = block; i < end; i += LANES) {
-                TILE(m_tile, 1);
-                load(m_tile, m + i * m_step, m_step, 1, end - i, (n - i) * m_step);
+                load(m_block + (i - block) * 1, m + i * m_step, m_step, 1, end - i, (n - i) * m_step);
+            }
+            OWN(harmonic_basis_sines)((end - block + LANES - 1) / LANES, m_block, sc);
+            for (long i = block; i < end; i += LANES) {
                 TILE(t_tile, 1);
                 load(t_tile, t + i * t_step, t_step, 1, end - i, (n - i) * t_step);
-                OWN(harmonic_basis_tile)(m_tile, t_tile, t_f_here, u, phi_out);
+                OWN(harmonic_basis_tile)(
+sc + (i - block) * 2,m_block + (i - block) * 1, t_tile, t_f_here, u, phi_out);
                 store(phi + i * 4, phi_out, 4, end - i);
             }
         }
     }
 }
 
-void OWN(harmonic_basis_tiles)(long tiles, const double *m, const double *t, const double *t_f, double *phi);
-void OWN(harmonic_basis_tiles)(long tiles, const double *m, const double *t, const double *t_f, double *phi)
+void OWN(harmonic_basis_tiles)(long tiles
+, const double *sc, const double *m, const double *t, const double *t_f, double *phi);
+void OWN(harmonic_basis_tiles)(long tiles
+, const double *sc, const double *m, const double *t, const double *t_f, double *phi)
 {
     double u[2];
     OWN(harmonic_basis_prepare)(t_f, u);
+    TILE(own_sc, BLOCK * 2);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 16 : own_sc;
+        if (!sc) {
+            OWN(harmonic_basis_sines)(end - block, m + block * 8, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(harmonic_basis_tile)(m + i * 8, t + i * 8, t_f, u, phi + i * 32);
+            OWN(harmonic_basis_tile)(
+here + (i - block) * 16,m + i * 8, t + i * 8, t_f, u, phi + i * 32);
         }
     }
 }
 
 /* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 40 operations per sample. */
+void OWN(transfer_basis_sines)(long tiles, const double *t, double *sc)
+{
+    static const int turns[] = {0};
+    sines(sc, t, turns, 0, 1, tiles);
+}
+
 void OWN(transfer_basis_prepare)(const double *t_f, double *u)
 {
     const double t21 = 15.0 / t_f[0];
@@ -26670,8 +27353,10 @@ void OWN(transfer_basis_prepare)(const double *t_f, double *u)
     u[3] = t48;
 }
 
-static inline void transfer_basis_lanes(const vu *restrict t, const double *restrict t_f, const double *restrict u, vu *restrict S)
+static inline void transfer_basis_lanes(
+const vu *restrict sc,const vu *restrict t, const double *restrict t_f, const double *restrict u, vu *restrict S)
 {
+    (void)sc;
     const vd t2 = t[0 * VS] / t_f[0];
     const vd t15 = t2 + t2;
     const vd t3 = t2 * t2;
@@ -26718,10 +27403,12 @@ static inline void transfer_basis_lanes(const vu *restrict t, const double *rest
     S[3 * VS] = t55;
 }
 
-void OWN(transfer_basis_tile)(const double *t, const double *t_f, const double *u, double *S)
+void OWN(transfer_basis_tile)(
+const double *sc,const double *t, const double *t_f, const double *u, double *S)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        transfer_basis_lanes((const vu *)(t + lane), t_f, u, (vu *)(S + lane));
+        transfer_basis_lanes(
+(const vu *)(sc + lane),(const vu *)(t + lane), t_f, u, (vu *)(S + lane));
     }
 }
 
@@ -26736,25 +27423,38 @@ void OWN(transfer_basis_batch)(long n, const double *t, long t_step, const doubl
         OWN(transfer_basis_prepare)(t_f_here, u);
         for (long block = g; block < g + group; block += BLOCK * LANES) {
             const long end = block + BLOCK * LANES < g + group ? block + BLOCK * LANES : g + group;
+            TILE(sc, BLOCK * 2);
+            TILE(t_block, BLOCK * 1);
             for (long i = block; i < end; i += LANES) {
-                TILE(t_tile, 1);
-                load(t_tile, t + i * t_step, t_step, 1, end - i, (n - i) * t_step);
-                OWN(transfer_basis_tile)(t_tile, t_f_here, u, S_out);
+                load(t_block + (i - block) * 1, t + i * t_step, t_step, 1, end - i, (n - i) * t_step);
+            }
+            OWN(transfer_basis_sines)((end - block + LANES - 1) / LANES, t_block, sc);
+            for (long i = block; i < end; i += LANES) {
+                OWN(transfer_basis_tile)(
+sc + (i - block) * 2,t_block + (i - block) * 1, t_f_here, u, S_out);
                 store(S + i * 4, S_out, 4, end - i);
             }
         }
     }
 }
 
-void OWN(transfer_basis_tiles)(long tiles, const double *t, const double *t_f, double *S);
-void OWN(transfer_basis_tiles)(long tiles, const double *t, const double *t_f, double *S)
+void OWN(transfer_basis_tiles)(long tiles
+, const double *sc, const double *t, const double *t_f, double *S);
+void OWN(transfer_basis_tiles)(long tiles
+, const double *sc, const double *t, const double *t_f, double *S)
 {
     double u[4];
     OWN(transfer_basis_prepare)(t_f, u);
+    TILE(own_sc, BLOCK * 2);
     for (long block = 0; block < tiles; block += BLOCK) {
         const long end = block + BLOCK < tiles ? block + BLOCK : tiles;
+        const double *here = sc ? sc + block * 16 : own_sc;
+        if (!sc) {
+            OWN(transfer_basis_sines)(end - block, t + block * 8, own_sc);
+        }
         for (long i = block; i < end; ++i) {
-            OWN(transfer_basis_tile)(t + i * 8, t_f, u, S + i * 32);
+            OWN(transfer_basis_tile)(
+here + (i - block) * 16,t + i * 8, t_f, u, S + i * 32);
         }
     }
 }
@@ -26766,7 +27466,8 @@ void OWN(regressor_adjoint_sines)(long tiles, const double *q, double *sc)
     sines(sc, q, turns, 6, 7, tiles);
 }
 
-static inline void regressor_adjoint_lanes(const vu *restrict sc, const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const vu *restrict seed, vu *restrict gradient)
+static inline void regressor_adjoint_lanes(
+const vu *restrict sc,const vu *restrict q, const vu *restrict dq, const vu *restrict ddq, const vu *restrict seed, vu *restrict gradient)
 {
     (void)q;
     const vd t17 = sc[4 * VS] * dq[1 * VS];
@@ -29962,10 +30663,12 @@ static inline void regressor_adjoint_lanes(const vu *restrict sc, const vu *rest
     gradient[20 * VS] = t1269;
 }
 
-void OWN(regressor_adjoint_tile)(const double *sc, const double *q, const double *dq, const double *ddq, const double *seed, double *gradient)
+void OWN(regressor_adjoint_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *seed, double *gradient)
 {
     for (int lane = 0; lane < LANES; lane += W) {
-        regressor_adjoint_lanes((const vu *)(sc + lane), (const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (const vu *)(seed + lane), (vu *)(gradient + lane));
+        regressor_adjoint_lanes(
+(const vu *)(sc + lane),(const vu *)(q + lane), (const vu *)(dq + lane), (const vu *)(ddq + lane), (const vu *)(seed + lane), (vu *)(gradient + lane));
     }
 }
 
@@ -29990,15 +30693,18 @@ void OWN(regressor_adjoint_batch)(long n, const double *q, long q_step, const do
                 load(ddq_tile, ddq + i * ddq_step, ddq_step, 7, end - i, (n - i) * ddq_step);
                 TILE(seed_tile, 301);
                 load(seed_tile, seed + i * seed_step, seed_step, 301, end - i, (n - i) * seed_step);
-                OWN(regressor_adjoint_tile)(sc + (i - block) * 14, q_block + (i - block) * 7, dq_tile, ddq_tile, seed_tile, gradient_out);
+                OWN(regressor_adjoint_tile)(
+sc + (i - block) * 14,q_block + (i - block) * 7, dq_tile, ddq_tile, seed_tile, gradient_out);
                 store(gradient + i * 21, gradient_out, 21, end - i);
             }
         }
     }
 }
 
-void OWN(regressor_adjoint_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *seed, double *gradient);
-void OWN(regressor_adjoint_tiles)(long tiles, const double *sc, const double *q, const double *dq, const double *ddq, const double *seed, double *gradient)
+void OWN(regressor_adjoint_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *seed, double *gradient);
+void OWN(regressor_adjoint_tiles)(long tiles
+, const double *sc, const double *q, const double *dq, const double *ddq, const double *seed, double *gradient)
 {
     TILE(own_sc, BLOCK * 14);
     for (long block = 0; block < tiles; block += BLOCK) {
@@ -30008,7 +30714,8 @@ void OWN(regressor_adjoint_tiles)(long tiles, const double *sc, const double *q,
             OWN(regressor_adjoint_sines)(end - block, q + block * 56, own_sc);
         }
         for (long i = block; i < end; ++i) {
-            OWN(regressor_adjoint_tile)(here + (i - block) * 112, q + i * 56, dq + i * 56, ddq + i * 56, seed + i * 2408, gradient + i * 168);
+            OWN(regressor_adjoint_tile)(
+here + (i - block) * 112,q + i * 56, dq + i * 56, ddq + i * 56, seed + i * 2408, gradient + i * 168);
         }
     }
 }

@@ -4,19 +4,20 @@ The only room that knows ctypes. Arrays are sample-major: (N, n), or (n,) for on
 argument given once, such as π, serves all samples.
 """
 
-from runtime.library.adam import Batches, CompiledAdam, Quadratic
 from runtime.library.binding import Array
+from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.library import Library, load
 from runtime.library.manifest import JointFacts, Manifest, to_pinocchio_order
 
 __all__ = [
+    "AdamProblem",
     "Array",
-    "Batches",
     "CompiledAdam",
+    "CompiledLevenberg",
     "JointFacts",
+    "LeastSquares",
     "Library",
     "Manifest",
-    "Quadratic",
     "load",
     "to_pinocchio_order",
 ]

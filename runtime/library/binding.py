@@ -39,11 +39,11 @@ class Binding:
             )
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
-    def function(self, name: str) -> Callable[..., None] | None:
+    def function(self, name: str, *types: Any) -> Callable[..., None] | None:
         """A function of the level that is not a kernel's batch; None where there is none."""
         function = getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
         if function is not None:
-            function.argtypes, function.restype = (ctypes.c_void_p, ctypes.c_long), None
+            function.argtypes, function.restype = types, None
         return function
 
     def _symbol(self, name: str) -> Any:

@@ -1,14 +1,16 @@
 """One typed NumPy method per kernel of a generated robot."""
 
+import ctypes
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError, NotRealisableError, ShapeError
-from runtime.library.adam import Batches, CompiledAdam, Quadratic
 from runtime.library.binding import Array, Binding
+from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.manifest import PI_NAMES, read_manifest
 
 _SIZE = len(PI_NAMES)
@@ -52,8 +54,9 @@ class Library:
         self.manifest = read_manifest(folder / "manifest.json")
         self._binding = Binding(folder, self.manifest, level)
         self.level, self.levels = self._binding.level, self._binding.levels
-        self.compiled_adam = self._binding.function("adam")
-        """The descent of this level in C; None at the portable level."""
+        job = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)
+        self._adam = self._binding.function("adam", *job)
+        self._levenberg = self._binding.function("levenberg", *job)
         m = self.manifest
         self.name = m.robot
         self.joint_names = tuple(j.name for j in m.joints)
@@ -169,23 +172,43 @@ class Library:
         """∂⟨seed, Y_b⟩/∂(q, dq, ddq), (N, 3, n), from seed (N, n, n_b)."""
         return self._binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
 
+    # --- descents in x = [λ, ψ], see `runtime.descent` ---------------------------------------
+
+    @property
+    def descends(self) -> bool:
+        """This level holds the loops of `adam` and `levenberg`."""
+        return self._adam is not None
+
     def adam(
-        self,
-        start: Array,
-        training: Quadratic,
-        held: Quadratic,
-        options: dict[str, float],
-        traces: int,
-        batches: Batches | None = None,
+        self, problems: Sequence[AdamProblem], options: dict[str, float], traces: int, batch: int
     ) -> CompiledAdam:
-        """A compiled descent in x = [λ, ψ] from `start`, see `runtime.descent`.
+        """Compiled descents by Adam.
 
         Raises:
             LibraryError: this level has none.
         """
-        if self.compiled_adam is None:
-            raise LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
-        return CompiledAdam(self.compiled_adam, start, training, held, options, traces, batches)
+        if self._adam is None:
+            raise self._no_descent()
+        return CompiledAdam(self._adam, problems, options, traces, batch)
+
+    def levenberg(
+        self,
+        starts: Sequence[Array],
+        problems: Sequence[LeastSquares],
+        options: dict[str, float],
+        traces: int,
+    ) -> CompiledLevenberg:
+        """Compiled descents by Levenberg–Marquardt.
+
+        Raises:
+            LibraryError: this level has none.
+        """
+        if self._levenberg is None:
+            raise self._no_descent()
+        return CompiledLevenberg(self._levenberg, starts, problems, options, traces)
+
+    def _no_descent(self) -> LibraryError:
+        return LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
 
     # --- trajectories: one row per point ----------------------------------------------------
 

@@ -18,6 +18,11 @@ class Status(Enum):
         "allow more iterations, or take a larger step"
     )
     INTERRUPTED = "interrupted by the user; the best point so far is kept"
+    CONVERGED = "converged: no step lowers the loss noticeably any more"
+    STALLED = (
+        "stalled: no step lowers the loss, however small; the optimum may lie at the edge of "
+        "consistency, compare with pc-ols"
+    )
     DIVERGED = "the loss became infinite or NaN; the best point before is kept, take a smaller step"
 
 

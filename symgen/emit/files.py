@@ -18,7 +18,7 @@ from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 
-IDENTIFICATION = frozenset(("loss_gradient", "pi_from_lam", "pi_adjoint"))
+IDENTIFICATION = frozenset(("loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"))
 """Kernels with which a descent in λ can be written out in C."""
 
 
@@ -74,6 +74,18 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
+    if context["identifies"]:
+        by_name = {kernel.name: kernel for kernel in kernels}
+        (pi,), (beta,) = by_name["base_parameters"].inputs, by_name["base_parameters"].outputs
+        (lam,), joints = by_name["pi_jacobian"].inputs, by_name["loss_gradient"].inputs[0].size
+        context |= {
+            "parameters": lam.size,
+            "joints": joints,
+            "links": pi.size // lam.size,
+            "base": beta.size,
+            "uniform": max(tiles["loss_gradient"].uniform, 1),
+        }
+        files["descent.c"] = render("descent.c.jinja2", context)
     return EmittedRobot(files, manifest["model_hash"])
 
 
@@ -105,7 +117,7 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
         keep_trailing_newline=True,
         autoescape=False,  # noqa: S701  C and Markdown, not HTML
     )
-    environment.tests["idle_in"] = lambda name, lines: not any(
-        re.search(rf"\b{name}\[", line) for line in lines
+    environment.tests["idle_in"] = lambda name, lines: (
+        not any(re.search(rf"\b{name}\[", line) for line in lines)
     )
     return lambda template, context: environment.get_template(template).render(context)

@@ -90,7 +90,8 @@ class TileProgram:
     Attributes:
         prepare: statements that fill `u` from the shared inputs.
         uniform: length of `u`.
-        turned: name of the input whose sines and cosines the body reads from `sc`; "" if none.
+        turned: name of the input whose sines and cosines the body reads from `sc`; without any,
+            the first per-sample input.
         turns: entries of it, in order; entry i has its sine in row 2i of `sc`, its cosine below.
         body: statements on rows of W samples.
         operations: per sample, without those of `prepare`.
@@ -188,7 +189,7 @@ class _TileWriter:
         return TileProgram(
             self._prepare_lines(),
             len(self._slots),
-            self._turned,
+            self._turned or next(a.name for a in kernel.inputs if not a.shared),
             sorted(self._turns),
             [statement.text for statement in scheduled(self._body)],
             self._operations,

@@ -164,7 +164,8 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
     status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
     columns = zip(*trace, strict=True) if trace else ((), (), ())
     traces = Trace(*(tuple(c) for c in columns))
-    return Outcome(x, validation.value_gradient(x)[0], job.step, status, traces)
+    held = validation.value_gradient(x)[0] if np.isfinite(job.loss) else np.inf
+    return Outcome(x, held, job.step, status, traces)
 
 
 def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:

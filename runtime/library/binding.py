@@ -6,6 +6,7 @@ import json
 import shutil
 import tempfile
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import LibraryError, ShapeError
 from runtime.library.manifest import ArgumentFacts, KernelFacts, Manifest
+from runtime.threads import cores
 
 Array = NDArray[np.float64]
 
@@ -24,11 +26,24 @@ LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
 """What a library may hold its batch functions for: CasADi's own C, plain C, instruction sets."""
 
 
-class Binding:
-    """Calls `<robot>_<kernel>_batch` with NumPy arrays."""
+PART = 4096
+"""Samples per piece of a batch. Sums go piece by piece, so they do not depend on the threads."""
+WORTH_A_THREAD = 2e7
+"""Operations from which on a thread of its own pays: about a millisecond."""
 
-    def __init__(self, folder: Path, manifest: Manifest, level: str | None) -> None:
+
+class Binding:
+    """Calls `<robot>_<level>_<kernel>_batch` with NumPy arrays."""
+
+    def __init__(
+        self, folder: Path, manifest: Manifest, level: str | None, threads: int | None
+    ) -> None:
+        if threads is not None and threads < 1:
+            raise LibraryError(
+                f"threads must be at least 1, got {threads}; None lets symgen choose"
+            )
         self._manifest = manifest
+        self._threads = threads
         self._dll = _open(folder, manifest)
         self.levels = tuple(name for name in LEVELS if self._has(name))
         self.level = level or self._best_level()
@@ -104,16 +119,39 @@ class Binding:
             raise ShapeError(f"{name} needs inputs with equally many samples, got {shown}")
         batched = bool(lengths)
         n = lengths.pop() if batched else 1
-        outputs = [np.empty(a.size if a.summed else (n, a.size)) for a in kernel.outputs]
+        starts = range(0, max(n, 1), PART)
+        outputs = [np.empty((len(starts) if a.summed else n, a.size)) for a in kernel.outputs]
         steps = [a.size if x.ndim == 2 else 0 for a, x in zip(kernel.inputs, arrays, strict=True)]
-        pairs = [
-            item for x, step in zip(arrays, steps, strict=True) for item in (x.ctypes.data, step)
+
+        def part(k: int) -> None:
+            first = starts[k]
+            where: list[int] = []
+            for x, step in zip(arrays, steps, strict=True):
+                where += (x.ctypes.data + first * step * x.itemsize, step)
+            for argument, out in zip(kernel.outputs, outputs, strict=True):
+                row = k if argument.summed else first
+                where.append(out.ctypes.data + row * argument.size * out.itemsize)
+            self._functions[name](min(PART, n - first), *where)
+
+        self._each(part, len(starts), n * kernel.operations)
+        outputs = [
+            np.sum(out, axis=0) if a.summed else out
+            for a, out in zip(kernel.outputs, outputs, strict=True)
         ]
-        self._functions[name](n, *pairs, *(out.ctypes.data for out in outputs))
         return tuple(
             out.reshape(a.shape if a.summed or not batched else (n, *a.shape))
             for a, out in zip(kernel.outputs, outputs, strict=True)
         )
+
+    def _each(self, part: Callable[[int], None], count: int, operations: int) -> None:
+        """All parts, on as many threads as were asked for or as pay."""
+        threads = self._threads or min(cores(), int(operations / WORTH_A_THREAD))
+        if threads <= 1 or count == 1:
+            for k in range(count):
+                part(k)
+            return
+        with ThreadPoolExecutor(min(threads, count)) as pool:
+            list(pool.map(part, range(count)))
 
 
 def _checked(kernel: str, argument: ArgumentFacts, value: ArrayLike) -> Array:

@@ -16,12 +16,16 @@ from runtime.library.manifest import PI_NAMES, read_manifest
 _SIZE = len(PI_NAMES)
 
 
-def load(robot: str | os.PathLike[str], level: str | None = None) -> "Library":
+def load(
+    robot: str | os.PathLike[str], level: str | None = None, threads: int | None = None
+) -> "Library":
     """The library of a robot by name, or by the folder that symgen wrote.
 
     A name is looked up in ./generated, then in the generated folder beside this package. The
     level is the instruction set of the batch functions, by default the best that runs here:
     v4 (AVX-512), v3 (AVX2), v2, neon, or portable; casadi is CasADi's own C, the reference.
+    Batches that take milliseconds are spread over `threads`, by default as many as there are
+    cores; results do not depend on their number, to the last bit.
 
     Raises:
         LibraryError: missing, stale, foreign or damaged; the message says what to run.
@@ -39,7 +43,7 @@ def load(robot: str | os.PathLike[str], level: str | None = None) -> "Library":
                 f"python -m symgen build --urdf FILE --name {robot}"
             )
         folder = found[0]
-    return Library(folder, level)
+    return Library(folder, level, threads)
 
 
 class Library:
@@ -49,10 +53,10 @@ class Library:
     `pi0` and `lam0` are those of the URDF.
     """
 
-    def __init__(self, folder: Path, level: str | None = None) -> None:
+    def __init__(self, folder: Path, level: str | None = None, threads: int | None = None) -> None:
         self.folder = folder
         self.manifest = read_manifest(folder / "manifest.json")
-        self._binding = Binding(folder, self.manifest, level)
+        self._binding = Binding(folder, self.manifest, level, threads)
         self.level, self.levels = self._binding.level, self._binding.levels
         job = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)
         self._adam = self._binding.function("adam", *job)

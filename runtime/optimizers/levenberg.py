@@ -134,7 +134,8 @@ def levenberg(
         status = Status.INTERRUPTED
     columns = zip(*trace, strict=True) if trace else ((), (), ())
     traces = Trace(*(tuple(c) for c in columns))
-    return Outcome(state.x, validation(state.x), iteration, status, traces)
+    held = validation(state.x) if np.isfinite(state.loss) else np.inf
+    return Outcome(state.x, held, iteration, status, traces)
 
 
 def _reject(state: LevenbergState) -> None:

@@ -16,8 +16,8 @@ from runtime.descent import (
     levenberg_descend,
 )
 from runtime.errors import LibraryError
-from runtime.library import Library, load
 from runtime.fitting import fit_adam, fit_many
+from runtime.library import Library, load
 from runtime.objective import Samples, TorqueObjective, thesis_weights
 from runtime.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.problem import Problem

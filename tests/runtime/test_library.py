@@ -11,7 +11,8 @@ import pytest
 
 import runtime
 from runtime.errors import LibraryError, NotRealisableError, ShapeError
-from runtime.library import Library, load, to_pinocchio_order
+from runtime.library import Library, binding, load, to_pinocchio_order
+from runtime.library.binding import PART
 from symgen.build import build
 from symgen.compiler import sha256_of
 from symgen.request import BuildRequest, RobotConfig
@@ -401,3 +402,50 @@ def test_relative_eigenvalues(fr3: Library) -> None:
     np.testing.assert_allclose(fr3.relative_eigenvalues(fr3.pi0), expected, rtol=1e-12)
     assert fr3.relative_eigenvalues(np.zeros(70)).tolist() == [0.0] * 7
     assert np.isnan(fr3.relative_eigenvalues(np.full(70, np.nan))).all()
+
+
+def test_results_do_not_depend_on_the_number_of_threads(fr3, monkeypatch):
+    """Property: pieces of fixed length, so 1, 2 and 5 threads give the same bits, sums included."""
+    rng = np.random.default_rng(4)
+    n = 2 * PART + 137
+    q, dq, ddq, tau = rng.normal(size=(4, n, 7))
+    weight = np.linspace(0.5, 2, 7)
+    answers = []
+    for threads in (1, 2, 5):
+        lib = load(fr3.folder, threads=threads)
+        answers.append(
+            (
+                lib.inverse_dynamics(q, dq, ddq, lib.pi0),
+                *lib.loss_gradient(q, dq, ddq, tau, weight, lib.pi0),
+            )
+        )
+    for other in answers[1:]:
+        for ours, theirs in zip(answers[0], other, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    # Oracle: the sum over samples in NumPy; 8000 terms of both signs cost a few digits.
+    residual = fr3.inverse_dynamics(q, dq, ddq, fr3.pi0) - tau
+    assert answers[0][1] == pytest.approx(np.sum(residual**2 @ weight) / 2, rel=1e-12)
+
+
+def test_threads_are_used_where_they_pay(fr3, monkeypatch):
+    """Property: a short batch stays in its thread, a long one is spread over all cores."""
+    seen = []
+    monkeypatch.setattr("runtime.library.binding.cores", lambda: 3)
+    real = binding.ThreadPoolExecutor
+
+    def watched(workers):
+        seen.append(workers)
+        return real(workers)
+
+    monkeypatch.setattr(binding, "ThreadPoolExecutor", watched)
+    lib = load(fr3.folder)
+    lib.end_effector(np.zeros((5000, 7)))
+    assert seen == []
+    lib.regressor(*np.zeros((3, 12 * PART, 7)))
+    assert seen == [3]
+
+
+def test_threads_are_at_least_one(fr3):
+    """Property: zero threads are refused in a sentence."""
+    with pytest.raises(LibraryError, match="threads must be at least 1, got 0"):
+        load(fr3.folder, threads=0)

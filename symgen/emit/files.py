@@ -13,6 +13,7 @@ from typing import Any
 
 import jinja2
 
+from symgen.emit.reference import reference_code
 from symgen.emit.ssa import c_body, tile_program
 from symgen.kernel import Argument, Kernel
 
@@ -60,6 +61,7 @@ def emit(
         "kernels": kernels,
         "bodies": bodies,
         "tiles": tiles,
+        "reference": reference_code(kernels),
         "manifest": manifest,
         "versions": versions,
         "identifies": bodies.keys() >= IDENTIFICATION,
@@ -71,6 +73,7 @@ def emit(
         "lanes.h": (_TEMPLATES / "lanes.h").read_text(encoding="utf-8"),
         "tiles.h": render("tiles.h.jinja2", context),
         "tiles.c": render("tiles.c.jinja2", context),
+        "reference.c": render("reference.c.jinja2", context),
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }

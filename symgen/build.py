@@ -25,7 +25,6 @@ from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
-
 PER_LEVEL = ("tiles.c", "adam.c")
 """Sources that are compiled once per instruction set."""
 UNHURRIED = ("reference.c",)

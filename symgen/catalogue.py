@@ -67,7 +67,9 @@ def _motion(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
     predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
     from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
-    torque = ca.substitute(from_base, beta, ca.mtimes(ca.sparsify(ca.DM(base.matrix)), dynamics.pi_from_lam_all(lam)))
+    torque = ca.substitute(
+        from_base, beta, ca.mtimes(ca.sparsify(ca.DM(base.matrix)), dynamics.pi_from_lam_all(lam))
+    )
     residual = from_base - tau
     loss = ca.dot(residual, weight * residual) / 2
     slope = ca.jtimes(from_base, beta, weight * residual, True)
@@ -169,7 +171,7 @@ def _bodies() -> tuple[Kernel, ...]:
                 pi_: inertia.pi_from_lam(lam),
                 Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(
                     inertia.pi_from_lam(lam), lam
-                )
+                ),
             },
             "pi and d pi / d lam of one link",
             "link",

@@ -15,12 +15,15 @@ import jinja2
 
 from symgen.emit.reference import reference_code
 from symgen.emit.ssa import c_body, tile_program
+from symgen.emit.stack import BLOCK, stack_bounds
 from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 
 IDENTIFICATION = frozenset(("loss_gradient", "pi_from_lam", "pi_adjoint"))
 """Kernels with which a descent in λ can be written out in C."""
+EXAMPLE = frozenset(("inverse_dynamics", "regressor"))
+"""Kernels that the example shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,7 @@ def emit(
     """
     bodies = {kernel.name: c_body(kernel) for kernel in kernels}
     tiles = {kernel.name: tile_program(kernel) for kernel in kernels}
+    reference = reference_code(kernels)
     manifest = {
         "format": 1,
         "robot": name,
@@ -61,10 +65,13 @@ def emit(
         "kernels": kernels,
         "bodies": bodies,
         "tiles": tiles,
-        "reference": reference_code(kernels),
+        "reference": reference,
+        "stack": stack_bounds(kernels, bodies, tiles, reference),
+        "block": BLOCK,
         "manifest": manifest,
         "versions": versions,
         "identifies": bodies.keys() >= IDENTIFICATION,
+        "has_example": bodies.keys() >= EXAMPLE,
     }
     render = _renderer()
     files = {
@@ -77,7 +84,21 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
+    if context["has_example"]:
+        files["example.c"] = render("example.c.jinja2", context | _example(facts))
     return EmittedRobot(files, manifest["model_hash"])
+
+
+def _example(facts: dict[str, Any]) -> dict[str, Any]:
+    """A state of the robot, its parameters and its joints; Python's shortest digits are C's too."""
+    signs = [(-1.0) ** k for k in range(len(facts["joints"]))]
+    return {
+        "joints": facts["joints"],
+        "pi0": [float(x) for x in facts["pi0"]],
+        "home": [float(x) for x in facts["home"]],
+        "dq": [0.5 * sign for sign in signs],
+        "ddq": [2.0 * sign for sign in signs],
+    }
 
 
 def _kernel_entry(kernel: Kernel) -> dict[str, Any]:
@@ -108,7 +129,7 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
         keep_trailing_newline=True,
         autoescape=False,  # noqa: S701  C and Markdown, not HTML
     )
-    environment.tests["idle_in"] = lambda name, lines: not any(
-        re.search(rf"\b{name}\[", line) for line in lines
+    environment.tests["idle_in"] = lambda name, lines: (
+        not any(re.search(rf"\b{name}\[", line) for line in lines)
     )
     return lambda template, context: environment.get_template(template).render(context)

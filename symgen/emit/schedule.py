@@ -56,7 +56,9 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
     for k, statement in enumerate(statements):
         if not _SUM.fullmatch(statement.text):
             continue
-        products = [n for n in statement.uses if users[n] == 1 and _is_product(statements, where, n)]
+        products = [
+            n for n in statement.uses if users[n] == 1 and _is_product(statements, where, n)
+        ]
         if products:
             owner[where[products[-1]]] = k  # fused multiply-add takes one of them
     number = {k: i for i, k in enumerate(sorted(set(owner)))}

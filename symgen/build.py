@@ -27,6 +27,8 @@ from symgen.request import BuildRequest
 
 PER_LEVEL = ("tiles.c", "descent.c")
 """Sources that are compiled once per instruction set."""
+UNHURRIED = ("reference.c",)
+"""Sources that nobody waits for: compiled without optimisation, which saves build time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +118,8 @@ def _write_files(staging: Path, robot: EmittedRobot) -> None:
 def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
     library = staging / f"lib{request.name}.so"
     per_level = [staging / name for name in PER_LEVEL if name in names]
-    compiled = compile_library([staging / "kernels.c"], library, per_level)
+    unhurried = [staging / name for name in UNHURRIED if name in names]
+    compiled = compile_library([staging / "kernels.c"], library, per_level, unhurried)
     record = {
         "fingerprint": request.fingerprint,
         "sha256": compiled.sha256,

@@ -74,8 +74,19 @@ def find_compiler() -> tuple[str, ...]:
     )
 
 
-def compile_library(sources: list[Path], target: Path, per_level: Sequence[Path] = ()) -> Compiled:
-    """Compile `sources` once and `per_level` once per vector level into the library `target`.
+def compile_library(
+    sources: list[Path],
+    target: Path,
+    per_level: Sequence[Path] = (),
+    unhurried: Sequence[Path] = (),
+) -> Compiled:
+    """Compile sources into one library.
+
+    Args:
+        sources: compiled once.
+        target: the library.
+        per_level: compiled once per vector level.
+        unhurried: compiled once, without optimisation.
 
     Raises:
         CompilerError: the compiler failed; its message is part of the sentence.
@@ -91,6 +102,7 @@ def compile_library(sources: list[Path], target: Path, per_level: Sequence[Path]
             continue  # an older compiler; the loader takes the best of the others
         extra = (f"-DLEVEL={level}", f"-DW={width}", *VECTOR_FLAGS, *march)
         units += [(path.name, f"{path.stem}_{level}.o", extra) for path in per_level]
+    units += [(path.name, f"{path.stem}.o", ("-O0",)) for path in unhurried]
     commands = [
         (*compiler, *FLAGS, *extra, "-c", source, "-o", unit) for source, unit, extra in units
     ]

@@ -21,9 +21,10 @@ Array = NDArray[np.float64]
 
 _AGAIN = "run: python -m symgen build"
 
-
 LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
-"""What a library may hold its batch functions for: CasADi's own C, plain C, instruction sets."""
+"""What a library may hold its batch functions for: CasADi's own C, plain C, instruction sets.
+
+Sorted: a processor that runs one runs those before it."""
 
 
 PART = 4096
@@ -77,8 +78,13 @@ class Binding:
         """What the processor can run, as the library itself finds out."""
         answer = self._symbol(f"{self._manifest.robot}_level")
         answer.restype = ctypes.c_char_p
-        best = str(answer().decode())
-        return best if best in self.levels else "portable"
+        best = LEVELS.index(str(answer().decode()))
+        runs = [level for level in self.levels if LEVELS.index(level) <= best]
+        if not runs:
+            raise LibraryError(
+                f"the library of '{self._manifest.robot}' has no functions on many samples; {_AGAIN}"
+            )
+        return runs[-1]
 
     def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
         robot = self._manifest.robot

@@ -13,13 +13,17 @@ from typing import Any
 
 import jinja2
 
+from symgen.emit.reference import reference_code
 from symgen.emit.ssa import c_body, tile_program
+from symgen.emit.stack import BLOCK, stack_bounds
 from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 
 IDENTIFICATION = frozenset(("loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"))
 """Kernels with which a descent in λ can be written out in C."""
+EXAMPLE = frozenset(("inverse_dynamics", "regressor"))
+"""Kernels that the example shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,7 @@ def emit(
     """
     bodies = {kernel.name: c_body(kernel) for kernel in kernels}
     tiles = {kernel.name: tile_program(kernel) for kernel in kernels}
+    reference = reference_code(kernels)
     manifest = {
         "format": 1,
         "robot": name,
@@ -60,9 +65,13 @@ def emit(
         "kernels": kernels,
         "bodies": bodies,
         "tiles": tiles,
+        "reference": reference,
+        "stack": stack_bounds(kernels, bodies, tiles, reference),
+        "block": BLOCK,
         "manifest": manifest,
         "versions": versions,
         "identifies": bodies.keys() >= IDENTIFICATION,
+        "has_example": bodies.keys() >= EXAMPLE,
     }
     render = _renderer()
     files = {
@@ -71,6 +80,7 @@ def emit(
         "lanes.h": (_TEMPLATES / "lanes.h").read_text(encoding="utf-8"),
         "tiles.h": render("tiles.h.jinja2", context),
         "tiles.c": render("tiles.c.jinja2", context),
+        "reference.c": render("reference.c.jinja2", context),
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
@@ -86,7 +96,21 @@ def emit(
             "uniform": max(tiles["loss_gradient"].uniform, 1),
         }
         files["descent.c"] = render("descent.c.jinja2", context)
+    if context["has_example"]:
+        files["example.c"] = render("example.c.jinja2", context | _example(facts))
     return EmittedRobot(files, manifest["model_hash"])
+
+
+def _example(facts: dict[str, Any]) -> dict[str, Any]:
+    """A state of the robot, its parameters and its joints; Python's shortest digits are C's too."""
+    signs = [(-1.0) ** k for k in range(len(facts["joints"]))]
+    return {
+        "joints": facts["joints"],
+        "pi0": [float(x) for x in facts["pi0"]],
+        "home": [float(x) for x in facts["home"]],
+        "dq": [0.5 * sign for sign in signs],
+        "ddq": [2.0 * sign for sign in signs],
+    }
 
 
 def _kernel_entry(kernel: Kernel) -> dict[str, Any]:

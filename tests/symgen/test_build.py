@@ -429,12 +429,12 @@ def test_notes_tell_what_was_done(tmp_path: Path) -> None:
 
 def test_c_code_alone_is_enough(tiny_built: Path, tmp_path: Path) -> None:
     """Oracle: *.c and *.h copied elsewhere compile without this project and compute the same."""
-    for name in ("kernels.c", "batch.c", "tiny.h"):
+    for name in ("kernels.c", "reference.c", "tiny.h"):
         shutil.copy(tiny_built / name, tmp_path)
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("no C compiler on the PATH")
-    command = [compiler, "-O2", "-shared", "-fPIC", "-o", "a.so", "kernels.c", "batch.c", "-lm"]
+    command = [compiler, "-O2", "-shared", "-fPIC", "-o", "a.so", "kernels.c", "reference.c", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     pi0 = np.array(json.loads((tiny_built / "manifest.json").read_text())["pi0"])
     function = ctypes.CDLL(str(tmp_path / "a.so")).tiny_inverse_dynamics

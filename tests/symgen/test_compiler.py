@@ -123,6 +123,20 @@ def test_flags_are_safe() -> None:
     assert not {"-ffast-math", "-Ofast", "-ffinite-math-only"} & set(compiler.FLAGS)
 
 
+def test_unhurried_sources_are_not_optimised(source: Path) -> None:
+    """Property: the reference is compiled without optimisation, everything else with it."""
+    plain = source.with_name("plain.c")
+    plain.write_text(
+        "#ifdef __OPTIMIZE__\n#error optimised\n#endif\nint plain(void);\n"
+        "int plain(void) { return 1; }\n"
+    )
+    source.write_text(f"#ifndef __OPTIMIZE__\n#error slow\n#endif\n{SOURCE}")
+    target = source.with_name("libtwice.so")
+    compile_library([source], target, unhurried=[plain])
+    assert works(target)
+    assert ctypes.CDLL(str(target)).plain() == 1
+
+
 def test_levels_that_the_compiler_does_not_know_are_left_out(
     monkeypatch: pytest.MonkeyPatch, source: Path, tmp_path: Path
 ) -> None:

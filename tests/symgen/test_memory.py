@@ -1,13 +1,16 @@
-"""The generated C under AddressSanitizer and UndefinedBehaviorSanitizer, called from C alone."""
+"""The generated C under sanitizers and valgrind, every function called from C alone."""
 
 import json
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from symgen.compiler import find_compiler, machine
+from runtime.library import Library
+from symgen.build import PER_LEVEL
+from symgen.compiler import LEVELS, find_compiler, machine
 
 # Every buffer is exactly as long as the header says, so one number too far is caught.
 HEAD = """
@@ -15,7 +18,6 @@ HEAD = """
 #include <stdio.h>
 #include <stdlib.h>
 #include "NAME.h"
-#define LEVEL_CALL(kernel) NAME_LEVEL_##kernel##_batch
 static double *numbers(long n)
 {
     double *x = malloc(sizeof(double) * (size_t)(n ? n : 1));
@@ -63,67 +65,117 @@ ADAM = """
 """
 
 
-def driver(manifest: dict, name: str, level: str) -> str:
-    """A C program that calls every batch function on 9 samples, of batch.c and of one level."""
-    count, lines = 9, []
+def driver(manifest: dict, name: str, level: str, tiles_h: str, adam: bool) -> str:
+    """A C program that calls every function: one evaluation, batches of 9 samples, 2 tiles."""
+    count, tiles, prototypes, calls = 9, 2, [], []
     for kernel in manifest["kernels"]:
-        names, declared = [], []
-        for prefix in (f"{name}_", f"{name}_{level}_"):
-            arguments, prototype = [f"{count}"], ["long n"]
-            for side in ("inputs", "outputs"):
-                for a in kernel[side]:
-                    size = 1
-                    for extent in a["shape"]:
-                        size *= extent
-                    shared = a.get("shared", False) or a.get("summed", False)
-                    arguments.append(f"numbers({size if shared else count * size})")
-                    const = "const " if side == "inputs" else ""
-                    prototype.append(f"{const}double *{a['name']}")
-                    if side == "inputs":
-                        arguments.append("0" if shared else f"{size}")
-                        prototype.append(f"long {a['name']}_step")
-            names.append(f"    {prefix}{kernel['name']}_batch({', '.join(arguments)});")
-            declared.append(f"void {prefix}{kernel['name']}_batch({', '.join(prototype)});")
-        lines.append((declared[1], "\n".join(names)))
-    adam = f"void {name}_{level}_adam({name}_adam_job *job, long iterations);"
-    head = HEAD.replace("NAME", name).replace("LEVEL", level)
-    body = "\n".join(call for _, call in lines)
+        one, batch, batch_declared = [], [f"{count}"], ["long n"]
+        turns = f"OWN({kernel['name']}_sines)" in tiles_h
+        summed = any(a.get("summed", False) for a in kernel["outputs"])
+        tile_calls = [[f"{tiles}", *(["0"] if turns else [])]]
+        if turns:
+            tile_calls.append([f"{tiles}", f"numbers({tiles * 16 * len(manifest['joints'])})"])
+        tile_declared = ["long tiles", *(["const double *sc"] if turns else [])]
+        for side in ("inputs", "outputs"):
+            for a in kernel[side]:
+                size = 1
+                for extent in a["shape"]:
+                    size *= extent
+                const = "const " if side == "inputs" else ""
+                shared = a.get("shared", False) or a.get("summed", False)
+                one.append(f"numbers({size})")
+                batch.append(f"numbers({size if shared else count * size})")
+                batch_declared.append(f"{const}double *{a['name']}")
+                tile_declared.append(f"{const}double *{a['name']}")
+                for call in tile_calls:
+                    call.append(f"numbers({size if shared else tiles * 8 * size})")
+                if side == "inputs":
+                    batch.append("0" if shared else f"{size}")
+                    batch_declared.append(f"long {a['name']}_step")
+        calls.append(f"{name}_{kernel['name']}({', '.join(one)});")
+        for prefix in (f"{name}_{level}_", f"{name}_casadi_"):
+            prototypes.append(f"void {prefix}{kernel['name']}_batch({', '.join(batch_declared)});")
+            calls.append(f"{prefix}{kernel['name']}_batch({', '.join(batch)});")
+        if not summed:
+            function = f"{name}_{level}_{kernel['name']}_tiles"
+            prototypes.append(f"void {function}({', '.join(tile_declared)});")
+            calls += [f"{function}({', '.join(call)});" for call in tile_calls]
+    body = "\n".join(f"    {call}" for call in calls)
     joints = len(manifest["joints"])
-    descent = ADAM.replace("NAME", name).replace("LEVEL", level)
-    descent = descent.replace("LAMBDA", str(10 * joints)).replace("JOINTS", str(joints))
-    prototypes = "\n".join([*(line for line, _ in lines), adam])
-    return f"{head}{prototypes}\nint main(void)\n{{\n{body}\n{descent}\n    return 0;\n}}\n"
+    descent = ADAM.replace("LAMBDA", str(10 * joints)).replace("JOINTS", str(joints))
+    if adam:
+        prototypes.append(f"void {name}_{level}_adam({name}_adam_job *job, long iterations);")
+    body += descent if adam else ""
+    text = HEAD + "\n".join(prototypes) + f"\nint main(void)\n{{\n{body}\n    return 0;\n}}\n"
+    return text.replace("NAME", name).replace("LEVEL", level)
 
 
-def test_no_byte_out_of_place(robot, tmp_path: Path):
-    """Oracle: the sanitizers of the compiler; reads and writes, shifts, conversions, alignment."""
-    if machine() != "x86_64":
-        pytest.skip("the vector level of this test is that of x86-64")
-    lib = robot("gantry")
+def build_driver(lib: Library, level: str, folder: Path, flags: list[str]) -> Path:
+    """The program for one level; skips where the compiler lacks the sanitizers' libraries."""
     for file in lib.folder.glob("*.[ch]"):
-        shutil.copy(file, tmp_path)
+        shutil.copy(file, folder)
     manifest = json.loads((lib.folder / "manifest.json").read_text(encoding="utf-8"))
-    (tmp_path / "main.c").write_text(driver(manifest, lib.name, "v2"), encoding="utf-8")
-    flags = ["-std=c99", "-O1", "-g0", "-march=x86-64-v2", "-DLEVEL=v2", "-DW=2"]
-    flags += ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    sources = ["main.c", "kernels.c", "batch.c", "tiles.c", "adam.c"]
+    per_level = [name for name in PER_LEVEL if (folder / name).exists()]
+    tiles_h = (folder / "tiles.h").read_text(encoding="utf-8")
+    text = driver(manifest, lib.name, level, tiles_h, "adam.c" in per_level)
+    (folder / "main.c").write_text(text, encoding="utf-8")
+    width, march = LEVELS[machine()][level]
+    flags = ["-std=c99", "-O1", *flags, f"-DLEVEL={level}", f"-DW={width}", "-ffp-contract=fast"]
+    flags += [f"-march={march}"] if march else []
+    sources = ["main.c", "kernels.c", "reference.c", *per_level]
     build = subprocess.run(
         [*find_compiler(), *flags, *sources, "-o", "main", "-lm"],
-        cwd=tmp_path,
+        cwd=folder,
         capture_output=True,
         text=True,
         check=False,
     )
-    if "cannot find -lasan" in build.stderr or "cannot find" in build.stderr:
+    if re.search(r"cannot find .*(?:asan|ubsan)", build.stderr):
         pytest.skip(f"this compiler has no sanitizer libraries: {build.stderr.strip()[:100]}")
     assert build.returncode == 0, build.stderr[:2000]
+    return folder / "main"
+
+
+def assert_ran(done: subprocess.CompletedProcess[str], folder: Path) -> None:
+    """It ended well, and the descent, where there is one, made its iterations."""
+    assert done.returncode == 0, done.stderr[:2000]
+    assert done.stdout.split() == (["20", "1"] * 2 if (folder / "adam.c").exists() else [])
+
+
+@pytest.mark.parametrize("level", ["portable", "v2", "v3"])
+def test_no_byte_out_of_place(robot, tmp_path: Path, level: str):
+    """Oracle: the sanitizers of the compiler; reads and writes, shifts, conversions, alignment."""
+    lib = robot("gantry")
+    if level not in lib.levels[: lib.levels.index(lib.level) + 1]:
+        pytest.skip(f"this machine does not run the level {level}")
+    flags = ["-g0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    program = build_driver(lib, level, tmp_path, flags)
     done = subprocess.run(
-        [str(tmp_path / "main")],
+        [str(program)],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         check=False,
         env={"ASAN_OPTIONS": "detect_leaks=0"},  # the driver frees nothing on purpose
     )
-    assert done.returncode == 0, done.stderr[:2000]
-    assert done.stdout.split() == ["20", "1", "20", "1"]
+    assert_ran(done, tmp_path)
+
+
+@pytest.mark.parametrize("level", ["portable", "v3"])
+def test_no_uninitialised_byte_decides(robot, tmp_path: Path, level: str):
+    """Oracle: valgrind's memcheck, up to AVX2, which is all that it knows."""
+    valgrind = shutil.which("valgrind")
+    if valgrind is None:
+        pytest.skip("valgrind is not installed: apt-get install valgrind")
+    lib = robot("gantry")
+    if level not in lib.levels[: lib.levels.index(lib.level) + 1]:
+        pytest.skip(f"this machine does not run the level {level}")
+    program = build_driver(lib, level, tmp_path, ["-g"])
+    done = subprocess.run(
+        [valgrind, "--error-exitcode=9", "--leak-check=no", "--quiet", str(program)],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert_ran(done, tmp_path)

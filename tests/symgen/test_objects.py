@@ -1,0 +1,250 @@
+"""What the compilers make of the generated C: no warning, no state, no import beyond libm."""
+
+import re
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+
+from runtime.library import Library
+from symgen.build import PER_LEVEL
+from symgen.catalogue import Catalogue, make_catalogue
+from symgen.chain import read_chain
+from symgen.compiler import FLAGS, LEVELS, VECTOR_FLAGS, machine
+from symgen.emit import c_body, tile_program
+from symgen.emit.reference import reference_code
+from symgen.emit.stack import StackBounds, stack_bounds
+from symgen.request import bundled_request
+from tests.oracle import pinocchio_model, with_parameters
+from tests.robots import CASES
+
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-Wconversion")
+MATHS = {
+    "acos", "asin", "atan", "atan2", "cos", "exp", "fabs", "fmax", "fmin", "log", "pow", "sin",
+    "sincos", "sqrt", "tan", "tanh",
+}  # fmt: skip
+"""Functions of <math.h>; sincos is what GCC makes of a sine beside its cosine."""
+
+
+def once(lib: Library) -> list[str]:
+    """Sources that belong to no level."""
+    names = sorted(path.name for path in lib.folder.glob("*.c"))
+    return [name for name in names if name not in PER_LEVEL]
+
+
+def per_level(lib: Library) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Object → source and flags of what is compiled once per instruction set."""
+    units = {}
+    for level, (width, march) in LEVELS.get(machine(), {"portable": (1, "")}).items():
+        extra = (f"-DLEVEL={level}", f"-DW={width}", *((f"-march={march}",) if march else ()))
+        for name in PER_LEVEL:
+            if (lib.folder / name).exists():
+                units[f"{Path(name).stem}_{level}.o"] = (name, extra)
+    return units
+
+
+def compiler_run(command: list[str], folder: Path) -> None:
+    run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, f"{' '.join(command)}\n{run.stderr[:2000]}"
+
+
+@pytest.fixture(params=["gcc", "clang"])
+def tool(request: pytest.FixtureRequest) -> str:
+    """A compiler of the machine, or a skip that says which is missing."""
+    if shutil.which(request.param) is None:
+        pytest.skip(f"{request.param} is not on the PATH")
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def objects(robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Objects of the gantry as `symgen build` compiles them, every warning an error."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not on the PATH")
+    lib, folder = robot("gantry"), tmp_path_factory.mktemp("objects")
+    for file in lib.folder.glob("*.[ch]"):
+        shutil.copy(file, folder)
+    units = {f"{Path(name).stem}.o": (name, ()) for name in once(lib)}
+    units |= {o: (s, (*VECTOR_FLAGS, *extra)) for o, (s, extra) in per_level(lib).items()}
+    commands = [
+        [
+            "gcc",
+            *FLAGS,
+            "-Werror",
+            "-Wconversion",
+            "-fstack-usage",
+            *extra,
+            "-c",
+            source,
+            "-o",
+            unit,
+        ]
+        for unit, (source, extra) in units.items()
+    ]
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(lambda command: compiler_run(command, folder), commands))
+    return folder
+
+
+def test_fr3_is_clean_under_strict_warnings(fr3: Library, tool: str) -> None:
+    """Oracle: both compilers, each file at each level; ISO C alone where no vectors are used."""
+    for source in once(fr3):
+        compiler_run([tool, *STRICT, "-pedantic", "-fsyntax-only", source], fr3.folder)
+    for source, extra in per_level(fr3).values():
+        compiler_run([tool, *STRICT, *extra, "-fsyntax-only", source], fr3.folder)
+
+
+def symbols(path: Path) -> list[tuple[str, str]]:
+    """(kind, name) of an object's symbols, as nm lists them."""
+    nm = shutil.which("nm")
+    if nm is None:
+        pytest.skip("nm is not on the PATH")
+    run = subprocess.run([nm, str(path)], capture_output=True, text=True, check=True)
+    return [tuple(line.split()[-2:]) for line in run.stdout.splitlines()]  # type: ignore[misc]
+
+
+def test_objects_have_no_state_and_import_maths_only(objects: Path) -> None:
+    """Oracle: nm; nothing writable, no allocation, no lock, nothing but libm and mem*."""
+    paths = sorted(p for p in objects.glob("*.o") if p.name != "example.o")
+    assert {"kernels.o", "reference.o"} <= {p.name for p in paths}
+    assert any(p.name.startswith("tiles_") for p in paths)
+    own = {name for path in paths for kind, name in symbols(path) if kind == "T"}
+    # what the processor can do, asked once by <robot>_level
+    processor = {"__cpu_model", "__cpu_indicator_init", "__cpu_features2"}
+    for path in paths:
+        for kind, name in symbols(path):
+            assert kind not in set("bBdDcCsSgG"), (path.name, kind, name)
+            if kind == "U":
+                allowed = MATHS | own | {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
+                allowed |= processor if path.name == "kernels.o" else set()
+                assert name in allowed, (path.name, name)
+
+
+def test_objects_export_the_robot_s_names_only(objects: Path) -> None:
+    """Oracle: nm; two robots can be linked into one program."""
+    for path in objects.glob("*.o"):
+        if path.name != "example.o":
+            names = [name for kind, name in symbols(path) if kind.isupper() and kind != "U"]
+            assert names
+            assert all(name.startswith("gantry_") for name in names), path.name
+
+
+# --- stack: bounds of the emitter against the compiler's own account ------------------------------
+
+
+def frames(report: Path) -> dict[str, int]:
+    """Function → bytes of its frame, from `gcc -fstack-usage`; parts that GCC split off add up."""
+    found: dict[str, int] = {}
+    for line in report.read_text(encoding="utf-8").splitlines():
+        place, size, kind = line.split("\t")
+        assert kind in {"static", "dynamic,bounded"}, line
+        name = place.split(":")[3].split(".")[0]
+        found[name] = found.get(name, 0) + int(size)
+    return found
+
+
+def bounds_of(name: str) -> tuple[StackBounds, Catalogue]:
+    """What the emitter promises for a robot of the tests."""
+    request = CASES[name].request(name, None) if name in CASES else bundled_request(name)
+    catalogue = make_catalogue(read_chain(request.urdf, request.options))
+    kernels = catalogue.kernels
+    bodies = {k.name: c_body(k) for k in kernels}
+    tiles = {k.name: tile_program(k) for k in kernels}
+    return stack_bounds(kernels, bodies, tiles, reference_code(kernels)), catalogue
+
+
+def test_tiles_stay_below_the_printed_stack(objects: Path) -> None:
+    """Oracle: GCC's frames, added up along the deepest chain of calls of every kernel."""
+    bounds, catalogue = bounds_of("gantry")
+    helpers = {"load", "store", "add", "gather", "sines", "sines_far", "vd_sincos_far"}
+    for unit, (source, _) in per_level_names().items():
+        if source != "tiles.c":
+            continue
+        found, level = frames(objects / f"{unit}.su"), unit.removeprefix("tiles_")
+        leaf = sum(found.get(name, 0) for name in helpers)
+        width = LEVELS[machine()][level][0]
+        for kernel in catalogue.kernels:
+            own = f"gantry_{level}_{kernel.name}"
+            entry = max(found[f"{own}_batch"], found.get(f"{own}_tiles", 0))
+            body = found.get(f"{own}_tile", 0) + found.get(f"{kernel.name}_lanes", 0)
+            below = max(body, found.get(f"{own}_prepare", 0), found.get(f"{own}_sines", 0))
+            assert entry + below + leaf <= bounds.tiles[width][kernel.name], (unit, kernel.name)
+
+
+def per_level_names() -> dict[str, tuple[str, str]]:
+    """Object without suffix → source and level."""
+    return {
+        f"{Path(name).stem}_{level}": (name, level)
+        for level in LEVELS.get(machine(), {})
+        for name in PER_LEVEL
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "optimise"), [("fr3", "-O0"), *(("gantry", o) for o in ("-O0", "-O1", "-O2"))]
+)
+def test_single_evaluations_stay_below_the_printed_stack(
+    robot, tmp_path: Path, name: str, optimise: str
+) -> None:
+    """Oracle: GCC's frames; without optimisation every value has a place of its own."""
+    if shutil.which("gcc") is None:
+        pytest.skip("gcc is not on the PATH")
+    lib = robot(name)
+    bounds, catalogue = bounds_of(name)
+    for source in ("kernels.c", "reference.c"):
+        shutil.copy(lib.folder / source, tmp_path)
+    shutil.copy(lib.folder / f"{name}.h", tmp_path)
+    command = ["gcc", "-std=c99", optimise, "-fstack-usage", "-c"]
+    compiler_run([*command, "kernels.c"], tmp_path)
+    compiler_run([*command, "reference.c"], tmp_path)
+    one, plain = frames(tmp_path / "kernels.su"), frames(tmp_path / "reference.su")
+    for index, kernel in enumerate(catalogue.kernels):
+        assert one[f"{name}_{kernel.name}"] <= bounds.one[kernel.name], kernel.name
+        loop = plain[f"{name}_casadi_{kernel.name}_batch"] + plain.get(f"casadi_f{index}", 0)
+        assert loop <= bounds.reference[kernel.name], kernel.name
+
+
+def test_readme_prints_the_bounds(fr3: Library) -> None:
+    """Property: the largest of each file stands in the README."""
+    bounds, _ = bounds_of("fr3")
+    text = (fr3.folder / "README.md").read_text(encoding="utf-8")
+    assert f"| `kernels.c` | {max(bounds.one.values())} |" in text
+    assert f"| `reference.c` | {max(bounds.reference.values())} |" in text
+    for width, tiles in bounds.tiles.items():
+        assert f"| `tiles.c`, W = {width} | {max(tiles.values())} |" in text
+
+
+# --- the example ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["fr3", "tree", "gantry"])
+def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, name: str) -> None:
+    """Oracle: Pinocchio at the state that stands in the file, and with one kilogram more."""
+    lib = robot(name)
+    for file in ("example.c", "kernels.c", f"{name}.h"):
+        shutil.copy(lib.folder / file, tmp_path)
+    compiler_run([tool, *STRICT, "-pedantic", "-O1", "-c", "example.c"], tmp_path)
+    compiler_run([tool, "-O1", "example.o", "kernels.c", "-lm", "-o", "example"], tmp_path)
+    text = (tmp_path / "example.c").read_text(encoding="utf-8")
+    state = [
+        np.array(re.search(rf" {x}\[JOINTS\] = {{(.*)}};", text)[1].split(", "), dtype=float)
+        for x in ("q", "dq", "ddq")
+    ]
+    done = subprocess.run([str(tmp_path / "example")], capture_output=True, text=True, check=True)
+    printed = np.array(re.findall(r"[+-]\d[^\s,]*", done.stdout), dtype=float).reshape(-1, 2)
+    heavier = lib.pi0.copy()
+    heavier[-10] += 1.0
+    model = pinocchio_model(lib.urdf(), lib.gravity)
+    ids = [model.getJointId(joint) for joint in lib.joint_names]
+    columns = np.array([model.joints[i].idx_v for i in ids])
+    x = np.zeros((3, len(columns)))
+    x[:, columns] = state
+    for column, pi in enumerate((lib.pi0, heavier)):
+        ours = with_parameters(model, lib, pi)
+        wanted = pinocchio.rnea(ours, ours.createData(), *x)[columns]
+        # The tolerance of all comparisons with Pinocchio: rounding of a few hundred operations.
+        np.testing.assert_allclose(printed[:, column], wanted, rtol=0, atol=1e-11)

@@ -16485,8 +16485,448 @@ static int casadi_f5(const casadi_real** arg, casadi_real** res, casadi_int* iw,
   return 0;
 }
 
-/* mass_matrix: M(q), Eq. 2.34. */
+/* base_parameters: beta = K pi, Eq. 3.11. */
 static int casadi_f6(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  a00=arg[0]? arg[0][6] : 0;
+  a01=arg[0]? arg[0][15] : 0;
+  a00=(a00+a01);
+  if (res[0]!=0) res[0][0]=a00;
+  a00=arg[0]? arg[0][11] : 0;
+  if (res[0]!=0) res[0][1]=a00;
+  a00=arg[0]? arg[0][12] : 0;
+  a02=-3.1600000000000000e-01;
+  a03=arg[0]? arg[0][20] : 0;
+  a04=(a02*a03);
+  a00=(a00+a04);
+  a04=arg[0]? arg[0][23] : 0;
+  a00=(a00-a04);
+  a05=arg[0]? arg[0][30] : 0;
+  a06=(a02*a05);
+  a00=(a00+a06);
+  a06=arg[0]? arg[0][40] : 0;
+  a07=(a02*a06);
+  a00=(a00+a07);
+  a07=arg[0]? arg[0][50] : 0;
+  a08=(a02*a07);
+  a00=(a00+a08);
+  a08=arg[0]? arg[0][60] : 0;
+  a02=(a02*a08);
+  a00=(a00+a02);
+  if (res[0]!=0) res[0][2]=a00;
+  a00=arg[0]? arg[0][14] : 0;
+  a00=(a00-a01);
+  a01=9.9856000000000000e-02;
+  a01=(a01*a03);
+  a00=(a00+a01);
+  a03=6.3200000000000001e-01;
+  a03=(a03*a04);
+  a00=(a00+a03);
+  a04=arg[0]? arg[0][25] : 0;
+  a00=(a00+a04);
+  a02=1.0666225000000000e-01;
+  a09=(a02*a05);
+  a00=(a00+a09);
+  a10=(a02*a06);
+  a00=(a00+a10);
+  a11=(a02*a07);
+  a00=(a00+a11);
+  a02=(a02*a08);
+  a00=(a00+a02);
+  if (res[0]!=0) res[0][3]=a00;
+  a00=arg[0]? arg[0][16] : 0;
+  a00=(a00+a01);
+  a00=(a00+a03);
+  a00=(a00+a04);
+  a00=(a00+a09);
+  a00=(a00+a10);
+  a00=(a00+a11);
+  a00=(a00+a02);
+  if (res[0]!=0) res[0][4]=a00;
+  a00=arg[0]? arg[0][17] : 0;
+  if (res[0]!=0) res[0][5]=a00;
+  a00=arg[0]? arg[0][18] : 0;
+  if (res[0]!=0) res[0][6]=a00;
+  a00=arg[0]? arg[0][19] : 0;
+  if (res[0]!=0) res[0][7]=a00;
+  a00=arg[0]? arg[0][21] : 0;
+  a02=8.2500000000000004e-02;
+  a11=(a02*a05);
+  a00=(a00+a11);
+  a11=(a02*a06);
+  a00=(a00+a11);
+  a11=(a02*a07);
+  a00=(a00+a11);
+  a11=(a02*a08);
+  a00=(a00+a11);
+  if (res[0]!=0) res[0][8]=a00;
+  a00=arg[0]? arg[0][22] : 0;
+  a11=arg[0]? arg[0][33] : 0;
+  a00=(a00-a11);
+  if (res[0]!=0) res[0][9]=a00;
+  a00=arg[0]? arg[0][24] : 0;
+  a00=(a00-a04);
+  a04=-6.8062499999999998e-03;
+  a04=(a04*a05);
+  a00=(a00+a04);
+  a04=arg[0]? arg[0][35] : 0;
+  a00=(a00+a04);
+  if (res[0]!=0) res[0][10]=a00;
+  a00=arg[0]? arg[0][26] : 0;
+  a10=6.8062499999999998e-03;
+  a10=(a10*a05);
+  a00=(a00+a10);
+  a00=(a00+a04);
+  a10=1.3612500000000000e-02;
+  a05=(a10*a06);
+  a00=(a00+a05);
+  a05=(a10*a07);
+  a00=(a00+a05);
+  a10=(a10*a08);
+  a00=(a00+a10);
+  if (res[0]!=0) res[0][11]=a00;
+  a00=arg[0]? arg[0][27] : 0;
+  a11=(a02*a11);
+  a00=(a00+a11);
+  if (res[0]!=0) res[0][12]=a00;
+  a00=arg[0]? arg[0][28] : 0;
+  if (res[0]!=0) res[0][13]=a00;
+  a00=arg[0]? arg[0][29] : 0;
+  if (res[0]!=0) res[0][14]=a00;
+  a00=arg[0]? arg[0][31] : 0;
+  a11=-8.2500000000000004e-02;
+  a10=(a11*a06);
+  a00=(a00+a10);
+  a10=(a11*a07);
+  a00=(a00+a10);
+  a11=(a11*a08);
+  a00=(a00+a11);
+  if (res[0]!=0) res[0][15]=a00;
+  a00=arg[0]? arg[0][32] : 0;
+  a11=3.8400000000000001e-01;
+  a10=(a11*a06);
+  a00=(a00+a10);
+  a10=arg[0]? arg[0][43] : 0;
+  a00=(a00+a10);
+  a05=(a11*a07);
+  a00=(a00+a05);
+  a11=(a11*a08);
+  a00=(a00+a11);
+  if (res[0]!=0) res[0][16]=a00;
+  a00=arg[0]? arg[0][34] : 0;
+  a00=(a00-a04);
+  a04=1.4064974999999999e-01;
+  a11=(a04*a06);
+  a00=(a00+a11);
+  a11=7.6800000000000002e-01;
+  a11=(a11*a10);
+  a00=(a00+a11);
+  a05=arg[0]? arg[0][45] : 0;
+  a00=(a00+a05);
+  a09=(a04*a07);
+  a00=(a00+a09);
+  a04=(a04*a08);
+  a00=(a00+a04);
+  if (res[0]!=0) res[0][17]=a00;
+  a00=arg[0]? arg[0][36] : 0;
+  a04=1.5426224999999999e-01;
+  a09=(a04*a06);
+  a00=(a00+a09);
+  a00=(a00+a11);
+  a00=(a00+a05);
+  a11=(a04*a07);
+  a00=(a00+a11);
+  a04=(a04*a08);
+  a00=(a00+a04);
+  if (res[0]!=0) res[0][18]=a00;
+  a00=arg[0]? arg[0][37] : 0;
+  a04=3.1680000000000000e-02;
+  a06=(a04*a06);
+  a00=(a00+a06);
+  a02=(a02*a10);
+  a00=(a00+a02);
+  a07=(a04*a07);
+  a00=(a00+a07);
+  a04=(a04*a08);
+  a00=(a00+a04);
+  if (res[0]!=0) res[0][19]=a00;
+  a00=arg[0]? arg[0][38] : 0;
+  if (res[0]!=0) res[0][20]=a00;
+  a00=arg[0]? arg[0][39] : 0;
+  if (res[0]!=0) res[0][21]=a00;
+  a00=arg[0]? arg[0][41] : 0;
+  if (res[0]!=0) res[0][22]=a00;
+  a00=arg[0]? arg[0][42] : 0;
+  a04=arg[0]? arg[0][53] : 0;
+  a00=(a00-a04);
+  if (res[0]!=0) res[0][23]=a00;
+  a00=arg[0]? arg[0][44] : 0;
+  a00=(a00-a05);
+  a05=arg[0]? arg[0][55] : 0;
+  a00=(a00+a05);
+  a04=7.7440000000000000e-03;
+  a04=(a04*a08);
+  a00=(a00+a04);
+  if (res[0]!=0) res[0][24]=a00;
+  a00=arg[0]? arg[0][46] : 0;
+  a00=(a00+a05);
+  a00=(a00+a04);
+  if (res[0]!=0) res[0][25]=a00;
+  a00=arg[0]? arg[0][47] : 0;
+  if (res[0]!=0) res[0][26]=a00;
+  a00=arg[0]? arg[0][48] : 0;
+  if (res[0]!=0) res[0][27]=a00;
+  a00=arg[0]? arg[0][49] : 0;
+  if (res[0]!=0) res[0][28]=a00;
+  a00=arg[0]? arg[0][51] : 0;
+  a07=8.7999999999999995e-02;
+  a02=(a07*a08);
+  a00=(a00+a02);
+  if (res[0]!=0) res[0][29]=a00;
+  a00=arg[0]? arg[0][52] : 0;
+  a02=arg[0]? arg[0][63] : 0;
+  a00=(a00-a02);
+  if (res[0]!=0) res[0][30]=a00;
+  a00=arg[0]? arg[0][54] : 0;
+  a00=(a00-a05);
+  a05=-7.7440000000000000e-03;
+  a05=(a05*a08);
+  a00=(a00+a05);
+  a05=arg[0]? arg[0][65] : 0;
+  a00=(a00+a05);
+  if (res[0]!=0) res[0][31]=a00;
+  a00=arg[0]? arg[0][56] : 0;
+  a00=(a00+a04);
+  a00=(a00+a05);
+  if (res[0]!=0) res[0][32]=a00;
+  a00=arg[0]? arg[0][57] : 0;
+  a07=(a07*a02);
+  a00=(a00+a07);
+  if (res[0]!=0) res[0][33]=a00;
+  a00=arg[0]? arg[0][58] : 0;
+  if (res[0]!=0) res[0][34]=a00;
+  a00=arg[0]? arg[0][59] : 0;
+  if (res[0]!=0) res[0][35]=a00;
+  a00=arg[0]? arg[0][61] : 0;
+  if (res[0]!=0) res[0][36]=a00;
+  a00=arg[0]? arg[0][62] : 0;
+  if (res[0]!=0) res[0][37]=a00;
+  a00=arg[0]? arg[0][64] : 0;
+  a00=(a00-a05);
+  if (res[0]!=0) res[0][38]=a00;
+  a00=arg[0]? arg[0][66] : 0;
+  if (res[0]!=0) res[0][39]=a00;
+  a00=arg[0]? arg[0][67] : 0;
+  if (res[0]!=0) res[0][40]=a00;
+  a00=arg[0]? arg[0][68] : 0;
+  if (res[0]!=0) res[0][41]=a00;
+  a00=arg[0]? arg[0][69] : 0;
+  if (res[0]!=0) res[0][42]=a00;
+  return 0;
+}
+
+/* base_adjoint: K' slope, the adjoint of beta = K pi. */
+static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8;
+  a0=0.;
+  if (res[0]!=0) res[0][0]=a0;
+  if (res[0]!=0) res[0][1]=a0;
+  if (res[0]!=0) res[0][2]=a0;
+  if (res[0]!=0) res[0][3]=a0;
+  if (res[0]!=0) res[0][4]=a0;
+  if (res[0]!=0) res[0][5]=a0;
+  a1=arg[0]? arg[0][0] : 0;
+  if (res[0]!=0) res[0][6]=a1;
+  if (res[0]!=0) res[0][7]=a0;
+  if (res[0]!=0) res[0][8]=a0;
+  if (res[0]!=0) res[0][9]=a0;
+  if (res[0]!=0) res[0][10]=a0;
+  a2=arg[0]? arg[0][1] : 0;
+  if (res[0]!=0) res[0][11]=a2;
+  a2=arg[0]? arg[0][2] : 0;
+  if (res[0]!=0) res[0][12]=a2;
+  if (res[0]!=0) res[0][13]=a0;
+  a0=arg[0]? arg[0][3] : 0;
+  if (res[0]!=0) res[0][14]=a0;
+  a1=(a1-a0);
+  if (res[0]!=0) res[0][15]=a1;
+  a1=arg[0]? arg[0][4] : 0;
+  if (res[0]!=0) res[0][16]=a1;
+  a3=arg[0]? arg[0][5] : 0;
+  if (res[0]!=0) res[0][17]=a3;
+  a3=arg[0]? arg[0][6] : 0;
+  if (res[0]!=0) res[0][18]=a3;
+  a3=arg[0]? arg[0][7] : 0;
+  if (res[0]!=0) res[0][19]=a3;
+  a3=-3.1600000000000000e-01;
+  a3=(a3*a2);
+  a4=9.9856000000000000e-02;
+  a5=(a4*a0);
+  a5=(a3+a5);
+  a4=(a4*a1);
+  a5=(a5+a4);
+  if (res[0]!=0) res[0][20]=a5;
+  a5=arg[0]? arg[0][8] : 0;
+  if (res[0]!=0) res[0][21]=a5;
+  a4=arg[0]? arg[0][9] : 0;
+  if (res[0]!=0) res[0][22]=a4;
+  a6=6.3200000000000001e-01;
+  a7=(a6*a0);
+  a7=(a7-a2);
+  a6=(a6*a1);
+  a7=(a7+a6);
+  if (res[0]!=0) res[0][23]=a7;
+  a7=arg[0]? arg[0][10] : 0;
+  if (res[0]!=0) res[0][24]=a7;
+  a6=(a0+a1);
+  a6=(a6-a7);
+  if (res[0]!=0) res[0][25]=a6;
+  a6=arg[0]? arg[0][11] : 0;
+  if (res[0]!=0) res[0][26]=a6;
+  a2=arg[0]? arg[0][12] : 0;
+  if (res[0]!=0) res[0][27]=a2;
+  a8=arg[0]? arg[0][13] : 0;
+  if (res[0]!=0) res[0][28]=a8;
+  a8=arg[0]? arg[0][14] : 0;
+  if (res[0]!=0) res[0][29]=a8;
+  a8=1.0666225000000000e-01;
+  a0=(a8*a0);
+  a3=(a3+a0);
+  a8=(a8*a1);
+  a3=(a3+a8);
+  a8=8.2500000000000004e-02;
+  a5=(a8*a5);
+  a3=(a3+a5);
+  a5=-6.8062499999999998e-03;
+  a5=(a5*a7);
+  a5=(a3+a5);
+  a1=6.8062499999999998e-03;
+  a1=(a1*a6);
+  a5=(a5+a1);
+  if (res[0]!=0) res[0][30]=a5;
+  a5=arg[0]? arg[0][15] : 0;
+  if (res[0]!=0) res[0][31]=a5;
+  a1=arg[0]? arg[0][16] : 0;
+  if (res[0]!=0) res[0][32]=a1;
+  a2=(a8*a2);
+  a2=(a2-a4);
+  if (res[0]!=0) res[0][33]=a2;
+  a2=arg[0]? arg[0][17] : 0;
+  if (res[0]!=0) res[0][34]=a2;
+  a7=(a7+a6);
+  a7=(a7-a2);
+  if (res[0]!=0) res[0][35]=a7;
+  a7=arg[0]? arg[0][18] : 0;
+  if (res[0]!=0) res[0][36]=a7;
+  a4=arg[0]? arg[0][19] : 0;
+  if (res[0]!=0) res[0][37]=a4;
+  a0=arg[0]? arg[0][20] : 0;
+  if (res[0]!=0) res[0][38]=a0;
+  a0=arg[0]? arg[0][21] : 0;
+  if (res[0]!=0) res[0][39]=a0;
+  a0=1.3612500000000000e-02;
+  a0=(a0*a6);
+  a3=(a3+a0);
+  a0=-8.2500000000000004e-02;
+  a0=(a0*a5);
+  a3=(a3+a0);
+  a0=3.8400000000000001e-01;
+  a0=(a0*a1);
+  a3=(a3+a0);
+  a0=1.4064974999999999e-01;
+  a0=(a0*a2);
+  a3=(a3+a0);
+  a0=1.5426224999999999e-01;
+  a0=(a0*a7);
+  a3=(a3+a0);
+  a0=3.1680000000000000e-02;
+  a0=(a0*a4);
+  a3=(a3+a0);
+  if (res[0]!=0) res[0][40]=a3;
+  a0=arg[0]? arg[0][22] : 0;
+  if (res[0]!=0) res[0][41]=a0;
+  a0=arg[0]? arg[0][23] : 0;
+  if (res[0]!=0) res[0][42]=a0;
+  a5=7.6800000000000002e-01;
+  a6=(a5*a2);
+  a1=(a1+a6);
+  a5=(a5*a7);
+  a1=(a1+a5);
+  a8=(a8*a4);
+  a1=(a1+a8);
+  if (res[0]!=0) res[0][43]=a1;
+  a1=arg[0]? arg[0][24] : 0;
+  if (res[0]!=0) res[0][44]=a1;
+  a2=(a2+a7);
+  a2=(a2-a1);
+  if (res[0]!=0) res[0][45]=a2;
+  a2=arg[0]? arg[0][25] : 0;
+  if (res[0]!=0) res[0][46]=a2;
+  a7=arg[0]? arg[0][26] : 0;
+  if (res[0]!=0) res[0][47]=a7;
+  a7=arg[0]? arg[0][27] : 0;
+  if (res[0]!=0) res[0][48]=a7;
+  a7=arg[0]? arg[0][28] : 0;
+  if (res[0]!=0) res[0][49]=a7;
+  if (res[0]!=0) res[0][50]=a3;
+  a7=arg[0]? arg[0][29] : 0;
+  if (res[0]!=0) res[0][51]=a7;
+  a8=arg[0]? arg[0][30] : 0;
+  if (res[0]!=0) res[0][52]=a8;
+  a0=(-a0);
+  if (res[0]!=0) res[0][53]=a0;
+  a0=arg[0]? arg[0][31] : 0;
+  if (res[0]!=0) res[0][54]=a0;
+  a4=(a1+a2);
+  a4=(a4-a0);
+  if (res[0]!=0) res[0][55]=a4;
+  a4=arg[0]? arg[0][32] : 0;
+  if (res[0]!=0) res[0][56]=a4;
+  a5=arg[0]? arg[0][33] : 0;
+  if (res[0]!=0) res[0][57]=a5;
+  a6=arg[0]? arg[0][34] : 0;
+  if (res[0]!=0) res[0][58]=a6;
+  a6=arg[0]? arg[0][35] : 0;
+  if (res[0]!=0) res[0][59]=a6;
+  a6=7.7440000000000000e-03;
+  a1=(a6*a1);
+  a3=(a3+a1);
+  a2=(a6*a2);
+  a3=(a3+a2);
+  a2=8.7999999999999995e-02;
+  a7=(a2*a7);
+  a3=(a3+a7);
+  a7=-7.7440000000000000e-03;
+  a7=(a7*a0);
+  a3=(a3+a7);
+  a6=(a6*a4);
+  a3=(a3+a6);
+  if (res[0]!=0) res[0][60]=a3;
+  a3=arg[0]? arg[0][36] : 0;
+  if (res[0]!=0) res[0][61]=a3;
+  a3=arg[0]? arg[0][37] : 0;
+  if (res[0]!=0) res[0][62]=a3;
+  a2=(a2*a5);
+  a2=(a2-a8);
+  if (res[0]!=0) res[0][63]=a2;
+  a2=arg[0]? arg[0][38] : 0;
+  if (res[0]!=0) res[0][64]=a2;
+  a0=(a0+a4);
+  a0=(a0-a2);
+  if (res[0]!=0) res[0][65]=a0;
+  a0=arg[0]? arg[0][39] : 0;
+  if (res[0]!=0) res[0][66]=a0;
+  a0=arg[0]? arg[0][40] : 0;
+  if (res[0]!=0) res[0][67]=a0;
+  a0=arg[0]? arg[0][41] : 0;
+  if (res[0]!=0) res[0][68]=a0;
+  a0=arg[0]? arg[0][42] : 0;
+  if (res[0]!=0) res[0][69]=a0;
+  return 0;
+}
+
+/* mass_matrix: M(q), Eq. 2.34. */
+static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -17890,7 +18330,7 @@ static int casadi_f6(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 /* bias_forces: h = C(q, dq) dq - tau_grav, Eq. 2.34. */
-static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -18705,7 +19145,7 @@ static int casadi_f7(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 /* forward_dynamics: ddq = (M + diag(J))^-1 (tau - h), J of the rotors. */
-static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -21034,7 +21474,7 @@ static int casadi_f8(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 /* end_effector: pose of the tip in the base frame, Eq. 2.15. */
-static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29;
@@ -21215,7 +21655,7 @@ static int casadi_f9(const casadi_real** arg, casadi_real** res, casadi_int* iw,
 }
 
 /* loss_gradient: sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. */
-static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -22345,7 +22785,7 @@ static int casadi_f10(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pi_from_lam: Eqs. 4.25-4.31. */
-static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28;
@@ -22531,7 +22971,7 @@ static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pi_jacobian: pi and d pi / d lam of one link. */
-static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -23391,7 +23831,7 @@ static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pi_adjoint: (d pi / d lam)' slope of one link, Eq. 4.32. */
-static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -23855,7 +24295,7 @@ static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* lam_from_pi: Eqs. 4.18-4.23. */
-static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -25383,7 +25823,7 @@ static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* nearest_realisable: pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. */
-static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -26817,7 +27257,7 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* inertia_matrix: M(lam), Eq. 4.14 (linear part first). */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30;
@@ -27033,7 +27473,7 @@ static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pseudo_inertia: P(pi), Eqs. 3.9, 3.10. */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][4] : 0;
   a1=arg[0]? arg[0][5] : 0;
@@ -27075,7 +27515,7 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* harmonic_basis: cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=6.2831853071795862e+00;
   a01=arg[0]? arg[0][0] : 0;
@@ -27146,7 +27586,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* transfer_basis: 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -27209,7 +27649,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* regressor_adjoint: d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -30737,13 +31177,33 @@ void fr3_casadi_base_regressor_batch(long n, const double *q, long q_step, const
     }
 }
 
+void fr3_casadi_base_parameters_batch(long n, const double *pi, long pi_step, double *beta);
+void fr3_casadi_base_parameters_batch(long n, const double *pi, long pi_step, double *beta)
+{
+    for (long i = 0; i < n; ++i) {
+        const double *arg[] = {pi + i * pi_step};
+        double *res[] = {beta + i * 43};
+        casadi_f6(arg, res, 0, 0, 0);
+    }
+}
+
+void fr3_casadi_base_adjoint_batch(long n, const double *slope, long slope_step, double *gradient);
+void fr3_casadi_base_adjoint_batch(long n, const double *slope, long slope_step, double *gradient)
+{
+    for (long i = 0; i < n; ++i) {
+        const double *arg[] = {slope + i * slope_step};
+        double *res[] = {gradient + i * 70};
+        casadi_f7(arg, res, 0, 0, 0);
+    }
+}
+
 void fr3_casadi_mass_matrix_batch(long n, const double *q, long q_step, const double *pi, long pi_step, double *M);
 void fr3_casadi_mass_matrix_batch(long n, const double *q, long q_step, const double *pi, long pi_step, double *M)
 {
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, pi + i * pi_step};
         double *res[] = {M + i * 49};
-        casadi_f6(arg, res, 0, 0, 0);
+        casadi_f8(arg, res, 0, 0, 0);
     }
 }
 
@@ -30753,7 +31213,7 @@ void fr3_casadi_bias_forces_batch(long n, const double *q, long q_step, const do
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, pi + i * pi_step};
         double *res[] = {h + i * 7};
-        casadi_f7(arg, res, 0, 0, 0);
+        casadi_f9(arg, res, 0, 0, 0);
     }
 }
 
@@ -30763,7 +31223,7 @@ void fr3_casadi_forward_dynamics_batch(long n, const double *q, long q_step, con
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, tau + i * tau_step, pi + i * pi_step, rotor + i * rotor_step};
         double *res[] = {ddq + i * 7};
-        casadi_f8(arg, res, 0, 0, 0);
+        casadi_f10(arg, res, 0, 0, 0);
     }
 }
 
@@ -30773,7 +31233,7 @@ void fr3_casadi_end_effector_batch(long n, const double *q, long q_step, double 
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step};
         double *res[] = {H + i * 16};
-        casadi_f9(arg, res, 0, 0, 0);
+        casadi_f11(arg, res, 0, 0, 0);
     }
 }
 
@@ -30791,7 +31251,7 @@ void fr3_casadi_loss_gradient_batch(long n, const double *q, long q_step, const 
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, tau + i * tau_step, weight + i * weight_step, beta + i * beta_step};
         double *res[] = {loss_one, gradient_one, residual + i * 7};
-        casadi_f10(arg, res, 0, 0, 0);
+        casadi_f12(arg, res, 0, 0, 0);
         for (int k = 0; k < 1; ++k) {
             loss[k] += loss_one[k];
         }
@@ -30807,7 +31267,7 @@ void fr3_casadi_pi_from_lam_batch(long n, const double *lam, long lam_step, doub
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step};
         double *res[] = {pi + i * 10};
-        casadi_f11(arg, res, 0, 0, 0);
+        casadi_f13(arg, res, 0, 0, 0);
     }
 }
 
@@ -30817,7 +31277,7 @@ void fr3_casadi_pi_jacobian_batch(long n, const double *lam, long lam_step, doub
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step};
         double *res[] = {pi + i * 10, jacobian + i * 100};
-        casadi_f12(arg, res, 0, 0, 0);
+        casadi_f14(arg, res, 0, 0, 0);
     }
 }
 
@@ -30827,7 +31287,7 @@ void fr3_casadi_pi_adjoint_batch(long n, const double *lam, long lam_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step, slope + i * slope_step};
         double *res[] = {gradient + i * 10};
-        casadi_f13(arg, res, 0, 0, 0);
+        casadi_f15(arg, res, 0, 0, 0);
     }
 }
 
@@ -30837,7 +31297,7 @@ void fr3_casadi_lam_from_pi_batch(long n, const double *pi, long pi_step, double
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {lam + i * 10};
-        casadi_f14(arg, res, 0, 0, 0);
+        casadi_f16(arg, res, 0, 0, 0);
     }
 }
 
@@ -30847,7 +31307,7 @@ void fr3_casadi_nearest_realisable_batch(long n, const double *pi, long pi_step,
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step, floor + i * floor_step};
         double *res[] = {realisable + i * 10};
-        casadi_f15(arg, res, 0, 0, 0);
+        casadi_f17(arg, res, 0, 0, 0);
     }
 }
 
@@ -30857,7 +31317,7 @@ void fr3_casadi_inertia_matrix_batch(long n, const double *lam, long lam_step, d
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step};
         double *res[] = {M + i * 36};
-        casadi_f16(arg, res, 0, 0, 0);
+        casadi_f18(arg, res, 0, 0, 0);
     }
 }
 
@@ -30867,7 +31327,7 @@ void fr3_casadi_pseudo_inertia_batch(long n, const double *pi, long pi_step, dou
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {P + i * 16};
-        casadi_f17(arg, res, 0, 0, 0);
+        casadi_f19(arg, res, 0, 0, 0);
     }
 }
 
@@ -30877,7 +31337,7 @@ void fr3_casadi_harmonic_basis_batch(long n, const double *m, long m_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {m + i * m_step, t + i * t_step, t_f + i * t_f_step};
         double *res[] = {phi + i * 4};
-        casadi_f18(arg, res, 0, 0, 0);
+        casadi_f20(arg, res, 0, 0, 0);
     }
 }
 
@@ -30887,7 +31347,7 @@ void fr3_casadi_transfer_basis_batch(long n, const double *t, long t_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {t + i * t_step, t_f + i * t_f_step};
         double *res[] = {S + i * 4};
-        casadi_f19(arg, res, 0, 0, 0);
+        casadi_f21(arg, res, 0, 0, 0);
     }
 }
 
@@ -30897,6 +31357,6 @@ void fr3_casadi_regressor_adjoint_batch(long n, const double *q, long q_step, co
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, seed + i * seed_step};
         double *res[] = {gradient + i * 21};
-        casadi_f20(arg, res, 0, 0, 0);
+        casadi_f22(arg, res, 0, 0, 0);
     }
 }

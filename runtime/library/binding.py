@@ -82,7 +82,7 @@ class Binding:
         runs = [level for level in self.levels if LEVELS.index(level) <= best]
         if not runs:
             raise LibraryError(
-                f"the library of '{self._manifest.robot}' has no functions on many samples; {_AGAIN}"
+                f"the library of '{self._manifest.robot}' has no batch functions; {_AGAIN}"
             )
         return runs[-1]
 

@@ -13,18 +13,13 @@ from typing import Any
 
 import jinja2
 
+from symgen.emit.programs import programs
 from symgen.emit.reference import reference_code
 from symgen.emit.ssa import c_body, tile_program
 from symgen.emit.stack import BLOCK, stack_bounds
 from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
-
-IDENTIFICATION = frozenset(("loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"))
-"""Kernels with which a descent in λ can be written out in C."""
-EXAMPLE = frozenset(("inverse_dynamics", "regressor"))
-"""Kernels that the example shows."""
-
 
 @dataclass(frozen=True, slots=True)
 class EmittedRobot:
@@ -70,9 +65,9 @@ def emit(
         "block": BLOCK,
         "manifest": manifest,
         "versions": versions,
-        "identifies": bodies.keys() >= IDENTIFICATION,
-        "has_example": bodies.keys() >= EXAMPLE,
     }
+    extras = programs(kernels, tiles, facts)
+    context["programs"] = {extra.file for extra in extras}
     render = _renderer()
     files = {
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
@@ -84,33 +79,9 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
-    if context["identifies"]:
-        by_name = {kernel.name: kernel for kernel in kernels}
-        (pi,), (beta,) = by_name["base_parameters"].inputs, by_name["base_parameters"].outputs
-        (lam,), joints = by_name["pi_jacobian"].inputs, by_name["loss_gradient"].inputs[0].size
-        context |= {
-            "parameters": lam.size,
-            "joints": joints,
-            "links": pi.size // lam.size,
-            "base": beta.size,
-            "uniform": max(tiles["loss_gradient"].uniform, 1),
-        }
-        files["descent.c"] = render("descent.c.jinja2", context)
-    if context["has_example"]:
-        files["example.c"] = render("example.c.jinja2", context | _example(facts))
+    for extra in extras:
+        files[extra.file] = render(f"{extra.file}.jinja2", context | extra.context)
     return EmittedRobot(files, manifest["model_hash"])
-
-
-def _example(facts: dict[str, Any]) -> dict[str, Any]:
-    """A state of the robot, its parameters and its joints; Python's shortest digits are C's too."""
-    signs = [(-1.0) ** k for k in range(len(facts["joints"]))]
-    return {
-        "joints": facts["joints"],
-        "pi0": [float(x) for x in facts["pi0"]],
-        "home": [float(x) for x in facts["home"]],
-        "dq": [0.5 * sign for sign in signs],
-        "ddq": [2.0 * sign for sign in signs],
-    }
 
 
 def _kernel_entry(kernel: Kernel) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from runtime.errors import LibraryError, NotRealisableError, ShapeError
 from runtime.library.adam import Batches, CompiledAdam, Quadratic
 from runtime.library.binding import Array, Binding
+from runtime.library.excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.manifest import PI_NAMES, read_manifest
 
 _SIZE = len(PI_NAMES)
@@ -186,6 +187,16 @@ class Library:
         if self.compiled_adam is None:
             raise LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
         return CompiledAdam(self.compiled_adam, start, training, held, options, traces, batches)
+
+    def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
+        """log cond W̄_b and its gradient in C, see `runtime.excitation`; None without at this level.
+
+        Args:
+            home: (n,) rad or m.
+            basis: φ, φ', φ'' at the samples, (N, M, 3).
+        """
+        found = self._binding.excitation()
+        return CompiledExcitation(ExcitationFunctions(*found), home, basis) if found else None
 
     # --- trajectories: one row per point ----------------------------------------------------
 

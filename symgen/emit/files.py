@@ -8,18 +8,23 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
-from symgen.emit.ssa import c_body, tile_program
+from symgen.emit.ssa import TileProgram, c_body, tile_program
 from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
+_SIDE = 4
 
 IDENTIFICATION = frozenset(("loss_gradient", "pi_from_lam", "pi_adjoint"))
 """Kernels with which a descent in λ can be written out in C."""
+
+EXCITATION = frozenset(("base_regressor", "regressor_adjoint"))
+"""Kernels with which the cost of a trajectory can be written out in C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +68,7 @@ def emit(
         "manifest": manifest,
         "versions": versions,
         "identifies": bodies.keys() >= IDENTIFICATION,
+        "excites": bodies.keys() >= EXCITATION,
     }
     render = _renderer()
     files = {
@@ -74,7 +80,36 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
+    if context["excites"]:
+        context |= _excitation(kernels, tiles)
+        files["eigen.h"] = (_TEMPLATES / "eigen.h").read_text(encoding="utf-8")
+        files["excitation.c"] = render("excitation.c.jinja2", context)
     return EmittedRobot(files, manifest["model_hash"])
+
+
+def _excitation(kernels: tuple[Kernel, ...], tiles: dict[str, TileProgram]) -> dict[str, Any]:
+    """Which rows of the base regressor are filled where; blocks of the Gram matrix are 4 × 4."""
+    (output,) = next(kernel for kernel in kernels if kernel.name == "base_regressor").outputs
+    joints, columns = output.shape
+    program, adjoint = tiles["base_regressor"], tiles["regressor_adjoint"]
+    filled = [
+        sorted(k % columns for k in program.filled[output.name] if k // columns == j)
+        for j in range(joints)
+    ]
+    blocks = [{c // _SIDE for c in row} for row in filled]
+    shared: list[int] = []
+    ends: list[int] = []
+    for i, j in combinations_with_replacement(range(-(-columns // _SIDE)), 2):
+        shared += [row for row in range(joints) if {i, j} <= blocks[row]]
+        ends.append(len(shared))
+    return {
+        "joints": joints,
+        "columns": columns,
+        "spans": [(row[0], row[-1] + 1) if row else (0, 0) for row in filled],
+        "block_ends": ends,
+        "block_joints": shared or [0],
+        "base_turns_more": not set(program.turns) <= set(adjoint.turns),
+    }
 
 
 def _kernel_entry(kernel: Kernel) -> dict[str, Any]:

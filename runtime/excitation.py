@@ -90,12 +90,12 @@ class ConditionCost:
         # Out and back passes every sample twice; half of them carry all the information.
         t = np.linspace(0.0, duration, COST_SAMPLES)[: COST_SAMPLES // 2]
         self._basis = fourier_basis(lib, harmonics, t, duration)[..., :3]
-        self._compiled = lib.excitation_cost(home, self._basis)
+        self.compiled = lib.excitation_cost(home, self._basis)
 
     def value_gradient(self, coefficients: Array) -> tuple[float, Array]:
         """Cost and ∂cost/∂a, (n, M)."""
-        if self._compiled is not None:
-            return self._compiled.value_gradient(coefficients)
+        if self.compiled is not None:
+            return self.compiled.value_gradient(coefficients)
         return self.by_numpy(coefficients)
 
     def by_numpy(self, coefficients: Array) -> tuple[float, Array]:

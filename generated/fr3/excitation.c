@@ -185,7 +185,8 @@ static APART void normalise(double *gram, double *scale)
         const double own = scale[i];
         for (int k = 0; k < STRIDE; k += W) {
             vu *at = (vu *)(gram + i * STRIDE + k);
-            *at = *at * own * *(const vu *)(scale + k);
+            /* what lies beyond the matrix must be finite, whatever was there before */
+            *at = vd_choose(first_lanes(COLUMNS - k), *at * own * *(const vu *)(scale + k), vd_all(0.0));
         }
     }
 }

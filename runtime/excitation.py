@@ -79,31 +79,47 @@ def fourier_basis(lib: Library, harmonics: int, t: Array, duration: float) -> Ar
 
 
 class ConditionCost:
-    """log cond W̄_b of a trajectory and its exact gradient in a (Eq. 3.29)."""
+    """log cond W̄_b of a trajectory and its exact gradient in a (Eq. 3.29).
+
+    Columns of no full rank, to rounding, count as cond = (n_b ε)^-½. Compiled where the library's
+    level has it, else by NumPy.
+    """
 
     def __init__(self, lib: Library, home: Array, harmonics: int, duration: float) -> None:
         self._lib, self._home = lib, home
         # Out and back passes every sample twice; half of them carry all the information.
         t = np.linspace(0.0, duration, COST_SAMPLES)[: COST_SAMPLES // 2]
         self._basis = fourier_basis(lib, harmonics, t, duration)[..., :3]
+        self.compiled = lib.excitation_cost(home, self._basis)
 
     def value_gradient(self, coefficients: Array) -> tuple[float, Array]:
         """Cost and ∂cost/∂a, (n, M)."""
+        if self.compiled is not None:
+            return self.compiled.value_gradient(coefficients)
+        return self.by_numpy(coefficients)
+
+    def by_numpy(self, coefficients: Array) -> tuple[float, Array]:
+        """The same with LAPACK's eigenpairs: the reference."""
         motion = np.einsum("jm,tmd->dtj", coefficients, self._basis)
         q, dq, ddq = motion[0] + self._home, motion[1], motion[2]
         y = self._lib.base_regressor(q, dq, ddq)
-        stacked = y.reshape(-1, y.shape[-1])
-        gram = stacked.T @ stacked
-        size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
-        values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-        low, high = max(values[0], np.finfo(float).tiny), values[-1]
-        v_low, v_high = vectors[:, 0], vectors[:, -1]
-        z_low, z_high = v_low / size, v_high / size
-        slope = np.outer(z_high, z_high) / high - np.outer(z_low, z_low) / low
-        slope -= np.diag((v_high**2 - v_low**2) / size**2)
+        value, slope = log_condition(y.reshape(-1, y.shape[-1]))
         adjoint = self._lib.regressor_adjoint(q, dq, ddq, y @ slope)
-        gradient = np.einsum("tdj,tmd->jm", adjoint, self._basis)
-        return float(np.log(high / low) / 2), gradient
+        return value, np.einsum("tdj,tmd->jm", adjoint, self._basis)
+
+
+def log_condition(rows: Array) -> tuple[float, Array]:
+    """log cond W̄ and S with ∂/∂W = W S, (n_b, n_b); W̄ is W (N, n_b) with columns of unit length."""
+    gram = rows.T @ rows
+    size = np.sqrt(np.diag(gram))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+    high = values[-1]
+    low = max(values[0], len(gram) * np.finfo(float).eps * high)
+    z_low, z_high = vectors[:, 0] * scale, vectors[:, -1] * scale
+    slope = np.outer(z_high, z_high) / high - np.outer(z_low, z_low) / low
+    slope -= np.diag(z_high**2 - z_low**2)
+    return float(np.log(high / low) / 2), slope
 
 
 class Limits:

@@ -25,7 +25,7 @@ from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
-PER_LEVEL = ("tiles.c", "descent.c")
+PER_LEVEL = ("tiles.c", "descent.c", "excitation.c")
 """Sources that are compiled once per instruction set."""
 UNHURRIED = ("reference.c",)
 """Sources that nobody waits for: compiled without optimisation, which saves build time."""

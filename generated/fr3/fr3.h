@@ -125,6 +125,18 @@ typedef struct {
     double *work;
 } fr3_levenberg_job;
 
+/* A trajectory's cost, see excitation.c. `basis` holds phi, phi' and phi'' of every harmonic at the
+ * samples, by tiles of 8 samples: tile, derivative, harmonic, sample; samples beyond the last are 0.
+ * `work`: as many numbers as <level>_excitation_work says, zeros before the first call. One job
+ * serves one thread at a time. `deficient`: the regressor has no full rank, to rounding. */
+typedef struct {
+    long samples, harmonics;
+    const double *basis, *home;
+    double *work;
+    double value, lowest, highest;
+    long deficient;
+} fr3_excitation_job;
+
 #ifdef __cplusplus
 }
 #endif

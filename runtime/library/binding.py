@@ -62,6 +62,16 @@ class Binding:
             function.argtypes, function.restype = types, None
         return function
 
+    def excitation(self) -> tuple[Callable[..., float], Callable[..., int]] | None:
+        """Cost of a trajectory and the size of its work at this level; None where there is none."""
+        prefix = f"{self._manifest.robot}_{self.level}_excitation_"
+        if not hasattr(self._dll, f"{prefix}cost"):
+            return None
+        cost, work = self._symbol(f"{prefix}cost"), self._symbol(f"{prefix}work")
+        cost.argtypes, cost.restype = (ctypes.c_void_p,) * 3, ctypes.c_double
+        work.argtypes, work.restype = (ctypes.c_void_p,), ctypes.c_long
+        return cost, work
+
     def _symbol(self, name: str) -> Any:
         try:
             return self._dll[name]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from runtime.errors import LibraryError, NotRealisableError, ShapeError
 from runtime.library.binding import Array, Binding
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
+from runtime.library.excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.manifest import PI_NAMES, read_manifest
 
 _SIZE = len(PI_NAMES)
@@ -213,6 +214,16 @@ class Library:
 
     def _no_descent(self) -> LibraryError:
         return LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
+
+    def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
+        """log cond W̄_b and its gradient in C, see `runtime.excitation`; None without at this level.
+
+        Args:
+            home: (n,) rad or m.
+            basis: φ, φ', φ'' at the samples, (N, M, 3).
+        """
+        found = self._binding.excitation()
+        return CompiledExcitation(ExcitationFunctions(*found), home, basis) if found else None
 
     # --- trajectories: one row per point ----------------------------------------------------
 

@@ -21,6 +21,7 @@ from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
 
+
 @dataclass(frozen=True, slots=True)
 class EmittedRobot:
     """File name → text of one generated folder, and the hash that ties library and manifest."""
@@ -80,6 +81,8 @@ def emit(
         "README.md": render("README.md.jinja2", context),
     }
     for extra in extras:
+        for included in extra.includes:
+            files[included] = (_TEMPLATES / included).read_text(encoding="utf-8")
         files[extra.file] = render(f"{extra.file}.jinja2", context | extra.context)
     return EmittedRobot(files, manifest["model_hash"])
 

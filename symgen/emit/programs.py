@@ -1,10 +1,13 @@
 """Programs on top of the kernels: which of them a robot's kernels allow, and their tables."""
 
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import Any
 
 from symgen.emit.ssa import TileProgram
 from symgen.kernel import Kernel
+
+_SIDE = 4
 
 Kernels = dict[str, Kernel]
 Tiles = dict[str, TileProgram]
@@ -12,10 +15,11 @@ Tiles = dict[str, TileProgram]
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A file to render beside the kernels, and what its template needs beyond theirs."""
+    """A file to render beside the kernels, what its template needs, headers it includes as are."""
 
     file: str
     context: dict[str, Any]
+    includes: tuple[str, ...] = ()
 
 
 def programs(
@@ -23,14 +27,18 @@ def programs(
 ) -> tuple[Program, ...]:
     """The programs whose kernels are there."""
     by_name = {kernel.name: kernel for kernel in kernels}
-    known = (
-        ("descent.c", _DESCENT, lambda: _descent(by_name, tiles)),
-        ("example.c", _EXAMPLE, lambda: _example(facts)),
-    )
-    return tuple(Program(file, make()) for file, need, make in known if by_name.keys() >= need)
+    found = []
+    if by_name.keys() >= _DESCENT:
+        found.append(Program("descent.c", _descent(by_name, tiles)))
+    if by_name.keys() >= _EXCITATION:
+        found.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
+    if by_name.keys() >= _EXAMPLE:
+        found.append(Program("example.c", _example(facts)))
+    return tuple(found)
 
 
 _DESCENT = {"loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"}
+_EXCITATION = {"base_regressor", "regressor_adjoint"}
 _EXAMPLE = {"inverse_dynamics", "regressor"}
 
 
@@ -44,6 +52,31 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         "links": pi.size // lam.size,
         "base": beta.size,
         "uniform": max(tiles["loss_gradient"].uniform, 1),
+    }
+
+
+def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
+    """Which rows of the base regressor are filled where; blocks of the Gram matrix are 4 × 4."""
+    (output,) = kernels["base_regressor"].outputs
+    joints, columns = output.shape
+    program, adjoint = tiles["base_regressor"], tiles["regressor_adjoint"]
+    filled = [
+        sorted(k % columns for k in program.filled[output.name] if k // columns == j)
+        for j in range(joints)
+    ]
+    blocks = [{c // _SIDE for c in row} for row in filled]
+    shared: list[int] = []
+    ends: list[int] = []
+    for i, j in combinations_with_replacement(range(-(-columns // _SIDE)), 2):
+        shared += [row for row in range(joints) if {i, j} <= blocks[row]]
+        ends.append(len(shared))
+    return {
+        "joints": joints,
+        "columns": columns,
+        "spans": [(row[0], row[-1] + 1) if row else (0, 0) for row in filled],
+        "block_ends": ends,
+        "block_joints": shared or [0],
+        "base_turns_more": not set(program.turns) <= set(adjoint.turns),
     }
 
 

@@ -67,7 +67,8 @@ class Binding:
         runs = [level for level in self.levels if LEVELS.index(level) <= best]
         if not runs:
             raise LibraryError(
-                f"the library of '{self._manifest.robot}' has no functions on many samples; {_AGAIN}"
+                f"the library of '{self._manifest.robot}' has no functions "
+                f"on many samples; {_AGAIN}"
             )
         return runs[-1]
 

@@ -148,7 +148,7 @@ def assert_ran(done: subprocess.CompletedProcess[str], folder: Path) -> None:
     assert done.stdout.split() == (["20", "1"] * 2 if (folder / "adam.c").exists() else [])
 
 
-@pytest.mark.parametrize("level", ["portable", "v2", "v3"])
+@pytest.mark.parametrize("level", ["portable", "v2", "v3", "v4"])
 def test_no_byte_out_of_place(robot, tmp_path: Path, level: str):
     """Oracle: the sanitizers of the compiler; reads and writes, shifts, conversions, alignment."""
     lib = robot("gantry")

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symgen.emit.schedule import ALIVE, Statement, scheduled
+from symgen.emit.schedule import Statement, scheduled
 
 
 def chains(width: int, length: int) -> list[Statement]:
@@ -88,24 +88,3 @@ def test_what_does_not_wait_for_itself_is_left_alone() -> None:
     program = chains(40, 3)
     assert scheduled(program) is program
     assert scheduled([]) == []
-
-
-def test_registers_are_not_flooded() -> None:
-    """Property: listing by height holds to the number of values that registers can hold."""
-    program = [
-        *(Statement(f"const vd t{k} = x[{k}] * x[{k}];", f"t{k}", ()) for k in range(100)),
-        Statement("const vd s0 = t0 + t1;", "s0", ("t0", "t1")),
-        *(
-            Statement(f"const vd s{k} = s{k - 1} + t{k + 1};", f"s{k}", (f"s{k - 1}", f"t{k + 1}"))
-            for k in range(1, 99)
-        ),
-        Statement("y[0] = s98;", "", ("s98",)),
-    ]
-    order = scheduled(program)
-    assert order != program
-    last_use = {name: k for k, s in enumerate(order) for name in s.uses}
-    alive = most = 0
-    for k, statement in enumerate(order):
-        alive += bool(statement.defines) - sum(last_use[name] == k for name in statement.uses)
-        most = max(most, alive)
-    assert most <= ALIVE + 4  # the product that a fused sum takes is counted while it is formed

@@ -235,8 +235,8 @@ def _deviations(
         found[key] = accuracy.deviation(one.answer(), expected[key[0]][: one.samples])
         if not found[key] < AGREEMENT:
             raise BenchError(
-                f"{key[0]} ({key[2]}) at level {key[1]} differs from Pinocchio by {found[key]:.1e}; "
-                "run: python -m symgen build --force"
+                f"{key[0]} ({key[2]}) at level {key[1]} differs from Pinocchio by "
+                f"{found[key]:.1e}; run: python -m symgen build --force"
             )
     return found
 

@@ -19,13 +19,13 @@ LABELS = {
 CAPTION = (
     "One thread, data in cache; the best of each of {rounds} interleaved rounds, medians over the "
     "rounds, ratios within a round. tiles: arrays of tiles of 8 samples in place, sine and cosine "
-    "included or, where the row says so, stored; samples: sample-major arrays in and out, zeros "
-    "included, with how many times longer Pinocchio C++ takes. Called in a loop from C on {samples} "
-    "samples, on fewer where the outputs would leave the cache. Peers: ns and how many times our "
-    "tiles, the same states one at a time, Pinocchio C++ in a C++ loop, the others from a Python "
-    "loop; NumPy starts from a stored Y. ops: additions, products, divisions and one per sine or "
-    "cosine, per sample. FMA: ops per time over the measured limit of one core at the level's "
-    "width, a multiply-add counted as two."
+    "included or, where the row says so, stored; what depends on λ or π alone once per call. "
+    "samples: sample-major arrays in and out, zeros included, with how many times longer Pinocchio "
+    "C++ takes. Called in a loop from C on {samples} samples, on fewer where the outputs would "
+    "leave the cache. Peers: ns and how many times our tiles, the same states one at a time, "
+    "Pinocchio C++ in a C++ loop, the others from a Python loop; NumPy starts from a stored Y. "
+    "ops: additions, products, divisions and one per sine or cosine, per sample. FMA: ops per time "
+    "over the measured limit of one core at the level's width, a multiply-add counted as two."
 )
 
 

@@ -33,9 +33,7 @@ class Peer:
     contenders: dict[str, Contender]
 
 
-def one_by_one(
-    batch: Batch, one: Callable[..., object], *arrays: Array
-) -> Callable[[int], float]:
+def one_by_one(batch: Batch, one: Callable[..., object], *arrays: Array) -> Callable[[int], float]:
     """Times a Python call per sample, the loop included."""
     rows = list(zip(*(list(x) for x in arrays), strict=True))
 

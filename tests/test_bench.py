@@ -171,3 +171,33 @@ def test_samples_fill_tiles(home: Path, build: Any) -> None:
     run = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert run.returncode == 2
     assert "expected a multiple of it, got 12" in run.stderr
+
+
+def test_numpy_computes_the_same(home: Path, build: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the functions of runtime; a reference that did less would flatter us."""
+    monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
+    from bench import doors, numpy_identify
+
+    from runtime.excitation import ConditionCost
+    from runtime.objective import compress
+
+    setting = doors.setting(load(home / "generated" / build["robot"]))
+    lib, t = setting.lib, setting.trajectory
+    shape = (lib, t.home, t.coefficients.shape[1], t.duration)
+    value, gradient = numpy_identify.log_condition(*shape)
+    expected = ConditionCost(*shape).value_gradient(t.coefficients)
+    assert value(t.coefficients) == pytest.approx(expected[0], rel=1e-10)
+    slope = gradient(t.coefficients)  # error: curvature 1.5e4 times half a step of 1e-7
+    assert slope == pytest.approx(expected[1], abs=1e-3 * abs(expected[1]).max())
+    problem = setting.problem()
+    statistics, none = compress(lib, setting.train, setting.weights), problem.train.columns[0]
+    before = statistics.value(lib.pi_from_lam(problem.start), none)
+    data = (lib, problem.start, setting.train, setting.weights)
+    descents = (
+        (numpy_identify.adam_full(*data), 300, 0.9),
+        (numpy_identify.adam_batch(*data, doors.BATCH), 300, 0.9),
+        (numpy_identify.levenberg(*data), 30, 1e-3),
+    )
+    for run, count, share in descents:
+        after = statistics.value(lib.pi_from_lam(run(count)), none)
+        assert after < share * before

@@ -211,17 +211,19 @@ def numpy_statistics(s: Setting) -> Callable[[], float]:
 
 def numpy_adam_full(s: Setting) -> Callable[[], float]:
     """From the Gram matrix."""
-    return _steps(numpy_identify.adam_full(s.lib, s.train, s.weights), 500)
+    return _steps(numpy_identify.adam_full(s.lib, s.problem().start, s.train, s.weights), 500)
 
 
 def numpy_adam_batch(s: Setting) -> Callable[[], float]:
     """From a stored Y_b."""
-    return _steps(numpy_identify.adam_batch(s.lib, s.train, s.weights, BATCH), 200)
+    return _steps(
+        numpy_identify.adam_batch(s.lib, s.problem().start, s.train, s.weights, BATCH), 200
+    )
 
 
 def numpy_levenberg(s: Setting) -> Callable[[], float]:
     """From the Cholesky factor of the Gram matrix."""
-    return _steps(numpy_identify.levenberg(s.lib, s.train, s.weights), 20)
+    return _steps(numpy_identify.levenberg(s.lib, s.problem().start, s.train, s.weights), 20)
 
 
 def _steps(run: Callable[[int], object], count: int) -> Callable[[], float]:

@@ -12,7 +12,7 @@ from runtime.excitation import COST_SAMPLES, fourier_basis
 from runtime.library import Array, Library
 from runtime.objective import Samples
 
-STEP = 1e-6
+STEP = 1e-7
 """Of the forward differences."""
 
 
@@ -24,7 +24,9 @@ def gram(lib: Library, samples: Samples, weights: Array) -> tuple[Array, Array]:
     return rows.T @ rows, rows.T @ (samples.tau * root).ravel()
 
 
-def adam_full(lib: Library, samples: Samples, weights: Array) -> Callable[[int], Array]:
+def adam_full(
+    lib: Library, start: Array, samples: Samples, weights: Array
+) -> Callable[[int], Array]:
     """(iterations) → λ by descent on all samples, from their Gram matrix."""
     hessian, linear = gram(lib, samples, weights)
     matrix, n = lib.base_matrix, len(samples)
@@ -32,11 +34,11 @@ def adam_full(lib: Library, samples: Samples, weights: Array) -> Callable[[int],
     def slope(beta: Array) -> Array:
         return (hessian @ beta - linear) / n
 
-    return lambda count: _descend(lib, count, lambda lam: _chain(lib, matrix, lam, slope))
+    return lambda count: _descend(start, count, lambda lam: _chain(lib, matrix, lam, slope))
 
 
 def adam_batch(
-    lib: Library, samples: Samples, weights: Array, batch: int
+    lib: Library, start: Array, samples: Samples, weights: Array, batch: int
 ) -> Callable[[int], Array]:
     """(iterations) → λ by descent on mini-batches, from a stored Y_b."""
     y = lib.base_regressor(samples.q, samples.dq, samples.ddq)
@@ -48,10 +50,12 @@ def adam_batch(
         residual = here @ beta - samples.tau[rows]
         return np.tensordot(residual * weights, here, 2) / batch
 
-    return lambda count: _descend(lib, count, lambda lam: _chain(lib, matrix, lam, slope))
+    return lambda count: _descend(start, count, lambda lam: _chain(lib, matrix, lam, slope))
 
 
-def levenberg(lib: Library, samples: Samples, weights: Array) -> Callable[[int], Array]:
+def levenberg(
+    lib: Library, start: Array, samples: Samples, weights: Array
+) -> Callable[[int], Array]:
     """(steps) → λ by damped Gauss–Newton on the Cholesky factor of the Gram matrix."""
     hessian, linear = gram(lib, samples, weights)
     factor = np.linalg.cholesky(hessian).T
@@ -68,7 +72,7 @@ def levenberg(lib: Library, samples: Samples, weights: Array) -> Callable[[int],
         return lam - np.linalg.solve(normal, jacobian.T @ residual)
 
     def run(count: int) -> Array:
-        lam = lib.lam0
+        lam = start
         for _ in range(count):
             lam = step(lam, 1e-3)
         return lam
@@ -111,9 +115,9 @@ def _chain(lib: Library, matrix: Array, lam: Array, slope: Callable[[Array], Arr
     return lib.pi_adjoint(lam, slope(matrix @ lib.pi_from_lam(lam)) @ matrix)
 
 
-def _descend(lib: Library, count: int, gradient: Callable[[Array], Array]) -> Array:
+def _descend(start: Array, count: int, gradient: Callable[[Array], Array]) -> Array:
     """Adam, Eqs. 4.42–4.46."""
-    lam = lib.lam0.copy()
+    lam = start.copy()
     m, v = np.zeros_like(lam), np.zeros_like(lam)
     for k in range(1, count + 1):
         g = gradient(lam)

@@ -63,6 +63,15 @@ def footnotes(report: Report) -> list[str]:
     lines = [
         f"limit of one core, GFLOP/s: {limits} (with {report.timer}); clock {report.clock:.2f} GHz"
     ]
+    cycles = {
+        item.algorithm: item.ns * report.clock
+        for row in report.rows
+        for label, item in row.peers.items()
+        if label == "Pinocchio C++"
+    }
+    if cycles:
+        told = ", ".join(f"{name} {count:.0f}" for name, count in cycles.items())
+        lines.append(f"cycles of one call of Pinocchio C++: {told}")
     for label, detail in report.peers.items():
         used = {row.kernel: row.peers[label] for row in report.rows if label in row.peers}
         names = ", ".join(f"{kernel}: {item.algorithm}" for kernel, item in used.items())

@@ -1,6 +1,6 @@
 """The batch that every contender works on: the same states, torques and parameters."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ class Batch:
 
     Attributes:
         q, dq, ddq, tau: (N, n) [rad or m, ..., N·m or N]; tau is Y π with noise.
-        pi, lam: (10 n,) of the URDF.
+        pi, lam, beta: (10 n,), (10 n,), (n_b,) of the URDF.
         weight, rotor: (n,), ones and zeros.
     """
 
@@ -23,6 +23,7 @@ class Batch:
     tau: Array
     pi: Array
     lam: Array
+    beta: Array
     weight: Array
     rotor: Array
 
@@ -35,6 +36,11 @@ class Batch:
         """The array that a kernel's input of this name takes."""
         return np.ascontiguousarray(getattr(self, name))
 
+    def part(self, rows: slice) -> "Batch":
+        """Only these samples."""
+        parts = {key: self.named(key)[rows] for key in ("q", "dq", "ddq", "tau")}
+        return replace(self, **parts)
+
 
 def make_batch(lib: Library, samples: int, seed: int = 0) -> Batch:
     """Positions all around, brisk velocities and accelerations."""
@@ -43,4 +49,5 @@ def make_batch(lib: Library, samples: int, seed: int = 0) -> Batch:
     q = rng.uniform(-np.pi, np.pi, (samples, n))
     dq, ddq = rng.normal(0, 2, (samples, n)), rng.normal(0, 5, (samples, n))
     tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + rng.normal(0, 1, (samples, n))
-    return Batch(q, dq, ddq, tau, lib.pi0, lib.lam0, np.ones(n), np.zeros(n))
+    beta = lib.base_matrix @ lib.pi0
+    return Batch(q, dq, ddq, tau, lib.pi0, lib.lam0, beta, np.ones(n), np.zeros(n))

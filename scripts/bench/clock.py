@@ -1,29 +1,55 @@
-"""Medians of interleaved measurements: what drifts, drifts for all."""
+"""Interleaved measurements on a noisy machine: the best of each round, medians over rounds."""
 
-import statistics
 from collections.abc import Callable, Hashable, Mapping
 from typing import TypeVar
 
+import numpy as np
+
+from runtime.library import Array
+
 Key = TypeVar("Key", bound=Hashable)
 
+BURST = 3e5
+"""Nanoseconds of one measurement, after one call that is not timed."""
+PASSES = 5
+"""Measurements of everybody per round; the smallest counts, since noise only adds."""
 
-def interleave(contenders: Mapping[Key, Callable[[], float]], repeat: int) -> dict[Key, float]:
-    """Median of `repeat` measurements each; every round measures everybody once.
+
+def interleave(
+    contenders: Mapping[Key, Callable[[], float]], rounds: int, passes: int = PASSES
+) -> dict[Key, Array]:
+    """The smallest of `passes` measurements per round, (rounds,) each.
+
+    Everybody is measured once before anybody is measured again, so that what drifts, drifts for
+    all; compare numbers of the same round only.
 
     Args:
         contenders: name → a function that measures itself.
-        repeat: rounds; one more runs first and is thrown away.
+        rounds: one pass more runs first and is thrown away.
+        passes: per round.
     """
-    found: dict[Key, list[float]] = {key: [] for key in contenders}
-    for k in range(repeat + 1):
-        for key, measure in contenders.items():
-            value = measure()
-            if k:
-                found[key].append(value)
-    return {key: statistics.median(values) for key, values in found.items()}
+    for measure in contenders.values():
+        measure()
+    found = {key: np.full(rounds, np.inf) for key in contenders}
+    for k in range(rounds):
+        for _ in range(passes):
+            for key, measure in contenders.items():
+                found[key][k] = min(found[key][k], measure())
+    return found
 
 
-def calls_for(measure: Callable[[int], float], samples: int, burst: float) -> int:
-    """How many calls over `samples` fill a burst of `burst` ns, by a first measurement."""
-    measure(1)  # warms up
-    return max(1, round(burst / (measure(1) * samples)))
+def ratio(theirs: Array, ours: Array) -> float:
+    """Median over rounds of the ratios of the same round."""
+    return float(np.median(theirs / ours))
+
+
+def burst(run: Callable[[int], float], samples: int) -> Callable[[], float]:
+    """`run(calls)` → ns per sample, with as many calls as fill a burst."""
+    run(1)  # warms up
+    calls = max(1, round(BURST / (run(1) * samples)))
+
+    def once() -> float:
+        run(1)
+        return run(calls)
+
+    return once

@@ -1,47 +1,41 @@
-"""The run behind `scripts/bench_kernels`: contenders, interleaved medians, one table."""
+"""The run behind `scripts/bench_kernels`: contenders, interleaved rounds, one report."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from rich.table import Table
 
-from bench import peers
+from bench import accuracy, peers
+from bench.bars import Bar, bars
 from bench.batch import Batch, make_batch
-from bench.clock import calls_for, interleave
-from bench.compiled import BenchError, Compiler, find
-from bench.machine import limits, processor
-from bench.ours import Ours
+from bench.clock import burst, interleave, ratio
+from bench.compiled import BenchError, find
+from bench.machine import cycle, limits, processor
+from bench.ours import LANES, LAYOUTS, Contender, Ours
+from bench.symbolic import Symbolic, symbolic
 from runtime.library import Array, Library
 
 KERNELS = (
+    "base_inverse_dynamics",
     "inverse_dynamics",
     "torque",
-    "torque_jacobian",
-    "regressor",
     "base_regressor",
+    "regressor",
+    "torque_jacobian",
     "mass_matrix",
     "forward_dynamics",
     "end_effector",
     "loss_gradient",
 )
-ORDER = ("portable", "v2", "v3", "v4", "neon")
-BURST = 3e5
-"""Nanoseconds of one measurement, after one call that is not timed."""
+AT_EVERY_LEVEL = ("base_inverse_dynamics", "base_regressor")
+WITH_STORED = ("base_inverse_dynamics",)
+"""Kernels that are also timed with stored sines and cosines."""
+ORDER = ("neon", "v4", "v3", "v2", "portable", "casadi")
+LARGEST = 640 * 1024
+"""Bytes of a kernel's outputs beyond which fewer samples are taken, so that all stays in cache."""
 AGREEMENT = 1e-8
 """Largest relative difference between a peer and us: rounding times the condition of M."""
-
-CAPTION = (
-    "One thread, data in cache, medians of {repeat} interleaved rounds. Ours: the C batch "
-    "functions on {samples} samples, called in a loop from C; timed are the reading of the "
-    "sample-major arrays into tiles of W lanes, sine and cosine, the kernel with its λ → π once "
-    "per batch, and the writing of dense sample-major outputs, zeros included. Peers: the same "
-    "states one at a time, {calls}; NumPy starts from a stored Y. ops: additions, products, "
-    "divisions and one per sine or cosine, per sample, as the manifest counts them but without "
-    "what the vector levels do once per batch. FMA: ops per time over the measured limit of one "
-    "core at the level's width, a multiply-add counted as two."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +49,25 @@ class Against:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One kernel at one level; `share` of the measured multiply-add limit."""
+    """One kernel at one level on one layout of its arrays.
+
+    Attributes:
+        layout: of `ours.LAYOUTS`.
+        samples: per call.
+        operations: per sample.
+        share: of the measured multiply-add limit at the level's width.
+        deviation: largest relative difference from Pinocchio; None without it.
+    """
 
     kernel: str
     level: str
+    layout: str
+    samples: int
     ns: float
     operations: int
     gflops: float
     share: float
+    deviation: float | None
     peers: dict[str, Against]
 
 
@@ -72,19 +77,23 @@ class Report:
 
     Attributes:
         limits: level → GFLOP/s of one core.
+        clock: GHz.
         peers: peer → versions and commands.
         missing: peer → why it did not run.
+        deviation: the largest of all rows; None without Pinocchio.
     """
 
     robot: str
     samples: int
-    repeat: int
+    rounds: int
     processor: str
     timer: str
+    clock: float
     limits: dict[str, float]
     peers: dict[str, str]
     missing: dict[str, str]
-    caption: str
+    deviation: float | None
+    bars: tuple[Bar, ...]
     rows: tuple[Row, ...]
 
     def as_json(self) -> dict[str, Any]:
@@ -92,33 +101,96 @@ class Report:
         return asdict(self)
 
 
-def measure(lib: Library, samples: int, repeat: int, cpp: bool) -> Report:
-    """Time all kernels of a library at all levels that run here, and its peers.
+def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
+    """Time a library's kernels and its peers in the same rounds.
 
     Args:
         lib: loaded at its best level.
-        samples: per batch.
-        repeat: rounds.
+        samples: per call, at most.
+        rounds: see `clock.interleave`.
         cpp: whether Pinocchio in C++ takes part.
 
     Raises:
-        BenchError: no C compiler, or a level contradicts the portable code.
+        BenchError: no C compiler, or a kernel and a peer do not compute the same.
     """
+    if samples < LANES or samples % LANES:
+        raise BenchError(f"tiles hold {LANES} samples: expected a multiple of it, got {samples}")
     batch = make_batch(lib, samples)
     names = tuple(name for name in KERNELS if name in lib.manifest.kernels)
-    levels = [level for level in ORDER[: ORDER.index(lib.level) + 1] if level in lib.levels]
+    facts = symbolic(lib, names)
     compiler = find(("cc", "gcc", "clang"))
-    ceilings = limits(compiler, tuple(levels))
-    contenders: dict[tuple[str, ...], Callable[[], float]] = {
-        ("limit", level): function for level, function in ceilings.items()
-    }
-    reference = _ours(lib, names, levels, batch, compiler, contenders)
-    functions, operations = _symbolic(lib, names)
+    levels = tuple(level for level in ORDER[ORDER.index(lib.level) :] if level in lib.levels)
+    timers = Ours(lib, names, compiler)
+    ours = _ours(timers, names, levels, batch)
+    contenders: dict[tuple[str, ...], Callable[[], float]] = {("cycle",): cycle(compiler)}
+    contenders |= {("limit", level): one for level, one in limits(compiler, levels).items()}
+    contenders |= {("ours", *key): burst(one.run, one.samples) for key, one in ours.items()}
+    rivals, missing = _rivals(lib, batch, facts, cpp)
+    tail = batch.part(slice(-LANES, None))
+    for label, peer in rivals.items():
+        for name, rival in peer.contenders.items():
+            if name in names:
+                contenders[label, name] = burst(rival.run, samples)
+                _compare(label, name, rival, timers.contender(name, levels[0], "batch", tail))
+    deviations = _deviations(lib, batch, ours, missing)
+    found = interleave(contenders, rounds)
+    rows = tuple(
+        _row(key, one.samples, facts[key[0]], found, rivals, deviations)
+        for key, one in ours.items()
+    )
+    return Report(
+        robot=lib.name,
+        samples=samples,
+        rounds=rounds,
+        processor=processor(),
+        timer=compiler.version,
+        clock=1 / float(np.median(found[("cycle",)])),
+        limits={level: 1 / float(np.median(found["limit", level])) for level in levels},
+        peers={label: peer.detail for label, peer in rivals.items()},
+        missing=missing,
+        deviation=max(deviations.values(), default=None),
+        bars=bars(rows),
+        rows=rows,
+    )
+
+
+Key = tuple[str, str, str]
+
+
+def fitting(batch: Batch, numbers: int) -> Batch:
+    """As much of the batch as keeps outputs of so many numbers per sample in cache."""
+    size = min(batch.size, max(4 * LANES, LARGEST // (8 * numbers) // LANES * LANES))
+    return batch.part(slice(size))
+
+
+def _ours(
+    ours: Ours, names: tuple[str, ...], levels: tuple[str, ...], batch: Batch
+) -> dict[Key, Contender]:
+    """(kernel, level, layout) → contender, as the table lists them, run once."""
+    found: dict[Key, Contender] = {}
+    for level in levels:
+        for name in names if level == levels[0] else AT_EVERY_LEVEL:
+            for layout in LAYOUTS:
+                if layout == "stored" and name not in WITH_STORED:
+                    continue
+                one = ours.contender(name, level, layout, fitting(batch, ours.numbers(name)))
+                if one is not None:
+                    one.run(1)
+                    found[name, level, layout] = one
+    return found
+
+
+def _rivals(
+    lib: Library, batch: Batch, facts: dict[str, Symbolic], cpp: bool
+) -> tuple[dict[str, peers.Peer], dict[str, str]]:
+    """The peers that run here, and why the others do not."""
     makers: dict[str, Callable[[], peers.Peer]] = {
         "Pinocchio C++": lambda: peers.pinocchio_cpp(lib, batch),
         "Pinocchio Python": lambda: peers.pinocchio_python(lib, batch),
         "MuJoCo Python": lambda: peers.mujoco_python(lib, batch),
-        "CasADi VM": lambda: peers.casadi_vm(functions, batch),
+        "CasADi VM": lambda: peers.casadi_vm(
+            {name: (one.function, one.inputs) for name, one in facts.items()}, batch
+        ),
         "NumPy": lambda: peers.numpy_stored(lib, batch),
     }
     if not cpp:
@@ -130,169 +202,69 @@ def measure(lib: Library, samples: int, repeat: int, cpp: bool) -> Report:
             found[label] = make()
         except BenchError as error:
             missing[label] = str(error)
-            continue
-        for name, contender in found[label].contenders.items():
-            if name in names:
-                contenders[label, name] = _burst(contender.run, samples)
-                _compare(label, name, contender, reference[name])
-    medians = interleave(contenders, repeat)
-    rows = tuple(
-        _row(name, level, operations[name], medians, found) for name in names for level in levels
-    )
-    calls = "Pinocchio C++ in a C++ loop, the others from a Python loop"
-    return Report(
-        robot=lib.name,
-        samples=samples,
-        repeat=repeat,
-        processor=processor(),
-        timer=compiler.version,
-        limits={level: medians["limit", level] for level in levels},
-        peers={label: peer.detail for label, peer in found.items()},
-        missing=missing,
-        caption=CAPTION.format(repeat=repeat, samples=samples, calls=calls),
-        rows=rows,
-    )
+    return found, missing
 
 
-def _ours(
-    lib: Library,
-    names: tuple[str, ...],
-    levels: list[str],
-    batch: Batch,
-    compiler: Compiler,
-    contenders: dict[tuple[str, ...], Callable[[], float]],
-) -> dict[str, Array]:
-    """Enter our kernels; returns the last output of each for the last sample."""
-    ours = Ours(lib, names, batch, compiler)
-    reference: dict[str, Array] = {}
-    for name in names:
-        for level in levels:
-            run, outputs = ours.measure(name, level)
-            contenders["ours", name, level] = _burst(run, batch.size)
-            answer = outputs[-1][-1].copy()
-            difference = _difference(answer, reference.setdefault(name, answer))
-            if not difference < AGREEMENT:
-                raise BenchError(
-                    f"{name} at level {level} differs from the portable code by {difference:.1e}; "
-                    "run: python -m symgen build --force"
-                )
-    return reference
-
-
-def _burst(run: Callable[[int], float], samples: int) -> Callable[[], float]:
-    calls = calls_for(run, samples, BURST)
-
-    def once() -> float:
-        run(1)
-        return run(calls)
-
-    return once
-
-
-def _compare(label: str, name: str, contender: peers.Contender, ours: Array) -> None:
-    if contender.last is None:
+def _compare(label: str, name: str, rival: peers.Contender, ours: Contender | None) -> None:
+    if rival.last is None or ours is None:
         return
-    difference = _difference(np.ravel(contender.last()), ours)
+    ours.run(1)
+    difference = accuracy.deviation(ours.answer()[-1:], np.ravel(rival.last())[None])
     if not difference < AGREEMENT:
         raise BenchError(
-            f"{contender.algorithm} of {label} and our {name} differ by {difference:.1e} of the "
+            f"{rival.algorithm} of {label} and our {name} differ by {difference:.1e} of the "
             "largest entry: they do not compute the same"
         )
 
 
-def _difference(a: Array, b: Array) -> float:
-    return float(np.abs(a - b).max() / max(np.abs(b).max(), 1e-300))
+def _deviations(
+    lib: Library, batch: Batch, ours: dict[Key, Contender], missing: dict[str, str]
+) -> dict[Key, float]:
+    """Of every row from Pinocchio; none without Pinocchio.
 
-
-def _symbolic(
-    lib: Library, names: tuple[str, ...]
-) -> tuple[dict[str, tuple[object, tuple[str, ...]]], dict[str, tuple[int, int]]]:
-    """CasADi functions with their inputs' names; operations of the portable and vector forms."""
-    from symgen.catalogue import make_catalogue
-    from symgen.chain import read_chain
-    from symgen.request import request_from_folder
-
-    request = request_from_folder(lib.folder)
-    catalogue = make_catalogue(read_chain(request.urdf, request.options))
-    kernels = {kernel.name: kernel for kernel in catalogue.kernels if kernel.name in names}
-    functions = {
-        name: (kernel.function, tuple(a.name for a in kernel.inputs))
-        for name, kernel in kernels.items()
-    }
-    operations = {
-        name: (lib.manifest.kernels[name].operations, _per_sample(kernels[name])) for name in names
-    }
-    return functions, operations
-
-
-def _per_sample(kernel: Any) -> int:
-    """Operations that depend on the sample; those on shared inputs run once per batch."""
-    import casadi as ca
-
-    f, count = kernel.function, 0
-    own: dict[int, bool] = {}
-    for k in range(f.n_instructions()):
-        op, ins, outs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
-        if op == ca.OP_INPUT:
-            own[outs[0]] = not kernel.inputs[ins[0]].shared
-        elif op == ca.OP_CONST:
-            own[outs[0]] = False
-        elif op != ca.OP_OUTPUT:
-            own[outs[0]] = any(own[i] for i in ins)
-            count += own[outs[0]]
-    return count
+    Raises:
+        BenchError: one is beyond rounding.
+    """
+    try:
+        expected = accuracy.oracle(lib, batch)
+    except BenchError as error:
+        missing["accuracy"] = str(error)
+        return {}
+    found: dict[Key, float] = {}
+    for key, one in ours.items():
+        found[key] = accuracy.deviation(one.answer(), expected[key[0]][: one.samples])
+        if not found[key] < AGREEMENT:
+            raise BenchError(
+                f"{key[0]} ({key[2]}) at level {key[1]} differs from Pinocchio by "
+                f"{found[key]:.1e}; run: python -m symgen build --force"
+            )
+    return found
 
 
 def _row(
-    name: str,
-    level: str,
-    operations: tuple[int, int],
-    medians: dict[tuple[str, ...], float],
-    found: dict[str, peers.Peer],
+    key: Key,
+    samples: int,
+    facts: Symbolic,
+    found: dict[tuple[str, ...], Array],
+    rivals: dict[str, peers.Peer],
+    deviations: dict[Key, float],
 ) -> Row:
-    ns = medians["ours", name, level]
-    count = operations[level != "portable"]
+    name, level, layout = key
+    times = found["ours", *key]
+    count = facts.scalar if level == "casadi" else facts.operations
+    if layout == "stored":
+        count -= facts.sines
     against = {
         label: Against(
-            peer.contenders[name].algorithm, medians[label, name], medians[label, name] / ns
+            peer.contenders[name].algorithm,
+            float(np.median(found[label, name])),
+            ratio(found[label, name], times),
         )
-        for label, peer in found.items()
+        for label, peer in rivals.items()
         if name in peer.contenders
     }
-    return Row(name, level, ns, count, count / ns, count / ns / medians["limit", level], against)
-
-
-def table(report: Report) -> Table:
-    """All rows; a peer's cell is its ns per sample and how many times ours that is."""
-    title = f"{report.robot}: ns per sample, {report.processor}"
-    shown = Table("kernel", "level", "ops", "ours", "FMA", title=title, caption=report.caption)
-    for column in shown.columns[2:]:
-        column.justify = "right"
-    for label in report.peers:
-        shown.add_column(label, justify="right")
-    for row in report.rows:
-        cells = []
-        for label in report.peers:
-            other = row.peers.get(label)
-            cells.append(f"{other.ns:.0f} ({other.ratio:.1f}×)" if other else "")
-        shown.add_row(
-            row.kernel,
-            row.level,
-            str(row.operations),
-            f"{row.ns:.1f}",
-            f"{100 * row.share:.0f} %",
-            *cells,
-            end_section=row is report.rows[-1] or row.level == report.rows[-1].level,
-        )
-    return shown
-
-
-def footnotes(report: Report) -> list[str]:
-    """Limits, what each peer runs, who is missing, as lines."""
-    limits = ", ".join(f"{level} {value:.1f}" for level, value in report.limits.items())
-    lines = [f"limit of one core, GFLOP/s: {limits} (with {report.timer})"]
-    for label, detail in report.peers.items():
-        used = {row.kernel: row.peers[label] for row in report.rows if label in row.peers}
-        names = ", ".join(f"{kernel}: {item.algorithm}" for kernel, item in used.items())
-        lines += [f"{label}: {names}", f"    {detail}"]
-    return lines + [f"{label} did not run: {why}." for label, why in report.missing.items()]
+    ns = float(np.median(times))
+    share = float(np.median(count / times * found["limit", level]))
+    return Row(
+        name, level, layout, samples, ns, count, count / ns, share, deviations.get(key), against
+    )

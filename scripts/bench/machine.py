@@ -1,4 +1,4 @@
-"""The limit of one core: multiply-adds per second at each vector width, and who it is."""
+"""The limit of one core: its clock, its multiply-adds at each vector width, and who it is."""
 
 import ctypes
 import platform
@@ -46,7 +46,7 @@ __attribute__((visibility("default"))) double limit(long rounds)
     volatile double sink = 0;
     for (int l = 0; l < W; ++l) sink += LANE(sum, l);
     const double ns = (to.tv_sec - from.tv_sec) * 1e9 + (to.tv_nsec - from.tv_nsec);
-    return {chains}.0 * 2 * W * rounds / ns;
+    return ns / ({chains}.0 * 2 * W * rounds);
 }}
 """.format(
     start=" ".join(f"vd x{k} = a * {k + 1}.0;" for k in range(_CHAINS)),
@@ -57,8 +57,35 @@ __attribute__((visibility("default"))) double limit(long rounds)
 """x ← x a + b in independent chains, each kept in a register by an empty asm statement."""
 
 
+_CLOCK = """\
+#include <time.h>
+__attribute__((visibility("default"))) double cycle(long rounds)
+{
+    struct timespec from, to;
+    volatile unsigned long seed = 5;
+    unsigned long x = seed, y = seed;
+    clock_gettime(CLOCK_MONOTONIC, &from);
+    for (long i = 0; i < rounds; ++i) {
+        STEPS
+    }
+    clock_gettime(CLOCK_MONOTONIC, &to);
+    seed = x;
+    return ((to.tv_sec - from.tv_sec) * 1e9 + (to.tv_nsec - from.tv_nsec)) / (64.0 * rounds);
+}
+""".replace("STEPS", " ".join(['x ^= y; __asm__ volatile("" : "+r"(x));'] * 64))
+"""An exclusive or takes one cycle, and each of these waits for the one before."""
+
+
+def cycle(compiler: Compiler) -> Callable[[], float]:
+    """A measurement of one cycle of the core in ns."""
+    path, _ = compile_shared(compiler, ("-O2",), _CLOCK, ".c")
+    function = open_shared(path)["cycle"]
+    function.argtypes, function.restype = (ctypes.c_long,), ctypes.c_double
+    return lambda: float(function(5_000))
+
+
 def limits(compiler: Compiler, levels: tuple[str, ...]) -> dict[str, Callable[[], float]]:
-    """Per level, a measurement of GFLOP/s of one core; a multiply-add counts two.
+    """Per level, a measurement of ns per operation of one core; a multiply-add counts two.
 
     Levels without fused multiply-add (portable, v2) have the limit of separate instructions.
     """

@@ -1,12 +1,12 @@
-"""Our batch functions: the entry points of the compiled library, timed from C.
+"""Our functions: the entry points of the compiled library, timed from C.
 
 A Python call costs about as much as the whole batch of a fast kernel, so a few generated lines of
-C call the batch function many times between two readings of the clock. The library, the
-arguments and the layout are those of `runtime.load`; nothing is subtracted.
+C call the function many times between two readings of the clock. Nothing is subtracted.
 """
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,11 @@ from bench.batch import Batch
 from bench.compiled import Compiler, compile_shared, open_shared
 from runtime.library import Array, Library
 from runtime.library.manifest import KernelFacts
+
+LANES = 8
+"""Samples of a tile, at every level."""
+LAYOUTS = ("tiles", "stored", "batch")
+"""Tile-major arrays in place, the same with stored sines and cosines, sample-major arrays."""
 
 _HEAD = """\
 #include <time.h>
@@ -27,59 +32,140 @@ static double now(void)
 """
 
 
-class Ours:
-    """Times kernels of one library at every level."""
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """One function on one layout.
 
-    def __init__(
-        self, lib: Library, names: tuple[str, ...], batch: Batch, compiler: Compiler
-    ) -> None:
-        self._lib, self._batch = lib, batch
+    Attributes:
+        samples: per call.
+        run: (calls) → ns per sample.
+        answer: the last output after a run, (N, size).
+    """
+
+    samples: int
+    run: Callable[[int], float]
+    answer: Callable[[], Array]
+
+
+class Ours:
+    """Times kernels of one library at every level.
+
+    Args:
+        lib: any level of it; the others are in the same file.
+        names: of kernels.
+        compiler: for the lines that call them.
+    """
+
+    def __init__(self, lib: Library, names: tuple[str, ...], compiler: Compiler) -> None:
+        self._lib = lib
         self._kernels = {name: lib.manifest.kernels[name] for name in names}
-        source = _HEAD + "".join(_timer(kernel) for kernel in self._kernels.values())
+        source = _HEAD + "".join(_timers(kernel) for kernel in self._kernels.values())
         path, _ = compile_shared(compiler, ("-O2",), source, ".c")
         self._timers = open_shared(path)
         self._dll = ctypes.CDLL(str((Path(lib.folder) / f"lib{lib.name}.so").resolve()))
 
-    def measure(self, name: str, level: str) -> tuple[Callable[[int], float], list[Array]]:
-        """A function (calls) → ns per sample, and the outputs it writes, (N, size) each."""
-        kernel, batch = self._kernels[name], self._batch
-        prefix = self._lib.name if level == "portable" else f"{self._lib.name}_{level}"
-        entry = ctypes.cast(self._dll[f"{prefix}_{name}_batch"], ctypes.c_void_p)
-        inputs = [batch.named(a.name) for a in kernel.inputs]
-        steps = [a.size if x.ndim == 2 else 0 for a, x in zip(kernel.inputs, inputs, strict=True)]
-        outputs = [np.empty((1 if a.summed else batch.size, a.size)) for a in kernel.outputs]
-        pairs = [
-            word
-            for x, step in zip(inputs, steps, strict=True)
-            for word in (ctypes.c_void_p(x.ctypes.data), ctypes.c_long(step))
-        ]
-        results = [ctypes.c_void_p(out.ctypes.data) for out in outputs]
-        timer = self._timers[f"time_{name}"]
+    def numbers(self, name: str) -> int:
+        """Numbers that a kernel writes per sample."""
+        return sum(a.size for a in self._kernels[name].outputs if not a.summed)
+
+    def contender(self, name: str, level: str, layout: str, batch: Batch) -> Contender | None:
+        """A function that times itself over the batch; None where the library has none."""
+        kernel = self._kernels[name]
+        suffix = "batch" if layout == "batch" else "tiles"
+        symbol = f"{self._lib.name}_{level}_{name}_{suffix}"
+        if not hasattr(self._dll, symbol):
+            return None
+        entry = ctypes.cast(self._dll[symbol], ctypes.c_void_p)
+        timer = self._timers[f"time_{name}_{suffix}"]
         timer.restype = ctypes.c_double
-
-        kept = (*inputs, *outputs)  # the timer knows only their addresses
-
-        def run(calls: int, _kept: tuple[Array, ...] = kept) -> float:
-            took = timer(entry, ctypes.c_long(calls), ctypes.c_long(batch.size), *pairs, *results)
-            return float(took)
-
-        return run, outputs
+        if layout == "batch":
+            return _sample_major(kernel, batch, timer, entry)
+        return _tile_major(kernel, batch, timer, entry, layout == "stored")
 
 
-def _timer(kernel: KernelFacts) -> str:
-    """C that calls one batch function `calls` times and returns nanoseconds per sample."""
-    inputs = [f"const double *{a.name}, long {a.name}_step" for a in kernel.inputs]
-    outputs = [f"double *{a.name}_out" for a in kernel.outputs]
-    given = [f"{a.name}, {a.name}_step" for a in kernel.inputs]
-    given += [f"{a.name}_out" for a in kernel.outputs]
-    types = ["const double *, long"] * len(inputs) + ["double *"] * len(outputs)
-    return f"""
+def _sample_major(
+    kernel: KernelFacts, batch: Batch, timer: Callable[..., float], entry: ctypes.c_void_p
+) -> Contender:
+    inputs = [batch.named(a.name) for a in kernel.inputs]
+    outputs = [_aligned(1 if a.summed else batch.size, a.size) for a in kernel.outputs]
+    words: list[object] = []
+    for a, x in zip(kernel.inputs, inputs, strict=True):
+        words += [ctypes.c_void_p(x.ctypes.data), ctypes.c_long(a.size if x.ndim == 2 else 0)]
+    words += [ctypes.c_void_p(out.ctypes.data) for out in outputs]
+    kept = (*inputs, *outputs)  # the timer knows only their addresses
+
+    def run(calls: int, _kept: tuple[Array, ...] = kept) -> float:
+        took = timer(entry, ctypes.c_long(calls), ctypes.c_long(batch.size), *words)
+        return float(took) / batch.size
+
+    return Contender(batch.size, run, lambda: outputs[-1])
+
+
+def _tile_major(
+    kernel: KernelFacts,
+    batch: Batch,
+    timer: Callable[..., float],
+    entry: ctypes.c_void_p,
+    stored: bool,
+) -> Contender:
+    tiles = batch.size // LANES
+    given = [batch.named(a.name) for a in kernel.inputs]
+    inputs = [_as_tiles(x) if x.ndim == 2 else x for x in given]
+    outputs = [_aligned(tiles, a.size * LANES) for a in kernel.outputs]
+    for out in outputs:
+        out[:] = 0.0  # rows that are zero by structure are never written
+    sc = _as_tiles(np.stack([np.sin(batch.q), np.cos(batch.q)], axis=2).reshape(batch.size, -1))
+    words = [
+        ctypes.c_void_p(sc.ctypes.data if stored else None),
+        *(ctypes.c_void_p(x.ctypes.data) for x in (*inputs, *outputs)),
+    ]
+    kept = (sc, *inputs, *outputs)
+
+    def run(calls: int, _kept: tuple[Array, ...] = kept) -> float:
+        took = timer(entry, ctypes.c_long(calls), ctypes.c_long(tiles), *words)
+        return float(took) / batch.size
+
+    def answer() -> Array:
+        return outputs[-1].reshape(tiles, -1, LANES).transpose(0, 2, 1).reshape(batch.size, -1)
+
+    return Contender(batch.size, run, answer)
+
+
+def _as_tiles(x: Array) -> Array:
+    """(N, size) → (N / 8, size · 8), row k of a tile holding entry k of its eight samples."""
+    tiles = _aligned(len(x) // LANES, x.shape[1] * LANES)
+    tiles[:] = x.reshape(len(tiles), LANES, -1).transpose(0, 2, 1).reshape(len(tiles), -1)
+    return tiles
+
+
+def _aligned(rows: int, columns: int) -> Array:
+    """Uninitialised, beginning at a multiple of 64 bytes."""
+    raw = np.empty(rows * columns + LANES)
+    skip = -(raw.ctypes.data // 8) % LANES
+    return raw[skip : skip + rows * columns].reshape(rows, columns)
+
+
+def _timers(kernel: KernelFacts) -> str:
+    """C that calls a function `calls` times and returns nanoseconds per call, for both layouts."""
+    inputs, outputs = [a.name for a in kernel.inputs], [f"{a.name}_out" for a in kernel.outputs]
+    batch = [part for name in inputs for part in (f"const double *{name}", f"long {name}_step")]
+    batch += [f"double *{name}" for name in outputs]
+    tiles = ["const double *sc", *(f"const double *{name}" for name in inputs)]
+    tiles += [f"double *{name}" for name in outputs]
+    return "".join(
+        f"""
 __attribute__((visibility("default")))
-double time_{kernel.name}(void (*batch)(long, {", ".join(types)}), long calls, long n,
-    {", ".join((*inputs, *outputs))})
+double time_{kernel.name}_{layout}(void (*call)(long, {", ".join(arguments)}), long calls, long n,
+    {", ".join(arguments)})
 {{
     const double from = now();
-    for (long k = 0; k < calls; ++k) batch(n, {", ".join(given)});
-    return (now() - from) / ((double)calls * n);
+    for (long k = 0; k < calls; ++k) call(n, {", ".join(_name(item) for item in arguments)});
+    return (now() - from) / (double)calls;
 }}
 """
+        for layout, arguments in (("batch", batch), ("tiles", tiles))
+    )
+
+
+def _name(declaration: str) -> str:
+    return declaration.rpartition(" ")[2].lstrip("*")

@@ -168,7 +168,8 @@ EXPORT double peer_run(Peer *peer, const char *name, long calls, double *result)
         Vector gradient = Vector::Zero(peer->pi.size()), r(model.nv);
         took = nanoseconds(*peer, calls, [&](const Sample &s) {
             const Matrix &Y = peer->regressor(s);
-            r.noalias() = Y * peer->pi - s.tau;
+            r = -s.tau;  // in two steps: a product inside a sum would allocate
+            r.noalias() += Y * peer->pi;
             gradient.noalias() += Y.transpose() * r;
         });
         copy(r, result);

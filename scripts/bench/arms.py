@@ -1,0 +1,89 @@
+"""Arms of many lengths, built with nothing but what is timed."""
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from bench import chains
+from bench.symbolic import facts_of
+from runtime.library import Library, load
+
+NEEDED = ("inverse_dynamics", "torque")
+"""Kernels that are built in any case: one makes the states, by the other a library is known."""
+REAL = "models/universal_robots/ur5_robot.urdf"
+"""Below $SYMGEN_DATA, default ../shared."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """A built arm and the operations of its kernels per sample."""
+
+    lib: Library
+    operations: dict[str, int]
+    label: str
+
+
+def every_arm(counts: tuple[int, ...], missing: dict[str, str]) -> Iterator[tuple[str, str, str]]:
+    """Label, C name and URDF of every robot; small ones first."""
+    data = Path(os.environ.get("SYMGEN_DATA", Path(__file__).parents[3] / "shared"))
+    for n in counts:
+        yield f"serial, {n}", f"serial{n}", chains.serial(n)
+        if n == 6:
+            try:
+                yield "UR5", "ur5", (data / REAL).read_text(encoding="utf-8")
+            except OSError:
+                missing["UR5"] = f"there is no {REAL} in '{data}'; set $SYMGEN_DATA"
+        if n == 12:
+            yield "two arms of 5 on a trunk of 2", "tree12", chains.branching(2, 2, 5)
+
+
+def build_arm(
+    name: str, label: str, urdf: str, root: Path, level: str, timed: tuple[str, ...]
+) -> Arm:
+    """Only what is timed, for one level: a whole library of 20 joints takes minutes."""
+    from symgen import __version__
+    from symgen.build import PER_LEVEL
+    from symgen.catalogue import make_catalogue
+    from symgen.chain import read_chain
+    from symgen.compiler import compile_library, sha256_of
+    from symgen.emit import emit
+    from symgen.facts import initial_parameters, model_facts
+    from symgen.request import BuildRequest
+
+    request = BuildRequest(name, urdf)
+    chain = read_chain(request.urdf, request.options)
+    pi0, projected = initial_parameters(chain, request.project)
+    catalogue = make_catalogue(chain)
+    kernels = tuple(kernel for kernel in catalogue.kernels if kernel.name in {*timed, *NEEDED})
+    facts = model_facts(chain, request, catalogue.base, pi0, projected)
+    versions = {"symgen": __version__, "casadi": version("casadi")}
+    files = emit(name, kernels, facts, versions).files
+    folder = root / name
+    folder.mkdir()
+    for file, text in (files | {f"{name}.urdf": chain.urdf}).items():
+        (folder / file).write_text(text, encoding="utf-8", newline="\n")
+    per_level = [folder / file for file in PER_LEVEL if file in files]
+    with _only(level):
+        made = compile_library([folder / "kernels.c"], folder / f"lib{name}.so", per_level)
+    record = {"sha256": made.sha256, "sources": {f: sha256_of(folder / f) for f in files}}
+    (folder / "build.json").write_text(json.dumps(record))
+    operations = {kernel.name: facts_of(kernel).operations for kernel in kernels}
+    return Arm(load(folder, level), operations, label)
+
+
+@contextmanager
+def _only(level: str) -> Iterator[None]:
+    """Compile for one level alone."""
+    from symgen import compiler
+
+    machine = compiler.machine()
+    every = compiler.LEVELS.get(machine, compiler.PORTABLE)
+    compiler.LEVELS[machine] = {level: every[level]}
+    try:
+        yield
+    finally:
+        compiler.LEVELS[machine] = every

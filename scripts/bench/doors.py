@@ -1,0 +1,246 @@
+"""Where the measurements of `bench_identify` enter `runtime`, and their setting.
+
+Each function prepares once and returns a function that measures itself: seconds of one unit.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import runtime
+from bench import numpy_identify
+from bench.compiled import BenchError
+from runtime.descent import Preset
+from runtime.errors import RuntimeFault
+from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory, fourier_basis
+from runtime.library import Array, Library
+from runtime.objective import Samples, compress, samples_of, thesis_weights
+from runtime.optimizers import AdamOptions, StoppingRule
+from runtime.problem import Problem
+from runtime.recording import Recording
+from runtime.simulation import Plant, ideal, perturbed_lam
+from runtime.trajectory_file import read_trajectory
+
+TRIALS, PERTURBATION = 150, 0.15
+"""Of the document's ideal case (Table 5.2)."""
+BATCH = 64
+RATE = 1000.0
+"""Of the training samples, Hz."""
+_EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_trajectory.json"
+_SMALLER = (1.0, 0.9, 0.8)
+"""Training, validation and test are the same trajectory, smaller and smaller."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One robot, one trajectory, noise-free torque.
+
+    Attributes:
+        train: at 1 kHz.
+        trials: training, validation and test at 100 Hz, as the document samples them.
+    """
+
+    lib: Library
+    trajectory: Trajectory
+    train: Samples
+    weights: Array
+    trials: tuple[Recording, ...]
+
+    def problem(self) -> Problem:
+        """All training samples, a few to validate on."""
+        few = samples_of(self.trials[1], self.lib)
+        start = perturbed_lam(self.lib, PERTURBATION, np.random.default_rng(0))
+        return Problem(self.lib, self.train, few, self.weights, start)
+
+
+def setting(lib: Library) -> Setting:
+    """The example trajectory of the FR3.
+
+    Raises:
+        BenchError: it does not fit the robot.
+    """
+    try:
+        trajectory = read_trajectory(_EXAMPLE, lib)
+    except RuntimeFault as error:
+        raise BenchError(f"this benchmark is about the FR3: {error}") from None
+    plant = Plant(lib.pi0)
+    train = samples_of(ideal(lib, trajectory, plant, RATE), lib)
+    smaller = (
+        Trajectory(trajectory.home, scale * trajectory.coefficients, trajectory.duration)
+        for scale in _SMALLER
+    )
+    trials = tuple(ideal(lib, item, plant) for item in smaller)
+    return Setting(lib, trajectory, train, thesis_weights(train.tau), trials)
+
+
+def repeated(
+    work: Callable[[], object], units: int = 1, least: float = 0.02
+) -> Callable[[], float]:
+    """Seconds of one of `units` in `work`, called as often as fills `least` seconds."""
+    work()  # warms up
+    start = time.perf_counter()
+    work()
+    calls = max(1, round(least / (time.perf_counter() - start)))
+
+    def once() -> float:
+        begin = time.perf_counter()
+        for _ in range(calls):
+            work()
+        return (time.perf_counter() - begin) / (calls * units)
+
+    return once
+
+
+def _slope(run: Callable[[int], object], short: int, long: int) -> Callable[[], float]:
+    """Seconds of one iteration: a long run less a short one, what is done once drops out."""
+
+    def once() -> float:
+        took = []
+        for count in (short, long):
+            start = time.perf_counter()
+            run(count)
+            took.append(time.perf_counter() - start)
+        return max(took[1] - took[0], 1e-12) / (long - short)
+
+    return once
+
+
+# --- ours -----------------------------------------------------------------------------------
+
+
+def statistics(s: Setting) -> Callable[[], float]:
+    """`objective.compress`, per sample."""
+    return repeated(lambda: compress(s.lib, s.train, s.weights), len(s.train))
+
+
+def adam_full(s: Setting) -> Callable[[], float]:
+    """`identification.fit_adam` on all samples, per iteration."""
+    return _adam(s, None, 1_000, 41_000)
+
+
+def adam_batch(s: Setting) -> Callable[[], float]:
+    """`identification.fit_adam` on mini-batches, per iteration."""
+    return _adam(s, BATCH, 1_000, 11_000)
+
+
+def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], float]:
+    from runtime.identification import fit_adam
+
+    problem = s.problem()
+    problem.statistics()  # kept by the problem
+
+    def run(count: int) -> None:
+        rule = StoppingRule(count, count + 1)
+        fit = fit_adam(problem, Preset(AdamOptions(1e-6), rule, batch))
+        if fit.iterations != count:
+            raise BenchError(f"the descent ended after {fit.iterations} of {count} iterations")
+
+    return _slope(run, short, long)
+
+
+def levenberg(s: Setting) -> Callable[[], float]:
+    """`Library.levenberg`, per step."""
+    from runtime.fitting import start_of
+
+    from runtime.descent import least_squares
+    from runtime.optimizers import LevenbergOptions
+
+    descent, options, steps = start_of(s.problem()), LevenbergOptions(), 5
+    squares = least_squares(s.lib, descent.statistics, descent.objective.unit)
+    names = ("first_damping", "step_tolerance", "decrease_tolerance")
+    settings = {name: getattr(options, name) for name in names}
+
+    def once() -> float:
+        jobs = s.lib.levenberg([descent.x0], [squares], settings, options.max_iterations)
+        start = time.perf_counter()
+        jobs.run(steps)
+        return (time.perf_counter() - start) / jobs[0].step
+
+    return once
+
+
+def excitation_value(s: Setting) -> Callable[[], float]:
+    """`Library.excitation_cost` without its gradient."""
+    t = s.trajectory
+    times = np.linspace(0.0, t.duration, COST_SAMPLES)[: COST_SAMPLES // 2]
+    basis = fourier_basis(s.lib, t.coefficients.shape[1], times, t.duration)[..., :3]
+    cost = s.lib.excitation_cost(t.home, basis)
+    return repeated(lambda: cost.value(t.coefficients))
+
+
+def excitation_gradient(s: Setting) -> Callable[[], float]:
+    """`ConditionCost.value_gradient`."""
+    t = s.trajectory
+    cost = ConditionCost(s.lib, t.home, t.coefficients.shape[1], t.duration)
+    return repeated(lambda: cost.value_gradient(t.coefficients))
+
+
+def monte_carlo(s: Setting) -> Callable[[], float]:
+    """`identify` from perturbed starts with the document's settings, all trials."""
+    train, validation, test = s.trials
+
+    def once() -> float:
+        rng = np.random.default_rng(0)
+        start = time.perf_counter()
+        for k in range(TRIALS):
+            runtime.identify(
+                train,
+                s.lib,
+                preset="simulation",
+                validation=validation,
+                test=test,
+                lam0=perturbed_lam(s.lib, PERTURBATION, rng),
+                seed=k,
+                certify=False,
+            )
+        return time.perf_counter() - start
+
+    return once
+
+
+# --- NumPy ----------------------------------------------------------------------------------
+
+
+def numpy_statistics(s: Setting) -> Callable[[], float]:
+    """Σ Y_bᵀ W Y_b with a stored Y_b, its evaluation included."""
+    return repeated(lambda: numpy_identify.gram(s.lib, s.train, s.weights), len(s.train))
+
+
+def numpy_adam_full(s: Setting) -> Callable[[], float]:
+    """From the Gram matrix."""
+    return _steps(numpy_identify.adam_full(s.lib, s.problem().start, s.train, s.weights), 500)
+
+
+def numpy_adam_batch(s: Setting) -> Callable[[], float]:
+    """From a stored Y_b."""
+    return _steps(
+        numpy_identify.adam_batch(s.lib, s.problem().start, s.train, s.weights, BATCH), 200
+    )
+
+
+def numpy_levenberg(s: Setting) -> Callable[[], float]:
+    """From the Cholesky factor of the Gram matrix."""
+    return _steps(numpy_identify.levenberg(s.lib, s.problem().start, s.train, s.weights), 20)
+
+
+def _steps(run: Callable[[int], object], count: int) -> Callable[[], float]:
+    return repeated(lambda: run(count), count)
+
+
+def numpy_excitation_value(s: Setting) -> Callable[[], float]:
+    """Gram matrix and its eigenvalues."""
+    return _numpy_cost(s, 0)
+
+
+def numpy_excitation_gradient(s: Setting) -> Callable[[], float]:
+    """By forward differences in every coefficient."""
+    return _numpy_cost(s, 1)
+
+
+def _numpy_cost(s: Setting, which: int) -> Callable[[], float]:
+    t = s.trajectory
+    work = numpy_identify.log_condition(s.lib, t.home, t.coefficients.shape[1], t.duration)[which]
+    return repeated(lambda: work(t.coefficients))

@@ -1,0 +1,253 @@
+"""The run behind `scripts/bench_identify`: a registry of measurements, one table.
+
+An entry names the C function behind it. Where the library has none, the entry is skipped and says
+so; a new function needs one more entry in `ENTRIES` and nothing else.
+"""
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from bench import doors
+from bench.clock import interleave, ratio
+from bench.doors import Setting
+from bench.machine import processor
+from runtime.library import Library
+from runtime.threads import one_blas_thread
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One quantity.
+
+    Attributes:
+        name: of it in JSON.
+        label: of it in tables.
+        needs: C function of the level, without robot and level.
+        ours, numpy: make a function that returns seconds of one unit of work.
+        document: seconds in the document, where it tells.
+        once: too long for rounds: measured once, NumPy not at all.
+    """
+
+    name: str
+    label: str
+    needs: str
+    ours: Callable[[Setting], Callable[[], float]]
+    numpy: Callable[[Setting], Callable[[], float]] | None
+    document: float | None = None
+    once: bool = False
+
+
+ENTRIES = (
+    Entry(
+        "statistics",
+        "statistics, per sample",
+        "statistics",
+        doors.statistics,
+        doors.numpy_statistics,
+    ),
+    Entry(
+        "adam_full",
+        "Adam iteration, all samples",
+        "adam",
+        doors.adam_full,
+        doors.numpy_adam_full,
+    ),
+    Entry(
+        "adam_batch",
+        "Adam iteration, mini-batch of 64",
+        "adam",
+        doors.adam_batch,
+        doors.numpy_adam_batch,
+        document=75e-3,
+    ),
+    Entry(
+        "levenberg",
+        "Levenberg–Marquardt step",
+        "levenberg",
+        doors.levenberg,
+        doors.numpy_levenberg,
+    ),
+    Entry(
+        "excitation_value",
+        "excitation, value",
+        "excitation_cost",
+        doors.excitation_value,
+        doors.numpy_excitation_value,
+    ),
+    Entry(
+        "excitation_gradient",
+        "excitation, value and gradient",
+        "excitation_cost",
+        doors.excitation_gradient,
+        doors.numpy_excitation_gradient,
+    ),
+    Entry(
+        "monte_carlo",
+        f"{doors.TRIALS} trials, ideal case, p = {doors.PERTURBATION}",
+        "adam",
+        doors.monte_carlo,
+        None,
+        document=doors.TRIALS * 57.0,
+        once=True,
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Seconds of one unit; a ratio says how many times longer the other takes."""
+
+    name: str
+    label: str
+    seconds: float
+    numpy: float | None
+    numpy_ratio: float | None
+    document: float | None
+    document_ratio: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Everything that one run measured.
+
+    Attributes:
+        skipped: label → why.
+    """
+
+    robot: str
+    level: str
+    processor: str
+    rounds: int
+    samples: int
+    rows: tuple[Row, ...]
+    skipped: dict[str, str]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+@one_blas_thread
+def measure(lib: Library, rounds: int, trials: bool, tell: Callable[[str], None]) -> Report:
+    """Time every entry that the library has functions for.
+
+    Args:
+        lib: of the FR3.
+        rounds: see `clock.interleave`.
+        trials: whether the entries that run once take part.
+        tell: is called with a line of progress.
+
+    Raises:
+        BenchError: the robot has no example trajectory.
+    """
+    setting, skipped, rows = doors.setting(lib), dict[str, str](), list[Row]()
+    has = _functions(lib)
+    for entry in ENTRIES:
+        why = _refusal(entry, lib, has, trials)
+        if why is None:
+            tell(f"{entry.label} ...")
+            rows.append(_measured(entry, setting, rounds))
+        else:
+            skipped[entry.label] = why
+    return Report(
+        lib.name, lib.level, processor(), rounds, len(setting.train), tuple(rows), skipped
+    )
+
+
+def _functions(lib: Library) -> Callable[[str], bool]:
+    dll = ctypes.CDLL(str((Path(lib.folder) / f"lib{lib.name}.so").resolve()))
+    return lambda name: hasattr(dll, f"{lib.name}_{lib.level}_{name}")
+
+
+def _refusal(entry: Entry, lib: Library, has: Callable[[str], bool], trials: bool) -> str | None:
+    if not has(entry.needs):
+        return f"the level '{lib.level}' of '{lib.name}' has no function '{entry.needs}'"
+    return "not asked for (--no-trials)" if entry.once and not trials else None
+
+
+def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
+    ours = entry.ours(setting)
+    numpy, times = None, None
+    if entry.once:
+        seconds = ours()
+    else:
+        contenders = {"ours": ours}
+        if entry.numpy is not None:
+            contenders["numpy"] = entry.numpy(setting)
+        found = interleave(contenders, rounds)
+        seconds = float(np.median(found["ours"]))
+        if "numpy" in found:
+            numpy, times = float(np.median(found["numpy"])), ratio(found["numpy"], found["ours"])
+    document = entry.document
+    return Row(
+        entry.name,
+        entry.label,
+        seconds,
+        numpy,
+        times,
+        document,
+        None if document is None else document / seconds,
+    )
+
+
+def table(report: Report) -> Table:
+    """One line per entry."""
+    shown = Table(
+        *_HEAD,
+        title=f"{report.robot}: identification and excitation, {report.level}, {report.processor}",
+        caption=(
+            f"Through the functions of runtime, one thread; {report.samples} training samples; the "
+            f"best of each of {report.rounds} interleaved rounds, medians over the rounds, ratios "
+            "within a round; trials once. NumPy: stored Y_b, products and steps in NumPy, "
+            "excitation gradient by differences. Document: its own times on its machine."
+        ),
+    )
+    for column in shown.columns[1:]:
+        column.justify = "right"
+    for row in report.rows:
+        shown.add_row(*_cells(row))
+    return shown
+
+
+def footnotes(report: Report) -> list[str]:
+    """What was skipped, as lines."""
+    return [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
+
+
+def markdown(report: Report) -> str:
+    """The same for the README."""
+    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
+    return "\n".join((*lines, *(f"| {' | '.join(_cells(row))} |" for row in report.rows)))
+
+
+_HEAD = ("work", "time", "NumPy", "NumPy / ours", "document", "document / ours")
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return (
+        row.label,
+        _time(row.seconds),
+        _time(row.numpy),
+        _times(row.numpy_ratio),
+        _time(row.document),
+        _times(row.document_ratio),
+    )
+
+
+def _time(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    for unit, scale in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= scale:
+            return f"{seconds / scale:.3g} {unit}" if seconds < 1e3 else f"{seconds:.0f} s"
+    return f"{seconds * 1e9:.3g} ns"
+
+
+def _times(value: float | None) -> str:
+    return "" if value is None else f"{value:.{1 if value < 10 else 0}f}×"

@@ -1,0 +1,127 @@
+"""Pinocchio's header-only algorithms in C++, compiled with clang for this processor."""
+
+import ctypes
+import itertools
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import numpy as np
+
+from bench.batch import Batch
+from bench.compiled import BenchError, compile_shared, find, open_shared
+from bench.peers.peer import REGRESSOR, Contender, Peer
+from bench.peers.pinocchio_model import model_text
+from runtime.library import Array, Library, to_pinocchio_order
+
+INSTANCES = 4
+"""Models with data of their own, measured in turn, the best one counts: with a single one, now and
+then a process was a third slower at the regressor while all else was as fast as ever."""
+
+
+def pinocchio_cpp(lib: Library, batch: Batch) -> Peer:
+    """Pinocchio's header-only algorithms, compiled for this processor.
+
+    Raises:
+        BenchError: it cannot be built here; says why.
+    """
+    compiler = find(("clang++", "g++"))
+    includes, versions = _headers()
+    flags = (
+        "-std=c++17",
+        "-O3",
+        "-march=native",
+        "-DNDEBUG",
+        # the definitions that Pinocchio's own CMake package hands to its users
+        "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+        "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
+        "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
+        "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
+        *(part for path in includes for part in ("-isystem", str(path))),
+    )
+    source = (Path(__file__).parent / "pinocchio_bench.cpp").read_text(encoding="utf-8")
+    path, command = compile_shared(compiler, flags, source, ".cpp", versions)
+    dll = open_shared(path)
+    opener = dll["peer_open"]
+    opener.restype = ctypes.c_void_p
+    states = [ctypes.c_void_p(x.ctypes.data) for x in (batch.q, batch.dq, batch.ddq, batch.tau)]
+    model = model_text(lib).encode()
+    handles = [
+        ctypes.c_void_p(opener(model, ctypes.c_long(batch.size), *states)) for _ in range(INSTANCES)
+    ]
+    timer, n = dll["peer_run"], lib.n_joints
+    timer.restype = ctypes.c_double
+    order = to_pinocchio_order(np.arange(10.0 * n)).astype(int)
+
+    def contender(algorithm: str, read: Callable[[Array], Array] | None) -> Contender:
+        result = np.zeros(10 * n * n)
+        turn = itertools.cycle(handles)
+
+        def run(calls: int) -> float:
+            handle, address = next(turn), ctypes.c_void_p(result.ctypes.data)
+            timer(handle, algorithm.encode(), ctypes.c_long(1), address)  # this one was away
+            return float(timer(handle, algorithm.encode(), ctypes.c_long(calls), address))
+
+        return Contender(algorithm, run, None if read is None else lambda: read(result))
+
+    def torque(result: Array) -> Array:
+        return result[:n]
+
+    def regressor(result: Array) -> Array:
+        y = np.empty((n, 10 * n))
+        y[:, order] = result.reshape(n, 10 * n)
+        return y
+
+    return Peer(
+        f"{versions}; {compiler.version}; {command}",
+        {
+            "inverse_dynamics": contender("rnea", torque),
+            "base_inverse_dynamics": contender("rnea", torque),
+            "torque": contender("rnea", torque),
+            "torque_jacobian": contender(f"{REGRESSOR} · ∂π/∂λ", None),
+            "regressor": contender(REGRESSOR, regressor),
+            "base_regressor": contender(REGRESSOR, lambda x: regressor(x)[:, lib.base_columns]),
+            "mass_matrix": contender("crba", lambda x: x[: n * n]),
+            "forward_dynamics": contender("aba", torque),
+            "end_effector": contender("forwardKinematics", None),
+            "loss_gradient": contender(f"{REGRESSOR}ᵀ W r", None),
+        },
+    )
+
+
+def _headers() -> tuple[tuple[Path, ...], str]:
+    """Folders with the headers of Pinocchio, Boost and Eigen, and whose versions they are.
+
+    Pinocchio's wheels bring Boost but not Eigen; where cmeel-eigen is not installed, the copy in
+    CasADi's wheel serves.
+    """
+    try:
+        package = distribution("libpinocchio")
+    except PackageNotFoundError:
+        raise BenchError("the wheel of Pinocchio (pip install pin) is not installed") from None
+    prefix = Path(str(package.locate_file("cmeel.prefix"))) / "include"
+    name = f"pinocchio {package.version}"
+    if not (prefix / "pinocchio" / "algorithm" / "rnea.hpp").exists():
+        raise BenchError(f"the installed Pinocchio brings no headers in '{prefix}'")
+    eigens = [prefix / "eigen3", Path("/usr/include/eigen3")]
+    try:
+        import casadi
+
+        eigens.insert(1, Path(casadi.__file__).parent / "include" / "eigen3")
+    except ImportError:
+        pass
+    for eigen in eigens:
+        if (eigen / "Eigen" / "Core").exists():
+            return (prefix, eigen), f"{name}, Eigen {_eigen_version(eigen)}"
+    raise BenchError("no Eigen headers found (looked for cmeel-eigen, CasADi's copy, /usr/include)")
+
+
+def _eigen_version(folder: Path) -> str:
+    text = "".join(
+        path.read_text(encoding="utf-8", errors="replace")
+        for path in (folder / "Eigen/Version", folder / "Eigen/src/Core/util/Macros.h")
+        if path.exists()
+    )
+    words = text.split()
+    names = [f"EIGEN_{part}_VERSION" for part in ("WORLD", "MAJOR", "MINOR")]
+    return ".".join(words[words.index(n) + 1] if n in words else "?" for n in names)

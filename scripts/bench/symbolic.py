@@ -1,0 +1,55 @@
+"""What only the generator knows of a kernel: its expressions and how many operations they are."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from runtime.library import Library
+
+
+@dataclass(frozen=True, slots=True)
+class Symbolic:
+    """One kernel before it became C.
+
+    Attributes:
+        function: of CasADi.
+        inputs: their names.
+        operations: per sample, without what depends on shared inputs alone.
+        sines: how many of them are sines and cosines.
+        scalar: all operations of one evaluation.
+    """
+
+    function: Any
+    inputs: tuple[str, ...]
+    operations: int
+    sines: int
+    scalar: int
+
+
+def symbolic(lib: Library, names: tuple[str, ...]) -> dict[str, Symbolic]:
+    """Generate a library's kernels once more, from the URDF and options that it was built from."""
+    from symgen.catalogue import make_catalogue
+    from symgen.chain import read_chain
+    from symgen.request import request_from_folder
+
+    request = request_from_folder(lib.folder)
+    catalogue = make_catalogue(read_chain(request.urdf, request.options))
+    return {k.name: facts_of(k) for k in catalogue.kernels if k.name in names}
+
+
+def facts_of(kernel: Any) -> Symbolic:
+    """Counts of a kernel's instruction list; a sine or cosine is one operation."""
+    import casadi as ca
+
+    f, operations, sines = kernel.function, 0, 0
+    own: dict[int, bool] = {}
+    for k in range(f.n_instructions()):
+        op, ins, outs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        if op == ca.OP_INPUT:
+            own[outs[0]] = not kernel.inputs[ins[0]].shared
+        elif op == ca.OP_CONST:
+            own[outs[0]] = False
+        elif op != ca.OP_OUTPUT:
+            own[outs[0]] = any(own[i] for i in ins)
+            operations += own[outs[0]]
+            sines += own[outs[0]] and op in {ca.OP_SIN, ca.OP_COS}
+    return Symbolic(f, tuple(a.name for a in kernel.inputs), operations, sines, kernel.operations)

@@ -26,7 +26,7 @@ from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
 
-PER_LEVEL = ("tiles.c", "adam.c")
+PER_LEVEL = ("tiles.c", "adam.c", "statistics.c")
 """Sources that are compiled once per instruction set."""
 
 

@@ -5,6 +5,9 @@
 
 #include <math.h>
 #include <stdint.h>
+#if defined(__AVX__)
+#include <immintrin.h> /* for its square root only: compilers take theirs apart into single ones */
+#endif
 
 typedef double vd __attribute__((vector_size(8 * W)));
 /* the same, wherever it starts in memory */
@@ -18,10 +21,16 @@ static inline vd vd_all(double x)
 
 static inline vd vd_sqrt(vd x)
 {
+#if W == 8 && defined(__AVX512F__)
+    return (vd)_mm512_sqrt_pd((__m512d)x);
+#elif W == 4 && defined(__AVX__)
+    return (vd)_mm256_sqrt_pd((__m256d)x);
+#else
     for (int l = 0; l < W; ++l) {
         x[l] = sqrt(x[l]);
     }
     return x;
+#endif
 }
 
 /* Truth is 1.0 or 0.0 per lane, as in the scalar code. */

@@ -13,7 +13,8 @@ from typing import Any
 
 import jinja2
 
-from symgen.emit.ssa import c_body, tile_program
+from symgen.emit.elimination import eliminate, fill_in
+from symgen.emit.ssa import TileProgram, c_body, tile_program
 from symgen.kernel import Argument, Kernel
 
 _TEMPLATES = Path(__file__).parents[1] / "templates"
@@ -74,7 +75,43 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
+    by_name = {kernel.name: kernel for kernel in kernels}
+    if "base_regressor" in by_name:
+        regressor = by_name["base_regressor"]
+        context |= _elimination(regressor, tiles[regressor.name])
+        files["statistics.c"] = render("statistics.c.jinja2", context)
     return EmittedRobot(files, manifest["model_hash"])
+
+
+def _elimination(regressor: Kernel, tile: TileProgram) -> dict[str, Any]:
+    """Tables of the rows [Y_b tau] for the templates that eliminate them."""
+    joints, base = regressor.outputs[0].shape
+    entries = {divmod(index, base) for index in tile.filled[regressor.outputs[0].name]}
+    pattern = [[(i, c) in entries for c in range(base)] + [True] for i in range(joints)]
+    panels = eliminate(pattern, base)
+    rows: list[int] = []
+    columns: list[int] = []
+    placed = []
+    for p in panels:
+        placed.append(
+            {"first": p.first, "width": p.width, "row_at": len(rows), "rows": p.rows,
+             "column_at": len(columns), "columns": p.columns}
+        )
+        rows += p.rows
+        columns += p.columns
+    per_joint = [[c for c in range(base + 1) if row[c]] for row in pattern]
+    return {
+        "joints": joints,
+        "base": base,
+        "turned": tile.turned,
+        "panels": placed,
+        "row_table": rows,
+        "column_table": columns,
+        "filled": sorted(entries),
+        "cleared": fill_in(pattern, panels),
+        "joint_table": [c for row in per_joint for c in row],
+        "joint_at": [sum(map(len, per_joint[:i])) for i in range(joints + 1)],
+    }
 
 
 def _kernel_entry(kernel: Kernel) -> dict[str, Any]:

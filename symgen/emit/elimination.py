@@ -9,17 +9,17 @@ Linear Algebra Appl. 34, 1980).
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-PANEL = 2
-"""Columns that are eliminated together: each number that is loaded then serves twice as often."""
+PANEL = 8
+"""Most columns of a panel: while they are applied to others, all of them stay in the first cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Neighbouring columns with the same rows.
+    """Neighbouring columns with the same rows, each one with all later ones to its right.
 
     Attributes:
         first: the leftmost column.
-        width: 1 or `PANEL`.
+        width: at most `PANEL`.
         rows: those with an entry in these columns, ascending.
         columns: those right of the panel that change, ascending.
     """

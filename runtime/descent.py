@@ -11,9 +11,10 @@ import numpy as np
 
 from runtime.library import Array, Batches, CompiledAdam, Quadratic
 from runtime.library.adam import DIVERGED
-from runtime.objective import Compressed, CompressedObjective, TorqueObjective, compress
+from runtime.objective import TorqueObjective
 from runtime.optimizers import AdamOptions, Outcome, Status, StoppingRule, Trace, minimise
 from runtime.problem import Problem
+from runtime.statistics import CompressedObjective, Statistics, compress
 
 CHUNK = 500
 """Iterations between two looks at progress and Ctrl-C."""
@@ -29,7 +30,7 @@ class Preset:
 
 
 def descend(
-    problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
+    problem: Problem, objective: TorqueObjective, statistics: Statistics, x0: Array, preset: Preset
 ) -> Outcome:
     """Descend from x0 by the compiled loop if there is one, else by the reference."""
     if problem.lib.compiled_adam is None:
@@ -38,7 +39,7 @@ def descend(
 
 
 def descend_by_steps(
-    problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
+    problem: Problem, objective: TorqueObjective, statistics: Statistics, x0: Array, preset: Preset
 ) -> Outcome:
     """The reference: one NumPy step at a time."""
     held = TorqueObjective(problem.lib, problem.validation, problem.weights, objective.unit)
@@ -54,7 +55,7 @@ def descend_by_steps(
 
 
 def _descend_compiled(
-    problem: Problem, objective: TorqueObjective, statistics: Compressed, x0: Array, preset: Preset
+    problem: Problem, objective: TorqueObjective, statistics: Statistics, x0: Array, preset: Preset
 ) -> Outcome:
     lib, rule, train = problem.lib, preset.rule, problem.train
     held = compress(lib, problem.validation, problem.weights)
@@ -119,11 +120,11 @@ def _run(
     return Status.MAX_ITERATIONS
 
 
-def _quadratic(statistics: Compressed, unit: Array) -> Quadratic:
+def _quadratic(statistics: Statistics, unit: Array) -> Quadratic:
     """The mean loss in y = [π; ψ]: H = RᵀR/N with the friction columns in units of ψ."""
-    n_phi = unit.size
-    scale = np.concatenate([np.ones(statistics.factor.shape[1] - n_phi), unit.ravel()])
-    rows, n = statistics.factor * scale, statistics.n_samples
+    factor, n = statistics.over_pi(), statistics.n_samples
+    scale = np.concatenate([np.ones(factor.shape[1] - unit.size), unit.ravel()])
+    rows = factor * scale
     return Quadratic(
         rows.T @ rows / n,
         rows.T @ statistics.target / n,

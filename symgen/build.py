@@ -25,9 +25,12 @@ from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
-
 PER_LEVEL = ("tiles.c", "adam.c", "statistics.c")
 """Sources that are compiled once per instruction set."""
+
+
+ONCE = ("kernels.c", "update.c")
+"""Sources of plain C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +120,8 @@ def _write_files(staging: Path, robot: EmittedRobot) -> None:
 def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
     library = staging / f"lib{request.name}.so"
     per_level = [staging / name for name in PER_LEVEL if name in names]
-    compiled = compile_library([staging / "kernels.c"], library, per_level)
+    once = [staging / name for name in ONCE if name in names]
+    compiled = compile_library(once, library, per_level)
     record = {
         "fingerprint": request.fingerprint,
         "sha256": compiled.sha256,

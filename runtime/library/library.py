@@ -10,6 +10,7 @@ from runtime.errors import LibraryError, NotRealisableError, ShapeError
 from runtime.library.adam import Batches, CompiledAdam, Quadratic
 from runtime.library.binding import Array, Binding
 from runtime.library.manifest import PI_NAMES, read_manifest
+from runtime.library.statistics import CompiledStatistics
 
 _SIZE = len(PI_NAMES)
 
@@ -55,6 +56,12 @@ class Library:
         self.compiled_adam = self._binding.function("adam")
         """The descent of this level in C; None at the portable level."""
         m = self.manifest
+        self.compiled_statistics = (
+            CompiledStatistics(self._binding.own, len(m.joints), len(m.base_columns))
+            if self._binding.own("statistics") is not None
+            else None
+        )
+        """The statistics of this level in C; None where the library has none."""
         self.name = m.robot
         self.joint_names = tuple(j.name for j in m.joints)
         self.link_names = tuple(j.link for j in m.joints)

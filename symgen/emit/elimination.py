@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 PANEL = 8
-"""Most columns of a panel: while they are applied to others, all of them stay in the first cache."""
+"""Most columns of a panel: they stay in the first cache while they are applied to others."""
 
 
 @dataclass(frozen=True, slots=True)

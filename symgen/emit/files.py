@@ -65,6 +65,9 @@ def emit(
         "versions": versions,
         "identifies": bodies.keys() >= IDENTIFICATION,
     }
+    regressor = next((k for k in kernels if k.name == "base_regressor"), None)
+    if regressor is not None:
+        context |= _elimination(regressor, tiles[regressor.name])
     render = _renderer()
     files = {
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
@@ -75,11 +78,9 @@ def emit(
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }
-    by_name = {kernel.name: kernel for kernel in kernels}
-    if "base_regressor" in by_name:
-        regressor = by_name["base_regressor"]
-        context |= _elimination(regressor, tiles[regressor.name])
+    if regressor is not None:
         files["statistics.c"] = render("statistics.c.jinja2", context)
+        files["update.c"] = render("update.c.jinja2", context)
     return EmittedRobot(files, manifest["model_hash"])
 
 
@@ -94,11 +95,18 @@ def _elimination(regressor: Kernel, tile: TileProgram) -> dict[str, Any]:
     placed = []
     for p in panels:
         placed.append(
-            {"first": p.first, "width": p.width, "row_at": len(rows), "rows": p.rows,
-             "column_at": len(columns), "columns": p.columns}
+            {
+                "first": p.first,
+                "width": p.width,
+                "row_at": len(rows),
+                "rows": p.rows,
+                "column_at": len(columns),
+                "columns": p.columns,
+            }
         )
         rows += p.rows
         columns += p.columns
+    runs = [_run([c for c in range(base) if row[c]]) for row in pattern]
     per_joint = [[c for c in range(base + 1) if row[c]] for row in pattern]
     return {
         "joints": joints,
@@ -107,11 +115,18 @@ def _elimination(regressor: Kernel, tile: TileProgram) -> dict[str, Any]:
         "panels": placed,
         "row_table": rows,
         "column_table": columns,
-        "filled": sorted(entries),
-        "cleared": fill_in(pattern, panels),
+        "runs": runs,
+        "cleared": [
+            (i, c) for i, c in fill_in(pattern, panels) if not runs[i][0] <= c < runs[i][1]
+        ],
         "joint_table": [c for row in per_joint for c in row],
         "joint_at": [sum(map(len, per_joint[:i])) for i in range(joints + 1)],
     }
+
+
+def _run(columns: list[int]) -> tuple[int, int]:
+    """From the first to behind the last of them."""
+    return (columns[0], columns[-1] + 1) if columns else (0, 0)
 
 
 def _kernel_entry(kernel: Kernel) -> dict[str, Any]:
@@ -142,7 +157,7 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
         keep_trailing_newline=True,
         autoescape=False,  # noqa: S701  C and Markdown, not HTML
     )
-    environment.tests["idle_in"] = lambda name, lines: not any(
-        re.search(rf"\b{name}\[", line) for line in lines
+    environment.tests["idle_in"] = lambda name, lines: (
+        not any(re.search(rf"\b{name}\[", line) for line in lines)
     )
     return lambda template, context: environment.get_template(template).render(context)

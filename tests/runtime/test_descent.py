@@ -8,9 +8,10 @@ import pytest
 from runtime.descent import Preset, descend, descend_by_steps
 from runtime.errors import LibraryError
 from runtime.library import Library, load
-from runtime.objective import Samples, TorqueObjective, compress, thesis_weights
+from runtime.objective import Samples, TorqueObjective, thesis_weights
 from runtime.optimizers import AdamOptions, Status, StoppingRule
 from runtime.problem import Problem
+from runtime.statistics import compress
 
 NEVER = 10**9
 

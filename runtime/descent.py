@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.library import AdamProblem, Array, CompiledAdam, LeastSquares, Library
+from runtime.library import AdamProblem, Array, CompiledAdam, LeastSquares
 from runtime.library.descent import CONVERGED, DIVERGED, PATIENCE, STALLED
-from runtime.objective import Compressed, CompressedObjective, TorqueObjective, compress
+from runtime.objective import TorqueObjective
 from runtime.optimizers import (
     AdamOptions,
     LevenbergOptions,
@@ -24,6 +24,7 @@ from runtime.optimizers import (
     minimise,
 )
 from runtime.problem import Problem
+from runtime.statistics import CompressedObjective, Statistics, compress
 
 CHUNK = 500
 """Iterations between two looks at progress and Ctrl-C."""
@@ -52,8 +53,8 @@ class Descent:
 
     problem: Problem
     objective: TorqueObjective
-    statistics: Compressed
-    held: Compressed
+    statistics: Statistics
+    held: Statistics
     x0: Array
 
 
@@ -147,7 +148,7 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
         "step_tolerance": options.step_tolerance,
         "decrease_tolerance": options.decrease_tolerance,
     }
-    squares = least_squares(problem.lib, descent.statistics, objective.unit)
+    squares = least_squares(descent.statistics, objective.unit)
     jobs = problem.lib.levenberg([descent.x0], [squares], settings, options.max_iterations)
     job, trace, interrupted = jobs[0], list[tuple[int, float, float]](), False
     try:
@@ -171,7 +172,7 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
 def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
     """Levenberg–Marquardt by the reference: one NumPy step at a time."""
     problem, objective = descent.problem, descent.objective
-    lib, squares = problem.lib, least_squares(problem.lib, descent.statistics, objective.unit)
+    lib, squares = problem.lib, least_squares(descent.statistics, objective.unit)
     validation = CompressedObjective(objective, descent.held)
     size = problem.start.size
 
@@ -196,22 +197,17 @@ def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
     )
 
 
-def least_squares(lib: Library, statistics: Compressed, unit: Array) -> LeastSquares:
+def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:
     """The mean loss in y = [β; ψ] with a triangular factor, friction columns in units of ψ."""
-    n_phi = unit.size
-    friction = statistics.factor[:, statistics.factor.shape[1] - n_phi :] * unit.ravel()
-    matrix = np.hstack([statistics.factor[:, list(lib.base_columns)], friction])
-    rows = np.column_stack([matrix, statistics.target])
-    width = matrix.shape[1]
-    short = np.zeros((width + 1, width + 1))
-    factor = np.linalg.qr(rows, mode="r")
-    short[: len(factor)] = factor
-    return LeastSquares(
-        short[:width, :width],
-        short[:width, width],
-        statistics.rest + float(short[width, width] ** 2),
-        1 / (2 * statistics.n_samples),
-    )
+    scale = 1 / (2 * statistics.n_samples)
+    if not unit.size:  # the factor over β alone is triangular already
+        return LeastSquares(statistics.factor, statistics.target, statistics.rest, scale)
+    columns = statistics.factor.copy()
+    columns[:, statistics.n_base :] *= unit.ravel()
+    width = len(statistics.target)
+    rows = np.column_stack([columns, statistics.target])
+    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+    return LeastSquares(triangle[:, :width], triangle[:, width], statistics.rest, scale)
 
 
 def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
@@ -223,8 +219,8 @@ def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
         samples = np.hstack([s.q, s.dq, s.ddq, s.tau, columns])
     return AdamProblem(
         descent.x0,
-        least_squares(problem.lib, descent.statistics, unit),
-        least_squares(problem.lib, descent.held, unit),
+        least_squares(descent.statistics, unit),
+        least_squares(descent.held, unit),
         samples,
         problem.weights,
     )

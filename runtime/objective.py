@@ -1,4 +1,4 @@
-"""Recording + library → the weighted torque loss, its gradient, and its compressed statistics.
+"""Recording + library → the weighted torque loss and its gradient.
 
 L(λ, φ) = (1/N) Σ ½ rᵀ W r,  r = Y π(λ) + F φ − τ (Eqs. 4.5, 4.6), with friction F φ as an option.
 The unknowns are x = [λ, ψ]: φ = ψ · unit, where one unit of ψ moves the torque of its joint by as
@@ -17,8 +17,6 @@ from runtime.recording import Recording
 
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
-
-_CHUNK = 1000
 
 
 def thesis_weights(tau: Array) -> Array:
@@ -121,85 +119,3 @@ def friction_unit(samples: Samples) -> Array:
     torque = np.sqrt(np.mean(samples.tau**2, axis=0) + THESIS_SIGMA**2)
     rms = np.sqrt(np.mean(samples.columns**2, axis=0))
     return torque[:, None] / np.where(rms > 0, rms, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Compressed:
-    """All that least squares needs of N samples: ‖R [π; φ] − r‖² + ρ = Σ rᵀ W r.
-
-    The factor comes from a streamed QR, never from normal equations, so ill-conditioned data keep
-    their digits; Y is never stored.
-
-    Attributes:
-        factor: R, (p, p) upper triangular, p = 10 n + n k.
-        target: r, (p,).
-        rest: ρ, what no parameters explain.
-        n_samples: N.
-    """
-
-    factor: Array
-    target: Array
-    rest: float
-    n_samples: int
-
-    def value(self, pi: Array, phi: Array) -> float:
-        """L at π, φ."""
-        residual = self.factor @ np.concatenate([pi, phi.ravel()]) - self.target
-        return float((residual @ residual + self.rest) / (2 * self.n_samples))
-
-    def base_columns(self, lib: Library) -> tuple[Array, Array]:
-        """R's columns of the base parameters and the friction, each of length one, and lengths.
-
-        A silent column stays zero and counts as of length one.
-        """
-        friction_columns = range(lib.pi0.size, self.factor.shape[1])
-        matrix = self.factor[:, [*lib.base_columns, *friction_columns]]
-        lengths = np.linalg.norm(matrix, axis=0)
-        lengths = np.where(lengths > 0, lengths, 1.0)
-        return matrix / lengths, lengths
-
-
-def compress(lib: Library, samples: Samples, weights: Array) -> Compressed:
-    """Stream the weighted rows [Y F τ] through QR."""
-    n, k = samples.columns.shape[1:]
-    width = lib.pi0.size + n * k + 1
-    factor = np.zeros((0, width))
-    root = np.sqrt(weights)
-    for start in range(0, len(samples), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        y = lib.regressor(samples.q[part], samples.dq[part], samples.ddq[part])
-        rows = np.zeros((len(y), n, width))
-        rows[:, :, : lib.pi0.size] = y
-        for j in range(n):
-            first = lib.pi0.size + j * k
-            rows[:, j, first : first + k] = samples.columns[part, j]
-        rows[:, :, -1] = samples.tau[part]
-        rows *= root[:, None]
-        stacked = np.vstack([factor, rows.reshape(-1, width)])
-        factor = np.asarray(np.linalg.qr(stacked, mode="r"))
-    square = np.zeros((width, width))
-    square[: len(factor)] = factor
-    return Compressed(
-        factor=square[:-1, :-1],
-        target=square[:-1, -1],
-        rest=float(square[-1, -1] ** 2),
-        n_samples=len(samples),
-    )
-
-
-class CompressedObjective:
-    """L(x) and ∇L(x) from compressed statistics: the cost does not depend on N."""
-
-    def __init__(self, whole: TorqueObjective, statistics: Compressed) -> None:
-        self.whole, self.statistics = whole, statistics
-
-    def value_gradient(self, x: Array) -> tuple[float, Array]:
-        """L and ∇L over all samples."""
-        lib, s = self.whole.lib, self.statistics
-        lam, phi = self.whole.split(x)
-        residual = s.factor @ np.concatenate([lib.pi_from_lam(lam), phi.ravel()]) - s.target
-        slope = s.factor.T @ residual / s.n_samples
-        n_lam = lib.pi_adjoint(lam, slope[: lam.size])
-        n_phi = slope[lam.size :] * self.whole.unit.ravel()
-        value = (residual @ residual + s.rest) / (2 * s.n_samples)
-        return float(value), np.concatenate([n_lam, n_phi])

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.objective import Compressed, Samples, compress
+from runtime.objective import Samples
 from runtime.optimizers import Trace
+from runtime.statistics import Statistics, compress
 
 
 @dataclass(frozen=True)  # no slots: the statistics are computed once and kept
@@ -31,12 +32,12 @@ class Problem:
     seed: int = 0
     progress: Callable[[int, float], None] | None = None
 
-    def statistics(self, weights: Array | None = None) -> Compressed:
+    def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training data, with the problem's weights unless others are given."""
         return self._weighted if weights is None else compress(self.lib, self.train, weights)
 
     @cached_property
-    def _weighted(self) -> Compressed:
+    def _weighted(self) -> Statistics:
         return compress(self.lib, self.train, self.weights)
 
 
@@ -63,8 +64,9 @@ class Fit:
     notes: tuple[str, ...] = ()
 
 
-def best_friction(statistics: Compressed, pi: Array, shape: tuple[int, ...]) -> Array:
+def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:
     """Friction coefficients (n, k) that fit best at fixed π."""
-    rest = statistics.target - statistics.factor[:, : pi.size] @ pi
-    solution = np.linalg.lstsq(statistics.factor[:, pi.size :], rest, rcond=None)[0]
+    columns = statistics.factor[:, statistics.n_base :]
+    rest = -statistics.residual(pi, np.zeros(columns.shape[1]))
+    solution = np.linalg.lstsq(columns, rest, rcond=None)[0]
     return np.asarray(solution, dtype=float).reshape(shape)

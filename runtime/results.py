@@ -13,7 +13,8 @@ from runtime import metrics
 from runtime.atomic import replacing
 from runtime.identification import Identification
 from runtime.library import Array
-from runtime.objective import compress, samples_of
+from runtime.objective import samples_of
+from runtime.statistics import compress
 
 FORMAT = 1
 SUSPICIOUSLY_GOOD = 1e-4
@@ -97,7 +98,7 @@ def write_result(result: Identification, folder: Path, command: str) -> dict[str
 def condition_number(result: Identification) -> float | None:
     """cond of the column-normalised [Y_b F] of the training samples; None when it is singular."""
     lib, train = result.lib, samples_of(result.train, result.lib)
-    matrix, _ = compress(lib, train, np.ones(lib.n_joints)).base_columns(lib)
+    matrix, _ = compress(lib, train, np.ones(lib.n_joints)).unit_columns()
     sigma = np.linalg.svd(matrix, compute_uv=False)
     return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 

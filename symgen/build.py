@@ -25,7 +25,9 @@ from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
-PER_LEVEL = ("tiles.c", "descent.c", "excitation.c")
+ONCE = ("kernels.c", "update.c")
+"""Sources of plain C."""
+PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "excitation.c")
 """Sources that are compiled once per instruction set."""
 UNHURRIED = ("reference.c",)
 """Sources that nobody waits for: compiled without optimisation, which saves build time."""
@@ -118,8 +120,9 @@ def _write_files(staging: Path, robot: EmittedRobot) -> None:
 def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
     library = staging / f"lib{request.name}.so"
     per_level = [staging / name for name in PER_LEVEL if name in names]
+    once = [staging / name for name in ONCE if name in names]
     unhurried = [staging / name for name in UNHURRIED if name in names]
-    compiled = compile_library([staging / "kernels.c"], library, per_level, unhurried)
+    compiled = compile_library(once, library, per_level, unhurried)
     record = {
         "fingerprint": request.fingerprint,
         "sha256": compiled.sha256,

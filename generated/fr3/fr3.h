@@ -81,6 +81,15 @@ void fr3_transfer_basis(const double t[1], const double t_f[1], double S[4]);
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations. */
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21]);
 
+/* Length of beta, and the side of the statistics' factor, whose last column is that of tau. */
+enum { FR3_BASE = 43, FR3_STATISTICS = 44 };
+
+/* One more sample: factor'factor becomes forgetting factor'factor + [Y_b tau]' W [Y_b tau]. The
+ * factor is upper triangular, row-major, begins as zeros, and keeps its diagonal nonnegative;
+ * forgetting lies in (0, 1], weight is the diagonal of W. The solution of least squares is that of
+ * the triangular system factor[0..BASE)[0..BASE) beta = factor[0..BASE)[BASE]. See update.c. */
+void fr3_statistics_update(double factor[1936], double forgetting, const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7]);
+
 /* L = (||R y - r||^2 + rest) scale, y = [K pi; psi]; R is upper triangular, column after column. */
 typedef struct {
     const double *factor, *target;

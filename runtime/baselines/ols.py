@@ -22,7 +22,7 @@ def fit_ols(problem: Problem) -> Fit:
     """
     lib = problem.lib
     statistics = problem.statistics(np.ones(lib.n_joints))
-    matrix, norms = statistics.base_columns(lib)
+    matrix, norms = statistics.unit_columns()
     sigma = np.linalg.svd(matrix, compute_uv=False)
     rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
     if rank < norms.size:

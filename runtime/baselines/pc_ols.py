@@ -14,8 +14,8 @@ from scipy import sparse
 
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
-from runtime.objective import Compressed
 from runtime.problem import Fit, Problem
+from runtime.statistics import Statistics
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
@@ -41,7 +41,7 @@ class ConvexOptimum:
     status: str
 
 
-def convex_optimum(lib: Library, statistics: Compressed) -> ConvexOptimum:
+def convex_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
     """Solve the cone program min t, ‖R x − r‖ ≤ t, P_k ⪰ 0.
 
     Raises:
@@ -88,11 +88,12 @@ def fit_pc_ols(problem: Problem) -> Fit:
 class _Cones:
     """The problem's cones in scaled unknowns x = [π̂; φ], π̂ in units of kg and `LENGTH`."""
 
-    def __init__(self, lib: Library, statistics: Compressed) -> None:
+    def __init__(self, lib: Library, statistics: Statistics) -> None:
         per_link = np.array([1.0, *(LENGTH,) * 3, *(LENGTH**2,) * 6])
         scale = np.tile(per_link, lib.n_joints)
-        friction = np.linalg.norm(statistics.factor[:, scale.size :], axis=0)
-        typical = np.median(np.linalg.norm(statistics.factor[:, : scale.size] * scale, axis=0))
+        self._factor = statistics.over_pi()
+        friction = np.linalg.norm(self._factor[:, scale.size :], axis=0)
+        typical = np.median(np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0))
         self._lib = lib
         self._scale = np.concatenate([scale, typical / np.where(friction > 0, friction, typical)])
         self._statistics = statistics
@@ -109,7 +110,7 @@ class _Cones:
 
     def residual_cone(self, extra: int, bound: float | None) -> "_Block":
         """‖R x − r‖ ≤ bound, or ≤ the last unknown (in units of ‖r‖) when there is no bound."""
-        matrix = self._statistics.factor * self._scale / self._unit
+        matrix = self._factor * self._scale / self._unit
         top = np.zeros((1, self.width + extra))
         head = 0.0
         if bound is None:

@@ -72,6 +72,10 @@ class Binding:
         work.argtypes, work.restype = (ctypes.c_void_p,), ctypes.c_long
         return cost, work
 
+    def own(self, name: str) -> Any:
+        """Any function of the level, without types; None where there is none."""
+        return getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
+
     def _symbol(self, name: str) -> Any:
         try:
             return self._dll[name]

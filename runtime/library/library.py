@@ -13,6 +13,7 @@ from runtime.library.binding import Array, Binding
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.manifest import PI_NAMES, read_manifest
+from runtime.library.statistics import CompiledStatistics
 
 _SIZE = len(PI_NAMES)
 
@@ -63,6 +64,12 @@ class Library:
         self._adam = self._binding.function("adam", *job)
         self._levenberg = self._binding.function("levenberg", *job)
         m = self.manifest
+        self.compiled_statistics = (
+            CompiledStatistics(self._binding.own, len(m.joints), len(m.base_columns))
+            if self._binding.own("statistics") is not None
+            else None
+        )
+        """The statistics of this level in C; None where the library has none."""
         self.name = m.robot
         self.joint_names = tuple(j.name for j in m.joints)
         self.link_names = tuple(j.link for j in m.joints)

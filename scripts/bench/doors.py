@@ -143,9 +143,8 @@ def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], 
 
 def levenberg(s: Setting) -> Callable[[], float]:
     """`Library.levenberg`, per step."""
-    from runtime.fitting import start_of
-
     from runtime.descent import least_squares
+    from runtime.fitting import start_of
     from runtime.optimizers import LevenbergOptions
 
     descent, options, steps = start_of(s.problem()), LevenbergOptions(), 5

@@ -68,7 +68,7 @@ def emit(
         "versions": versions,
     }
     extras = programs(kernels, tiles, facts)
-    context["programs"] = {extra.file for extra in extras}
+    context["programs"] = {extra.file: extra.context for extra in extras}
     render = _renderer()
     files = {
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",

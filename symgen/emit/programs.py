@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Any
 
+from symgen.emit.elimination import eliminate, fill_in
 from symgen.emit.ssa import TileProgram
 from symgen.kernel import Kernel
 
@@ -28,6 +29,9 @@ def programs(
     """The programs whose kernels are there."""
     by_name = {kernel.name: kernel for kernel in kernels}
     found = []
+    if by_name.keys() >= _STATISTICS:
+        tables = _statistics(by_name, tiles)
+        found += [Program("statistics.c", tables), Program("update.c", tables)]
     if by_name.keys() >= _DESCENT:
         found.append(Program("descent.c", _descent(by_name, tiles)))
     if by_name.keys() >= _EXCITATION:
@@ -37,9 +41,56 @@ def programs(
     return tuple(found)
 
 
+_STATISTICS = {"base_regressor"}
 _DESCENT = {"loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"}
 _EXCITATION = {"base_regressor", "regressor_adjoint"}
 _EXAMPLE = {"inverse_dynamics", "regressor"}
+
+
+def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
+    """Tables of the rows [Y_b tau] for the programs that eliminate them."""
+    (output,) = kernels["base_regressor"].outputs
+    joints, base = output.shape
+    filled = tiles["base_regressor"].filled[output.name]
+    entries = {divmod(index, base) for index in filled}
+    pattern = [[(i, c) in entries for c in range(base)] + [True] for i in range(joints)]
+    panels = eliminate(pattern, base)
+    rows: list[int] = []
+    columns: list[int] = []
+    placed = []
+    for p in panels:
+        placed.append(
+            {
+                "first": p.first,
+                "width": p.width,
+                "row_at": len(rows),
+                "rows": p.rows,
+                "column_at": len(columns),
+                "columns": p.columns,
+            }
+        )
+        rows += p.rows
+        columns += p.columns
+    runs = [_run([c for c in range(base) if row[c]]) for row in pattern]
+    per_joint = [[c for c in range(base + 1) if row[c]] for row in pattern]
+    return {
+        "joints": joints,
+        "base": base,
+        "panels": placed,
+        "row_table": rows,
+        "column_table": columns,
+        "runs": runs,
+        "cleared": [
+            (i, c) for i, c in fill_in(pattern, panels) if not runs[i][0] <= c < runs[i][1]
+        ],
+        "joint_table": [c for row in per_joint for c in row],
+        "joint_at": [sum(map(len, per_joint[:i])) for i in range(joints + 1)],
+    }
+
+
+def _run(columns: list[int]) -> tuple[int, int]:
+    """From the first to behind the last of them."""
+    return (columns[0], columns[-1] + 1) if columns else (0, 0)
 
 
 def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:

@@ -12,8 +12,9 @@ from runtime.baselines.pc_ols import SLACK
 from runtime.errors import IdentificationError
 from runtime.friction import add_columns
 from runtime.library import Library
-from runtime.objective import Compressed, Samples, compress, samples_of, thesis_weights
+from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.problem import Problem, best_friction
+from runtime.statistics import Statistics, compress
 
 
 def problem_of(lib: Library, samples: Samples) -> Problem:
@@ -34,12 +35,12 @@ def measured(lib: Library, noisy: Recording) -> Problem:
 
 
 @pytest.fixture(scope="module")
-def measured_statistics(measured: Problem) -> Compressed:
+def measured_statistics(measured: Problem) -> Statistics:
     return measured.statistics()
 
 
 @pytest.fixture(scope="module")
-def optimum(lib: Library, measured_statistics: Compressed) -> ConvexOptimum:
+def optimum(lib: Library, measured_statistics: Statistics) -> ConvexOptimum:
     return convex_optimum(lib, measured_statistics)
 
 
@@ -177,7 +178,7 @@ def test_pc_ols_recovers_the_truth_without_noise(
 
 
 def test_pc_ols_stays_near_the_guess_within_its_slack(
-    lib: Library, measured: Problem, measured_statistics: Compressed, optimum: ConvexOptimum
+    lib: Library, measured: Problem, measured_statistics: Statistics, optimum: ConvexOptimum
 ) -> None:
     """Property: at most `SLACK` above the optimum, consistent, and nearer to the guess than it."""
     fit = fit_pc_ols(measured)
@@ -192,7 +193,7 @@ def test_pc_ols_stays_near_the_guess_within_its_slack(
 @settings(max_examples=40)
 def test_no_consistent_model_beats_the_optimum(
     lib: Library,
-    measured_statistics: Compressed,
+    measured_statistics: Statistics,
     optimum: ConvexOptimum,
     pi_true: np.ndarray,
     seed: int,
@@ -208,7 +209,7 @@ def test_no_consistent_model_beats_the_optimum(
 
 
 def test_best_friction_is_stationary(
-    lib: Library, measured: Problem, measured_statistics: Compressed
+    lib: Library, measured: Problem, measured_statistics: Statistics
 ) -> None:
     """Property: no step in φ lowers the loss at fixed π; on clean friction φ is exact."""
     phi = best_friction(measured_statistics, lib.pi0, (7, 2))

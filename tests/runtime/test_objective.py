@@ -1,18 +1,15 @@
-"""runtime.objective: weights, loss, gradient, and the statistics that stand for all samples."""
+"""runtime.objective: weights, loss and gradient on samples."""
 
 import numpy as np
 import pytest
 
-import runtime.objective as objective_module
 from runtime import Recording
 from runtime.errors import IdentificationError
 from runtime.friction import add_columns
 from runtime.library import Library
 from runtime.objective import (
-    CompressedObjective,
     Samples,
     TorqueObjective,
-    compress,
     friction_unit,
     samples_of,
     thesis_weights,
@@ -100,65 +97,6 @@ def test_mini_batches_average_to_the_whole(objective: TorqueObjective, point: np
     assert np.mean(losses) == pytest.approx(value, rel=1e-12)
     difference = np.linalg.norm(np.mean(gradients, axis=0) - gradient)
     assert difference <= 1e-12 * np.linalg.norm(gradient)
-
-
-def test_compressed_objective_is_the_objective(
-    lib: Library, samples: Samples, objective: TorqueObjective, point: np.ndarray
-) -> None:
-    """Oracle: value and gradient from R, r, ρ equal those from all samples."""
-    statistics = compress(lib, samples, objective.weights)
-    value, gradient = CompressedObjective(objective, statistics).value_gradient(point)
-    expected, slope = objective.value_gradient(point)
-    # Rounding of a QR of 7000 rows: 1e-16 × √7000, and a factor 10 for the cancellation in r.
-    assert value == pytest.approx(expected, rel=1e-12)
-    assert np.linalg.norm(gradient - slope) <= 1e-12 * np.linalg.norm(slope)
-    lam, phi = objective.split(point)
-    assert statistics.value(lib.pi_from_lam(lam), phi) == pytest.approx(expected, rel=1e-12)
-
-
-def taken(samples: Samples, count: int) -> Samples:
-    return Samples(
-        *(a[:count] for a in (samples.q, samples.dq, samples.ddq, samples.tau, samples.columns))
-    )
-
-
-@pytest.mark.parametrize("count", [1, 3, 37, 100, 250])
-def test_streaming_equals_one_qr(
-    lib: Library, samples: Samples, monkeypatch: pytest.MonkeyPatch, count: int
-) -> None:
-    """Oracle: chunks of 100 (also N < 92 columns, N no multiple) against the normal equations."""
-    monkeypatch.setattr(objective_module, "_CHUNK", 100)
-    part = taken(samples, count)
-    weights = thesis_weights(samples.tau)
-    statistics = compress(lib, part, weights)
-    n, k = part.columns.shape[1:]
-    y = lib.regressor(part.q, part.dq, part.ddq)
-    spread = np.zeros((count, n, n * k))
-    for j in range(n):
-        spread[:, j, j * k : (j + 1) * k] = part.columns[:, j]
-    rows = np.concatenate([y, spread, part.tau[:, :, None]], axis=2) * np.sqrt(weights)[:, None]
-    rows = rows.reshape(count * n, -1)
-    gram = rows.T @ rows
-    factor, target = statistics.factor, statistics.target
-    # Squaring keeps all digits of a Gram matrix relative to its norm.
-    atol = 1e-13 * np.linalg.norm(gram)
-    assert factor.T @ factor == pytest.approx(gram[:-1, :-1], rel=0, abs=atol)
-    assert factor.T @ target == pytest.approx(gram[:-1, -1], rel=0, abs=atol)
-    assert target @ target + statistics.rest == pytest.approx(gram[-1, -1], rel=1e-12)
-    assert statistics.n_samples == count
-    assert np.array_equal(factor, np.triu(factor))
-
-
-def test_nothing_measured_beyond_parameters_leaves_no_rest(
-    lib: Library, ideal_runs: tuple[Recording, ...], pi_true: np.ndarray
-) -> None:
-    """Property: ρ and the loss at the truth vanish on noise-free data."""
-    samples = samples_of(ideal_runs[0], lib)
-    statistics = compress(lib, samples, np.ones(7))
-    scale = float(np.sum(samples.tau**2))
-    # Squares of rounding.
-    assert statistics.rest < 1e-26 * scale
-    assert statistics.value(pi_true, np.zeros((7, 0))) * 2 * len(samples) < 1e-26 * scale
 
 
 def test_incomplete_recordings_are_refused(lib: Library, noisy: Recording) -> None:

@@ -1,0 +1,70 @@
+"""The compiled statistics of a level: `<robot>_<level>_statistics` and `_join` on NumPy arrays."""
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_POINTER, _LONG = ctypes.c_void_p, ctypes.c_long
+
+
+class CompiledStatistics:
+    """Triangles R of samples, and of triangles; columns are [F; Y_b; τ], friction joint by joint.
+
+    The calls leave Python's lock, so that several threads may run them at once.
+    """
+
+    def __init__(self, own: Callable[[str], Any], joints: int, base: int) -> None:
+        self._joints, self._base = joints, base
+        self._work = _typed(own("statistics_work"), _LONG, _LONG)
+        self._join_work = _typed(own("statistics_join_work"), _LONG, _LONG, _LONG)
+        state = (_POINTER,) * 4
+        self._run = _typed(own("statistics"), None, _LONG, *state, _LONG, *(_POINTER,) * 5)
+        self._join = _typed(own("statistics_join"), None, _LONG, _LONG, *(_POINTER,) * 3)
+
+    def triangle(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        tau: Array,
+        columns: Array,
+        weights: Array,
+        sample_weights: Array | None,
+    ) -> Array:
+        """R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ], its diagonal ≥ 0, from contiguous arrays.
+
+        Args:
+            q: (N, n), like dq, ddq and tau.
+            dq: speeds.
+            ddq: accelerations.
+            tau: torques.
+            columns: friction columns (N, n, k).
+            weights: diagonal of W, (n,).
+            sample_weights: s, (N,), or None for ones.
+        """
+        k = columns.shape[2]
+        size = self._joints * k + self._base + 1
+        work, triangle = np.empty(self._work(k)), np.empty((size, size))
+        state = (a.ctypes.data for a in (q, dq, ddq, tau))
+        extra = None if sample_weights is None else sample_weights.ctypes.data
+        ends = (weights.ctypes.data, extra, work.ctypes.data, triangle.ctypes.data)
+        self._run(len(q), *state, k, columns.ctypes.data, *ends)
+        return triangle
+
+    def join(self, triangles: Array) -> Array:
+        """One triangle (p, p) for the rows of several, (count, p, p) and contiguous."""
+        count, size = triangles.shape[:2]
+        work, triangle = np.empty(self._join_work(size, count)), np.empty((size, size))
+        ends = (triangles.ctypes.data, work.ctypes.data, triangle.ctypes.data)
+        self._join(size, count, *ends)
+        return triangle
+
+
+def _typed(function: Any, result: Any, *arguments: Any) -> Any:
+    function.restype, function.argtypes = result, arguments
+    return function

@@ -1,0 +1,18 @@
+"""Samples → all that least squares needs of them: a triangular factor.
+
+‖R [β; φ] − r‖² + ρ = Σ s rᵀ W r with r = Y_b β + F φ − τ (Eqs. 3.11, 4.5). Orthogonal
+transformations take the rows in, never normal equations, so ill-conditioned data keep their digits.
+"""
+
+from runtime.statistics.compression import BLOCK, CompressedObjective, compress, reference_triangle
+from runtime.statistics.factor import Statistics, joined, load_statistics
+
+__all__ = [
+    "BLOCK",
+    "CompressedObjective",
+    "Statistics",
+    "compress",
+    "joined",
+    "load_statistics",
+    "reference_triangle",
+]

@@ -1,0 +1,123 @@
+"""Samples → statistics, in one pass; Y_b is never stored."""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.library import Array, Library
+from runtime.objective import Samples, TorqueObjective
+from runtime.statistics.factor import Statistics, from_triangle, joined
+from runtime.threads import cores
+
+BLOCK = 8192
+"""Samples per factor of its own: fixed, so that threads change nothing, and some milliseconds of
+work, next to which neither joining two factors nor handing one to a thread counts."""
+
+
+def compress(
+    lib: Library,
+    samples: Samples,
+    weights: Array,
+    sample_weights: Array | None = None,
+    threads: int | None = None,
+) -> Statistics:
+    """Statistics of N samples; the result does not depend on `threads`, to the bit.
+
+    Args:
+        lib: of the robot.
+        samples: motion, torque and friction columns.
+        weights: diagonal of W, (n,).
+        sample_weights: s, (N,), each sample's own weight; None for ones.
+        threads: default is one per processor, as far as there are blocks for them.
+
+    Raises:
+        IdentificationError: weights that are none, or samples that are not finite.
+    """
+    weights = _weights("weights", weights, lib.n_joints)
+    count = float(len(samples))
+    if sample_weights is not None:
+        sample_weights = _weights("sample_weights", sample_weights, len(samples))
+        count = float(sample_weights.sum())
+    compiled = lib.compiled_statistics
+    of_part: Callable[..., Array] = compiled.triangle if compiled else reference_triangle(lib)
+    join: Callable[[Array], Array] = compiled.join if compiled else joined
+    arrays = [
+        np.ascontiguousarray(a, dtype=float)
+        for a in (samples.q, samples.dq, samples.ddq, samples.tau, samples.columns)
+    ]
+
+    def block(start: int) -> Array:
+        part = slice(start, start + BLOCK)
+        own = None if sample_weights is None else sample_weights[part]
+        return of_part(*(a[part] for a in arrays), weights, own)
+
+    starts = range(0, max(len(samples), 1), BLOCK)
+    workers = min(len(starts), threads or cores())
+    if workers > 1:
+        with ThreadPoolExecutor(workers) as pool:
+            triangles = list(pool.map(block, starts))
+    else:
+        triangles = [block(start) for start in starts]
+    triangle = triangles[0] if len(triangles) == 1 else join(np.stack(triangles))
+    if not np.isfinite(triangle).all():
+        raise IdentificationError(
+            "the samples hold NaN, infinite or absurdly large values; drop those rows before "
+            "compressing them"
+        )
+    return from_triangle(triangle, count, lib.base_matrix, lib.manifest.model_hash)
+
+
+def reference_triangle(lib: Library) -> Callable[..., Array]:
+    """The triangle of samples by NumPy, from explicit rows [F Y_b τ]: the C is held against it."""
+
+    def triangle(
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        tau: Array,
+        columns: Array,
+        weights: Array,
+        sample_weights: Array | None,
+    ) -> Array:
+        count, n, k = columns.shape
+        base = lib.base_regressor(q, dq, ddq)
+        spread = np.zeros((count, n, n * k))
+        for j in range(n):
+            spread[:, j, j * k : (j + 1) * k] = columns[:, j]
+        rows = np.concatenate([spread, base, tau[:, :, None]], axis=2)
+        rows *= np.sqrt(weights)[:, None]
+        if sample_weights is not None:
+            rows *= np.sqrt(sample_weights)[:, None, None]
+        return joined(rows.reshape(1, count * n, rows.shape[2]))
+
+    return triangle
+
+
+class CompressedObjective:
+    """L(x) and ∇L(x) from compressed statistics: the cost does not depend on N."""
+
+    def __init__(self, whole: TorqueObjective, statistics: Statistics) -> None:
+        self.whole, self.statistics = whole, statistics
+
+    def value_gradient(self, x: Array) -> tuple[float, Array]:
+        """L and ∇L over all samples."""
+        lib, s = self.whole.lib, self.statistics
+        lam, phi = self.whole.split(x)
+        residual = s.residual(lib.pi_from_lam(lam), phi)
+        slope = s.factor.T @ residual / s.n_samples
+        n_lam = lib.pi_adjoint(lam, slope[: s.n_base] @ s.base_matrix)
+        n_phi = slope[s.n_base :] * self.whole.unit.ravel()
+        value = (residual @ residual + s.rest) / (2 * s.n_samples)
+        return float(value), np.concatenate([n_lam, n_phi])
+
+
+def _weights(name: str, values: Array, size: int) -> Array:
+    weights = np.ascontiguousarray(values, dtype=float)
+    if weights.shape != (size,) or not (np.isfinite(weights) & (weights >= 0)).all():
+        raise IdentificationError(
+            f"expected {name} of shape ({size},), finite and at least 0, got shape "
+            f"{weights.shape}; 1 counts every row alike"
+        )
+    return weights

@@ -1,0 +1,78 @@
+"""symgen.emit.elimination: patterns of toys, against elimination of random numbers."""
+
+import numpy as np
+import pytest
+
+from symgen.emit.elimination import PANEL, Panel, eliminate, fill_in
+
+STAIRS = [[1, 1, 1, 1], [0, 1, 1, 1], [0, 0, 0, 1]]
+"""A chain: a row has entries from its own column on."""
+FORK = [[1, 1, 1, 1], [0, 1, 0, 1], [0, 0, 1, 1]]
+"""A trunk with two branches and a right-hand side."""
+
+
+def random_pattern(seed: int) -> list[list[bool]]:
+    rng = np.random.default_rng(seed)
+    rows = rng.random((4, 7)) < 0.4
+    rows[:, -1] = True
+    return rows.tolist()
+
+
+PATTERNS = [STAIRS, FORK, *(random_pattern(seed) for seed in range(30))]
+
+
+def test_stairs_do_not_fill_in():
+    """Oracle, by hand: each column takes the rows above its step and all columns to the right."""
+    panels = eliminate(STAIRS, 3)
+    assert panels == (
+        Panel(0, 1, (0,), (1, 2, 3)),
+        Panel(1, 2, (0, 1), (3,)),
+    )
+    assert fill_in(STAIRS, panels) == []
+
+
+def test_branches_fill_in_through_the_trunk():
+    """Oracle, by hand: the first branch's row mixes with the trunk's and gets its other column."""
+    panels = eliminate(FORK, 3)
+    assert panels == (
+        Panel(0, 1, (0,), (1, 2, 3)),
+        Panel(1, 1, (0, 1), (2, 3)),
+        Panel(2, 1, (0, 1, 2), (3,)),
+    )
+    assert fill_in(FORK, panels) == [(1, 2)]
+
+
+def test_empty_columns_have_no_panel_and_the_right_hand_side_is_only_carried():
+    """Property: columns from `count` on are never pivots."""
+    assert eliminate([[0, 1, 1]], 2) == (Panel(1, 1, (0,), (2,)),)
+    assert eliminate([[0, 0, 1]], 2) == ()
+    wide = eliminate([[1] * 30], 29)
+    assert {p.width for p in wide} == {PANEL, 29 % PANEL}
+    assert sum(p.width for p in wide) == 29
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_panels_name_all_that_changes(pattern):
+    """Oracle: Householder on random numbers; what a panel does not name stays zero or as it was."""
+    rng = np.random.default_rng(0)
+    kept = np.zeros((len(pattern[0]), len(pattern[0])))
+    panels = eliminate(pattern, len(pattern[0]) - 1)
+    for _ in range(3):  # several samples into one triangle
+        rows = np.where(pattern, rng.normal(size=np.shape(pattern)), 0.0)
+        for panel in panels:
+            for c in range(panel.first, panel.first + panel.width):
+                assert set(np.flatnonzero(rows[:, c])) <= set(panel.rows)
+                stack = np.vstack([kept[c], rows[list(panel.rows)]])
+                u = stack[:, c].copy()
+                u[0] -= np.linalg.norm(u)
+                if not u.any():
+                    continue  # the first row of its kind went into the triangle as a whole
+                after = stack - np.outer(u, 2 * (u @ stack) / (u @ u))
+                inside = {*range(c, panel.first + panel.width), *panel.columns}
+                outside = [j for j in range(rows.shape[1]) if j not in inside]
+                assert not after[:, outside].any()
+                after[1:, c] = 0.0
+                kept[c], rows[list(panel.rows)] = after[0], after[1:]
+        filled = {(i, c) for i, row in enumerate(pattern) for c, here in enumerate(row) if here}
+        allowed = filled | set(fill_in(pattern, panels))
+        assert {(int(i), int(c)) for i, c in np.argwhere(rows)} <= allowed

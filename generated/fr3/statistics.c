@@ -14,7 +14,7 @@ enum {
     N = 7,
     BASE = 43,
     DEPTH = 8, /* tiles that are eliminated together: R is read and written once for all of them */
-    TOGETHER = W == 8 ? 4 : 2 /* columns that are changed together, by what registers hold */
+    TOGETHER = 4 /* columns that are changed together */
 };
 
 #define INLINE static inline __attribute__((always_inline))
@@ -161,18 +161,44 @@ static APART void apply(const team *f, int teams, vd *b, long shift, const short
     }
 }
 
-/* The reflection of column c as number `which` of a team; R has r >= 0, so that r - |[r; u]| is
- * formed without cancellation and the new diagonal is positive. NaN is not <= TINY and passes on. */
-INLINE void reflect(team *f, long c, const int which)
+/* Column c as number `which` of a team: the reflections before it are applied to it, then its own is
+ * formed in the same pass. R has r >= 0, so that r - |[r; u]| is formed without cancellation and the
+ * new diagonal is positive. NaN is not <= TINY and passes on. */
+INLINE void reflect(team *f, vd *own, long c, const int which)
 {
-    vd sum[4][4] = {{{0}}};
-    const vd *own = f->u[which];
+    vd w[4], sum[4][4] = {{{0}}};
+    if (which > 0) {
+        vd dot[4][4] = {{{0}}};
+        for (int i = 0; i < f->row_count; i += 4) {
+            UNROLL for (int p = 0; p < 4; ++p) {
+                const long at = f->rows[i + p];
+                UNROLL for (int j = 0; j < which; ++j) {
+                    dot[j][p] += f->u[j][at] * own[at];
+                }
+            }
+        }
+        UNROLL for (int j = 0; j < which; ++j) {
+            w[j] = (dot[j][0] + dot[j][1]) + (dot[j][2] + dot[j][3]) + f->top[j] * f->r[j][c];
+            UNROLL for (int before = 0; before < j; ++before) {
+                w[j] -= f->cross[before][j] * w[before];
+            }
+            w[j] *= f->inverse[j];
+            f->r[j][c] -= f->top[j] * w[j];
+        }
+    }
     for (int i = 0; i < f->row_count; i += 4) {
         UNROLL for (int p = 0; p < 4; ++p) {
             const long at = f->rows[i + p];
-            UNROLL for (int j = 0; j <= which; ++j) {
-                sum[j][p] += f->u[j][at] * own[at];
+            vd u[4], x = own[at];
+            UNROLL for (int j = 0; j < which; ++j) {
+                u[j] = f->u[j][at];
+                x -= u[j] * w[j];
             }
+            UNROLL for (int j = 0; j < which; ++j) {
+                sum[j][p] += u[j] * x;
+            }
+            sum[which][p] += x * x;
+            own[at] = x;
         }
     }
     UNROLL for (int j = 0; j < which; ++j) {
@@ -184,6 +210,7 @@ INLINE void reflect(team *f, long c, const int which)
     f->r[which][c] = length;
     f->top[which] = vd_choose(none, vd_all(0.0), -s / both);
     f->inverse[which] = vd_choose(none, vd_all(0.0), both / (length * s));
+    f->u[which] = own;
     f->width = which + 1;
 }
 
@@ -210,21 +237,17 @@ static APART void advance(shape *s, int step, vd *b, vd *r, long size, long c, i
     const long here = c + step;
     team *f = s->teams + step / 4;
     const int which = step % 4;
-    f->u[which] = b + step;
     f->r[which] = r + here * (2 * size - here - 1) / 2;
     f->rows = s->rows;
     f->row_count = s->row_count;
     if (which == 0) {
-        reflect(f, here, 0);
-        return;
-    }
-    apply_count(f, b + step, here, counting, 1);
-    if (which == 1) {
-        reflect(f, here, 1);
+        reflect(f, b + step, here, 0);
+    } else if (which == 1) {
+        reflect(f, b + step, here, 1);
     } else if (which == 2) {
-        reflect(f, here, 2);
+        reflect(f, b + step, here, 2);
     } else {
-        reflect(f, here, 3);
+        reflect(f, b + step, here, 3);
         apply(f, 1, b + step + 1, here + 1, counting, width - step - 1);
     }
 }

@@ -1,4 +1,4 @@
-"""runtime.statistics: the compiled one-pass factor against NumPy's QR of all rows, and its algebra."""
+"""runtime.statistics: the compiled one-pass factor against NumPy's QR of all rows."""
 
 import ctypes
 import dataclasses
@@ -122,7 +122,7 @@ def test_equals_the_reference(any_robot, name):
 
 
 def test_ill_conditioned_data_keep_their_digits(lib: Library) -> None:
-    """Oracle: the truth; as near to it as least squares on all rows, where normal equations fail."""
+    """Oracle: the truth; as near to it as NumPy on all rows, where normal equations fail."""
     s = drawn(lib, 4000, size=2e-4)
     beta = lib.base_matrix @ lib.pi0
     s = dataclasses.replace(s, tau=lib.base_regressor(s.q, s.dq, s.ddq) @ beta)
@@ -199,7 +199,7 @@ def test_files_bring_back_every_bit(lib: Library, robot, tmp_path) -> None:
     again = load_statistics(path, lib)
     for field in dataclasses.fields(Statistics):
         assert np.array_equal(getattr(again, field.name), getattr(statistics, field.name))
-    with pytest.raises(IdentificationError, match="belong to the model .* compress the recording"):
+    with pytest.raises(IdentificationError, match=r"belong to the model .* compress the recording"):
         load_statistics(path, robot("gantry"))
     whole = path.read_bytes()
     for damaged in (whole[: len(whole) // 2], b"", b"text"):

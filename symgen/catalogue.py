@@ -206,7 +206,12 @@ def _bodies() -> tuple[Kernel, ...]:
             "link",
         ),
         make_kernel(
-            "lam_from_pi", {pi_: pi}, {lam_: inertia.lam_from_pi(pi)}, "Eqs. 4.18-4.23", "link"
+            "lam_from_pi",
+            {pi_: pi},
+            {lam_: inertia.lam_from_pi(pi)},
+            "Eqs. 4.18-4.23",
+            "link",
+            rare=True,
         ),
         make_kernel(
             "nearest_realisable",
@@ -214,6 +219,7 @@ def _bodies() -> tuple[Kernel, ...]:
             {Argument("realisable", (P,), "SI"): inertia.nearest_realisable(pi, floor)},
             "pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2",
             "link",
+            rare=True,
         ),
         make_kernel(
             "inertia_matrix",
@@ -221,6 +227,7 @@ def _bodies() -> tuple[Kernel, ...]:
             {Argument("M", (6, 6), "SI"): inertia.spatial_inertia(lam)},
             "M(lam), Eq. 4.14 (linear part first)",
             "link",
+            rare=True,
         ),
         make_kernel(
             "pseudo_inertia",
@@ -228,6 +235,7 @@ def _bodies() -> tuple[Kernel, ...]:
             {Argument("P", (4, 4), "SI"): inertia.pseudo_inertia(pi)},
             "P(pi), Eqs. 3.9, 3.10",
             "link",
+            rare=True,
         ),
     )
 
@@ -253,6 +261,7 @@ def _excitation(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
             {Argument("phi", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.harmonic_basis(m, t, tf)},
             "cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27",
             "point",
+            rare=True,
         ),
         make_kernel(
             "transfer_basis",
@@ -260,6 +269,7 @@ def _excitation(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
             {Argument("S", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.transfer_basis(t, tf)},
             "10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27",
             "point",
+            rare=True,
         ),
         make_kernel(
             "regressor_adjoint",

@@ -17,7 +17,6 @@ from symgen.errors import CompilerError
 
 FLAGS = (
     "-std=c99",
-    "-O2",
     "-fPIC",
     "-fno-math-errno",
     "-fno-trapping-math",
@@ -26,6 +25,9 @@ FLAGS = (
 )
 """Never -ffast-math: it breaks range reduction and the handling of NaN."""
 
+PLAIN = ("-O1",)
+"""Straight-line code for one number or two at a time gains nothing from more, measured."""
+WIDE = ("-O2",)
 VECTOR_FLAGS = (
     "-ffp-contract=fast",  # fused multiply-add, which ISO C turns off by itself
     "-fno-tree-vectorize",  # the vectors are there already; looking for more costs compile time
@@ -93,18 +95,21 @@ def compile_library(
     """
     compiler = find_compiler()
     units: list[tuple[str, str, tuple[str, ...]]] = [
-        (source.name, f"{source.stem}.o", ()) for source in sources
+        (source.name, f"{source.stem}.o", PLAIN) for source in sources
     ]
     levels = LEVELS.get(machine(), PORTABLE) if per_level else {}
     for level, (width, architecture) in levels.items():
         march = _architecture(compiler, architecture)
         if not _knows(compiler, march):
             continue  # an older compiler; the loader takes the best of the others
-        extra = (f"-DLEVEL={level}", f"-DW={width}", *VECTOR_FLAGS, *march)
+        effort = WIDE if width > 2 else PLAIN
+        extra = (*effort, f"-DLEVEL={level}", f"-DW={width}", *VECTOR_FLAGS, *march)
         units += [(path.name, f"{path.stem}_{level}.o", extra) for path in per_level]
     units += [(path.name, f"{path.stem}.o", ("-O0",)) for path in unhurried]
+    longest_first = sorted(units, key=lambda unit: -(target.parent / unit[0]).stat().st_size)
     commands = [
-        (*compiler, *FLAGS, *extra, "-c", source, "-o", unit) for source, unit, extra in units
+        (*compiler, *FLAGS, *extra, "-c", source, "-o", unit)
+        for source, unit, extra in longest_first
     ]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda command: _run(command, target.parent), commands))

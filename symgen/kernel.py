@@ -48,6 +48,7 @@ class Kernel:
             "point" when it runs over anything else.
         equation: one line that says what is computed, with its source.
         function: dense and row-major, inputs and outputs in the declared order.
+        rare: needed so seldom that a batch goes one by one, and vectors are not worth compiling.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Kernel:
     equation: str
     per: str
     function: Any
+    rare: bool = False
 
     @property
     def operations(self) -> int:
@@ -71,6 +73,7 @@ def make_kernel(
     outputs: dict[Argument, Matrix],
     equation: str,
     per: str = "sample",
+    rare: bool = False,
 ) -> Kernel:
     """Freeze expressions into a kernel with common subexpressions shared.
 
@@ -80,6 +83,7 @@ def make_kernel(
         outputs: argument → expression of its shape; vectors are columns.
         equation: what is computed.
         per: what a batch runs over.
+        rare: no vector form.
 
     Raises:
         BuildError: an expression does not have the declared shape.
@@ -101,4 +105,4 @@ def make_kernel(
         [a.name for a in outputs],
         {"cse": True},
     )
-    return Kernel(name, tuple(inputs), tuple(outputs), equation, per, function)
+    return Kernel(name, tuple(inputs), tuple(outputs), equation, per, function, rare)

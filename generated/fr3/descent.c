@@ -50,6 +50,7 @@ static void coordinates(const double *pi_tiles, const double *psi, long n_psi, d
 }
 
 /* d L / d x from d L / d y, Eq. 4.32: K', then the blocks, link by link. */
+#define ENTRY(i, j) *(const vu *)(block + ((i) * PARAMETERS + (j)) * LANES) * *(const vu *)(tile + (i) * LANES + h)
 static void chain_rule(const double *slope, const double *blocks, long n_psi, double *gradient)
 {
     double by_pi[LAMBDA];
@@ -60,13 +61,16 @@ static void chain_rule(const double *slope, const double *blocks, long n_psi, do
         load(tile, by_pi + t * LANES * PARAMETERS, PARAMETERS, PARAMETERS, LINKS - t * LANES, 0);
         for (int h = 0; h < LANES; h += W) {
             const double *block = blocks + t * PARAMETERS * PARAMETERS * LANES + h;
-            for (int j = 0; j < PARAMETERS; ++j) {
-                vd sum = {0};
-                for (int i = 0; i < PARAMETERS; ++i) {
-                    sum += *(const vu *)(block + (i * PARAMETERS + j) * LANES) * *(const vu *)(tile + i * LANES + h);
-                }
-                *(vu *)(out + j * LANES + h) = sum;
-            }
+            *(vu *)(out + 0 * LANES + h) = ENTRY(0, 0) + ENTRY(1, 0) + ENTRY(2, 0) + ENTRY(3, 0) + ENTRY(4, 0) + ENTRY(5, 0) + ENTRY(6, 0) + ENTRY(7, 0) + ENTRY(8, 0) + ENTRY(9, 0);
+            *(vu *)(out + 1 * LANES + h) = ENTRY(1, 1) + ENTRY(5, 1) + ENTRY(6, 1) + ENTRY(7, 1) + ENTRY(8, 1);
+            *(vu *)(out + 2 * LANES + h) = ENTRY(2, 2) + ENTRY(4, 2) + ENTRY(6, 2) + ENTRY(7, 2) + ENTRY(9, 2);
+            *(vu *)(out + 3 * LANES + h) = ENTRY(3, 3) + ENTRY(4, 3) + ENTRY(5, 3) + ENTRY(8, 3) + ENTRY(9, 3);
+            *(vu *)(out + 4 * LANES + h) = ENTRY(4, 4) + ENTRY(5, 4) + ENTRY(6, 4) + ENTRY(7, 4) + ENTRY(8, 4) + ENTRY(9, 4);
+            *(vu *)(out + 5 * LANES + h) = ENTRY(4, 5) + ENTRY(5, 5) + ENTRY(6, 5) + ENTRY(7, 5) + ENTRY(8, 5) + ENTRY(9, 5);
+            *(vu *)(out + 6 * LANES + h) = ENTRY(4, 6) + ENTRY(5, 6) + ENTRY(6, 6) + ENTRY(7, 6) + ENTRY(8, 6) + ENTRY(9, 6);
+            *(vu *)(out + 7 * LANES + h) = ENTRY(4, 7) + ENTRY(5, 7) + ENTRY(6, 7) + ENTRY(7, 7) + ENTRY(8, 7) + ENTRY(9, 7);
+            *(vu *)(out + 8 * LANES + h) = ENTRY(4, 8) + ENTRY(5, 8) + ENTRY(6, 8) + ENTRY(7, 8) + ENTRY(8, 8) + ENTRY(9, 8);
+            *(vu *)(out + 9 * LANES + h) = ENTRY(4, 9) + ENTRY(5, 9) + ENTRY(6, 9) + ENTRY(7, 9) + ENTRY(8, 9) + ENTRY(9, 9);
         }
         store(gradient + t * LANES * PARAMETERS, out, PARAMETERS, LINKS - t * LANES);
     }
@@ -120,11 +124,12 @@ static void pull_back(const least_squares *p, long equations, const double *resi
     }
 }
 
-/* Mean loss over the named samples and its slope in y; a sample is [q dq ddq tau columns]. */
+/* Mean loss over the named samples and its slope in y; a sample is [q dq ddq tau columns],
+ * filled up to a multiple of LANES numbers. */
 static double mini_batch(const fr3_adam_job *job, const long *rows, const double *y, double *slope)
 {
     const long n_psi = job->size - LAMBDA, k = job->columns_per_joint;
-    const int width = (int)((4 + k) * JOINTS);
+    const int width = (int)((4 + k) * JOINTS), stride = (width + LANES - 1) / LANES * LANES;
     double *samples = job->work, *rub = samples + BLOCK * width * LANES;
     double u[6], total = 0.0;
     TILE(sums, BASE) = {0};
@@ -132,14 +137,14 @@ static double mini_batch(const fr3_adam_job *job, const long *rows, const double
     TILE(loss, 1);
     TILE(gradient, BASE) = {0};
     TILE(residual, JOINTS);
-    OWN(loss_gradient_prepare)(job->weight, y, u);
+    fr3_loss_gradient_prepare(job->weight, y, u);
     memset(rub, 0, sizeof(double) * (size_t)(n_psi * LANES));
     memset(slope, 0, sizeof(double) * (size_t)job->equations);
     for (long first = 0; first < job->batch; first += BLOCK * LANES) {
         const long end = first + BLOCK * LANES < job->batch ? first + BLOCK * LANES : job->batch;
         for (long b = first; b < end; b += LANES) {
             double *tile = samples + (b - first) * width;
-            pick(tile, job->samples, rows + b, width, end - b);
+            pick(tile, job->samples, rows + b, stride, width, end - b);
             OWN(loss_gradient_sines)(1, tile, sc + (b - first) * 2 * JOINTS);
         }
         for (long b = first; b < end; b += LANES) {
@@ -152,7 +157,7 @@ static double mini_batch(const fr3_adam_job *job, const long *rows, const double
             add(sums, slope, gradient, BASE, end - b);
             for (int l = 0; l < LANES; ++l) {
                 total += l < end - b ? loss[l] : 0.0;
-                for (int j = 0; j < JOINTS; ++j) {
+                for (int j = 0; j < JOINTS && n_psi; ++j) {
                     residual[j * LANES + l] *= l < end - b ? job->weight[j] : 0.0;
                 }
             }

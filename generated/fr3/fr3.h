@@ -105,7 +105,8 @@ enum {
 
 /* Adam in x = [lambda; psi], see descent.c. x, m, v, best_x are `padded` long, a multiple of 8, and
  * zero beyond `size`; factors have `equations` rows and columns, a multiple of 8 too. batch = 0
- * descends on `training`, else on mini-batches: rows names batch samples per iteration. work holds
+ * descends on `training`, else on mini-batches: rows names batch samples per iteration,
+ * each 4 n + n columns_per_joint numbers filled up to a multiple of 8. work holds
  * 8 (4 n (4 + columns_per_joint) + size) + 3 equations + padded numbers. */
 typedef struct {
     long size, padded, equations;

@@ -256,14 +256,14 @@ static APART void load(double *tile, const double *from, long step, int size, lo
     turn(tile, one, size, left - last * step >= (size + W - 1) / W * W);
 }
 
-/* The samples that `rows` names, one after the other in `from`, as one tile. */
-static APART void pick(double *tile, const double *from, const long *rows, int size, long have)
+/* The samples that `rows` names, `step` apart in `from`, as one tile; step is a multiple of LANES. */
+static APART void pick(double *tile, const double *from, const long *rows, int step, int size, long have)
 {
     const double *one[LANES];
     for (int l = 0; l < LANES; ++l) {
-        one[l] = from + rows[l < have ? l : have - 1] * size;
+        one[l] = from + rows[l < have ? l : have - 1] * step;
     }
-    turn(tile, one, size, 0);
+    turn(tile, one, size, 1);
 }
 
 /* One tile as `have` samples of `size` numbers, one after the other. A row shorter than W is written

@@ -22,25 +22,25 @@
 
 /* tau = Y(q, dq, ddq) pi, Eq. 4.3. 718 operations per sample. */
 HIDDEN void OWN(inverse_dynamics_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(inverse_dynamics_prepare)(const double *pi, double *u);
+HIDDEN void fr3_inverse_dynamics_prepare(const double *pi, double *u);
 HIDDEN void OWN(inverse_dynamics_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *pi, const double *u, double *tau);
 
 /* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 622 operations per sample. */
 HIDDEN void OWN(base_inverse_dynamics_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(base_inverse_dynamics_prepare)(const double *beta, double *u);
+HIDDEN void fr3_base_inverse_dynamics_prepare(const double *beta, double *u);
 HIDDEN void OWN(base_inverse_dynamics_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *beta, const double *u, double *tau);
 
 /* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 622 operations per sample. */
 HIDDEN void OWN(torque_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(torque_prepare)(const double *lam, double *u);
+HIDDEN void fr3_torque_prepare(const double *lam, double *u);
 HIDDEN void OWN(torque_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *tau);
 
 /* d tau / d lam, Eqs. 4.34-4.36. 4463 operations per sample. */
 HIDDEN void OWN(torque_jacobian_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(torque_jacobian_prepare)(const double *lam, double *u);
+HIDDEN void fr3_torque_jacobian_prepare(const double *lam, double *u);
 HIDDEN void OWN(torque_jacobian_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *lam, const double *u, double *jacobian);
 
@@ -66,19 +66,19 @@ const double *sc,const double *slope, double *gradient);
 
 /* M(q), Eq. 2.34. 1264 operations per sample. */
 HIDDEN void OWN(mass_matrix_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(mass_matrix_prepare)(const double *pi, double *u);
+HIDDEN void fr3_mass_matrix_prepare(const double *pi, double *u);
 HIDDEN void OWN(mass_matrix_tile)(
 const double *sc,const double *q, const double *pi, const double *u, double *M);
 
 /* h = C(q, dq) dq - tau_grav, Eq. 2.34. 695 operations per sample. */
 HIDDEN void OWN(bias_forces_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(bias_forces_prepare)(const double *pi, double *u);
+HIDDEN void fr3_bias_forces_prepare(const double *pi, double *u);
 HIDDEN void OWN(bias_forces_tile)(
 const double *sc,const double *q, const double *dq, const double *pi, const double *u, double *h);
 
 /* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 2183 operations per sample. */
 HIDDEN void OWN(forward_dynamics_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(forward_dynamics_prepare)(const double *pi, const double *rotor, double *u);
+HIDDEN void fr3_forward_dynamics_prepare(const double *pi, const double *rotor, double *u);
 HIDDEN void OWN(forward_dynamics_tile)(
 const double *sc,const double *q, const double *dq, const double *tau, const double *pi, const double *rotor, const double *u, double *ddq);
 
@@ -89,7 +89,7 @@ const double *sc,const double *q, double *H);
 
 /* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 970 operations per sample. */
 HIDDEN void OWN(loss_gradient_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(loss_gradient_prepare)(const double *weight, const double *beta, double *u);
+HIDDEN void fr3_loss_gradient_prepare(const double *weight, const double *beta, double *u);
 HIDDEN void OWN(loss_gradient_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *tau, const double *weight, const double *beta, const double *u, double *loss, double *gradient, double *residual);
 
@@ -107,39 +107,6 @@ const double *sc,const double *lam, double *pi, double *jacobian);
 HIDDEN void OWN(pi_adjoint_sines)(long tiles, const double *lam, double *sc);
 HIDDEN void OWN(pi_adjoint_tile)(
 const double *sc,const double *lam, const double *slope, double *gradient);
-
-/* Eqs. 4.18-4.23. 1489 operations per sample. */
-HIDDEN void OWN(lam_from_pi_sines)(long tiles, const double *pi, double *sc);
-HIDDEN void OWN(lam_from_pi_tile)(
-const double *sc,const double *pi, double *lam);
-
-/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations per sample. */
-HIDDEN void OWN(nearest_realisable_sines)(long tiles, const double *pi, double *sc);
-HIDDEN void OWN(nearest_realisable_prepare)(const double *floor, double *u);
-HIDDEN void OWN(nearest_realisable_tile)(
-const double *sc,const double *pi, const double *floor, const double *u, double *realisable);
-
-/* M(lam), Eq. 4.14 (linear part first). 149 operations per sample. */
-HIDDEN void OWN(inertia_matrix_sines)(long tiles, const double *lam, double *sc);
-HIDDEN void OWN(inertia_matrix_tile)(
-const double *sc,const double *lam, double *M);
-
-/* P(pi), Eqs. 3.9, 3.10. 9 operations per sample. */
-HIDDEN void OWN(pseudo_inertia_sines)(long tiles, const double *pi, double *sc);
-HIDDEN void OWN(pseudo_inertia_tile)(
-const double *sc,const double *pi, double *P);
-
-/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 48 operations per sample. */
-HIDDEN void OWN(harmonic_basis_sines)(long tiles, const double *m, double *sc);
-HIDDEN void OWN(harmonic_basis_prepare)(const double *t_f, double *u);
-HIDDEN void OWN(harmonic_basis_tile)(
-const double *sc,const double *m, const double *t, const double *t_f, const double *u, double *phi);
-
-/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 40 operations per sample. */
-HIDDEN void OWN(transfer_basis_sines)(long tiles, const double *t, double *sc);
-HIDDEN void OWN(transfer_basis_prepare)(const double *t_f, double *u);
-HIDDEN void OWN(transfer_basis_tile)(
-const double *sc,const double *t, const double *t_f, const double *u, double *S);
 
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations per sample. */
 HIDDEN void OWN(regressor_adjoint_sines)(long tiles, const double *q, double *sc);

@@ -102,7 +102,9 @@ class Binding:
 
     def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
         robot = self._manifest.robot
-        function = self._symbol(f"{robot}_{self.level}_{kernel.name}_batch")
+        function = self.own(f"{kernel.name}_batch")
+        if function is None:  # a rare kernel has no vector form
+            function = self._symbol(f"{robot}_{kernel.name}_batch")
         pair = (ctypes.c_void_p, ctypes.c_long)
         function.argtypes = (
             ctypes.c_long,

@@ -185,7 +185,8 @@ class CompiledAdam(_Jobs):
         if batch and problem.samples is not None:
             job.batch, width = batch, problem.samples.shape[1]
             job.columns_per_joint = width // n - 4
-            job.samples = self._pointer(problem.samples)
+            room = _up(width) - width
+            job.samples = self._pointer(np.pad(problem.samples, [(0, 0), (0, room)]))
             job.weight = self._pointer(problem.weights)
         scratch = LANES * (_GATHERED * max(width, 4 * n) + size) + 3 * job.equations + job.padded
         job.work = self._pointer(np.zeros(scratch))

@@ -42,7 +42,7 @@ def emit(
         versions: tool → version, for the banner and the manifest.
     """
     bodies = {kernel.name: c_body(kernel) for kernel in kernels}
-    tiles = {kernel.name: tile_program(kernel) for kernel in kernels}
+    tiles = {kernel.name: tile_program(kernel) for kernel in kernels if not kernel.rare}
     reference = reference_code(kernels)
     manifest = {
         "format": 1,

@@ -103,6 +103,10 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         "links": pi.size // lam.size,
         "base": beta.size,
         "uniform": max(tiles["loss_gradient"].uniform, 1),
+        "block_rows": [
+            [k // lam.size for k in tiles["pi_jacobian"].filled["jacobian"] if k % lam.size == j]
+            for j in range(lam.size)
+        ],
     }
 
 

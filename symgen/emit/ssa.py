@@ -168,24 +168,31 @@ class _TileWriter:
         f, kernel = self._kernel.function, self._kernel
         text: dict[int, str] = {}
         shared: dict[int, bool] = {}
+        constants: dict[int, float] = {}
         for k in range(f.n_instructions()):
             op, ins, outs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
             if op == ca.OP_INPUT:
                 argument = kernel.inputs[ins[0]]
                 shared[outs[0]] = argument.shared
                 text[outs[0]] = f"{argument.name}[{ins[1]}{'' if argument.shared else ' * VS'}]"
+                constants.pop(outs[0], None)  # CasADi uses its places again
             elif op == ca.OP_CONST:
-                text[outs[0]] = c_constant(f.instruction_constant(k))
+                constants[outs[0]] = f.instruction_constant(k)
+                text[outs[0]] = c_constant(constants[outs[0]])
                 shared[outs[0]] = True
             elif op == ca.OP_OUTPUT:
                 self._output(kernel.outputs[outs[0]].name, outs[1], text[ins[0]], shared[ins[0]])
             else:
                 uniform = all(shared[i] for i in ins)
                 operands = [text[i] for i in ins]
-                if not uniform:
+                if op == ca.OP_DIV and ins[1] in constants:
+                    # a vector divides ten times slower than it multiplies
+                    op, operands[1] = ca.OP_MUL, c_constant(1.0 / constants[ins[1]])
+                elif not uniform:
                     operands = [self._operand(text[i], shared[i], op) for i in ins]
                 text[outs[0]] = self._statement(k, op, operands, uniform)
                 shared[outs[0]] = uniform
+                constants.pop(outs[0], None)
         return TileProgram(
             self._prepare_lines(),
             len(self._slots),

@@ -49,7 +49,10 @@ def stack_bounds(
     return StackBounds(
         {k.name: FRAMES + NUMBER * (len(bodies[k.name]) + _arguments(k)) for k in kernels},
         {k.name: _reference(k, reference.bodies[k.name]) for k in kernels},
-        {w: {k.name: _tiles(k, tiles[k.name], w) for k in kernels} for w in (1, 2, 4, 8)},
+        {
+            w: {k.name: _tiles(k, tiles[k.name], w) for k in kernels if not k.rare}
+            for w in (1, 2, 4, 8)
+        },
     )
 
 

@@ -179,7 +179,7 @@ def test_numpy_computes_the_same(home: Path, build: Any, monkeypatch: pytest.Mon
     from bench import doors, numpy_identify
 
     from runtime.excitation import ConditionCost
-    from runtime.objective import compress
+    from runtime.statistics import compress
 
     setting = doors.setting(load(home / "generated" / build["robot"]))
     lib, t = setting.lib, setting.trajectory

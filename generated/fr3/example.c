@@ -1,6 +1,6 @@
 /* fr3: joint torques of one state, written by symgen 0.1.0. Compile and run:
  *
- *     cc -O2 example.c kernels.c -lm -o example && ./example
+ *     cc -O2 example.c kernels.c update.c -lm -o example && ./example
  *
  * Nothing is allocated and nothing is remembered, so the calls may stand in a real-time loop. */
 #include <stdio.h>
@@ -39,7 +39,17 @@ int main(void)
                i, tau[i], tau[i] + Y[i * PARAMETERS + PARAMETERS - 10]);
     }
 
-    /* --- identification, one sample at a time --- */
-
+    /* Identification, one sample at a time: the triangle R begins as zeros and takes in every state
+     * with its measured torque; R beta = its last column is then the least-squares problem. */
+    double factor[FR3_STATISTICS * FR3_STATISTICS] = {0}, weight[JOINTS], explained = 0.0;
+    for (int i = 0; i < JOINTS; ++i) {
+        weight[i] = 1.0;
+    }
+    fr3_statistics_update(factor, 1.0, q, dq, ddq, tau, weight);
+    for (int i = 0; i < FR3_STATISTICS; ++i) {
+        const double r = factor[i * FR3_STATISTICS + FR3_BASE];
+        explained += r * r;
+    }
+    printf("one sample explains %.17g of squared torque\n", explained);
     return 0;
 }

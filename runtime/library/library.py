@@ -2,7 +2,7 @@
 
 import ctypes
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -174,8 +174,8 @@ class Library:
         Source: Eqs. 4.5, 4.6, 4.32.
         """
         beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
-        values = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
-        loss, gradient, residual = values
+        answer = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
+        loss, gradient, residual = answer
         return float(loss[0]), gradient @ self.base_matrix, residual
 
     def regressor_adjoint(
@@ -194,14 +194,8 @@ class Library:
     def adam(
         self, problems: Sequence[AdamProblem], options: dict[str, float], traces: int, batch: int
     ) -> CompiledAdam:
-        """Compiled descents by Adam.
-
-        Raises:
-            LibraryError: this level has none.
-        """
-        if self._adam is None:
-            raise self._no_descent()
-        return CompiledAdam(self._adam, problems, options, traces, batch)
+        """Compiled descents by Adam; LibraryError where this level has none."""
+        return CompiledAdam(self._needed(self._adam), problems, options, traces, batch)
 
     def levenberg(
         self,
@@ -210,17 +204,13 @@ class Library:
         options: dict[str, float],
         traces: int,
     ) -> CompiledLevenberg:
-        """Compiled descents by Levenberg–Marquardt.
+        """Compiled descents by Levenberg–Marquardt; LibraryError where this level has none."""
+        return CompiledLevenberg(self._needed(self._levenberg), starts, problems, options, traces)
 
-        Raises:
-            LibraryError: this level has none.
-        """
-        if self._levenberg is None:
-            raise self._no_descent()
-        return CompiledLevenberg(self._levenberg, starts, problems, options, traces)
-
-    def _no_descent(self) -> LibraryError:
-        return LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
+    def _needed(self, function: Callable[..., None] | None) -> Callable[..., None]:
+        if function is None:
+            raise LibraryError(f"the level '{self.level}' of '{self.name}' has no compiled descent")
+        return function
 
     def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
         """log cond W̄_b and its gradient in C, see `runtime.excitation`; None without at this level.

@@ -17,11 +17,12 @@ from runtime.descent import Preset
 from runtime.errors import RuntimeFault
 from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory, fourier_basis
 from runtime.library import Array, Library
-from runtime.objective import Samples, compress, samples_of, thesis_weights
+from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.optimizers import AdamOptions, StoppingRule
 from runtime.problem import Problem
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal, perturbed_lam
+from runtime.statistics import compress
 from runtime.trajectory_file import read_trajectory
 
 TRIALS, PERTURBATION = 150, 0.15
@@ -112,7 +113,7 @@ def _slope(run: Callable[[int], object], short: int, long: int) -> Callable[[], 
 
 
 def statistics(s: Setting) -> Callable[[], float]:
-    """`objective.compress`, per sample."""
+    """`statistics.compress`, per sample."""
     return repeated(lambda: compress(s.lib, s.train, s.weights), len(s.train))
 
 
@@ -148,7 +149,7 @@ def levenberg(s: Setting) -> Callable[[], float]:
     from runtime.optimizers import LevenbergOptions
 
     descent, options, steps = start_of(s.problem()), LevenbergOptions(), 5
-    squares = least_squares(s.lib, descent.statistics, descent.objective.unit)
+    squares = least_squares(descent.statistics, descent.objective.unit)
     names = ("first_damping", "step_tolerance", "decrease_tolerance")
     settings = {name: getattr(options, name) for name in names}
 

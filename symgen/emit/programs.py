@@ -44,7 +44,7 @@ def programs(
 _STATISTICS = {"base_regressor"}
 _DESCENT = {"loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"}
 _EXCITATION = {"base_regressor", "regressor_adjoint"}
-_EXAMPLE = {"inverse_dynamics", "regressor"}
+_EXAMPLE = {"inverse_dynamics", "regressor", "base_regressor"}
 
 
 def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:

@@ -17,7 +17,7 @@ ROW = 64
 """Bytes of one row of a tile."""
 BLOCK = 4
 """Tiles whose sines are computed together."""
-FRAMES = 2048
+FRAMES = 4096
 """Saved registers, alignment and loop counters of all functions on the way, and W x W numbers
 turned in registers by lanes.h, spilled whole."""
 INLINED = {"sincos": 40, "exp": 24, "all": 0}

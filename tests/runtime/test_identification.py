@@ -224,7 +224,7 @@ def test_preparation_can_be_given(lib: Library, noisy: Recording) -> None:
 @pytest.mark.parametrize(
     ("options", "match"),
     [
-        ({"method": "magic"}, "no method 'magic'; choose one of adam, pc-ols, ols"),
+        ({"method": "magic"}, "no method 'magic'; choose one of adam, lm, pc-ols, ols"),
         ({"preset": "magic"}, "no preset 'magic'; choose one of simulation, real, full"),
         ({"validation": "train"}, "both a validation and a test recording, or neither"),
         ({"test": "train"}, "both a validation and a test recording, or neither"),

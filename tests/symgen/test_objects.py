@@ -153,7 +153,7 @@ def bounds_of(name: str) -> tuple[StackBounds, Catalogue]:
     catalogue = make_catalogue(read_chain(request.urdf, request.options))
     kernels = catalogue.kernels
     bodies = {k.name: c_body(k) for k in kernels}
-    tiles = {k.name: tile_program(k) for k in kernels}
+    tiles = {k.name: tile_program(k) for k in kernels if not k.rare}
     return stack_bounds(kernels, bodies, tiles, reference_code(kernels)), catalogue
 
 
@@ -167,11 +167,11 @@ def test_tiles_stay_below_the_printed_stack(objects: Path) -> None:
         found, level = frames(objects / f"{unit}.su"), unit.removeprefix("tiles_")
         leaf = sum(found.get(name, 0) for name in helpers)
         width = LEVELS[machine()][level][0]
-        for kernel in catalogue.kernels:
+        for kernel in (k for k in catalogue.kernels if not k.rare):
             own = f"gantry_{level}_{kernel.name}"
             entry = max(found[f"{own}_batch"], found.get(f"{own}_tiles", 0))
             body = found.get(f"{own}_tile", 0) + found.get(f"{kernel.name}_lanes", 0)
-            below = max(body, found.get(f"{own}_prepare", 0), found.get(f"{own}_sines", 0))
+            below = max(body, found.get(f"{own}_sines", 0))
             assert entry + below + leaf <= bounds.tiles[width][kernel.name], (unit, kernel.name)
 
 
@@ -225,17 +225,22 @@ def test_readme_prints_the_bounds(fr3: Library) -> None:
 def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, name: str) -> None:
     """Oracle: Pinocchio at the state that stands in the file, and with one kilogram more."""
     lib = robot(name)
-    for file in ("example.c", "kernels.c", f"{name}.h"):
+    for file in ("example.c", "kernels.c", "update.c", f"{name}.h"):
         shutil.copy(lib.folder / file, tmp_path)
     compiler_run([tool, *STRICT, "-pedantic", "-O1", "-c", "example.c"], tmp_path)
-    compiler_run([tool, "-O1", "example.o", "kernels.c", "-lm", "-o", "example"], tmp_path)
+    compiler_run(
+        [tool, "-O1", "example.o", "kernels.c", "update.c", "-lm", "-o", "example"], tmp_path
+    )
     text = (tmp_path / "example.c").read_text(encoding="utf-8")
     state = [
         np.array(re.search(rf" {x}\[JOINTS\] = {{(.*)}};", text)[1].split(", "), dtype=float)
         for x in ("q", "dq", "ddq")
     ]
     done = subprocess.run([str(tmp_path / "example")], capture_output=True, text=True, check=True)
-    printed = np.array(re.findall(r"[+-]\d[^\s,]*", done.stdout), dtype=float).reshape(-1, 2)
+    lines, _, learnt = done.stdout.partition("one sample explains ")
+    printed = np.array(re.findall(r"[+-]\d[^\s,]*", lines), dtype=float).reshape(-1, 2)
+    # Orthogonal transformations keep the length of the column of tau: rounding alone.
+    assert float(learnt.split()[0]) == pytest.approx(np.sum(printed[:, 0] ** 2), rel=1e-12)
     heavier = lib.pi0.copy()
     heavier[-10] += 1.0
     model = pinocchio_model(lib.urdf(), lib.gravity)

@@ -31,7 +31,7 @@ KERNELS = (
 AT_EVERY_LEVEL = ("base_inverse_dynamics", "base_regressor")
 WITH_STORED = ("base_inverse_dynamics",)
 """Kernels that are also timed with stored sines and cosines."""
-ORDER = ("neon", "v4", "v3", "v2", "portable", "casadi")
+ORDER = ("neon", "v4", "v3", "v2", "portable")
 LARGEST = 640 * 1024
 """Bytes of a kernel's outputs beyond which fewer samples are taken, so that all stays in cache."""
 AGREEMENT = 1e-8
@@ -251,7 +251,7 @@ def _row(
 ) -> Row:
     name, level, layout = key
     times = found["ours", *key]
-    count = facts.scalar if level == "casadi" else facts.operations
+    count = facts.operations
     if layout == "stored":
         count -= facts.sines
     against = {

@@ -65,6 +65,11 @@ class Rows:
         self._used = np.zeros(len(matrix), dtype=bool)
         self._used[matrix.argmax(axis=0)] = self._used[matrix.argmin(axis=0)] = True
 
+    @property
+    def used(self) -> int:
+        """How many rows have been looked at."""
+        return int(self._used.sum())
+
     def slack(self, x: Array) -> Array:
         """B − A x, not below zero."""
         return np.maximum(self.bound - self.matrix @ x, 0.0)

@@ -1,7 +1,7 @@
 """The best of several starts, inside the limits at 1 kHz."""
 
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,6 +89,8 @@ def design(
             raise
     numbers = sorted(found)
     a = found[min(numbers, key=lambda number: found[number][0])][1]
+    with suppress(KeyboardInterrupt):
+        a = search.refined(a)
     fine = Limits(lib, rest, harmonics, duration, step=1e-3)
     a = inside(fine, a)
     use = {kind: float(values.max()) for kind, values in fine.use(a).items()}

@@ -13,6 +13,7 @@ from runtime.excitation import COST_SAMPLES, design
 from runtime.library import load
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
+from runtime.threads import cores
 from runtime.trajectory_file import write_trajectory
 
 
@@ -20,7 +21,10 @@ def excite_command(
     robot: Robot = "fr3",
     duration: Annotated[float, typer.Option(help="t_f, s.")] = 10.0,
     harmonics: Annotated[int, typer.Option(help="M, cosines per joint.")] = 5,
-    starts: Annotated[int, typer.Option(help="Descents from random starts.")] = 5,
+    starts: Annotated[int, typer.Option(help="Searches from random starts.")] = 5,
+    processes: Annotated[
+        int | None, typer.Option(help="Searching side by side; default: one per core.")
+    ] = None,
     rate: Annotated[float, typer.Option(help="Rate of the CSV, Hz.")] = 1000.0,
     seed: Seed = 0,
     out: Annotated[
@@ -31,7 +35,7 @@ def excite_command(
 
     Position, velocity and acceleration limits are kept at 1 kHz; torque and collision are NOT
     checked yet, so look at the motion in a simulator before sending it to a robot.
-    Ctrl-C keeps the best start so far.
+    Ctrl-C keeps the best start so far; the result depends on the seed, not on the processes.
 
     \b
     python -m runtime excite --robot fr3 --duration 10 --starts 10
@@ -48,10 +52,18 @@ def excite_command(
         task = progress.add_task("excitation", total=starts)
 
         def report(done: int, condition: float, best: float) -> None:
-            text = f"start {done}: cond {condition:.3f}, best {best:.3f}"
+            text = f"{done} starts: cond {condition:.3f}, best {best:.3f}"
             progress.update(task, completed=done, description=text)
 
-        found = design(lib, duration, harmonics, starts, seed, progress=report)
+        found = design(
+            lib,
+            duration,
+            harmonics,
+            starts,
+            seed,
+            progress=report,
+            processes=cores() if processes is None else processes,
+        )
     write_trajectory(found, lib, path)
     q, dq, ddq, _ = found.trajectory.at(lib, t)
     sentence = f"Designed by symgen, condition number {found.condition:.4f}."

@@ -17,8 +17,9 @@ SCALE = np.array([1.0, 0.25, 0.1, 0.06, 0.04])
 
 
 def levels_here(lib: Library) -> list[Library]:
-    """The library at every level that runs here."""
-    return [load(lib.folder, level) for level in lib.levels[: lib.levels.index(lib.level) + 1]]
+    """The library at every level that runs here and has the cost in C; CasADi's has not."""
+    here = lib.levels[: lib.levels.index(lib.level) + 1]
+    return [load(lib.folder, level) for level in here if level != "casadi"]
 
 
 def by_numpy(lib: Library, basis: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:

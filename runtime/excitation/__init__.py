@@ -1,0 +1,36 @@
+"""Excitation trajectories that make base parameters visible: Fourier + quintic, best of starts.
+
+q(t) = home + Σ_m a_m φ_m(t) per joint (Eqs. 3.24–3.28); the cost is log cond of the
+column-normalised base regressor at equally spaced samples (Eq. 3.29) with its exact gradient from
+the generated adjoint; the limits are linear in a.
+"""
+
+from runtime.excitation.cost import COST_SAMPLES, ConditionCost
+from runtime.excitation.criteria import log_condition
+from runtime.excitation.design import LONGEST, Design, design
+from runtime.excitation.limits import (
+    DEFAULT_ACCELERATION,
+    DEFAULT_RANGE,
+    LIMIT_STEP,
+    Limits,
+    whitening,
+)
+from runtime.excitation.search import START
+from runtime.excitation.trajectory import Trajectory, fourier_basis
+
+__all__ = [
+    "COST_SAMPLES",
+    "DEFAULT_ACCELERATION",
+    "DEFAULT_RANGE",
+    "LIMIT_STEP",
+    "LONGEST",
+    "START",
+    "ConditionCost",
+    "Design",
+    "Limits",
+    "Trajectory",
+    "design",
+    "fourier_basis",
+    "log_condition",
+    "whitening",
+]

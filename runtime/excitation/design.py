@@ -1,0 +1,103 @@
+"""The best of several starts, inside the limits at 1 kHz."""
+
+from collections.abc import Callable
+from contextlib import closing, suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.excitation.limits import Limits, inside
+from runtime.excitation.processes import in_turn, side_by_side
+from runtime.excitation.search import Problem, Search
+from runtime.excitation.trajectory import Trajectory
+from runtime.library import Array, Library
+from runtime.threads import one_blas_thread
+
+LONGEST = 3600.0
+"""Duration in s beyond which the limits' grid outgrows the memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """The best trajectory over all starts.
+
+    Attributes:
+        condition: cond of the column-normalised base regressor at `COST_SAMPLES` samples.
+        conditions: the same for every start that ended, in order.
+        use: largest |value| / limit at 1 kHz per kind of limit, 1 is the limit itself.
+        assumptions: limits that the robot does not state and what was taken instead.
+    """
+
+    trajectory: Trajectory
+    condition: float
+    conditions: tuple[float, ...]
+    use: dict[str, float]
+    assumptions: tuple[str, ...]
+
+
+@one_blas_thread
+def design(
+    lib: Library,
+    duration: float = 10.0,
+    harmonics: int = 5,
+    starts: int = 5,
+    seed: int = 0,
+    home: Array | None = None,
+    progress: Callable[[int, float, float], None] | None = None,
+    processes: int = 1,
+) -> Design:
+    """Best of several searches for the smallest cond from random admissible starts.
+
+    Args:
+        lib: of the robot.
+        duration: s.
+        harmonics: M.
+        starts: number of searches.
+        seed: of the random starts.
+        home: start and end position, default is the robot's.
+        progress: called after each start with how many have ended, its condition number and the
+            best one. Ctrl-C stops and keeps the best start so far.
+        processes: that search side by side; the design does not depend on it, to the last bit.
+            Each loads the library anew, so more than one asks for a script with a main guard.
+
+    Raises:
+        IdentificationError: options or home position make no trajectory; a process died.
+    """
+    if not 0 < duration <= LONGEST or harmonics < 1 or starts < 1:
+        raise IdentificationError(
+            f"a trajectory needs a positive duration up to {LONGEST:g} s, at least one harmonic "
+            f"and one start, got {duration:g} s, {harmonics}, {starts}"
+        )
+    if processes < 1:
+        raise IdentificationError(f"a search needs at least one process, got {processes}")
+    rest = lib.home if home is None else np.asarray(home, dtype=float)
+    problem = Problem(lib.folder, lib.level, rest, harmonics, duration, seed)
+    search = Search(lib, problem)
+    alone = processes == 1 or starts == 1
+    found: dict[int, tuple[float, Array]] = {}
+    ended = in_turn(search, starts) if alone else side_by_side(problem, starts, processes)
+    try:
+        with closing(ended):
+            for number, value, a in ended:
+                found[number] = value, a
+                if progress is not None:
+                    best = min(value for value, _ in found.values())
+                    progress(len(found), float(np.exp(value)), float(np.exp(best)))
+    except KeyboardInterrupt:
+        if not found:
+            raise
+    numbers = sorted(found)
+    a = found[min(numbers, key=lambda number: found[number][0])][1]
+    with suppress(KeyboardInterrupt):
+        a = search.refined(a)
+    fine = Limits(lib, rest, harmonics, duration, step=1e-3)
+    a = inside(fine, a)
+    use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
+    return Design(
+        Trajectory(rest, a, duration),
+        float(np.exp(search.cost.value_gradient(a)[0])),
+        tuple(float(np.exp(found[number][0])) for number in numbers),
+        use,
+        tuple(search.limits.assumptions),
+    )

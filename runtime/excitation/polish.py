@@ -1,0 +1,272 @@
+"""min log cond C(x) s.t. A x ≤ b where extreme eigenvalues meet: semidefinite programmes in turn.
+
+At an optimum the largest and the smallest eigenvalue are multiple, log cond has a kink there and
+descent along gradients stalls. Here all eigenvalues near an end move together: with V₁, V₂ the
+eigenvectors near the upper and the lower end, Λ₁, Λ₂ their eigenvalues and C_i = ∂C/∂x_i, a step
+d solves
+
+    min  a − b + ½ (b − 1)² + ½ dᵀ B d
+    s.t. Λ₁ + Σ d_i V₁ᵀ C_i V₁ ⪯ a λ_max,   Λ₂ + Σ d_i V₂ᵀ C_i V₂ ⪰ b λ_min,
+         A (x + d) ≤ b,   |d|_∞ ≤ Δ,
+
+and is taken when log cond itself falls (trust region). B is the curvature of the Lagrangian
+(Overton 1988; Overton and Womersley 1995). Knows nothing of robots.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.excitation.conic import Block, Rows, solve
+from runtime.library import Array
+
+CLUSTER = 1.35
+"""Eigenvalues within this factor of an extreme move with it."""
+LARGEST = 8
+"""Most eigenvalues in a cluster."""
+RADIUS = 0.3
+"""First Δ, for x that is scaled so that 1 reaches the bounds."""
+_DIFFERENCE = 1e-4
+"""Of the central differences of C, relative to such x: truncation 1e-8, rounding 1e-12."""
+_FLATTEST = 1e-4
+"""Smallest curvature: the model stays convex."""
+_SHARPNESS = 20.0
+"""Exponent of the first weights of a cluster, falling with the distance from the extreme."""
+_GOOD, _POOR, _TAKEN = 0.7, 0.3, 0.05
+"""Ratios of true to predicted decrease: grow Δ, shrink Δ, take the step."""
+
+
+class MatrixFunction(Protocol):
+    """A symmetric positive definite matrix C (m, m) that depends on x (p,)."""
+
+    def at(self, points: Array) -> Array:
+        """C at K points (K, p): (K, m, m)."""
+
+    def slopes(self, points: Array, weight: Array) -> tuple[Array, Array]:
+        """C and ∂⟨F, C⟩/∂x for a constant symmetric F (m, m): (K, m, m) and (K, p)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Polished:
+    """Where it ended: x admissible, log cond there and at every step that was taken."""
+
+    x: Array
+    value: float
+    history: tuple[float, ...]
+
+
+def polish(
+    matrix: MatrixFunction, x: Array, rows: Rows, iterations: int = 40, tolerance: float = 1e-5
+) -> Polished:
+    """Improve an admissible x; the result is never worse.
+
+    Args:
+        matrix: C(x).
+        x: start, A x ≤ b, (p,).
+        rows: A and b.
+        iterations: semidefinite programmes at most.
+        tolerance: of log cond: ends when the predicted decrease is below.
+    """
+    spectrum = _Spectrum.of(matrix.at(x[None])[0])
+    history, radius = [spectrum.value], RADIUS
+    weights: tuple[Array, Array] | None = None
+    model: _Model | None = None
+    for _ in range(iterations):
+        if not np.isfinite(spectrum.value):
+            break
+        if model is None:
+            model = _Model.around(matrix, x, spectrum, weights)
+        found = model.step(x, rows, radius)
+        if found is None or found.decrease < tolerance:
+            break
+        after = x + rows.reach(x, found.step) * found.step
+        trial = _Spectrum.of(matrix.at(after[None])[0])
+        ratio = (spectrum.value - trial.value) / found.decrease
+        length = float(np.abs(found.step).max())
+        if ratio > _TAKEN:
+            x, spectrum, weights, model = after, trial, found.weights, None
+            history.append(trial.value)
+            if ratio > _GOOD and length > 0.9 * radius:
+                radius *= 2.0
+            elif ratio < _POOR:
+                radius *= 0.5
+        else:
+            radius = 0.3 * min(radius, length)
+    return Polished(x, spectrum.value, tuple(history))
+
+
+@dataclass(frozen=True, slots=True)
+class _Spectrum:
+    values: Array
+    vectors: Array
+    value: float
+
+    @classmethod
+    def of(cls, matrix: Array) -> "_Spectrum":
+        values, vectors = np.linalg.eigh(matrix)
+        positive = values[0] > len(values) * np.finfo(float).eps * values[-1]
+        value = float(np.log(values[-1] / values[0]) / 2) if positive else np.inf
+        return cls(values, vectors, value)
+
+    def upper(self) -> NDArray[np.intp]:
+        """Indices of the cluster at the upper end."""
+        return np.flatnonzero(self.values >= self.values[-1] / CLUSTER)[-LARGEST:]
+
+    def lower(self) -> NDArray[np.intp]:
+        """Indices of the cluster at the lower end."""
+        return np.flatnonzero(self.values <= self.values[0] * CLUSTER)[:LARGEST]
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Attributes.
+
+    step: d.
+    decrease: of log cond, by the model.
+    weights: duals of both ends as matrices (m, m) of trace 1.
+    """
+
+    step: Array
+    decrease: float
+    weights: tuple[Array, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """One cluster, relative to its extreme eigenvalue.
+
+    Attributes:
+        vectors: V, (m, r).
+        values: Λ / λ, (r,).
+        slopes: Vᵀ C_i V / λ, (p, r, r).
+    """
+
+    vectors: Array
+    values: Array
+    slopes: Array
+
+    def block(self, sign: float, column: int, variables: int) -> Block:
+        """Sign (t I − Λ − Σ d_i slopes_i) ⪰ 0 with t = x[column]."""
+        r = len(self.values)
+        j, i = np.tril_indices(r)  # columns of the upper triangle, one after another
+        size = np.where(i == j, 1.0, np.sqrt(2.0))
+        a = np.zeros((len(i), variables))
+        a[:, : len(self.slopes)] = sign * (self.slopes[:, i, j] * size).T
+        a[:, column] = -sign * (i == j)
+        b = -sign * np.diag(self.values)[i, j] * size
+        return Block(a, b, r)
+
+    def weight(self, dual: Array) -> Array:
+        """The dual triangle as V U Vᵀ with trace 1."""
+        r = len(self.values)
+        j, i = np.tril_indices(r)
+        u = np.zeros((r, r))
+        u[i, j] = u[j, i] = dual / np.where(i == j, 1.0, np.sqrt(2.0))
+        return _of_trace_one(self.vectors @ u @ self.vectors.T)
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """Attributes: curvature B, (p, p), and both ends."""
+
+    curvature: Array
+    upper: _End
+    lower: _End
+
+    @classmethod
+    def around(
+        cls, matrix: MatrixFunction, x: Array, at: _Spectrum, weights: tuple[Array, Array] | None
+    ) -> "_Model":
+        high, low = at.upper(), at.lower()
+        first = _weight(at, high, at.values[-1], None if weights is None else weights[0])
+        second = _weight(at, low, at.values[0], None if weights is None else weights[1])
+        p = len(x)
+        moves = _DIFFERENCE * np.vstack([np.eye(p), -np.eye(p)])
+        seed = first / at.values[-1] - second / at.values[0]
+        matrices, gradients = matrix.slopes(x + moves, seed)
+        slopes = (matrices[:p] - matrices[p:]) / (2 * _DIFFERENCE)
+        curvature = (gradients[:p] - gradients[p:]) / (2 * _DIFFERENCE)
+        # In the basis of all eigenvectors: rows of the ends, all columns.
+        upper = _rotated(slopes, at.vectors[:, high], at.vectors) / at.values[-1]
+        lower = _rotated(slopes, at.vectors[:, low], at.vectors) / at.values[0]
+        curvature += _bending(upper, at, high, first, at.values[-1])
+        curvature += _bending(lower, at, low, second, at.values[0])
+        return cls(
+            _convex(curvature),
+            _End(at.vectors[:, high], at.values[high] / at.values[-1], upper[:, :, high]),
+            _End(at.vectors[:, low], at.values[low] / at.values[0], lower[:, :, low]),
+        )
+
+    def step(self, x: Array, rows: Rows, radius: float) -> _Step | None:
+        """The programme of the module's head."""
+        p = len(x)
+        quadratic = np.zeros((p + 2, p + 2))
+        quadratic[:p, :p] = self.curvature
+        quadratic[p + 1, p + 1] = 1.0
+        linear = np.zeros(p + 2)
+        linear[p:] = 1.0, -2.0
+        box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, 2))])
+        fixed = [
+            Block(box, np.full(2 * p, radius)),
+            self.upper.block(1.0, p, p + 2),
+            self.lower.block(-1.0, p + 1, p + 2),
+        ]
+
+        def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
+            limits = Block(np.hstack([a, np.zeros((len(a), 2))]), slack)
+            return solve(quadratic, linear, [limits, *fixed])
+
+        found = rows.solve(x, programme)
+        if found is None:
+            return None
+        y, duals = found
+        # At d = 0, a = b = 1 the programme's value is −½; log cond is half of log λ_max/λ_min.
+        decrease = -(0.5 + linear @ y + 0.5 * y @ quadratic @ y) / 2
+        weights = self.upper.weight(duals[2]), self.lower.weight(duals[3])
+        return _Step(y[:p], float(decrease), weights)
+
+
+def _weight(
+    at: _Spectrum, cluster: NDArray[np.intp], extreme: float, previous: Array | None
+) -> Array:
+    """The multipliers of a cluster, V U Vᵀ of trace 1: the last ones, as far as they lie in it."""
+    vectors = at.vectors[:, cluster]
+    if previous is not None:
+        inner = vectors.T @ previous @ vectors
+        if np.trace(inner) > 0.5:
+            return _of_trace_one(vectors @ inner @ vectors.T)
+    far = np.abs(np.log(at.values[cluster] / extreme))
+    return _of_trace_one((vectors * np.exp(-_SHARPNESS * far)) @ vectors.T)
+
+
+def _of_trace_one(matrix: Array) -> Array:
+    return matrix / np.trace(matrix)
+
+
+def _rotated(slopes: Array, left: Array, right: Array) -> Array:
+    """Leftᵀ C_i right, (p, r, m)."""
+    return left.T @ slopes @ right
+
+
+def _bending(
+    slopes: Array, at: _Spectrum, cluster: NDArray[np.intp], weight: Array, extreme: float
+) -> Array:
+    """Second order of a cluster through the eigenvalues outside, relative to the extreme.
+
+    2 ⟨U, V₁ᵀ C_i V₂ (λ − Λ₂)⁻¹ V₂ᵀ C_j V₁⟩ / λ: positive at both ends, as the lower one counts
+    with a minus.
+    """
+    outside = np.setdiff1d(np.arange(len(at.values)), cluster)
+    inner = at.vectors[:, cluster].T @ weight @ at.vectors[:, cluster]
+    across = slopes[:, :, outside]
+    gaps = extreme / np.abs(extreme - at.values[outside])
+    p = len(slopes)
+    seen = ((inner @ across) * gaps).reshape(p, -1)
+    return 2 * seen @ across.reshape(p, -1).T
+
+
+def _convex(matrix: Array) -> Array:
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    return (vectors * np.maximum(values, _FLATTEST)) @ vectors.T

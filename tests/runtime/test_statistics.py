@@ -35,7 +35,8 @@ def any_robot(robot, tiny_built):
 
 def levels(lib: Library) -> tuple[str, ...]:
     """Levels that this processor can run."""
-    return lib.levels[: lib.levels.index(load(lib.folder).level) + 1]
+    own = lib.levels[: lib.levels.index(load(lib.folder).level) + 1]
+    return tuple(level for level in own if level != "casadi")
 
 
 def drawn(lib: Library, count: int, k: int = 0, seed: int = 0, size: float = 1.0) -> Samples:

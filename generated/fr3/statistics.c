@@ -13,11 +13,22 @@
 enum {
     N = 7,
     BASE = 43,
-    DEPTH = 8, /* tiles that are eliminated together: R is read and written once for all of them */
-    TOGETHER = 4 /* columns that are changed together */
+    DEPTH = 16, /* tiles that are eliminated together: R is read and written once for all of them */
+    HEIGHT = (N * DEPTH) | 1, /* vectors from column to column, off the powers of two */
+    TOGETHER = 3 /* columns that are changed together: with four reflections, all that 16 registers hold */
 };
 
 #define INLINE static inline __attribute__((always_inline))
+
+/* A number that is used several times is loaded once: compilers take it from memory for each use,
+ * and the ports to memory are as busy as those that multiply. */
+#if W > 1 && defined(__x86_64__)
+#define HOLD(x) __asm__("" : "+v"(x))
+#elif W > 1 && defined(__aarch64__)
+#define HOLD(x) __asm__("" : "+w"(x))
+#else
+#define HOLD(x) ((void)0)
+#endif
 
 /* Squares below are rounded coarsely, and so would be the reflection; sums of squares up to here
  * count as zero. */
@@ -59,19 +70,25 @@ typedef struct {
     const vd *u[4];
     vd *r[4]; /* row of R, by column */
     vd top[4], inverse[4], cross[4][4];
-    const int *rows; /* where they begin */
-    int row_count, width;
+    vd dot[4]; /* u_i'a of the column a that comes next */
+    const short *joints; /* whose rows take part */
+    int joint_count, width;
 } team;
+
+/* `first` goes through the rows that take part, by fours. */
+#define EACH_FOUR_ROWS(f) \
+    for (int k = 0; k < (f)->joint_count; ++k) \
+        for (int first = (f)->joints[k] * DEPTH, end = first + DEPTH; first < end; first += 4)
 
 /* Householder's w = A'u / h, A -= u w' for `width` reflections and `count` columns at once: each
  * reflection starts from what those before it leave behind, w_j = (A'u_j - sum u_i'u_j w_i) / h_j. */
 INLINE void apply_group(const team *f, vd *b, long shift, const short *columns, const int width, const int count)
 {
     const int parts = width * count <= 2 ? 4 : width * count <= 8 ? 2 : 1; /* sums enough for the pipes */
-    vd w[4][4], more[3][4][4];
-    vd *a[4];
+    vd w[4][TOGETHER], more[3][4][TOGETHER];
+    vd *a[TOGETHER];
     UNROLL for (int i = 0; i < count; ++i) {
-        a[i] = b + columns[i];
+        a[i] = b + columns[i] * HEIGHT;
         UNROLL for (int j = 0; j < width; ++j) {
             w[j][i] = f->top[j] * f->r[j][shift + columns[i]];
             UNROLL for (int part = 1; part < parts; ++part) {
@@ -79,20 +96,22 @@ INLINE void apply_group(const team *f, vd *b, long shift, const short *columns, 
             }
         }
     }
-    for (int k = 0; k < f->row_count; k += 4) {
+    EACH_FOUR_ROWS(f) {
         UNROLL for (int p = 0; p < 4; ++p) {
-            const long at = f->rows[k + p];
-            vd u[4];
-            UNROLL for (int j = 0; j < width; ++j) {
-                u[j] = f->u[j][at];
-            }
+            const long at = first + p;
+            vd x[TOGETHER];
             UNROLL for (int i = 0; i < count; ++i) {
-                const vd x = a[i][at];
-                UNROLL for (int j = 0; j < width; ++j) {
+                x[i] = a[i][at];
+                HOLD(x[i]);
+            }
+            UNROLL for (int j = 0; j < width; ++j) {
+                vd u = f->u[j][at];
+                HOLD(u);
+                UNROLL for (int i = 0; i < count; ++i) {
                     if (p % parts == 0) {
-                        w[j][i] += u[j] * x;
+                        w[j][i] += u * x[i];
                     } else {
-                        more[p % parts - 1][j][i] += u[j] * x;
+                        more[p % parts - 1][j][i] += u * x[i];
                     }
                 }
             }
@@ -110,19 +129,22 @@ INLINE void apply_group(const team *f, vd *b, long shift, const short *columns, 
             f->r[j][shift + columns[i]] -= f->top[j] * w[j][i];
         }
     }
-    for (int k = 0; k < f->row_count; k += 2) {
-        UNROLL for (int p = 0; p < 2; ++p) {
-            const long at = f->rows[k + p];
-            vd u[4];
+    EACH_FOUR_ROWS(f) {
+        UNROLL for (int p = 0; p < 4; ++p) {
+            const long at = first + p;
+            vd x[TOGETHER];
+            UNROLL for (int i = 0; i < count; ++i) {
+                x[i] = a[i][at];
+            }
             UNROLL for (int j = 0; j < width; ++j) {
-                u[j] = f->u[j][at];
+                vd u = f->u[j][at];
+                HOLD(u);
+                UNROLL for (int i = 0; i < count; ++i) {
+                    x[i] -= u * w[j][i];
+                }
             }
             UNROLL for (int i = 0; i < count; ++i) {
-                vd x = a[i][at];
-                UNROLL for (int j = 0; j < width; ++j) {
-                    x -= u[j] * w[j][i];
-                }
-                a[i][at] = x;
+                a[i][at] = x[i];
             }
         }
     }
@@ -154,58 +176,73 @@ static APART void apply(const team *f, int teams, vd *b, long shift, const short
             apply_count(f + i, b, shift, columns, 2);
         }
     }
-    if (count == 1) {
+    for (; count >= 1; --count, ++columns) {
         for (int i = 0; i < teams; ++i) {
             apply_count(f + i, b, shift, columns, 1);
         }
     }
 }
 
-/* Column c as number `which` of a team: the reflections before it are applied to it, then its own is
- * formed in the same pass. R has r >= 0, so that r - |[r; u]| is formed without cancellation and the
- * new diagonal is positive. NaN is not <= TINY and passes on. */
+/* Column c as number `which` of a team: the reflections before it are applied to it, its own is
+ * formed and multiplied with the next column, all in one pass; in vain if that is not in the team.
+ * R has r >= 0, so that r - |[r; u]| is formed without cancellation and the new diagonal is positive.
+ * NaN is not <= TINY and passes on. */
 INLINE void reflect(team *f, vd *own, long c, const int which)
 {
-    vd w[4], sum[4][4] = {{{0}}};
-    if (which > 0) {
-        vd dot[4][4] = {{{0}}};
-        for (int i = 0; i < f->row_count; i += 4) {
-            UNROLL for (int p = 0; p < 4; ++p) {
-                const long at = f->rows[i + p];
-                UNROLL for (int j = 0; j < which; ++j) {
-                    dot[j][p] += f->u[j][at] * own[at];
-                }
-            }
+    const int parts = which == 0 ? 4 : 2; /* sums enough for the pipes */
+    vd w[4], square[4], cross[4][4], dot[4][4];
+    UNROLL for (int j = 0; j < which; ++j) {
+        w[j] = f->dot[j] + f->top[j] * f->r[j][c];
+        UNROLL for (int before = 0; before < j; ++before) {
+            w[j] -= f->cross[before][j] * w[before];
         }
-        UNROLL for (int j = 0; j < which; ++j) {
-            w[j] = (dot[j][0] + dot[j][1]) + (dot[j][2] + dot[j][3]) + f->top[j] * f->r[j][c];
-            UNROLL for (int before = 0; before < j; ++before) {
-                w[j] -= f->cross[before][j] * w[before];
-            }
-            w[j] *= f->inverse[j];
-            f->r[j][c] -= f->top[j] * w[j];
+        w[j] *= f->inverse[j];
+        f->r[j][c] -= f->top[j] * w[j];
+    }
+    UNROLL for (int part = 0; part < parts; ++part) {
+        square[part] = vd_all(0.0);
+        UNROLL for (int j = 0; j <= which; ++j) {
+            cross[j][part] = dot[j][part] = vd_all(0.0);
         }
     }
-    for (int i = 0; i < f->row_count; i += 4) {
+    EACH_FOUR_ROWS(f) {
         UNROLL for (int p = 0; p < 4; ++p) {
-            const long at = f->rows[i + p];
+            const long at = first + p;
             vd u[4], x = own[at];
             UNROLL for (int j = 0; j < which; ++j) {
                 u[j] = f->u[j][at];
+                HOLD(u[j]);
                 x -= u[j] * w[j];
             }
-            UNROLL for (int j = 0; j < which; ++j) {
-                sum[j][p] += u[j] * x;
-            }
-            sum[which][p] += x * x;
             own[at] = x;
+            square[p % parts] += x * x;
+            UNROLL for (int j = 0; j < which; ++j) {
+                cross[j][p % parts] += u[j] * x;
+            }
+            if (which < 3) {
+                vd next = own[HEIGHT + at];
+                HOLD(next);
+                UNROLL for (int j = 0; j < which; ++j) {
+                    dot[j][p % parts] += u[j] * next;
+                }
+                dot[which][p % parts] += x * next;
+            }
+        }
+    }
+    UNROLL for (int part = 1; part < parts; ++part) {
+        square[0] += square[part];
+        UNROLL for (int j = 0; j <= which; ++j) {
+            cross[j][0] += cross[j][part];
+            dot[j][0] += dot[j][part];
         }
     }
     UNROLL for (int j = 0; j < which; ++j) {
-        f->cross[j][which] = (sum[j][0] + sum[j][1]) + (sum[j][2] + sum[j][3]);
+        f->cross[j][which] = cross[j][0];
     }
-    const vd s = (sum[which][0] + sum[which][1]) + (sum[which][2] + sum[which][3]);
-    const vd r = f->r[which][c], length = vd_sqrt(r * r + s), both = r + length;
+    UNROLL for (int j = 0; j <= which; ++j) {
+        f->dot[j] = dot[j][0];
+    }
+    const vd s = square[0], r = f->r[which][c], length = vd_sqrt(r * r + s), both = r + length;
     const vi none = s <= TINY;
     f->r[which][c] = length;
     f->top[which] = vd_choose(none, vd_all(0.0), -s / both);
@@ -214,22 +251,12 @@ INLINE void reflect(team *f, vd *own, long c, const int which)
     f->width = which + 1;
 }
 
-/* A panel at work. Its columns are c, c + 1, ... of R and begin at `at` in the rows. */
+/* A panel at work. */
 typedef struct {
     team teams[TEAMS > 1 ? TEAMS : 2];
-    int rows[N * DEPTH];
-    int row_count;
+    const short *joints;
+    int joint_count;
 } shape;
-
-INLINE void place(shape *s, const short *joints, int count, long step)
-{
-    s->row_count = count * DEPTH;
-    for (int t = 0; t < DEPTH; ++t) {
-        for (int i = 0; i < count; ++i) {
-            s->rows[t * count + i] = (int)((t * N + joints[i]) * step);
-        }
-    }
-}
 
 /* The next reflection of a panel whose `width` columns begin at b and c of `size`. */
 static APART void advance(shape *s, int step, vd *b, vd *r, long size, long c, int width)
@@ -238,45 +265,47 @@ static APART void advance(shape *s, int step, vd *b, vd *r, long size, long c, i
     team *f = s->teams + step / 4;
     const int which = step % 4;
     f->r[which] = r + here * (2 * size - here - 1) / 2;
-    f->rows = s->rows;
-    f->row_count = s->row_count;
+    f->joints = s->joints;
+    f->joint_count = s->joint_count;
     if (which == 0) {
-        reflect(f, b + step, here, 0);
+        reflect(f, b + step * HEIGHT, here, 0);
     } else if (which == 1) {
-        reflect(f, b + step, here, 1);
+        reflect(f, b + step * HEIGHT, here, 1);
     } else if (which == 2) {
-        reflect(f, b + step, here, 2);
+        reflect(f, b + step * HEIGHT, here, 2);
     } else {
-        reflect(f, b + step, here, 3);
-        apply(f, 1, b + step + 1, here + 1, counting, width - step - 1);
+        reflect(f, b + step * HEIGHT, here, 3);
+        apply(f, 1, b + (step + 1) * HEIGHT, here + 1, counting, width - step - 1);
     }
 }
 
-/* DEPTH samples per lane, b[sample][joint][step] with rows [F Y_b tau], into the triangle r. While a
+/* DEPTH samples per lane, b[column][joint][tile] with rows [F Y_b tau], into the triangle r. While a
  * panel is applied to the columns on its right, the reflections of the next one, each of which waits
  * for a root and a quotient, are on their way. */
-static APART void eliminate(vd *b, vd *r, long k, long step)
+static APART void eliminate(vd *b, vd *r, long k)
 {
     const long shift = N * k, size = shift + BASE + 1;
     shape shapes[2];
     for (int joint = 0; joint < N; ++joint) {
-        place(shapes, counting + joint, 1, step);
+        shapes->joints = counting + joint;
+        shapes->joint_count = 1;
         for (long m = 0; m < k; m += 4) {
             const int width = k - m < 4 ? (int)(k - m) : 4;
             const long c = joint * k + m;
             for (int i = 0; i < width; ++i) {
-                advance(shapes, i, b + m, r, size, c, width);
+                advance(shapes, i, b + m * HEIGHT, r, size, c, width);
             }
             for (long own = m + width; own < k; ++own) {
-                apply(shapes->teams, 1, b + own, joint * k + own, counting, 1);
+                apply(shapes->teams, 1, b + own * HEIGHT, joint * k + own, counting, 1);
             }
-            apply(shapes->teams, 1, b + k, shift, joint_columns + joint_at[joint], joint_at[joint + 1] - joint_at[joint]);
+            apply(shapes->teams, 1, b + k * HEIGHT, shift, joint_columns + joint_at[joint], joint_at[joint + 1] - joint_at[joint]);
         }
     }
-    b += k;
-    place(shapes, panel_rows + panels[0].rows, panels[0].row_count, step);
+    b += k * HEIGHT;
+    shapes->joints = panel_rows + panels[0].rows;
+    shapes->joint_count = panels[0].row_count;
     for (int i = 0; i < panels[0].width; ++i) {
-        advance(shapes, i, b + panels[0].first, r, size, shift + panels[0].first, panels[0].width);
+        advance(shapes, i, b + panels[0].first * HEIGHT, r, size, shift + panels[0].first, panels[0].width);
     }
     for (int p = 0; p < PANELS; ++p) {
         const team *now = shapes[p & 1].teams;
@@ -290,14 +319,16 @@ static APART void eliminate(vd *b, vd *r, long k, long step)
             while (lead < count && columns[lead] < next->first + next->width) {
                 ++lead;
             }
-            lead = (lead + 3) / 4 * 4 < count ? (lead + 3) / 4 * 4 : count;
+            lead = (lead + TOGETHER - 1) / TOGETHER * TOGETHER;
+            lead = lead < count ? lead : count;
             apply(now, teams, b, shift, columns, lead);
             columns += lead;
             count -= lead;
-            place(then, panel_rows + next->rows, next->row_count, step);
+            then->joints = panel_rows + next->rows;
+            then->joint_count = next->row_count;
             for (int i = 0; i < next->width; ++i) {
-                advance(then, i, b + next->first, r, size, shift + next->first, next->width);
-                const int part = count / (next->width - i) / 4 * 4;
+                advance(then, i, b + next->first * HEIGHT, r, size, shift + next->first, next->width);
+                const int part = count / (next->width - i) / TOGETHER * TOGETHER;
                 apply(now, teams, b, shift, columns, part);
                 columns += part;
                 count -= part;
@@ -307,7 +338,7 @@ static APART void eliminate(vd *b, vd *r, long k, long step)
     }
     vd *last = r + size * (size + 1) / 2 - 1, sum = *last * *last;
     for (int i = 0; i < N * DEPTH; ++i) {
-        const vd tau = b[i * step + BASE];
+        const vd tau = b[BASE * HEIGHT + i];
         sum += tau * tau;
     }
     *last = vd_sqrt(sum);
@@ -377,12 +408,6 @@ static double *aligned(double *work)
     return (double *)(((uintptr_t)work + 63) / 64 * 64);
 }
 
-/* Vectors from row to row, off the powers of two. */
-static long row_of(long k)
-{
-    return (k + BASE + 1) | 1;
-}
-
 static long step_of(long size)
 {
     return (size + W + 7) / 8 * 8;
@@ -394,7 +419,7 @@ long OWN(statistics_work)(long k);
 long OWN(statistics_work)(long k)
 {
     const long size = N * k + BASE + 1, step = step_of(size);
-    const long triangles = size * (size + 1) / 2 * LANES, block = (DEPTH * N * row_of(k) + N * BASE) * LANES;
+    const long triangles = size * (size + 1) / 2 * LANES, block = (HEIGHT * (k + BASE + 1) + N * BASE) * LANES;
     const long join_rows = size * (LANES + 1) * step;
     return 8 + triangles + (block > join_rows ? block : join_rows);
 }
@@ -434,8 +459,8 @@ void OWN(statistics)(long n, const double *q, const double *dq, const double *dd
 void OWN(statistics)(long n, const double *q, const double *dq, const double *ddq, const double *tau, long k, const double *columns, const double *weight, const double *sample_weight, double *work, double *triangle)
 {
     const long shift = N * k, size = shift + BASE + 1, step = step_of(size);
-    const long packed = size * (size + 1) / 2, row = row_of(k);
-    double *r = aligned(work), *b = r + packed * LANES, *y = b + DEPTH * N * row * LANES;
+    const long packed = size * (size + 1) / 2, part = HEIGHT * (k + BASE + 1);
+    double *r = aligned(work), *b = r + packed * LANES, *y = b + part * LANES;
     double root[N];
     for (long i = 0; i < N * BASE * LANES; ++i) {
         y[i] = 0.0; /* what is zero by structure is never written */
@@ -475,16 +500,18 @@ void OWN(statistics)(long n, const double *q, const double *dq, const double *dd
                 }
             }
             for (int h = 0; h < VECTORS; ++h) {
-                vd *to = (vd *)(b + h * DEPTH * N * row * W) + t * N * row;
+                vd *to = (vd *)(b + h * part * W) + t;
                 if (t >= tiles) {
-                    for (long j = 0; j < N * row; ++j) {
-                        to[j] = vd_all(0.0);
+                    for (long c = 0; c < k + BASE + 1; ++c) {
+                        for (int joint = 0; joint < N; ++joint) {
+                            to[c * HEIGHT + joint * DEPTH] = vd_all(0.0);
+                        }
                     }
                     continue;
                 }
 #define ROW(tile, index) (*(const vd *)((tile) + (index) * LANES + h * W))
                 for (int joint = 0; joint < N; ++joint) {
-                    vd *here = to + joint * row;
+                    vd *here = to + joint * DEPTH;
                     const vd s = ROW(scale, joint);
                     for (long m = 0; m < k; ++m) {
                         vd x = s;
@@ -492,20 +519,20 @@ void OWN(statistics)(long n, const double *q, const double *dq, const double *dd
                             const long sample = i + h * W + l < n ? i + h * W + l : n - 1;
                             x[l] *= columns[(sample * N + joint) * k + m];
                         }
-                        here[m] = x;
+                        here[m * HEIGHT] = x;
                     }
-                    here += k;
+                    here += k * HEIGHT;
                     /* contiguous runs: the rest of Y_b is zero by structure */
                     for (int c = runs[joint][0]; c < runs[joint][1]; ++c) {
-                        here[c] = s * ROW(y, joint * BASE + c);
+                        here[c * HEIGHT] = s * ROW(y, joint * BASE + c);
                     }
-                    here[BASE] = s * ROW(tau_tile, joint);
+                    here[BASE * HEIGHT] = s * ROW(tau_tile, joint);
                 }
 #undef ROW
             }
         }
         for (int h = 0; h < VECTORS; ++h) {
-            eliminate((vd *)(b + h * DEPTH * N * row * W), (vd *)(r + h * W * packed), k, row);
+            eliminate((vd *)(b + h * part * W), (vd *)(r + h * W * packed), k);
         }
     }
     double *joined = b, *rows = b + size * step;

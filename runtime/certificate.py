@@ -209,12 +209,22 @@ def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
     Raises:
         IdentificationError: another speed.
     """
+    duration = trajectory.duration / require_speed(speed)
+    return Trajectory(trajectory.home, trajectory.coefficients, duration)
+
+
+def require_speed(speed: float) -> float:
+    """The speed itself, if it slows down.
+
+    Raises:
+        IdentificationError: it does not.
+    """
     if not 0 < speed <= 1:
         raise IdentificationError(
             f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
             "motion must be designed with a shorter --duration"
         )
-    return Trajectory(trajectory.home, trajectory.coefficients, trajectory.duration / speed)
+    return speed
 
 
 def pulled_inside(lib: Library, trajectory: Trajectory, most: float = 1e-3) -> Trajectory:

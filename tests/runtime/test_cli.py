@@ -2,10 +2,12 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ from typer.testing import CliRunner
 import runtime
 from runtime import Recording, write_recording
 from runtime.cli import app
+from runtime.excitation import Design, design
 from runtime.library import Library
 from tests.runtime.conftest import Command
 
@@ -215,6 +218,47 @@ def test_excite_writes_a_motion_that_identify_could_use(
     assert table.q[[0, -1]] == pytest.approx(np.tile(lib.home, (2, 1)), abs=1e-12)
     facts = json.loads((tmp_path / "results" / "fr3-excite.json").read_text())
     assert facts["condition_number"] > 1
+
+
+def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_path: Path) -> None:
+    """Property: files per kind and stage, a table per stage; the CSV only where asked for."""
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--rate", "100")
+    stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
+    ran = command("excite", "--robot", lib.folder, *words, *stages, "--plot", "--out", "m.json")
+    assert ran.code == 0, ran.err
+    assert "certificate at 10 % speed: holds at every instant" in ran.out
+    assert "certificate at 100 % speed: holds at every instant" in ran.out
+    kinds = ("certificate.json", "libfranka.csv", "ros.yaml")
+    expected = {f"{stem}.{kind}" for stem in ("m", "m-speed10") for kind in kinds}
+    assert {path.name for path in tmp_path.iterdir()} == {"m.json", "m.png", *expected}
+    slow = (tmp_path / "m-speed10.libfranka.csv").read_text()
+    assert len(re.findall("^[0-9]", slow, re.MULTILINE)) == 40_001
+
+
+def test_excite_exports_nothing_that_breaks_a_limit(
+    command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: one sentence, exit code 2; the design stays, no file for a robot is written."""
+    from runtime.cli import excite
+
+    def wild(*words: object, **options: object) -> Design:
+        found = design(*words, **options)  # type: ignore[arg-type]
+        return replace(found, trajectory=replace(found.trajectory, duration=3.0))
+
+    monkeypatch.setattr(excite, "design", wild)
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")
+    # The slow stage would hold, the fast one does not: neither is written.
+    stages = ("--speed", "10", "--speed", "100")
+    ran = command("excite", "--robot", lib.folder, *words, *stages, "--export", "ros")
+    assert ran.code == 2
+    assert "does NOT hold" in ran.out
+    assert ran.err.startswith("runtime: nothing is exported, the motion exceeds limits: ")
+    assert re.search(r"add --speed \d\d, at which they are kept$", ran.err.strip())
+    assert len(ran.err.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["m.json"]
+    ran = command("excite", "--robot", lib.folder, "--speed", "150", "--out", "n.json")
+    assert (ran.code, (tmp_path / "n.json").exists()) == (2, False)
+    assert "up to 100 %, got 150 %" in ran.err
 
 
 def test_simulate_ideal_by_default_names(command: Command, lib: Library, tmp_path: Path) -> None:

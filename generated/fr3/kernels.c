@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 2a832baa21a775864d12b80e893bbc5725bbf7c7547f0c0aec72c87b839d563e.
+ * Model cb2e2830eec355e0248690479c5a18c163f93052f3e1580f8cd1f9d2b1d35f8c.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "2a832baa21a775864d12b80e893bbc5725bbf7c7547f0c0aec72c87b839d563e";
+    return "cb2e2830eec355e0248690479c5a18c163f93052f3e1580f8cd1f9d2b1d35f8c";
 }
 
 const char *fr3_level(void)

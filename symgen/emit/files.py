@@ -45,7 +45,7 @@ def emit(
     tiles = {kernel.name: tile_program(kernel) for kernel in kernels if not kernel.rare}
     reference = reference_code(kernels)
     manifest = {
-        "format": 1,
+        "format": 2,
         "robot": name,
         "versions": versions,
         **facts,
@@ -55,6 +55,8 @@ def emit(
     digest.update(json.dumps(manifest, sort_keys=True).encode())
     digest.update(json.dumps(bodies, sort_keys=True).encode())
     digest.update(repr(tiles).encode())
+    for template in sorted(_TEMPLATES.iterdir()):  # programs and their structs tie both sides too
+        digest.update(template.read_bytes())
     manifest["model_hash"] = digest.hexdigest()
     context: dict[str, Any] = {
         "name": name,

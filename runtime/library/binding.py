@@ -57,17 +57,16 @@ class Binding:
 
     def function(self, name: str, *types: Any) -> Callable[..., None] | None:
         """A function of the level that is not a kernel's batch; None where there is none."""
-        function = getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
+        function = self.own(name)
         if function is not None:
             function.argtypes, function.restype = types, None
         return function
 
     def excitation(self) -> tuple[Callable[..., float], Callable[..., int]] | None:
         """Cost of a trajectory and the size of its work at this level; None where there is none."""
-        prefix = f"{self._manifest.robot}_{self.level}_excitation_"
-        if not hasattr(self._dll, f"{prefix}cost"):
+        cost, work = self.own("excitation_cost"), self.own("excitation_work")
+        if cost is None or work is None:
             return None
-        cost, work = self._symbol(f"{prefix}cost"), self._symbol(f"{prefix}work")
         cost.argtypes, cost.restype = (ctypes.c_void_p,) * 3, ctypes.c_double
         work.argtypes, work.restype = (ctypes.c_void_p,), ctypes.c_long
         return cost, work

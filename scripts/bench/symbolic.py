@@ -15,14 +15,12 @@ class Symbolic:
         inputs: their names.
         operations: per sample, without what depends on shared inputs alone.
         sines: how many of them are sines and cosines.
-        scalar: all operations of one evaluation.
     """
 
     function: Any
     inputs: tuple[str, ...]
     operations: int
     sines: int
-    scalar: int
 
 
 def symbolic(lib: Library, names: tuple[str, ...]) -> dict[str, Symbolic]:
@@ -52,4 +50,4 @@ def facts_of(kernel: Any) -> Symbolic:
             own[outs[0]] = any(own[i] for i in ins)
             operations += own[outs[0]]
             sines += own[outs[0]] and op in {ca.OP_SIN, ca.OP_COS}
-    return Symbolic(f, tuple(a.name for a in kernel.inputs), operations, sines, kernel.operations)
+    return Symbolic(f, tuple(a.name for a in kernel.inputs), operations, sines)

@@ -128,7 +128,7 @@ def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
     return {
         "joints": joints,
         "columns": columns,
-        "spans": [(row[0], row[-1] + 1) if row else (0, 0) for row in filled],
+        "spans": [_run(row) for row in filled],
         "block_ends": ends,
         "block_joints": shared or [0],
         "base_turns_more": not set(program.turns) <= set(adjoint.turns),

@@ -1,6 +1,7 @@
 """How far every kernel is from Pinocchio, over the whole batch."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.batch import Batch
 from bench.peers import pinocchio_model
@@ -23,7 +24,7 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
     columns = np.array([model.joints[i].idx_v for i in ids])
     order = np.empty(n, dtype=int)
     order[columns] = np.arange(n)
-    parameters = np.concatenate([10 * (i - 1) + _OUR_ORDER for i in ids])
+    parameters = parameter_order(ids)
     base, tip = (model.getFrameId(name) for name in (lib.manifest.base, lib.manifest.tip))
     blocks = lib.pi_jacobian(batch.lam)
     found: dict[str, list[Array]] = {}
@@ -53,6 +54,11 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
 
 _OUR_ORDER = np.array([0, 1, 2, 3, 4, 6, 9, 5, 7, 8])
 """[m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ] among [m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz]."""
+
+
+def parameter_order(ids: list[int]) -> NDArray[np.intp]:
+    """Columns of Pinocchio's regressor in our order, for its joints `ids`."""
+    return np.concatenate([10 * (i - 1) + _OUR_ORDER for i in ids])
 
 
 def deviation(ours: Array, theirs: Array) -> float:

@@ -1,0 +1,166 @@
+"""The run behind `scripts/bench_excitation`: the document's problem by several optimisers."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from bench import excitation_peers as peers
+from bench.compiled import BenchError
+from bench.excitation_peers import Start
+from bench.machine import processor
+from runtime.excitation import COST_SAMPLES
+from runtime.excitation.search import Problem
+from runtime.library import Library
+from runtime.threads import one_blas_thread
+
+DOCUMENT = 5.4178
+"""Condition number that the document reached (Sec. 3.4.2)."""
+DOCUMENT_SECONDS = 9 * 3600.0
+"""At least, for one run of 50 iterations."""
+OPTIMISERS = (
+    ("ours", "D-opt → Schatten → semidefinite polish", peers.ours),
+    ("slsqp", "SLSQP, our exact gradient", peers.slsqp_exact),
+    ("differences", "SLSQP, differences on Pinocchio", peers.slsqp_differences),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """All starts of one optimiser, one process.
+
+    Attributes:
+        name: in JSON.
+        label: in tables.
+        starts: in order.
+    """
+
+    name: str
+    label: str
+    starts: tuple[Start, ...]
+
+    @property
+    def conditions(self) -> tuple[float, float, float]:
+        """The best, the median, the worst."""
+        found = [start.condition for start in self.starts]
+        return min(found), float(np.median(found)), max(found)
+
+    @property
+    def seconds(self) -> tuple[float, float]:
+        """Median processor and wall time of a start."""
+        cpu, wall = ([getattr(s, kind) for s in self.starts] for kind in ("cpu", "wall"))
+        return float(np.median(cpu)), float(np.median(wall))
+
+    @property
+    def beats_document(self) -> float | None:
+        """Wall time until the first start, in order, that is better than the document."""
+        passed = 0.0
+        for start in self.starts:
+            passed += start.wall
+            if start.condition < DOCUMENT:
+                return passed
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Everything that one run measured."""
+
+    robot: str
+    level: str
+    processor: str
+    duration: float
+    harmonics: int
+    rows: tuple[Row, ...]
+    skipped: dict[str, str]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+@one_blas_thread
+def measure(
+    lib: Library,
+    starts: int,
+    duration: float,
+    harmonics: int,
+    seed: int,
+    tell: Callable[[str], None],
+) -> Report:
+    """Run every optimiser from the same random motions, one start after another.
+
+    Args:
+        lib: of the robot.
+        starts: of each.
+        duration: t_f, s.
+        harmonics: M.
+        seed: of the starts.
+        tell: is called with a line of progress.
+    """
+    problem = Problem(lib.folder, lib.level, lib.home, harmonics, duration, seed)
+    rows, skipped = list[Row](), dict[str, str]()
+    for name, label, make in OPTIMISERS:
+        try:
+            work = make(lib, problem)
+        except BenchError as error:
+            skipped[label] = str(error)
+            continue
+        found = list[Start]()
+        for number in range(starts):
+            found.append(peers.timed(work, number))
+            tell(f"{label}: start {number + 1} of {starts}, cond {found[-1].condition:.3f}")
+        rows.append(Row(name, label, tuple(found)))
+    return Report(lib.name, lib.level, processor(), duration, harmonics, tuple(rows), skipped)
+
+
+_HEAD = (
+    "optimiser",
+    "starts",
+    "best",
+    "median",
+    "worst",
+    "CPU s / start",
+    "wall s / start",
+    f"wall s to < {DOCUMENT}",
+)
+
+
+def table(report: Report) -> Table:
+    """One line per optimiser and one for the document."""
+    shown = Table(
+        *_HEAD,
+        title=f"{report.robot}: condition numbers, t_f {report.duration:g} s, M "
+        f"{report.harmonics}, {report.level}, {report.processor}",
+        caption=(
+            f"Column-normalised base regressor at {COST_SAMPLES} samples; position, velocity and "
+            "acceleration limits kept at 1 kHz; the same random starts for all, one process. "
+            "Document: five starts of 50 iterations, its own machine, t_f not stated."
+        ),
+    )
+    for column in shown.columns[1:]:
+        column.justify = "right"
+    for cells in _lines(report):
+        shown.add_row(*cells)
+    return shown
+
+
+def markdown(report: Report) -> str:
+    """The same for the README."""
+    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
+    return "\n".join((*lines, *(f"| {' | '.join(cells)} |" for cells in _lines(report))))
+
+
+def _lines(report: Report) -> Iterator[tuple[str, ...]]:
+    for row in report.rows:
+        passed = row.beats_document
+        yield (
+            row.label,
+            str(len(row.starts)),
+            *(f"{value:.2f}" for value in row.conditions),
+            *(f"{value:.2f}" for value in row.seconds),
+            "never" if passed is None else f"{passed:.1f}",
+        )
+    yield "the document", "5", f"{DOCUMENT}", "", "", "", f"> {DOCUMENT_SECONDS:.0f}", ""

@@ -1,0 +1,127 @@
+"""One start of the document's problem by three optimisers, timed alike.
+
+min log cond of the column-normalised base regressor at 80 samples (Eq. 3.29) under position,
+velocity and acceleration limits on a grid of 0.1 s. Every optimiser sets out from the same random
+motions, in the same whitened unknowns, and ends with the motion pulled inside the limits at 1 kHz.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from bench.accuracy import parameter_order
+from bench.peers.pinocchio_model import pinocchio_model
+from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
+from runtime.excitation.limits import inside
+from runtime.excitation.search import Problem, Search
+from runtime.library import Array, Library
+
+ITERATIONS = 200
+"""Of SLSQP at most; a start ends sooner, at a relative change of 1e-6."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where one start ended: cond inside the limits at 1 kHz, seconds of processor and of wall."""
+
+    condition: float
+    cpu: float
+    wall: float
+
+
+def timed(work: Callable[[int], float], number: int) -> Start:
+    """The start `number` of an optimiser."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    condition = work(number)
+    return Start(condition, time.process_time() - cpu, time.perf_counter() - wall)
+
+
+def ours(lib: Library, problem: Problem) -> Callable[[int], float]:
+    """`runtime.excitation`'s search."""
+    search = Search(lib, problem)
+    finish = _finish(lib, problem)
+    return lambda number: finish(search.start(number)[1])
+
+
+def slsqp_exact(lib: Library, problem: Problem) -> Callable[[int], float]:
+    """SciPy's SLSQP with our compiled value and gradient."""
+    cost = ConditionCost(lib, problem.home, problem.harmonics, problem.duration)
+    return _slsqp(lib, problem, cost.value_gradient)
+
+
+def slsqp_differences(lib: Library, problem: Problem) -> Callable[[int], float]:
+    """SciPy's SLSQP with Pinocchio's regressor, NumPy's SVD and forward differences."""
+    condition = _pinocchio_condition(lib, problem)
+    return _slsqp(lib, problem, lambda a: (condition(a), None))
+
+
+def _slsqp(
+    lib: Library, problem: Problem, cost: Callable[[Array], tuple[float, Array | None]]
+) -> Callable[[int], float]:
+    matrix, bound = Limits(lib, problem.home, problem.harmonics, problem.duration).inequalities()
+    spread = whitening(matrix, lib.n_joints)
+    spread *= np.sqrt(len(matrix) / (3.0 * len(spread)))
+    rows, shape = matrix @ spread, (lib.n_joints, problem.harmonics)
+    finish = _finish(lib, problem)
+
+    def value(x: Array) -> float:
+        return cost((spread @ x).reshape(shape))[0]
+
+    def both(x: Array) -> tuple[float, Array]:
+        found, gradient = cost((spread @ x).reshape(shape))
+        assert gradient is not None  # noqa: S101  asked for only where there is one
+        return found, spread.T @ gradient.ravel()
+
+    def start(number: int) -> float:
+        rng = np.random.default_rng((problem.seed, number))
+        x = rng.normal(size=len(spread))
+        x *= START / np.max(rows @ x)
+        exact = cost((spread @ x).reshape(shape))[1] is not None
+        limits = {"type": "ineq", "fun": lambda x: bound - rows @ x, "jac": lambda _: -rows}
+        options = {"maxiter": ITERATIONS, "ftol": 1e-6}
+        found = minimize(
+            both if exact else value,
+            x,
+            jac=True if exact else None,
+            method="SLSQP",
+            constraints=[limits],
+            options=options,
+        )
+        return finish((spread @ found.x).reshape(shape))
+
+    return start
+
+
+def _finish(lib: Library, problem: Problem) -> Callable[[Array], float]:
+    fine = Limits(lib, problem.home, problem.harmonics, problem.duration, step=1e-3)
+    cost = ConditionCost(lib, problem.home, problem.harmonics, problem.duration)
+    return lambda a: float(np.exp(cost.value_gradient(inside(fine, a))[0]))
+
+
+def _pinocchio_condition(lib: Library, problem: Problem) -> Callable[[Array], float]:
+    model, ids = pinocchio_model(lib)
+    import pinocchio as pin
+
+    data, n = model.createData(), lib.n_joints
+    columns = np.array([model.joints[i].idx_v for i in ids])
+    order = np.empty(n, dtype=int)
+    order[columns] = np.arange(n)
+    kept = parameter_order(ids)[list(lib.base_columns)]
+    half = np.linspace(0.0, problem.duration, COST_SAMPLES)[: COST_SAMPLES // 2]
+    basis = fourier_basis(lib, problem.harmonics, half, problem.duration)[..., :3]
+
+    def condition(a: Array) -> float:
+        motion = np.einsum("jm,tmd->dtj", a, basis)
+        motion[0] += problem.home
+        rows = [
+            pin.computeJointTorqueRegressor(model, data, q[order], dq[order], ddq[order])[:, kept]
+            for q, dq, ddq in zip(*motion, strict=True)
+        ]
+        w = np.vstack(rows)
+        values = np.linalg.svd(w / np.linalg.norm(w, axis=0), compute_uv=False)
+        return float(np.log(values[0] / values[-1]))
+
+    return condition

@@ -151,6 +151,21 @@ def test_identification_is_timed_or_skipped(home: Path, build: Any) -> None:
         assert "has no function" in why or "--no-trials" in why
 
 
+def test_optimisers_of_excitation_solve_the_same_problem(home: Path, build: Any) -> None:
+    """Oracle: SLSQP on our cost and on Pinocchio's, from one start, end in the same motion."""
+    pytest.importorskip("pinocchio")
+    robot = str(home / "generated" / build["robot"])
+    arguments = ("--robot", robot, "--starts", "1", "--harmonics", "2")
+    report = script("bench_excitation", *arguments, home=home)
+    found = {row["name"]: row["starts"] for row in report["rows"]}
+    assert report["skipped"] == {}
+    assert all(len(starts) == 1 and starts[0]["cpu"] > 0 for starts in found.values())
+    ours, exact, differences = (found[name][0]["condition"] for name in found)
+    # Forward differences leave the last 1e-3 of the descent; another cost would be off by more.
+    assert differences == pytest.approx(exact, rel=5e-3)
+    assert ours <= exact
+
+
 def test_an_unknown_robot_is_one_sentence(tmp_path: Path) -> None:
     command = [sys.executable, str(REPOSITORY / "scripts" / "bench_kernels"), "--robot", "nobody"]
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY)}

@@ -9,7 +9,7 @@ import json
 import shlex
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -42,19 +42,22 @@ class BuildResult:
     notes: tuple[str, ...]
 
 
-def build(request: BuildRequest, root: Path, force: bool = False) -> BuildResult:
+def build(
+    request: BuildRequest, root: Path, force: bool = False, levels: Sequence[str] = ()
+) -> BuildResult:
     """Generate and compile unless nothing changed.
 
     Args:
         request: what to build.
         root: the folder that holds one folder per robot.
         force: rebuild although nothing changed.
+        levels: instruction sets to compile for (`compiler.level_names`); empty: all.
 
     Raises:
         SymgenError: the URDF, the compiler or the file system refused; nothing was changed.
     """
     folder = root / request.name
-    if not force and is_current(request, folder):
+    if not force and is_current(request, folder, levels):
         return BuildResult(folder, False, ())
     robot, notes = generate(request)  # a refused robot leaves no trace on disk
     with _write_errors(folder):
@@ -64,7 +67,7 @@ def build(request: BuildRequest, root: Path, force: bool = False) -> BuildResult
             try:
                 staging.chmod(0o755)
                 _write_files(staging, robot)
-                _compile(staging, request, tuple(robot.files))
+                _compile(staging, request, tuple(robot.files), levels)
                 replace_folder(staging, folder)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
@@ -83,12 +86,16 @@ def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
     return EmittedRobot(files, robot.model_hash), _notes(chain, projected)
 
 
-def is_current(request: BuildRequest, folder: Path) -> bool:
-    """True when the folder was built from exactly this request and its library is intact."""
+def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
+    """The folder was built from exactly this request and its library is intact.
+
+    `levels` as in `build`; None: whichever it was compiled for.
+    """
     try:
         record = json.loads((folder / "build.json").read_text())
         return bool(
             record["fingerprint"] == request.fingerprint
+            and (levels is None or record["levels"] == sorted(set(levels)))
             and record["sha256"] == sha256_of(folder / f"lib{request.name}.so")
             and all(
                 sha256_of(folder / name) == digest for name, digest in record["sources"].items()
@@ -117,14 +124,17 @@ def _write_files(staging: Path, robot: EmittedRobot) -> None:
         (staging / name).write_text(text, encoding="utf-8", newline="\n")
 
 
-def _compile(staging: Path, request: BuildRequest, names: tuple[str, ...]) -> None:
+def _compile(
+    staging: Path, request: BuildRequest, names: tuple[str, ...], levels: Sequence[str]
+) -> None:
     library = staging / f"lib{request.name}.so"
     per_level = [staging / name for name in PER_LEVEL if name in names]
     once = [staging / name for name in ONCE if name in names]
     unhurried = [staging / name for name in UNHURRIED if name in names]
-    compiled = compile_library(once, library, per_level, unhurried)
+    compiled = compile_library(once, library, per_level, unhurried, levels)
     record = {
         "fingerprint": request.fingerprint,
+        "levels": sorted(set(levels)),
         "sha256": compiled.sha256,
         "sources": {name: sha256_of(staging / name) for name in names},
         "commands": [shlex.join(command) for command in compiled.commands],

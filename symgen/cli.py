@@ -79,6 +79,14 @@ def build_command(
     config: Annotated[
         Path | None, typer.Option(help="TOML with home, acceleration and jerk per joint.")
     ] = None,
+    level: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Compile for this instruction set only (v4: AVX-512, v3: AVX2, v2, portable, "
+            "casadi: its own C to compare with; neon on ARM); repeatable. Default: all, and the "
+            "processor decides at load."
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Rebuild although nothing changed.")
     ] = False,
@@ -102,7 +110,7 @@ def build_command(
     else:
         request = _own_request(urdf, name, options, project, config)
     with console.status(f"building {request.name}"):
-        result = build(request, out, force)
+        result = build(request, out, force, level or ())
     for note in result.notes:
         console.print(f"note: {note}", highlight=False, soft_wrap=True)
     state = "built" if result.rebuilt else "up to date"

@@ -41,6 +41,9 @@ LEVELS = {
 }
 """Per machine: level → lanes and instruction set. A vector wider than the set is slow."""
 
+REFERENCE = "casadi"
+"""Level of the code that nobody waits for."""
+
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
@@ -81,6 +84,7 @@ def compile_library(
     target: Path,
     per_level: Sequence[Path] = (),
     unhurried: Sequence[Path] = (),
+    wanted: Sequence[str] = (),
 ) -> Compiled:
     """Compile sources into one library.
 
@@ -88,24 +92,35 @@ def compile_library(
         sources: compiled once.
         target: the library.
         per_level: compiled once per vector level.
-        unhurried: compiled once, without optimisation.
+        unhurried: compiled once, without optimisation: the level `REFERENCE`.
+        wanted: levels to compile, of `level_names()`; empty: every one that the compiler knows.
 
     Raises:
-        CompilerError: the compiler failed; its message is part of the sentence.
+        CompilerError: the compiler failed; its message is part of the sentence; a wanted level is
+            none of this machine or compiler.
     """
     compiler = find_compiler()
+    _require_levels(wanted)
     units: list[tuple[str, str, tuple[str, ...]]] = [
         (source.name, f"{source.stem}.o", PLAIN) for source in sources
     ]
     levels = LEVELS.get(machine(), PORTABLE) if per_level else {}
     for level, (width, architecture) in levels.items():
+        if wanted and level not in wanted:
+            continue
         march = _architecture(compiler, architecture)
         if not _knows(compiler, march):
+            if wanted:
+                raise CompilerError(
+                    f"'{shlex.join(compiler)}' cannot compile for the level '{level}'; leave it "
+                    "out or take a newer compiler"
+                )
             continue  # an older compiler; the loader takes the best of the others
         effort = WIDE if width > 2 else PLAIN
         extra = (*effort, f"-DLEVEL={level}", f"-DW={width}", *VECTOR_FLAGS, *march)
         units += [(path.name, f"{path.stem}_{level}.o", extra) for path in per_level]
-    units += [(path.name, f"{path.stem}.o", ("-O0",)) for path in unhurried]
+    if not wanted or REFERENCE in wanted:
+        units += [(path.name, f"{path.stem}.o", ("-O0",)) for path in unhurried]
     longest_first = sorted(units, key=lambda unit: -(target.parent / unit[0]).stat().st_size)
     commands = [
         (*compiler, *FLAGS, *extra, "-c", source, "-o", unit)
@@ -119,6 +134,24 @@ def compile_library(
     for unit in objects:
         (target.parent / unit).unlink()
     return Compiled((*commands, link), compiler_version(compiler), sha256_of(target))
+
+
+def level_names() -> tuple[str, ...]:
+    """Every level that can be compiled on this machine, the best first."""
+    return (*LEVELS.get(machine(), PORTABLE), REFERENCE)
+
+
+def _require_levels(wanted: Sequence[str]) -> None:
+    for name in wanted:
+        if name not in level_names():
+            raise CompilerError(
+                f"there is no level '{name}' on {machine()}, which knows {', '.join(level_names())}"
+            )
+    if wanted and not set(wanted) - {REFERENCE}:
+        raise CompilerError(
+            f"'{REFERENCE}' is what the other levels are compared with and serves nobody alone; "
+            f"add one of {', '.join(level_names()[:-1])}"
+        )
 
 
 def machine() -> str:

@@ -14,6 +14,7 @@ from hypothesis import settings
 
 from runtime.library import Library, load
 from symgen.build import build
+from symgen.compiler import level_names
 from symgen.request import BuildRequest, bundled_request
 from tests.robots import CASES
 
@@ -60,7 +61,8 @@ def robot(root: Path, request: pytest.FixtureRequest) -> Callable[[str], Library
             models = None
             if case.published:
                 models = request.getfixturevalue("shared_data") / "models"
-            loaded[name] = load(build(case.request(name, models), root).folder)
+            levels = () if case.every_level else (level_names()[0], "portable")
+            loaded[name] = load(build(case.request(name, models), root, levels=levels).folder)
         return loaded[name]
 
     return get

@@ -92,6 +92,18 @@ def test_a_change_is_built(tiny: Path, tiny_request: BuildRequest) -> None:
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
 
 
+def test_other_levels_are_another_build(tiny: Path, tiny_request: BuildRequest) -> None:
+    """Property: a library for one instruction set is current for that request alone."""
+    assert build(tiny_request, tiny.parent, levels=["portable"]).rebuilt
+    assert load(tiny).levels == ("portable",)
+    assert is_current(tiny_request, tiny)
+    assert not build(tiny_request, tiny.parent, levels=["portable"]).rebuilt
+    assert build(tiny_request, tiny.parent).rebuilt
+    # A process keeps the library that it has open, so the record of the build tells.
+    commands = json.loads((tiny / "build.json").read_text())["commands"]
+    assert any("reference.c" in command for command in commands)
+
+
 @pytest.mark.parametrize(
     "name", ["kernels.c", "manifest.json", "tiny.h", "libtiny.so", "build.json", "tiny.urdf"]
 )

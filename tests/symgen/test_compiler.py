@@ -10,7 +10,14 @@ from pathlib import Path
 import pytest
 
 from symgen import compiler
-from symgen.compiler import compile_library, find_compiler, machine, sha256_of
+from symgen.compiler import (
+    REFERENCE,
+    compile_library,
+    find_compiler,
+    level_names,
+    machine,
+    sha256_of,
+)
 from symgen.errors import CompilerError
 
 SOURCE = "double twice(double x);\ndouble twice(double x) { return 2.0 * x; }\n"
@@ -158,3 +165,40 @@ def test_levels_that_the_compiler_does_not_know_are_left_out(
     assert library.f_v2() == 2
     assert not hasattr(library, "f_v3")
     assert not hasattr(library, "f_v4")
+
+
+def test_wanted_levels_alone_are_compiled(source: Path) -> None:
+    """Property: what was not asked for is not in the library; a name that is none is a sentence."""
+    plain, level = source.with_name("plain.c"), source.with_name("level.c")
+    plain.write_text("int plain(void);\nint plain(void) { return 1; }\n")
+    level.write_text(
+        "#define JOIN(x) f_##x\n#define AT(x) JOIN(x)\nint AT(LEVEL)(void) { return W; }\n"
+    )
+    target = source.with_name("libtwice.so")
+    compile_library([source], target, [level], [plain], ["portable"])
+    library = ctypes.CDLL(str(target))
+    assert library.f_portable() == 1
+    others = [name for name in level_names() if name not in {"portable", REFERENCE}]
+    assert others or machine() not in {"x86_64", "aarch64"}
+    assert not any(hasattr(library, name) for name in ["plain", *(f"f_{x}" for x in others)])
+    before = target.read_bytes()
+    with pytest.raises(CompilerError, match=f"no level 'v9' on {machine()}, which knows .*portab"):
+        compile_library([source], target, [level], [plain], ["v9"])
+    with pytest.raises(CompilerError, match=r"serves nobody alone; add one of .*portable"):
+        compile_library([source], target, [level], [plain], [REFERENCE])
+    assert target.read_bytes() == before
+
+
+def test_a_wanted_level_that_the_compiler_does_not_know_is_told(
+    monkeypatch: pytest.MonkeyPatch, source: Path, tmp_path: Path
+) -> None:
+    """Property: asked for by name, a level is not left out in silence."""
+    best = level_names()[0]
+    if best == "portable":
+        pytest.skip("this machine has one level alone")
+    old = tmp_path / "old-cc"
+    old.write_text('#!/bin/sh\ncase "$*" in *-E*) exit 1;; esac\nexec cc "$@"\n')
+    old.chmod(0o755)
+    monkeypatch.setenv("CC", str(old))
+    with pytest.raises(CompilerError, match=f"cannot compile for the level '{best}'"):
+        compile_library([source], source.with_name("libtwice.so"), [source], wanted=[best])

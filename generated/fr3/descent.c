@@ -131,15 +131,13 @@ static double mini_batch(const fr3_adam_job *job, const long *rows, const double
     const long n_psi = job->size - LAMBDA, k = job->columns_per_joint;
     const int width = (int)((4 + k) * JOINTS), stride = (width + LANES - 1) / LANES * LANES;
     double *samples = job->work, *rub = samples + BLOCK * width * LANES;
-    double u[6], total = 0.0;
-    TILE(sums, BASE) = {0};
+    double u[6], total[BASE + 1] = {0}; /* slope and loss, as in the tiles that add up */
+    TILE(whole, BASE + 1) = {0};
+    TILE(rest, BASE + 1) = {0};
     TILE(sc, BLOCK * 2 * JOINTS);
-    TILE(loss, 1);
-    TILE(gradient, BASE) = {0};
     TILE(residual, JOINTS);
     fr3_loss_gradient_prepare(job->weight, y, u);
     memset(rub, 0, sizeof(double) * (size_t)(n_psi * LANES));
-    memset(slope, 0, sizeof(double) * (size_t)job->equations);
     for (long first = 0; first < job->batch; first += BLOCK * LANES) {
         const long end = first + BLOCK * LANES < job->batch ? first + BLOCK * LANES : job->batch;
         for (long b = first; b < end; b += LANES) {
@@ -153,26 +151,28 @@ static double mini_batch(const fr3_adam_job *job, const long *rows, const double
             for (long i = 0; i < n_psi * LANES; i += W) {
                 *(vu *)(tau + i / (k * LANES) * LANES + i % LANES) -= y[BASE + i / LANES] * *(const vu *)(columns + i);
             }
-            OWN(loss_gradient_tile)(sc + (b - first) * 2 * JOINTS, tile, tile + JOINTS * LANES, tile + 2 * JOINTS * LANES, tau, job->weight, y, u, loss, gradient, residual);
-            add(sums, slope, gradient, BASE, end - b);
-            for (int l = 0; l < LANES; ++l) {
-                total += l < end - b ? loss[l] : 0.0;
-                for (int j = 0; j < JOINTS && n_psi; ++j) {
-                    residual[j * LANES + l] *= l < end - b ? job->weight[j] : 0.0;
-                }
+            double *sums = end - b < LANES ? rest : whole;
+            OWN(loss_gradient_tile)(sc + (b - first) * 2 * JOINTS, tile, tile + JOINTS * LANES, tile + 2 * JOINTS * LANES, tau, job->weight, y, u, sums + BASE * LANES, sums, residual);
+            for (long i = 0; i < JOINTS * LANES && n_psi; ++i) {
+                residual[i] *= i % LANES < end - b ? job->weight[i / LANES] : 0.0;
             }
             for (long i = 0; i < n_psi * LANES; i += W) {
                 *(vu *)(rub + i) += *(const vu *)(columns + i) * *(const vu *)(residual + i / (k * LANES) * LANES + i % LANES);
             }
         }
     }
-    gather(slope, sums, BASE);
-    gather(slope + BASE, rub, (int)n_psi);
+    if (job->batch % LANES) {
+        add(total, rest, BASE + 1, job->batch % LANES);
+    }
+    add(total, whole, BASE + 1, LANES);
+    memset(slope, 0, sizeof(double) * (size_t)job->equations);
+    memcpy(slope, total, sizeof(double) * BASE);
+    add(slope + BASE, rub, (int)n_psi, LANES);
     const double share = 1.0 / (double)job->batch;
     for (long i = 0; i < BASE + n_psi; ++i) {
         slope[i] *= share;
     }
-    return total * share;
+    return total[BASE] * share;
 }
 
 static void adam_step(fr3_adam_job *job, const double *gradient)

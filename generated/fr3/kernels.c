@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model d3135681d0d9453fc09994270304d10460d947ea94e376368ede2bf36ea130f0.
+ * Model b01f327e477acae5b7235ae25cf2901da752f09fbdd41bcf858560a665ff5c1c.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "d3135681d0d9453fc09994270304d10460d947ea94e376368ede2bf36ea130f0";
+    return "b01f327e477acae5b7235ae25cf2901da752f09fbdd41bcf858560a665ff5c1c";
 }
 
 const char *fr3_level(void)

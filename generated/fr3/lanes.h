@@ -246,27 +246,15 @@ static APART void store(double *to, const double *tile, int size, long have)
     }
 }
 
-/* Full tiles add up lane by lane in `sums`, the lanes of the last one and of `sums` in `total`. */
-static APART void add(double *sums, double *total, const double *tile, int size, long have)
+/* The first `have` lanes of a tile that kernels added to; it is cleared for the next sums. */
+static APART void add(double *total, double *tile, int size, long have)
 {
     for (int k = 0; k < size; ++k) {
-        if (have >= LANES) {
-            for (int h = k * LANES; h < (k + 1) * LANES; h += W) {
-                *(vu *)(sums + h) += *(const vu *)(tile + h);
-            }
-        } else {
-            for (int l = 0; l < have; ++l) {
-                total[k] += tile[k * LANES + l];
-            }
+        for (int l = 0; l < have; ++l) {
+            total[k] += tile[k * LANES + l];
         }
-    }
-}
-
-static APART void gather(double *total, const double *sums, int size)
-{
-    for (int k = 0; k < size; ++k) {
-        for (int l = 0; l < LANES; ++l) {
-            total[k] += sums[k * LANES + l];
+        for (int h = 0; h < LANES; h += W) {
+            *(vu *)(tile + k * LANES + h) = vd_all(0.0);
         }
     }
 }

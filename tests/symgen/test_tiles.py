@@ -66,6 +66,21 @@ def test_sines_of_expressions_are_paired_in_the_body():
     assert sum("vd_sincos" in line for line in program.body) == 2
 
 
+def test_equal_divisors_are_inverted_once():
+    """Property: per-sample divisors by one division in the body, shared ones ahead of it."""
+    x, k = ca.SX.sym("x", 3), ca.SX.sym("k", 1)
+    kernel = make_kernel(
+        "toy",
+        {Argument("x", (3,), "1"): x, Argument("k", (1,), "1", shared=True): k},
+        {Argument("out", (4,), "1"): ca.vertcat(x[0] / x[2], x[1] / x[2], x[0] / k, x[1] / k)},
+        "toy",
+    )
+    program = tile_program(kernel)
+    assert sum(" / " in line for line in program.body) == 1
+    assert sum(" / " in line for line in program.prepare) == 1
+    assert program.uniform == 1
+
+
 def test_unknown_operation_is_named():
     """Property: an operation without C text is refused with its number and where to add it."""
     x = ca.SX.sym("x", 1)

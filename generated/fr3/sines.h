@@ -121,7 +121,7 @@ static inline void vd_sincos_near(vd x, vd *s, vd *c)
     const vd p = (z * -0.000198410203396285 + 0.0083333333327685888) * z - 0.16666666666666666;
     const vd q = (z * -0.0013888664337731132 + 0.04166666666158398) * z - 0.49999999999999983;
     const vd more = (r * z) * p + low, less = z * q; /* sin - r, cos - 1; r itself is exact */
-    vd at, ahead;
+    vd at = {0}, ahead = {0};
     for (int l = 0; l < W; ++l) {
         const double *node = vd_table + (n[l] & (4 * VD_PARTS - 1));
         at[l] = node[0];

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model cb2e2830eec355e0248690479c5a18c163f93052f3e1580f8cd1f9d2b1d35f8c.
+ * Model a4663096481e6a2d95046be72b25718297df293dc9227939b1ae001cc7160376.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "cb2e2830eec355e0248690479c5a18c163f93052f3e1580f8cd1f9d2b1d35f8c";
+    return "a4663096481e6a2d95046be72b25718297df293dc9227939b1ae001cc7160376";
 }
 
 const char *fr3_level(void)

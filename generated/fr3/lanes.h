@@ -100,63 +100,7 @@ static inline __attribute__((always_inline)) void transpose(vd r[W])
 #undef BUTTERFLY
 }
 
-/* sin and cos to 2 ulp for |x| < VD_NEAR: x - k pi/2 with pi/2 in three parts (Cody-Waite), then
- * the minimax polynomials of FreeBSD's k_sin and k_cos on |r| <= pi/4. With fused multiply-add the
- * parts have 53 bits each and the first step is exact; without it they are short enough for their
- * products with k to be exact, and what a - b rounds off is carried along. */
-#define VD_NEAR 1e5
-static inline void vd_sincos_near(vd x, vd *s, vd *c)
-{
-    const double shift = 6755399441055744.0;
-    const vd t = x * 0.63661977236758134308 + shift;
-    const vi n = (vi)t;
-    const vd k = t - shift;
-#if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
-    vd r = x - k * 1.57079632679489655800e+00;
-    r = r - k * 6.12323399573676603587e-17;
-    r = r + k * 1.49738490485916983294e-33;
-#else
-    const vd a = x - k * 1.57079632673412561417e+00, b = k * 6.07710050630396597660e-11;
-    const vd most = a - b, rest = (a - most) - b;
-    const vd r = most + (rest - k * 2.02226624879595063154e-21);
-#endif
-    const vd z = r * r;
-    vd p = z * 1.58969099521155010221e-10 - 2.50507602534068634195e-08;
-    vd q = z * -1.13596475577881948265e-11 + 2.08757232129817482790e-09;
-    p = p * z + 2.75573137070700676789e-06;
-    q = q * z - 2.75573143513906633035e-07;
-    p = p * z - 1.98412698298579493134e-04;
-    q = q * z + 2.48015872894767294178e-05;
-    p = p * z + 8.33333333332248946124e-03;
-    q = q * z - 1.38888888888741095749e-03;
-    p = p * z - 1.66666666666666324348e-01;
-    q = q * z + 4.16666666666666019037e-02;
-    const vd sine = (r * z) * p + r;
-    const vd cosine = (q * z - 0.5) * z + 1.0;
-    const vi odd = (n & 1) != 0;
-    *s = (vd)((vi)vd_choose(odd, cosine, sine) ^ ((n & 2) << 62));
-    *c = (vd)((vi)vd_choose(odd, sine, cosine) ^ (((n + 1) & 2) << 62));
-}
-
-/* For arguments beyond: the C library, lane by lane; NaN and infinity give NaN. */
-static __attribute__((noinline, cold)) void vd_sincos_far(vd x, vd *s, vd *c)
-{
-    for (int l = 0; l < W; ++l) {
-        if (!(fabs(x[l]) < VD_NEAR)) {
-            (*s)[l] = sin(x[l]);
-            (*c)[l] = cos(x[l]);
-        }
-    }
-}
-
-static inline void vd_sincos(vd x, vd *s, vd *c)
-{
-    const vi far = ~(vi)((x < VD_NEAR) & (x > -VD_NEAR));
-    vd_sincos_near(x, s, c);
-    if (__builtin_expect(vi_any(far), 0)) {
-        vd_sincos_far(x, s, c);
-    }
-}
+#include "sines.h"
 
 /* exp to 1 ulp for |x| < 700: x = k ln 2 + r, then the rational form of FreeBSD's e_exp on
  * |r| <= ln 2 / 2; beyond, and for NaN and infinity, the C library answers lane by lane. */
@@ -302,43 +246,30 @@ static APART void store(double *to, const double *tile, int size, long have)
     }
 }
 
-/* Full tiles add up lane by lane in `sums`, the lanes of the last one and of `sums` in `total`. */
-static APART void add(double *sums, double *total, const double *tile, int size, long have)
+/* The first `have` lanes of a tile that kernels added to; it is cleared for the next sums. */
+static APART void add(double *total, double *tile, int size, long have)
 {
     for (int k = 0; k < size; ++k) {
-        if (have >= LANES) {
-            for (int h = k * LANES; h < (k + 1) * LANES; h += W) {
-                *(vu *)(sums + h) += *(const vu *)(tile + h);
-            }
-        } else {
-            for (int l = 0; l < have; ++l) {
-                total[k] += tile[k * LANES + l];
-            }
+        for (int l = 0; l < have; ++l) {
+            total[k] += tile[k * LANES + l];
+        }
+        for (int h = 0; h < LANES; h += W) {
+            *(vu *)(tile + k * LANES + h) = vd_all(0.0);
         }
     }
 }
 
-static APART void gather(double *total, const double *sums, int size)
-{
-    for (int k = 0; k < size; ++k) {
-        for (int l = 0; l < LANES; ++l) {
-            total[k] += sums[k * LANES + l];
-        }
-    }
-}
-
-/* Those beyond VD_NEAR: the C library, one by one. */
+/* Those too large for `vd_sincos_near`: the C library, one by one. */
 static __attribute__((noinline, cold)) void sines_far(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
 {
     for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
         for (int i = 0; i < count; ++i) {
-            const double *from = q + t + turns[i] * LANES;
-            double *to = sc + 2 * (t + turns[i] * LANES);
-            for (int l = 0; l < LANES; ++l) {
-                if (!(fabs(from[l]) < VD_NEAR)) {
-                    to[l] = sin(from[l]);
-                    to[l + LANES] = cos(from[l]);
-                }
+            for (int h = 0; h < LANES; h += W) {
+                double *to = sc + 2 * (t + turns[i] * LANES) + h;
+                vd s = *(const vu *)to, c = *(const vu *)(to + LANES);
+                vd_sincos_far(*(const vu *)(q + t + turns[i] * LANES + h), &s, &c);
+                *(vu *)to = s;
+                *(vu *)(to + LANES) = c;
             }
         }
     }
@@ -347,7 +278,7 @@ static __attribute__((noinline, cold)) void sines_far(double *sc, const double *
 /* Rows 2 r and 2 r + 1 of each tile of `sc`: sine and cosine of row r of `q`, for the r in `turns`. */
 static APART void sines(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
 {
-    vi far = {0};
+    vi reach = {0};
     for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
         for (int i = 0; i < count; ++i) {
             const double *from = q + t + turns[i] * LANES;
@@ -355,14 +286,14 @@ static APART void sines(double *sc, const double *q, const int *turns, int count
             for (int h = 0; h < LANES; h += W) {
                 const vd x = *(const vu *)(from + h);
                 vd s, c;
-                far |= ~(vi)((x < VD_NEAR) & (x > -VD_NEAR));
+                reach |= vd_reach(x);
                 vd_sincos_near(x, &s, &c);
                 *(vu *)(to + h) = s;
                 *(vu *)(to + h + LANES) = c;
             }
         }
     }
-    if (__builtin_expect(vi_any(far), 0)) {
+    if (__builtin_expect(vi_any(reach & VD_FAR), 0)) {
         sines_far(sc, q, turns, count, rows, tiles);
     }
 }

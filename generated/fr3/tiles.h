@@ -4,7 +4,8 @@
  * and -march go together. Never compile with -ffast-math: it breaks the range reduction of sine.
  *
  * A tile holds LANES samples: its row k is the LANES numbers from 8 k on, one per sample. Rows of
- * outputs that are zero by structure are never written: clear the array once. */
+ * outputs that are zero by structure are never written: clear the array once. Outputs that a batch
+ * sums over its samples are added to. */
 #ifndef SYMGEN_TILES_H
 #define SYMGEN_TILES_H
 

@@ -76,6 +76,7 @@ def emit(
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "kernels.c": render("kernels.c.jinja2", context),
         "lanes.h": (_TEMPLATES / "lanes.h").read_text(encoding="utf-8"),
+        "sines.h": (_TEMPLATES / "sines.h").read_text(encoding="utf-8"),
         "tiles.h": render("tiles.h.jinja2", context),
         "tiles.c": render("tiles.c.jinja2", context),
         "reference.c": render("reference.c.jinja2", context),

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 LATENCY = 4
 """Cycles until the result of a multiplication or addition can be used, on current processors."""
+LONGER = {"vd_sincos(": 60, "vd_exp(": 60, "vd_sqrt(": 20, "1.0 / ": 13}
+"""The same of statements with these in their text; functions are those of lanes.h."""
 ISSUE = 2
 """Multiplications that start per cycle."""
 ALIVE = 28
@@ -33,6 +35,7 @@ class _Node:
     statements: list[Statement]
     needs: set[int]
     feeds: set[int]
+    latency: int = LATENCY
     height: int = 0
 
 
@@ -40,7 +43,7 @@ def scheduled(statements: list[Statement]) -> list[Statement]:
     """The same statements in an order that respects their dependences."""
     nodes = _nodes(statements)
     for node in reversed(nodes):
-        node.height = LATENCY + max((nodes[k].height for k in node.feeds), default=0)
+        node.height = node.latency + max((nodes[k].height for k in node.feeds), default=0)
     if max((node.height for node in nodes), default=0) <= len(nodes) / ISSUE / 2:
         return statements
     return [statement for k in _by_height(nodes) for statement in nodes[k].statements]
@@ -64,7 +67,9 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
     number = {k: i for i, k in enumerate(sorted(set(owner)))}
     nodes = [_Node([], set(), set()) for _ in number]
     for k, statement in enumerate(statements):
-        nodes[number[owner[k]]].statements.append(statement)
+        node = nodes[number[owner[k]]]
+        node.statements.append(statement)
+        node.latency = max(node.latency, _latency(statement.text))
     for k, statement in enumerate(statements):
         here = number[owner[k]]
         for name in statement.uses:
@@ -73,6 +78,10 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
                 nodes[here].needs.add(there)
                 nodes[there].feeds.add(here)
     return nodes
+
+
+def _latency(text: str) -> int:
+    return next((cycles for mark, cycles in LONGER.items() if mark in text), LATENCY)
 
 
 def _is_product(statements: list[Statement], where: dict[str, int], name: str) -> bool:
@@ -109,7 +118,7 @@ def _by_height(nodes: list[_Node]) -> list[int]:
                 unread[m] -= 1
             for m in nodes[chosen].feeds:
                 waits[m] -= 1
-                ready_at[m] = max(ready_at[m], cycle + LATENCY)
+                ready_at[m] = max(ready_at[m], cycle + nodes[chosen].latency)
                 if waits[m] == 0:
                     ready.add(m)
         cycle += 1

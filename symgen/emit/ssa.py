@@ -12,7 +12,7 @@ import casadi as ca
 
 from symgen.emit.schedule import Statement, scheduled
 from symgen.errors import BuildError
-from symgen.kernel import Kernel
+from symgen.kernel import Argument, Kernel
 
 EXPRESSIONS = {
     ca.OP_ASSIGN: "{0}",
@@ -160,6 +160,7 @@ class _TileWriter:
         self._body: list[Statement] = []
         self._slots: dict[str, int] = {}
         self._pairs: dict[str, str] = {}
+        self._inverses: dict[str, str] = {}
         self._turned, self._turns = "", set[int]()
         self._operations = 0
         self._filled: dict[str, list[int]] = {a.name: [] for a in kernel.outputs}
@@ -181,13 +182,16 @@ class _TileWriter:
                 text[outs[0]] = c_constant(constants[outs[0]])
                 shared[outs[0]] = True
             elif op == ca.OP_OUTPUT:
-                self._output(kernel.outputs[outs[0]].name, outs[1], text[ins[0]], shared[ins[0]])
+                self._output(kernel.outputs[outs[0]], outs[1], text[ins[0]], shared[ins[0]])
             else:
                 uniform = all(shared[i] for i in ins)
                 operands = [text[i] for i in ins]
                 if op == ca.OP_DIV and ins[1] in constants:
                     # a vector divides ten times slower than it multiplies
                     op, operands[1] = ca.OP_MUL, c_constant(1.0 / constants[ins[1]])
+                elif op == ca.OP_DIV and not uniform:
+                    op, operands[1] = ca.OP_MUL, self._inverse(k, operands[1], shared[ins[1]])
+                    operands[0] = self._operand(operands[0], shared[ins[0]], op)
                 elif not uniform:
                     operands = [self._operand(text[i], shared[i], op) for i in ins]
                 text[outs[0]] = self._statement(k, op, operands, uniform)
@@ -203,12 +207,13 @@ class _TileWriter:
             self._filled,
         )
 
-    def _output(self, name: str, index: int, text: str, shared: bool) -> None:
+    def _output(self, argument: Argument, index: int, text: str, shared: bool) -> None:
         if shared and text == c_constant(0.0):
             return
         value = f"vd_all({self._seen_by_tile(text)})" if shared else text
-        self._filled[name].append(index)
-        self._body.append(Statement(f"{name}[{index} * VS] = {value};", "", self._uses([value])))
+        self._filled[argument.name].append(index)
+        line = f"{argument.name}[{index} * VS] {'+=' if argument.summed else '='} {value};"
+        self._body.append(Statement(line, "", self._uses([value])))
 
     def _statement(self, k: int, op: int, operands: list[str], uniform: bool) -> str:
         name = f"t{k}"
@@ -228,6 +233,17 @@ class _TileWriter:
         else:
             self._body.append(Statement(f"const vd {name} = {line};", name, self._uses(operands)))
         return name
+
+    def _inverse(self, k: int, operand: str, shared: bool) -> str:
+        """1 / operand, once for all that it divides."""
+        if operand not in self._inverses:
+            name = self._inverses[operand] = f"inv{k}"
+            if shared:
+                self._prepare.append(f"const double {name} = 1.0 / {operand};")
+            else:
+                text = f"const vd {name} = 1.0 / {operand};"
+                self._body.append(Statement(text, name, self._uses([operand])))
+        return self._operand(self._inverses[operand], shared, ca.OP_MUL)
 
     def _sine_or_cosine(self, op: int, operand: str, k: int) -> str:
         """Both at once, since the other one is nearly always needed too.
@@ -253,7 +269,7 @@ class _TileWriter:
 
     def _seen_by_tile(self, text: str) -> str:
         """How the tile body reads a shared value: inputs and constants directly, others from u."""
-        if not text.startswith("t") or "[" in text:
+        if not _LOCAL.fullmatch(text):
             return text
         return f"u[{self._slots.setdefault(text, len(self._slots))}]"
 
@@ -267,4 +283,4 @@ class _TileWriter:
 
 
 _INPUT = re.compile(r"(?P<name>\w+)\[(?P<index>\d+) \* VS\]")
-_LOCAL = re.compile(r"(?:t|sc)\d+\b")
+_LOCAL = re.compile(r"(?:t|sc|inv)\d+\b")

@@ -35,7 +35,7 @@ Pairs = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 def solvers(tmp_path_factory: pytest.TempPathFactory, fr3) -> dict[str, Pairs]:
     """level → (a → [low, high], v_low, v_high), for the levels that run here."""
     folder = tmp_path_factory.mktemp("eigen")
-    for name in ("eigen.h", "lanes.h"):
+    for name in ("eigen.h", "lanes.h", "sines.h"):
         text = (Path(symgen.__file__).parent / "templates" / name).read_text(encoding="utf-8")
         (folder / name).write_text(text, encoding="utf-8")
     (folder / "driver.c").write_text(DRIVER, encoding="utf-8")

@@ -160,7 +160,7 @@ def bounds_of(name: str) -> tuple[StackBounds, Catalogue]:
 def test_tiles_stay_below_the_printed_stack(objects: Path) -> None:
     """Oracle: GCC's frames, added up along the deepest chain of calls of every kernel."""
     bounds, catalogue = bounds_of("gantry")
-    helpers = {"load", "store", "add", "gather", "sines", "sines_far", "vd_sincos_far"}
+    helpers = {"load", "store", "add", "sines", "sines_far", "vd_sincos_far"}
     for unit, (source, _) in per_level_names().items():
         if source != "tiles.c":
             continue

@@ -88,3 +88,18 @@ def test_what_does_not_wait_for_itself_is_left_alone() -> None:
     program = chains(40, 3)
     assert scheduled(program) is program
     assert scheduled([]) == []
+
+
+def test_what_takes_long_is_begun_early() -> None:
+    """Property: a root written behind forty products comes first, since others wait for it."""
+    program = []
+    for k in range(40):
+        program.append(Statement(f"const vd t{k} = x[0] * x[{k}];", f"t{k}", ()))
+        program.append(Statement(f"y[{k}] = t{k};", "", (f"t{k}",)))
+    root = Statement("const vd t40 = vd_sqrt(x[0]);", "t40", ())
+    program += [
+        root,
+        Statement("const vd t41 = t40 * x[1];", "t41", ("t40",)),
+        Statement("y[40] = t41;", "", ("t41",)),
+    ]
+    assert scheduled(program)[0] == root

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 8e541a173b43d59775f3a1df086211ed8b71e23affdc3fac097b92a9e05d1e14.
+ * Model 8c808e449633e5049aee9c5520e3eaf8619e70e364c3b4724b39e4841ac78e7f.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "8e541a173b43d59775f3a1df086211ed8b71e23affdc3fac097b92a9e05d1e14";
+    return "8c808e449633e5049aee9c5520e3eaf8619e70e364c3b4724b39e4841ac78e7f";
 }
 
 const char *fr3_level(void)
@@ -53716,7 +53716,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t156 = t155 * t155;
     const double t157 = t151 + t156;
     const double t158 = sqrt(t157);
-    const double t160 = t158 - 0.10450000000000001;
+    const double t160 = t158 - 0.1045;
     const double t162 = t160 - 0.069500000000000006;
     distance[0] = t162;
     const double t165 = (-0.082500000000000004) * t40;
@@ -53839,7 +53839,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t293 = t292 * t292;
     const double t294 = t288 + t293;
     const double t295 = sqrt(t294);
-    const double t296 = t295 - 0.10450000000000001;
+    const double t296 = t295 - 0.1045;
     const double t298 = t296 - 0.067400000000000002;
     distance[1] = t298;
     const double t300 = (-0.00020000000000000001) * t10;
@@ -54178,7 +54178,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t664 = t663 * t663;
     const double t665 = t659 + t664;
     const double t666 = sqrt(t665);
-    const double t667 = t666 - 0.10450000000000001;
+    const double t667 = t666 - 0.1045;
     const double t669 = t667 - 0.0751;
     distance[5] = t669;
     const double t671 = t300 + t566;
@@ -54411,7 +54411,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t912 = t911 * t911;
     const double t913 = t907 + t912;
     const double t914 = sqrt(t913);
-    const double t915 = t914 - 0.10450000000000001;
+    const double t915 = t914 - 0.1045;
     const double t917 = t915 - 0.049300000000000004;
     distance[8] = t917;
     const double t919 = t300 + t810;

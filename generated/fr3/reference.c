@@ -55656,7 +55656,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a019=casadi_sq(a041);
   a024=(a024+a019);
   a024=sqrt(a024);
-  a019=1.0450000000000001e-01;
+  a019=1.0450000000000000e-01;
   a022=(a024-a019);
   a033=6.9500000000000006e-02;
   a022=(a022-a033);

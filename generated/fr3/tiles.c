@@ -29451,7 +29451,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t156 = t155 * t155;
     const vd t157 = t151 + t156;
     const vd t158 = vd_sqrt(t157);
-    const vd t160 = t158 - 0.10450000000000001;
+    const vd t160 = t158 - 0.1045;
     const vd t162 = t160 - 0.069500000000000006;
     distance[0 * VS] = t162;
     const vd t165 = (-0.082500000000000004) * t40;
@@ -29572,7 +29572,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t293 = t292 * t292;
     const vd t294 = t288 + t293;
     const vd t295 = vd_sqrt(t294);
-    const vd t296 = t295 - 0.10450000000000001;
+    const vd t296 = t295 - 0.1045;
     const vd t298 = t296 - 0.067400000000000002;
     distance[1 * VS] = t298;
     const vd t300 = (-0.00020000000000000001) * sc[0 * VS];
@@ -29909,7 +29909,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t664 = t663 * t663;
     const vd t665 = t659 + t664;
     const vd t666 = vd_sqrt(t665);
-    const vd t667 = t666 - 0.10450000000000001;
+    const vd t667 = t666 - 0.1045;
     const vd t669 = t667 - 0.0751;
     distance[5 * VS] = t669;
     const vd t671 = t300 + t566;
@@ -30140,7 +30140,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t912 = t911 * t911;
     const vd t913 = t907 + t912;
     const vd t914 = vd_sqrt(t913);
-    const vd t915 = t914 - 0.10450000000000001;
+    const vd t915 = t914 - 0.1045;
     const vd t917 = t915 - 0.049300000000000004;
     distance[8 * VS] = t917;
     const vd t919 = t300 + t810;

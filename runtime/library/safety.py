@@ -69,7 +69,8 @@ class SafetyKernels:
         self._need("plane_clearance")
         given = np.asarray(plane, dtype=float)
         # A normal off by 1e-6 makes a height off by 1 µm per metre.
-        if given.shape != (4,) or not abs(np.linalg.norm(given[:3]) - 1) < 1e-6:
+        unit = given.shape == (4,) and abs(np.linalg.norm(given[:3]) - 1) < 1e-6
+        if not (unit and np.isfinite(given).all()):
             raise ShapeError(
                 f"plane needs a unit normal and an offset, (4,), got {np.array2string(given)}"
             )

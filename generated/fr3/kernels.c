@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 8c808e449633e5049aee9c5520e3eaf8619e70e364c3b4724b39e4841ac78e7f.
+ * Model 4b79ae225cd862f5a1c548e5867731817dc0dd885910d7737d54de2751c46698.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "8c808e449633e5049aee9c5520e3eaf8619e70e364c3b4724b39e4841ac78e7f";
+    return "4b79ae225cd862f5a1c548e5867731817dc0dd885910d7737d54de2751c46698";
 }
 
 const char *fr3_level(void)
@@ -54412,7 +54412,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t913 = t907 + t912;
     const double t914 = sqrt(t913);
     const double t915 = t914 - 0.1045;
-    const double t917 = t915 - 0.049300000000000004;
+    const double t917 = t915 - 0.049299999999999997;
     distance[8] = t917;
     const double t919 = t300 + t810;
     const double t920 = t303 * t831;
@@ -54470,7 +54470,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t974 = t968 + t973;
     const double t975 = sqrt(t974);
     const double t976 = t975 - 0.076200000000000004;
-    const double t977 = t976 - 0.049300000000000004;
+    const double t977 = t976 - 0.049299999999999997;
     distance[9] = t977;
     const double t979 = t372 - t810;
     const double t980 = t377 * t831;
@@ -54528,7 +54528,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t1034 = t1028 + t1033;
     const double t1035 = sqrt(t1034);
     const double t1036 = t1035 - 0.076200000000000004;
-    const double t1037 = t1036 - 0.049300000000000004;
+    const double t1037 = t1036 - 0.049299999999999997;
     distance[10] = t1037;
     const double t1039 = t187 - t810;
     const double t1040 = t196 * t819;
@@ -54586,7 +54586,7 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84])
     const double t1094 = t1088 + t1093;
     const double t1095 = sqrt(t1094);
     const double t1096 = t1095 - 0.067400000000000002;
-    const double t1097 = t1096 - 0.049300000000000004;
+    const double t1097 = t1096 - 0.049299999999999997;
     distance[11] = t1097;
     const double t1099 = (-0.0567) + t141;
     const double t1101 = fmax(t158, 9.9999999999999998e-13);
@@ -55891,7 +55891,7 @@ void fr3_plane_clearance(const double q[7], const double plane[4], double distan
     const double t468 = fmin(t467, 0.0);
     const double t469 = t444 + t468;
     const double t470 = t469 - plane[3];
-    const double t472 = t470 - 0.049300000000000004;
+    const double t472 = t470 - 0.049299999999999997;
     distance[6] = t472;
     const double t474 = (double)(t23 < 0.0);
     const double t475 = -t18;

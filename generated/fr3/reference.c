@@ -56413,7 +56413,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a043=(a043+a106);
   a043=sqrt(a043);
   a019=(a043-a019);
-  a106=4.9300000000000004e-02;
+  a106=4.9299999999999997e-02;
   a019=(a019-a106);
   if (res[0]!=0) res[0][8]=a019;
   a019=(a052+a128);
@@ -57964,7 +57964,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
   a82=casadi_fmin(a79,a12);
   a83=(a83+a82);
   a83=(a83-a13);
-  a13=4.9300000000000004e-02;
+  a13=4.9299999999999997e-02;
   a83=(a83-a13);
   if (res[0]!=0) res[0][6]=a83;
   a11=(a11<a12);

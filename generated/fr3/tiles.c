@@ -30141,7 +30141,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t913 = t907 + t912;
     const vd t914 = vd_sqrt(t913);
     const vd t915 = t914 - 0.1045;
-    const vd t917 = t915 - 0.049300000000000004;
+    const vd t917 = t915 - 0.049299999999999997;
     distance[8 * VS] = t917;
     const vd t919 = t300 + t810;
     const vd t920 = t303 * t831;
@@ -30199,7 +30199,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t974 = t968 + t973;
     const vd t975 = vd_sqrt(t974);
     const vd t976 = t975 - 0.076200000000000004;
-    const vd t977 = t976 - 0.049300000000000004;
+    const vd t977 = t976 - 0.049299999999999997;
     distance[9 * VS] = t977;
     const vd t979 = t372 - t810;
     const vd t980 = t377 * t831;
@@ -30257,7 +30257,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t1034 = t1028 + t1033;
     const vd t1035 = vd_sqrt(t1034);
     const vd t1036 = t1035 - 0.076200000000000004;
-    const vd t1037 = t1036 - 0.049300000000000004;
+    const vd t1037 = t1036 - 0.049299999999999997;
     distance[10 * VS] = t1037;
     const vd t1039 = t187 - t810;
     const vd t1040 = t196 * t819;
@@ -30315,7 +30315,7 @@ const vu *restrict sc,const vu *restrict q, vu *restrict distance, vu *restrict 
     const vd t1094 = t1088 + t1093;
     const vd t1095 = vd_sqrt(t1094);
     const vd t1096 = t1095 - 0.067400000000000002;
-    const vd t1097 = t1096 - 0.049300000000000004;
+    const vd t1097 = t1096 - 0.049299999999999997;
     distance[11 * VS] = t1097;
     const vd t1099 = (-0.0567) + t141;
     const vd t1101 = vd_max(t158, vd_all(9.9999999999999998e-13));
@@ -31634,7 +31634,7 @@ const vu *restrict sc,const vu *restrict q, const double *restrict plane, const 
     const vd t468 = vd_min(t467, vd_all(0.0));
     const vd t469 = t444 + t468;
     const vd t470 = t469 - plane[3];
-    const vd t472 = t470 - 0.049300000000000004;
+    const vd t472 = t470 - 0.049299999999999997;
     distance[6 * VS] = t472;
     const vd t474 = vd_truth(t23 < 0.0);
     const vd t475 = -t18;

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from runtime.library import load
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.cli import main
 from symgen.collision import BASE, CollisionModel, Pair, Proxy
@@ -48,7 +49,7 @@ def arm(*shapes: str) -> str:
         joints.append(
             f'<joint name="j{k}" type="revolute"><origin xyz="0 0 {0.6 if k else 0}"/>'
             f'<parent link="{parent}"/><child link="l{k}"/><axis xyz="0 1 0"/>'
-            '<limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+            '<limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'
         )
     return f'<robot name="arm">{"".join(links + joints)}</robot>'
 
@@ -214,9 +215,8 @@ def test_pairs_that_never_meet_are_left_out() -> None:
     proxies = tuple(proxy for part in geometry for proxy in fit_link(part, 1))
     far = Proxy("far", BASE, (0, 9, 0), (0, 9, 0), 0.1)
     chosen = select_pairs(chain, (*proxies, far), np.zeros(4), geometry)
-    # Two bends of 2 rad leave 0.6 - 0.6 cos(1.14) = 0.35 m between the middles of l0 and l2.
-    assert [(p.first, p.second) for p in chosen.pairs] == [("l0", "l3")]
-    assert set(chosen.apart) >= {("l0", "l2"), ("l1", "l3")}
+    met = {(p.first, p.second) for p in chosen.pairs}
+    assert met == {("l0", "l2"), ("l0", "l3"), ("l1", "l3")}
     assert all(p.margin == 0.02 for p in chosen.pairs)
     assert ("l3", "far") in chosen.apart
     assert not chosen.touching
@@ -236,6 +236,12 @@ def test_the_command_writes_what_build_reads(
     assert "3 proxies, 1 pairs" in printed
     model = read_config(out).collision
     assert [proxy.link for proxy in model.proxies] == ["l0", "l1", "l2"]
+    built = ("build", "--urdf", str(urdf), "--name", "arm", "--config", str(out))
+    assert run(*built, "--out", str(tmp_path), monkeypatch=monkeypatch) == 0
+    library = load(tmp_path / "arm")
+    assert [proxy.joint for proxy in library.proxies] == [0, 1, 2]
+    assert library.clearance(np.zeros((5, 3)))[0].shape == (5, 1)
+    assert library.plane_clearance(np.zeros(3), [0, 0, 1, 0])[1].shape == (3, 3)
     assert config_from_table(tables_from_collision(model), "here").collision == model
     home = tmp_path / "home.toml"
     home.write_text("home = [0, 0, 0]\n")

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.errors import IdentificationError
 from runtime.excitation.basis import COSINE, Basis
 from runtime.excitation.conic import Rows
 from runtime.excitation.cost import ConditionCost
-from runtime.excitation.criteria import Measure
+from runtime.excitation.criteria import Measure, rank, too_many
 from runtime.excitation.goals import goal
 from runtime.excitation.information import Information
 from runtime.excitation.limits import LIMIT_STEP, Limits, inside, whitening
@@ -79,9 +80,7 @@ class Search:
 
     def start(self, number: int) -> tuple[float, Array]:
         """The goal's target and coefficients (n, M), within the limits of the descent's grid."""
-        rng = np.random.default_rng((self._seed, number))
-        x = rng.normal(size=len(self._spread))
-        x *= START / np.max(self._matrix @ x)
+        x = self._random(number)
         rows = Rows(self._matrix, self._bound)
         for measure, iterations in self.goal.stages:
             x = descend(self._objective(measure), x, rows, iterations).x
@@ -89,6 +88,19 @@ class Search:
             x = polish(_Correlations(self), x, rows, POLISH).x
         a = inside(self.limits, self.coefficients(x[None])[0])
         return self.value(a), a
+
+    def require_rank(self) -> None:
+        """Raises: IdentificationError: not even random motions tell all unknowns apart."""
+        gram = self.cost.correlations(self.coefficients(self._random(0)[None]))[0]
+        found = rank(gram)
+        if found < len(gram):
+            raise IdentificationError(too_many(found, len(gram), self._shape[1]))
+
+    def _random(self, number: int) -> Array:
+        """A point well inside the limits."""
+        rng = np.random.default_rng((self._seed, number))
+        x = rng.normal(size=len(self._spread))
+        return np.asarray(x * (START / np.max(self._matrix @ x)))
 
     def value(self, a: Array) -> float:
         """The goal's target."""

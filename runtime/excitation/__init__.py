@@ -18,6 +18,7 @@ from runtime.excitation.limits import (
     Limits,
     whitening,
 )
+from runtime.excitation.prediction import Prediction, covariance_of, predict, torque_band
 from runtime.excitation.search import START
 from runtime.excitation.trajectory import Trajectory
 
@@ -36,11 +37,15 @@ __all__ = [
     "Design",
     "Information",
     "Limits",
+    "Prediction",
     "Trajectory",
     "basis_of",
+    "covariance_of",
     "design",
     "fourier_basis",
     "information",
     "log_condition",
+    "predict",
+    "torque_band",
     "whitening",
 ]

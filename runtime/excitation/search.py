@@ -90,7 +90,11 @@ class Search:
         return self.value(a), a
 
     def require_rank(self) -> None:
-        """Raises: IdentificationError: not even random motions tell all unknowns apart."""
+        """Random motions tell all unknowns apart.
+
+        Raises:
+            IdentificationError: they do not, and no other motion of this basis will.
+        """
         gram = self.cost.correlations(self.coefficients(self._random(0)[None]))[0]
         found = rank(gram)
         if found < len(gram):

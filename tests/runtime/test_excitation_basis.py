@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 
 from runtime import to_pinocchio_order
 from runtime.certificate import KINDS, certificate, joint_bounds
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import Design, Trajectory, basis_of, design
 from runtime.excitation.basis import BASES, Basis, Cosine, Fourier, Spline
 from runtime.library import Library
@@ -211,3 +211,19 @@ def test_no_such_basis() -> None:
     """Property: one sentence."""
     with pytest.raises(IdentificationError, match=r"no basis 'wavelet' .* cosine, fourier"):
         basis_of("wavelet")
+
+
+def test_files_of_before_and_odd_ones(
+    lib: Library, designs: dict[str, Design], tmp_path: Path
+) -> None:
+    """Property: a file without the name of a basis is one of cosines; what does not fit is told."""
+    path = tmp_path / "motion.json"
+    write_trajectory(designs["cosine"], lib, path)
+    facts = json.loads(path.read_text())
+    del facts["basis_name"], facts["zero_jerk_at_ends"]
+    path.write_text(json.dumps(facts))
+    assert read_trajectory(path, lib).basis == basis_of("cosine")
+    for name, match in (("fourier", "pairs of coefficients"), ("wavelet", "no basis 'wavelet'")):
+        path.write_text(json.dumps(facts | {"basis_name": name}))  # three coefficients: no pairs
+        with pytest.raises(RecordingError, match=match):
+            read_trajectory(path, lib)

@@ -69,7 +69,10 @@ def test_slopes_in_the_gram_matrix_by_taylor(measure: Measure) -> None:
 @pytest.mark.parametrize("measure", [log_variance(np.eye(3)), log_volume])
 def test_no_full_rank_is_infinite(measure: Measure) -> None:
     """Property: ∞ and no slope, for a silent column, equal columns and not a number."""
-    for gram in (np.diag([1.0, 2.0, 0.0]), np.ones((3, 3)), np.full((3, 3), np.nan)):
+    rounding = np.eye(3)
+    rounding[0, 1] = rounding[1, 0] = 1 - np.finfo(float).eps  # has a factor, but no digits
+    nan = np.full((3, 3), np.nan)
+    for gram in (np.diag([1.0, 2.0, 0.0]), np.ones((3, 3)), rounding, nan):
         value, slope = measure(gram)
         assert value == np.inf
         assert not slope.any()

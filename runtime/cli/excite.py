@@ -12,8 +12,9 @@ from rich.table import Table
 
 from runtime.certificate import Certificate, certificate, pulled_inside, require_speed, slowed
 from runtime.cli.common import Robot, Seed, console, say
+from runtime.cli.prediction import information_of, tell
 from runtime.errors import RuntimeFault
-from runtime.excitation import COST_SAMPLES, design
+from runtime.excitation import BASES, CRITERIA, basis_of, design, predict
 from runtime.library import load
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
@@ -37,7 +38,9 @@ class Export(StrEnum):
 def excite_command(
     robot: Robot = "fr3",
     duration: Annotated[float, typer.Option(help="t_f, s.")] = 10.0,
-    harmonics: Annotated[int, typer.Option(help="M, cosines per joint.")] = 5,
+    harmonics: Annotated[
+        int, typer.Option(help="M: cosines, cosines and sines, or splines per joint.")
+    ] = 5,
     starts: Annotated[int, typer.Option(help="Searches from random starts.")] = 5,
     processes: Annotated[
         int | None,
@@ -64,6 +67,35 @@ def excite_command(
             "stages to try on a robot, each checked anew. The file names end in -speed10."
         ),
     ] = None,
+    document: Annotated[
+        bool, typer.Option("--document", help="The document's problem: --criterion cond.")
+    ] = False,
+    criterion: Annotated[
+        str | None,
+        typer.Option(
+            help=f"{' | '.join(CRITERIA)}: expected error of torque on other motions (v), of "
+            "parameters (a), their confidence volume (d), the condition number, or v and cond "
+            "together; default mixed."
+        ),
+    ] = None,
+    basis: Annotated[str, typer.Option(help=" | ".join(BASES))] = "cosine",
+    zero_jerk: Annotated[
+        bool, typer.Option("--zero-jerk", help="Begin and end without jerk, too.")
+    ] = False,
+    noise: Annotated[
+        str, typer.Option(metavar="σ", help="Torque noise, N·m: one number or one per joint.")
+    ] = "0.05",
+    log_rate: Annotated[float, typer.Option(help="Rate at which the robot will log, Hz.")] = 100.0,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(metavar="LOG", help="What this log tells counts already; repeatable."),
+    ] = None,
+    payload: Annotated[
+        bool,
+        typer.Option(
+            "--payload", help="Only the last link's ten parameters are unknown, the arm is known."
+        ),
+    ] = False,
     plot: Annotated[
         bool,
         typer.Option(
@@ -73,6 +105,8 @@ def excite_command(
 ) -> None:
     r"""Design a trajectory that makes the base parameters visible (Eqs. 3.24–3.29).
 
+    All criteria of the motion are told, for the unknowns alone and with friction (viscous,
+    Coulomb, offset) estimated beside them, with the errors to be expected of a log.
     The certificate proves for every instant, between samples too, that position (as a share of
     the way from home to its limit), velocity, acceleration and jerk keep the robot's limits;
     torque and collision are NOT checked yet, so look at the motion in a simulator before sending
@@ -90,14 +124,18 @@ def excite_command(
             f"the trajectory needs a file that ends in .json, got '{path}'; "
             "its motion is written beside it as .csv"
         )
+    wanted = criterion or ("cond" if document else "mixed")
+    told = information_of(lib, noise, log_rate, prior, payload)
+    # The document's criterion knows only the regressor.
+    known = None if wanted == "cond" and not prior and not payload else told
     t = sample_times(duration, rate)
     side_by_side = cores() if starts >= WORTH_PROCESSES else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts)
 
-        def report(done: int, condition: float, best: float) -> None:
-            text = f"{done} starts: cond {condition:.3f}, best {best:.3f}"
+        def report(done: int, value: float, best: float) -> None:
+            text = f"{done} starts: {wanted} {value:.4g}, best {best:.4g}"
             progress.update(task, completed=done, description=text)
 
         found = design(
@@ -108,9 +146,13 @@ def excite_command(
             seed,
             progress=report,
             processes=processes if processes is not None else side_by_side,
+            criterion=wanted,
+            basis=basis_of(basis, zero_jerk),
+            information=known,
         )
     found = replace(found, trajectory=pulled_inside(lib, found.trajectory))
-    write_trajectory(found, lib, path)
+    expected = predict(lib, found.trajectory, told)
+    write_trajectory(found, lib, path, expected)
     q, dq, ddq, _ = found.trajectory.at(lib, t)
     written = [path]
     if not export:
@@ -126,16 +168,7 @@ def excite_command(
         picture = path.with_suffix(".png")
         write_picture(lib, found.trajectory, picture)
         written.append(picture)
-    spread = np.array(found.conditions)
-    say(
-        f"condition number {found.condition:.4f} of the column-normalised base regressor "
-        f"({len(lib.base_columns)} columns, {COST_SAMPLES} samples)"
-    )
-    say(
-        f"starts: best {spread.min():.3f}, median {np.median(spread):.3f}, worst {spread.max():.3f}"
-    )
-    for assumption in found.assumptions:
-        say(f"note: {assumption}")
+    tell(found, expected, len(lib.base_columns))
     effort = lib.limits()["effort"]
     torque = np.abs(lib.inverse_dynamics(q, dq, ddq, lib.pi0)).max(axis=0) / effort
     worst = int(np.argmax(torque))

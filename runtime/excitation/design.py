@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.basis import COSINE, Basis
+from runtime.excitation.cost import ConditionCost
+from runtime.excitation.information import Information
 from runtime.excitation.limits import Limits, inside
 from runtime.excitation.processes import in_turn, side_by_side
 from runtime.excitation.search import Problem, Search
@@ -25,6 +28,9 @@ class Design:
     Attributes:
         condition: cond of the column-normalised base regressor at `COST_SAMPLES` samples.
         conditions: the same for every start that ended, in order.
+        criterion: what was minimised, of `goals.CRITERIA`.
+        values: exp of its target for every start that ended, in order.
+        unit: of those.
         use: largest |value| / limit at 1 kHz per kind of limit, 1 is the limit itself.
         assumptions: limits that the robot does not state and what was taken instead.
     """
@@ -34,6 +40,9 @@ class Design:
     conditions: tuple[float, ...]
     use: dict[str, float]
     assumptions: tuple[str, ...]
+    criterion: str = "cond"
+    values: tuple[float, ...] = ()
+    unit: str = "cond"
 
 
 @one_blas_thread
@@ -46,20 +55,26 @@ def design(
     home: Array | None = None,
     progress: Callable[[int, float, float], None] | None = None,
     processes: int = 1,
+    criterion: str = "cond",
+    basis: Basis = COSINE,
+    information: Information | None = None,
 ) -> Design:
-    """Best of several searches for the smallest cond from random admissible starts.
+    """Best of several searches for the best criterion from random admissible starts.
 
     Args:
         lib: of the robot.
         duration: s.
-        harmonics: M.
+        harmonics: M, of which the basis makes its functions.
         starts: number of searches.
         seed: of the random starts.
         home: start and end position, default is the robot's.
-        progress: called after each start with how many have ended, its condition number and the
+        progress: called after each start with how many have ended, exp of its target and the
             best one. Ctrl-C stops and keeps the best start so far.
         processes: that search side by side; the design does not depend on it, to the last bit.
             Each loads the library anew, so more than one asks for a script with a main guard.
+        criterion: what to minimise, of `goals.CRITERIA`; all but cond need `information`.
+        basis: of the motion.
+        information: noise, rate, what is known already and which parameters are not.
 
     Raises:
         IdentificationError: options or home position make no trajectory; a process died.
@@ -72,8 +87,11 @@ def design(
     if processes < 1:
         raise IdentificationError(f"a search needs at least one process, got {processes}")
     rest = lib.home if home is None else np.asarray(home, dtype=float)
-    problem = Problem(lib.folder, lib.level, rest, harmonics, duration, seed)
+    problem = Problem(
+        lib.folder, lib.level, rest, harmonics, duration, seed, basis, criterion, information
+    )
     search = Search(lib, problem)
+    search.require_rank()
     alone = processes == 1 or starts == 1
     found: dict[int, tuple[float, Array]] = {}
     ended = in_turn(search, starts) if alone else side_by_side(problem, starts, processes)
@@ -91,13 +109,18 @@ def design(
     a = found[min(numbers, key=lambda number: found[number][0])][1]
     with suppress(KeyboardInterrupt):
         a = search.refined(a)
-    fine = Limits(lib, rest, harmonics, duration, step=1e-3)
+    shape = (lib, rest, basis.size(harmonics), duration)
+    fine = Limits(*shape, step=1e-3, basis=basis)
     a = inside(fine, a)
     use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
+    plain = ConditionCost(*shape, basis)
     return Design(
-        Trajectory(rest, a, duration),
-        float(np.exp(search.cost.value_gradient(a)[0])),
-        tuple(float(np.exp(found[number][0])) for number in numbers),
+        Trajectory(rest, a, duration, basis),
+        float(np.exp(plain.value_gradient(a)[0])),
+        tuple(float(np.exp(plain.value_gradient(found[number][1])[0])) for number in numbers),
         use,
         tuple(search.limits.assumptions),
+        criterion,
+        tuple(float(np.exp(found[number][0])) for number in numbers),
+        search.goal.unit,
     )

@@ -1,7 +1,7 @@
 """One start of the search: a random admissible trajectory, descended to a local optimum.
 
-Normalised D-optimality decides for a basin, Schatten norms lead to the kink of log cond, and the
-semidefinite programmes of `polish` end in it.
+Normalised D-optimality decides for a basin and the goal's measures lead on; where that is log cond
+the semidefinite programmes of `polish` end in its kink.
 """
 
 from dataclasses import dataclass
@@ -9,9 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.errors import IdentificationError
+from runtime.excitation.basis import COSINE, Basis
 from runtime.excitation.conic import Rows
 from runtime.excitation.cost import ConditionCost
-from runtime.excitation.criteria import Criterion, d_optimal, schatten
+from runtime.excitation.criteria import Measure, rank, too_many
+from runtime.excitation.goals import goal
+from runtime.excitation.information import Information
 from runtime.excitation.limits import LIMIT_STEP, Limits, inside, whitening
 from runtime.excitation.polish import polish
 from runtime.excitation.sqp import Objective, descend
@@ -19,18 +23,12 @@ from runtime.library import Array, Library, load
 
 START = 0.5
 """Limit use of a random start: far enough inside to choose its own basin."""
-STAGES: tuple[tuple[Criterion, int], ...] = (
-    (d_optimal, 100),
-    (schatten(8.0), 60),
-    (schatten(32.0), 60),
-)
-"""Criteria of the descent in turn, and iterations of each."""
 FINE_STEP = 0.01
 """Grid of the limits of the last polish, s: between its points motions overshoot by 1e-5."""
 FINE_POINTS = 1000
 """At most, of that grid."""
 POLISH = 40
-"""Semidefinite programmes at most."""
+"""Semidefinite programmes at most, or steps of the last descent of a smooth goal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +42,9 @@ class Problem:
         harmonics: M.
         duration: t_f, s.
         seed: of all starts.
+        basis: of the motion.
+        criterion: of `goals.CRITERIA`.
+        information: of the unknowns; None is all base parameters by their regressor alone.
     """
 
     folder: Path
@@ -52,6 +53,9 @@ class Problem:
     harmonics: int
     duration: float
     seed: int
+    basis: Basis = COSINE
+    criterion: str = "cond"
+    information: Information | None = None
 
     def search(self) -> "Search":
         """Loads the library of the folder."""
@@ -62,10 +66,12 @@ class Search:
     """Descents from random starts; a start depends on its number and the seed alone."""
 
     def __init__(self, lib: Library, problem: Problem) -> None:
-        shape = (lib, problem.home, problem.harmonics, problem.duration)
-        self._grid = shape
-        self.cost, self.limits = ConditionCost(*shape), Limits(*shape)
-        self._seed, self._shape = problem.seed, (lib.n_joints, problem.harmonics)
+        self.basis, size = problem.basis, problem.basis.size(problem.harmonics)
+        self.goal = goal(problem.criterion, lib, problem.home, problem.information)
+        shape = self._grid = (lib, problem.home, size, problem.duration)
+        self.cost = ConditionCost(*shape, self.basis, problem.information)
+        self.limits = Limits(*shape, basis=self.basis)
+        self._seed, self._shape = problem.seed, (lib.n_joints, size)
         matrix, self._bound = self.limits.inequalities()
         spread = whitening(matrix, lib.n_joints)
         # Of `whitening`'s unit vectors each row sees a share; now x of size one reaches a bound.
@@ -73,24 +79,50 @@ class Search:
         self._matrix = matrix @ self._spread
 
     def start(self, number: int) -> tuple[float, Array]:
-        """Log cond and coefficients (n, M), within the limits of the descent's grid."""
+        """The goal's target and coefficients (n, M), within the limits of the descent's grid."""
+        x = self._random(number)
+        rows = Rows(self._matrix, self._bound)
+        for measure, iterations in self.goal.stages:
+            x = descend(self._objective(measure), x, rows, iterations).x
+        if self.goal.is_kinked:
+            x = polish(_Correlations(self), x, rows, POLISH).x
+        a = inside(self.limits, self.coefficients(x[None])[0])
+        return self.value(a), a
+
+    def require_rank(self) -> None:
+        """Random motions tell all unknowns apart.
+
+        Raises:
+            IdentificationError: they do not, and no other motion of this basis will.
+        """
+        gram = self.cost.correlations(self.coefficients(self._random(0)[None]))[0]
+        found = rank(gram)
+        if found < len(gram):
+            raise IdentificationError(too_many(found, len(gram), self._shape[1]))
+
+    def _random(self, number: int) -> Array:
+        """A point well inside the limits."""
         rng = np.random.default_rng((self._seed, number))
         x = rng.normal(size=len(self._spread))
-        x *= START / np.max(self._matrix @ x)
-        rows = Rows(self._matrix, self._bound)
-        for criterion, iterations in STAGES:
-            x = descend(self._objective(criterion), x, rows, iterations).x
-        x = polish(_Correlations(self), x, rows, POLISH).x
-        a = inside(self.limits, self.coefficients(x[None])[0])
-        return self.cost.value_gradient(a)[0], a
+        return np.asarray(x * (START / np.max(self._matrix @ x)))
+
+    def value(self, a: Array) -> float:
+        """The goal's target."""
+        if self.goal.is_kinked:
+            return self.cost.value_gradient(a)[0]
+        return self.cost.measure(a, self.goal.target)[0]
 
     def refined(self, a: Array) -> Array:
         """The same optimum on a finer grid: pulled inside there alone it would lose 0.5 %."""
         step = max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS)
-        fine = Limits(*self._grid, step=min(step, LIMIT_STEP))
+        fine = Limits(*self._grid, step=min(step, LIMIT_STEP), basis=self.basis)
         matrix, bound = fine.inequalities()
         x = np.linalg.solve(self._spread, inside(fine, a).ravel())
-        x = polish(_Correlations(self), x, Rows(matrix @ self._spread, bound), POLISH).x
+        rows = Rows(matrix @ self._spread, bound)
+        if self.goal.is_kinked:
+            x = polish(_Correlations(self), x, rows, POLISH).x
+        else:
+            x = descend(self._objective(self.goal.target), x, rows, POLISH).x
         return self.coefficients(x[None])[0]
 
     def coefficients(self, points: Array) -> Array:
@@ -101,9 +133,9 @@ class Search:
         """∂/∂x from ∂/∂a (K, n, M), (K, p)."""
         return gradients.reshape(len(gradients), -1) @ self._spread
 
-    def _objective(self, criterion: Criterion) -> Objective:
+    def _objective(self, measure: Measure) -> Objective:
         def objective(x: Array) -> tuple[float, Array]:
-            value, gradient = self.cost.criterion(self.coefficients(x[None])[0], criterion)
+            value, gradient = self.cost.measure(self.coefficients(x[None])[0], measure)
             return value, self.slopes(gradient[None])[0]
 
         return objective

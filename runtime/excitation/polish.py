@@ -1,4 +1,4 @@
-"""min log cond C(x) s.t. A x ≤ b where extreme eigenvalues meet: semidefinite programmes in turn.
+"""min log cond C(x) s.t. A x ≤ b, g(x) ≤ 0 where extreme eigenvalues meet: semidefinite programmes in turn.
 
 At an optimum the largest and the smallest eigenvalue are multiple, log cond has a kink there and
 descent along gradients stalls. Here all eigenvalues near an end move together: with V₁, V₂ the
@@ -9,7 +9,8 @@ d solves
     s.t. Λ₁ + Σ d_i V₁ᵀ C_i V₁ ⪯ a λ_max,   Λ₂ + Σ d_i V₂ᵀ C_i V₂ ⪰ b λ_min,
          A (x + d) ≤ b,   |d|_∞ ≤ Δ,
 
-and is taken when log cond itself falls (trust region). B is the curvature of the Lagrangian
+and is taken when log cond itself falls (trust region); g is elastic and enters the merit, see
+`elastic`. B is the curvature of the Lagrangian
 (Overton 1988; Overton and Womersley 1995). Knows nothing of robots.
 """
 
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation.conic import Block, Rows, solve
+from runtime.excitation.elastic import MU, Curved, Nonlinear, corrected
 from runtime.library import Array
 
 CLUSTER = 1.35
@@ -50,7 +52,7 @@ class MatrixFunction(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Polished:
-    """Where it ended: x admissible, log cond there and at every step that was taken."""
+    """Where it ended: x with A x ≤ b, log cond there and the merit at every step that was taken."""
 
     x: Array
     value: float
@@ -58,43 +60,65 @@ class Polished:
 
 
 def polish(
-    matrix: MatrixFunction, x: Array, rows: Rows, iterations: int = 40, tolerance: float = 1e-5
+    matrix: MatrixFunction,
+    x: Array,
+    rows: Rows,
+    iterations: int = 40,
+    tolerance: float = 1e-5,
+    nonlinear: Nonlinear | None = None,
 ) -> Polished:
-    """Improve an admissible x; the result is never worse.
+    """Improve an x with A x ≤ b; the merit is never worse.
 
     Args:
         matrix: C(x).
-        x: start, A x ≤ b, (p,).
+        x: start, (p,).
         rows: A and b.
         iterations: semidefinite programmes at most.
-        tolerance: of log cond: ends when the predicted decrease is below.
+        tolerance: of the merit: ends when the predicted decrease is below.
+        nonlinear: g.
     """
-    spectrum = _Spectrum.of(matrix.at(x[None])[0])
-    history, radius = [spectrum.value], RADIUS
+
+    def at(x: Array) -> _Point:
+        spectrum = _Spectrum.of(matrix.at(x[None])[0])
+        return _Point(x, spectrum, 0.0 if nonlinear is None else nonlinear.violation(x))
+
+    point, radius = at(x), RADIUS
+    history = [point.merit]
     weights: tuple[Array, Array] | None = None
     model: _Model | None = None
+    curved: Curved | None = None
     for _ in range(iterations):
-        if not np.isfinite(spectrum.value):
+        if not np.isfinite(point.merit):
             break
         if model is None:
-            model = _Model.around(matrix, x, spectrum, weights)
-        found = model.step(x, rows, radius)
-        if found is None or found.decrease < tolerance:
+            model = _Model.around(matrix, point.x, point.spectrum, weights)
+            curved = None if nonlinear is None else Curved(nonlinear, point.x)
+        found = model.step(point.x, rows, radius, curved)
+        if found is None:
             break
-        after = x + rows.reach(x, found.step) * found.step
-        trial = _Spectrum.of(matrix.at(after[None])[0])
-        ratio = (spectrum.value - trial.value) / found.decrease
+        decrease = found.decrease
+        if curved is not None:
+            decrease += MU * (point.violation - curved.after(found.step))
+        if decrease < tolerance:
+            break
+        after = at(point.x + rows.reach(point.x, found.step) * found.step)
+        if nonlinear is not None and point.merit - after.merit < _POOR * decrease:
+            back = corrected(nonlinear, after.x)
+            if back is not None:
+                other = at(after.x + rows.reach(after.x, back) * back)
+                after = min(after, other, key=lambda trial: trial.merit)
+        ratio = (point.merit - after.merit) / decrease
         length = float(np.abs(found.step).max())
         if ratio > _TAKEN:
-            x, spectrum, weights, model = after, trial, found.weights, None
-            history.append(trial.value)
+            point, weights, model = after, found.weights, None
+            history.append(point.merit)
             if ratio > _GOOD and length > 0.9 * radius:
                 radius *= 2.0
             elif ratio < _POOR:
                 radius *= 0.5
         else:
             radius = 0.3 * min(radius, length)
-    return Polished(x, spectrum.value, tuple(history))
+    return Polished(point.x, point.spectrum.value, tuple(history))
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +141,19 @@ class _Spectrum:
     def lower(self) -> NDArray[np.intp]:
         """Indices of the cluster at the lower end."""
         return np.flatnonzero(self.values <= self.values[0] * CLUSTER)[:LARGEST]
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """x, the eigenvalues of C there and the violation v."""
+
+    x: Array
+    spectrum: _Spectrum
+    violation: float
+
+    @property
+    def merit(self) -> float:
+        return self.spectrum.value + MU * self.violation
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,33 +236,39 @@ class _Model:
             _End(at.vectors[:, low], at.values[low] / at.values[0], lower[:, :, low]),
         )
 
-    def step(self, x: Array, rows: Rows, radius: float) -> _Step | None:
-        """The programme of the module's head."""
+    def step(
+        self, x: Array, rows: Rows, radius: float, curved: Curved | None = None
+    ) -> _Step | None:
+        """The programme of the module's head, with μ t for the curved rows."""
         p = len(x)
-        quadratic = np.zeros((p + 2, p + 2))
+        size = p + 2 if curved is None else p + 3
+        quadratic = np.zeros((size, size))
         quadratic[:p, :p] = self.curvature
         quadratic[p + 1, p + 1] = 1.0
-        linear = np.zeros(p + 2)
-        linear[p:] = 1.0, -2.0
-        box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, 2))])
+        linear = np.zeros(size)
+        # The programme's value is twice that of log cond, half of log λ_max/λ_min.
+        linear[p:] = (1.0, -2.0) if curved is None else (1.0, -2.0, 2 * MU)
+        box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, size - p))])
         fixed = [
             Block(box, np.full(2 * p, radius)),
-            self.upper.block(1.0, p, p + 2),
-            self.lower.block(-1.0, p + 1, p + 2),
+            self.upper.block(1.0, p, size),
+            self.lower.block(-1.0, p + 1, size),
         ]
 
         def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
-            limits = Block(np.hstack([a, np.zeros((len(a), 2))]), slack)
-            return solve(quadratic, linear, [limits, *fixed])
+            limits = Block(np.hstack([a, np.zeros((len(a), size - p))]), slack)
+            elastic = [] if curved is None else [curved.block(size)]
+            return solve(quadratic, linear, [limits, *fixed, *elastic])
 
-        found = rows.solve(x, programme)
+        found = rows.solve(x, programme, None if curved is None else curved.grow)
         if found is None:
             return None
         y, duals = found
-        # At d = 0, a = b = 1 the programme's value is −½; log cond is half of log λ_max/λ_min.
-        decrease = -(0.5 + linear @ y + 0.5 * y @ quadratic @ y) / 2
+        y = y[: p + 2]
+        # At d = 0, a = b = 1 the programme's value is −½.
+        value = linear[: p + 2] @ y + 0.5 * y @ quadratic[: p + 2, : p + 2] @ y
         weights = self.upper.weight(duals[2]), self.lower.weight(duals[3])
-        return _Step(y[:p], float(decrease), weights)
+        return _Step(y[:p], float(-(0.5 + value) / 2), weights)
 
 
 def _weight(

@@ -13,13 +13,12 @@ from rich.table import Table
 
 from symgen.build import build, generate, is_current
 from symgen.chain import ChainOptions
+from symgen.config import RobotConfig, read_config
 from symgen.errors import BuildError, SymgenError
 from symgen.request import (
     BuildRequest,
-    RobotConfig,
     bundled_request,
     bundled_robots,
-    read_config,
     request_from_folder,
 )
 

@@ -10,6 +10,9 @@ import numpy as np
 from symgen import inertia
 from symgen.base_parameters import Array, BaseParameters
 from symgen.chain import Chain, Joint
+from symgen.collision.distance import moving
+from symgen.collision.tables import tables_from_collision
+from symgen.config import Braking
 from symgen.errors import BuildError, InertiaError
 from symgen.request import BuildRequest
 
@@ -47,8 +50,8 @@ def model_facts(
         BuildError: the robot configuration does not fit the chain.
     """
     n, config = len(chain.joints), request.config
-    for key, values in asdict(config).items():
-        if values is not None and len(values) != n:
+    for key, values in config.vectors().items():
+        if len(values) != n:
             raise BuildError(
                 f"the robot configuration gives {len(values)} values for {key}, "
                 f"the chain has {n} joints: {', '.join(j.name for j in chain.joints)}"
@@ -76,6 +79,11 @@ def model_facts(
         "home": list(home),
         "acceleration": list(config.acceleration) if config.acceleration else None,
         "jerk": list(config.jerk) if config.jerk else None,
+        "torque_rate": list(config.torque_rate) if config.torque_rate else None,
+        "tip_speed": config.tip_speed,
+        "braking": _lists(config.braking) if config.braking else None,
+        **tables_from_collision(config.collision),
+        "moving_proxies": [proxy.name for proxy in moving(chain, config.collision)],
         "lumped": [asdict(body) for body in chain.lumped],
         "removed": list(chain.removed),
         "pi_names": list(inertia.PI_NAMES),
@@ -95,6 +103,10 @@ def model_facts(
         "options": {"tip": request.options.tip, "project": request.project},
         "urdf_sha256": hashlib.sha256(chain.urdf.encode()).hexdigest(),
     }
+
+
+def _lists(braking: Braking) -> dict[str, list[float]]:
+    return {key: list(values) for key, values in asdict(braking).items()}
 
 
 def _middle(joint: Joint) -> float:

@@ -7,17 +7,27 @@ argument given once, such as π, serves all samples.
 from runtime.library.binding import Array
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.library import Library, load
-from runtime.library.manifest import JointFacts, Manifest, to_pinocchio_order
+from runtime.library.manifest import (
+    BrakingFacts,
+    JointFacts,
+    Manifest,
+    PairFacts,
+    ProxyFacts,
+    to_pinocchio_order,
+)
 
 __all__ = [
     "AdamProblem",
     "Array",
+    "BrakingFacts",
     "CompiledAdam",
     "CompiledLevenberg",
     "JointFacts",
     "LeastSquares",
     "Library",
     "Manifest",
+    "PairFacts",
+    "ProxyFacts",
     "load",
     "to_pinocchio_order",
 ]

@@ -2,10 +2,11 @@
 
 On an interval of length δ a function lies below its chord by Taylor: g ≤ max(g_k, g_k+1) + δ²/8
 sup|g''|, and within it |g''| ≤ max(|g''_k|, |g''_k+1|) + δ/2 Σ|a| sup|φ'''| (of g). All derivatives
-are closed forms of the basis, so the bound is proven up to rounding, which is added.
+are closed forms of the basis, so the bound is proven up to rounding, which is added. The fifth one
+of a spline jumps at knots, from one constant to the next, both of which are among the samples.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +16,12 @@ from runtime.excitation import Trajectory
 from runtime.library import Array, Library
 
 INTERVALS = 4000
-"""Of the grid over half the duration, at least."""
+"""Of the grid over half the duration, at least; over all of it twice as many."""
 INTERVALS_PER_HARMONIC = 3000
 """Keeps the chords' error δ²/8 (2πM/t_f)² below 2e-7 of the amplitude."""
 ROUNDING = 64 * np.finfo(float).eps
 """Relative to Σ|a| sup|φ|: the arguments 2πms carry a few ε, and M products are added."""
 KINDS = ("position", "velocity", "acceleration", "jerk")
-_HUMP = np.polynomial.Polynomial([0.0, 0.0, 1.0, -2.0, 1.0])
-_HUMP_SUP = (1 / 16, np.sqrt(3) / 9, 2.0, 12.0, 24.0)
-"""sup over 0 ≤ s ≤ 1 of the derivatives of s²(1−s)²; from the fifth on they vanish."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,39 +93,6 @@ class Certificate:
         return (*lines, *(f"no limit stated: {text}" for text in self.unlimited))
 
 
-def basis_derivatives(orders: int, harmonics: int, s: Array) -> Array:
-    """d^k φ_m / ds^k, k < orders, of φ_m = cos 2πms − 1 + 2π²m² s²(1−s)² (Eqs. 3.24–3.27).
-
-    With w = 2πm: w^k cos(ws + kπ/2) − [k = 0] + w²/2 · d^k/ds^k s²(1−s)².
-
-    Args:
-        orders: number of derivatives, the value included.
-        harmonics: M.
-        s: t / t_f, (N,).
-
-    Returns:
-        (orders, N, M).
-    """
-    w = 2 * np.pi * np.arange(1, harmonics + 1)
-    angle = np.multiply.outer(s, w)
-    cosine, sine = np.cos(angle), np.sin(angle)
-    result = np.empty((orders, len(s), harmonics))
-    for k in range(orders):
-        sign = -1.0 if k % 4 in {1, 2} else 1.0
-        np.multiply(sine if k % 2 else cosine, sign * w**k, out=result[k])
-        if k < len(_HUMP_SUP):
-            result[k] += np.multiply.outer(_HUMP.deriv(k)(s) if k else _HUMP(s), w**2 / 2)
-    result[0] -= 1
-    return result
-
-
-def basis_bound(order: int, harmonics: int) -> Array:
-    """Bounds of |d^k φ_m / ds^k| over 0 ≤ s ≤ 1, (M,)."""
-    w = 2 * np.pi * np.arange(1, harmonics + 1)
-    hump = _HUMP_SUP[order] if order < len(_HUMP_SUP) else 0.0
-    return np.asarray(w**order * (2 if order == 0 else 1) + w**2 / 2 * hump)
-
-
 def certificate(lib: Library, trajectory: Trajectory) -> Certificate:
     """Proven bounds of position, velocity, acceleration and jerk over their limits.
 
@@ -151,7 +116,7 @@ def certificate(lib: Library, trajectory: Trajectory) -> Certificate:
 def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     """Proven |value| / limit per kind and joint, (4, n), and the time of each maximum, s.
 
-    The motion is its own mirror image about t_f / 2, so half of it is looked at.
+    Of a motion that is its own mirror image about t_f / 2 half is looked at.
 
     Raises:
         IdentificationError: the trajectory is not one of this robot.
@@ -165,19 +130,21 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
             f"({n}, M) and a positive duration, got {trajectory.home.shape}, {a.shape} and "
             f"{duration:g} s"
         )
-    harmonics = a.shape[1]
-    count = max(INTERVALS, INTERVALS_PER_HARMONIC * harmonics)
-    s = np.linspace(0.0, 0.5, count + 1)
-    step = 0.5 / count
-    curves = basis_derivatives(len(KINDS) + 2, harmonics, s) @ a.T
+    basis, size = trajectory.basis, a.shape[1]
+    count = max(INTERVALS, INTERVALS_PER_HARMONIC * size)
+    end = 0.5 if basis.is_symmetric else 1.0
+    count *= 1 if basis.is_symmetric else 2
+    s = np.linspace(0.0, end, count + 1)
+    step = end / count
+    curves = basis.derivatives(len(KINDS) + 2, size, s) @ a.T
     rooms = _rooms(lib, trajectory.home)
     bounds, times = np.empty((2, len(KINDS), n))
     up, down = (np.where(room > 0, room, np.nan) for room in rooms)
     for order in range(len(KINDS)):
         value, bend = curves[order], np.abs(curves[order + 2])
-        third = np.abs(a) @ basis_bound(order + 3, harmonics)
+        third = np.abs(a) @ basis.bound(order + 3, size)
         rise = step**2 / 8 * (np.maximum(bend[1:], bend[:-1]) + step / 2 * third)
-        rise += ROUNDING * (np.abs(a) @ basis_bound(order, harmonics))
+        rise += ROUNDING * (np.abs(a) @ basis.bound(order, size))
         unit = duration**-order
         high = (np.maximum(value[1:], value[:-1]) + rise) * unit / up[order]
         low = (np.maximum(-value[1:], -value[:-1]) + rise) * unit / down[order]
@@ -209,8 +176,7 @@ def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
     Raises:
         IdentificationError: another speed.
     """
-    duration = trajectory.duration / require_speed(speed)
-    return Trajectory(trajectory.home, trajectory.coefficients, duration)
+    return replace(trajectory, duration=trajectory.duration / require_speed(speed))
 
 
 def require_speed(speed: float) -> float:
@@ -238,4 +204,4 @@ def pulled_inside(lib: Library, trajectory: Trajectory, most: float = 1e-3) -> T
     touched = (use > 1) & (use <= 1 + most)
     # The bound scales with a; 1e-9 is far above the rounding of its second evaluation.
     rho = np.where(touched, use * (1 + 1e-9), 1.0)
-    return Trajectory(trajectory.home, trajectory.coefficients / rho[:, None], trajectory.duration)
+    return replace(trajectory, coefficients=trajectory.coefficients / rho[:, None])

@@ -5,9 +5,12 @@ column-normalised base regressor at equally spaced samples (Eq. 3.29) with its e
 the generated adjoint; the limits are linear in a.
 """
 
+from runtime.excitation.basis import BASES, COSINE, Basis, basis_of, fourier_basis
 from runtime.excitation.cost import COST_SAMPLES, ConditionCost
 from runtime.excitation.criteria import log_condition
 from runtime.excitation.design import LONGEST, Design, design
+from runtime.excitation.goals import CRITERIA
+from runtime.excitation.information import Information, information
 from runtime.excitation.limits import (
     DEFAULT_ACCELERATION,
     DEFAULT_RANGE,
@@ -16,21 +19,28 @@ from runtime.excitation.limits import (
     whitening,
 )
 from runtime.excitation.search import START
-from runtime.excitation.trajectory import Trajectory, fourier_basis
+from runtime.excitation.trajectory import Trajectory
 
 __all__ = [
+    "BASES",
+    "COSINE",
     "COST_SAMPLES",
+    "CRITERIA",
     "DEFAULT_ACCELERATION",
     "DEFAULT_RANGE",
     "LIMIT_STEP",
     "LONGEST",
     "START",
+    "Basis",
     "ConditionCost",
     "Design",
+    "Information",
     "Limits",
     "Trajectory",
+    "basis_of",
     "design",
     "fourier_basis",
+    "information",
     "log_condition",
     "whitening",
 ]

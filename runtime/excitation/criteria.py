@@ -1,16 +1,20 @@
-"""What makes a regressor good, as functions of the eigenvalues of C = D^-½ WᵀW D^-½, D = diag WᵀW.
+"""What makes a regressor W good: functions of its Gram matrix G = WᵀW.
 
-C is the Gram matrix of W with columns of unit length. Each criterion takes the eigenvalues,
-ascending and positive, and returns its value f and ∂f/∂λ.
+Two kinds: of the eigenvalues of C = D^-½ G D^-½, D = diag G, the Gram matrix of columns of unit
+length, blind to their lengths (a `Criterion`: f and ∂f/∂λ from λ, ascending and positive); and of
+the covariance G⁻¹ of least squares. As a `Measure` either takes G and returns f and S = 2 ∂f/∂G, so
+that ∂f/∂W = W S.
 """
 
 from collections.abc import Callable
 
 import numpy as np
+from scipy.linalg import lapack
 
 from runtime.library import Array
 
 Criterion = Callable[[Array], tuple[float, Array]]
+Measure = Callable[[Array], tuple[float, Array]]
 
 
 def log_cond(values: Array) -> tuple[float, Array]:
@@ -42,21 +46,76 @@ def schatten(power: float) -> Criterion:
     return criterion
 
 
-def of_rows(rows: Array, criterion: Criterion) -> tuple[float, Array]:
-    """f and S with ∂f/∂W = W S, (n_b, n_b), for W (N, n_b).
+def normalised(criterion: Criterion) -> Measure:
+    """A criterion of the eigenvalues of C as a function of G.
 
     Columns of no full rank, to rounding, count as λ = n_b ε λ_max.
     """
-    gram = rows.T @ rows
+
+    def measure(gram: Array) -> tuple[float, Array]:
+        size = np.sqrt(np.diag(gram))
+        scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+        values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
+        values = np.maximum(values, len(gram) * np.finfo(float).eps * values[-1])
+        value, weights = criterion(values)
+        z = vectors * scale[:, None]
+        slope = 2 * (z * weights) @ z.T
+        slope -= np.diag(2 * (z * z) @ (weights * values))
+        return value, slope
+
+    return measure
+
+
+def covariance(gram: Array) -> Array | None:
+    """G⁻¹, or None where G has no full rank to rounding."""
     size = np.sqrt(np.diag(gram))
-    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
-    values, vectors = np.linalg.eigh(gram * np.outer(scale, scale))
-    values = np.maximum(values, len(gram) * np.finfo(float).eps * values[-1])
-    value, weights = criterion(values)
-    z = vectors * scale[:, None]
-    slope = 2 * (z * weights) @ z.T
-    slope -= np.diag(2 * (z * z) @ (weights * values))
-    return value, slope
+    if not (size > 0).all():
+        return None
+    upper, info = lapack.dpotrf(gram / np.outer(size, size))
+    if info or not np.diag(upper).min() ** 2 > len(gram) * np.finfo(float).eps:
+        return None
+    inverse, _ = lapack.dpotri(upper)
+    return np.asarray((np.triu(inverse) + np.triu(inverse, 1).T) / np.outer(size, size))
+
+
+def log_variance(seen: Array) -> Measure:
+    """½ log tr(Q G⁻¹), the log of an RMS error: of torque, or with a diagonal Q of parameters.
+
+    Infinite where G has no full rank; then there is no slope.
+    """
+
+    def measure(gram: Array) -> tuple[float, Array]:
+        inverse = covariance(gram)
+        if inverse is None:
+            return np.inf, np.zeros_like(gram)
+        total = float(np.sum(seen * inverse))
+        return float(np.log(total) / 2), -(inverse @ seen @ inverse) / total
+
+    return measure
+
+
+def log_volume(gram: Array) -> tuple[float, Array]:
+    """−½ mean log of the eigenvalues of G: log of the confidence ellipsoid's mean half-axis."""
+    inverse = covariance(gram)
+    if inverse is None:
+        return np.inf, np.zeros_like(gram)
+    return float(-np.linalg.slogdet(gram)[1] / (2 * len(gram))), -inverse / len(gram)
+
+
+def mixed(first: Measure, second: Measure, share: float) -> Measure:
+    """First + share · second."""
+
+    def measure(gram: Array) -> tuple[float, Array]:
+        value, slope = first(gram)
+        other, other_slope = second(gram)
+        return value + share * other, slope + share * other_slope
+
+    return measure
+
+
+def of_rows(rows: Array, criterion: Criterion) -> tuple[float, Array]:
+    """f and S with ∂f/∂W = W S, (n_b, n_b), for W (N, n_b) with columns of unit length."""
+    return normalised(criterion)(rows.T @ rows)
 
 
 def log_condition(rows: Array) -> tuple[float, Array]:

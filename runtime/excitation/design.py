@@ -1,14 +1,18 @@
 """The best of several starts, inside the limits at 1 kHz."""
 
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits import Limits, inside
+from runtime.excitation.basis import COSINE, Basis
+from runtime.excitation.cost import ConditionCost
+from runtime.excitation.finish import Finished, finished
+from runtime.excitation.information import Information
 from runtime.excitation.processes import in_turn, side_by_side
+from runtime.excitation.safety import Safety, unchecked
 from runtime.excitation.search import Problem, Search
 from runtime.excitation.trajectory import Trajectory
 from runtime.library import Array, Library
@@ -25,8 +29,13 @@ class Design:
     Attributes:
         condition: cond of the column-normalised base regressor at `COST_SAMPLES` samples.
         conditions: the same for every start that ended, in order.
+        criterion: what was minimised, of `goals.CRITERIA`.
+        values: exp of its target for every start that ended, in order.
+        unit: of those.
         use: largest |value| / limit at 1 kHz per kind of limit, 1 is the limit itself.
         assumptions: limits that the robot does not state and what was taken instead.
+        safety: limits that were kept beyond those of the joints; None as in the document.
+        unchecked: kinds of limits that nobody looked at.
     """
 
     trajectory: Trajectory
@@ -34,6 +43,11 @@ class Design:
     conditions: tuple[float, ...]
     use: dict[str, float]
     assumptions: tuple[str, ...]
+    criterion: str = "cond"
+    values: tuple[float, ...] = ()
+    unit: str = "cond"
+    safety: Safety | None = None
+    unchecked: tuple[str, ...] = ()
 
 
 @one_blas_thread
@@ -46,23 +60,33 @@ def design(
     home: Array | None = None,
     progress: Callable[[int, float, float], None] | None = None,
     processes: int = 1,
+    criterion: str = "cond",
+    basis: Basis = COSINE,
+    information: Information | None = None,
+    safety: Safety | None = None,
 ) -> Design:
-    """Best of several searches for the smallest cond from random admissible starts.
+    """Best of several searches for the best criterion from random admissible starts.
 
     Args:
         lib: of the robot.
         duration: s.
-        harmonics: M.
+        harmonics: M, of which the basis makes its functions.
         starts: number of searches.
         seed: of the random starts.
         home: start and end position, default is the robot's.
-        progress: called after each start with how many have ended, its condition number and the
+        progress: called after each start with how many have ended, exp of its target and the
             best one. Ctrl-C stops and keeps the best start so far.
         processes: that search side by side; the design does not depend on it, to the last bit.
             Each loads the library anew, so more than one asks for a script with a main guard.
+        criterion: what to minimise, of `goals.CRITERIA`; all but cond need `information`.
+        basis: of the motion.
+        information: noise, rate, what is known already and which parameters are not.
+        safety: limits beyond position, velocity and acceleration of the joints; None keeps these
+            alone, as the document does.
 
     Raises:
-        IdentificationError: options or home position make no trajectory; a process died.
+        IdentificationError: options or home position make no trajectory, limits leave no room
+            for one; a process died.
     """
     if not 0 < duration <= LONGEST or harmonics < 1 or starts < 1:
         raise IdentificationError(
@@ -72,7 +96,10 @@ def design(
     if processes < 1:
         raise IdentificationError(f"a search needs at least one process, got {processes}")
     rest = lib.home if home is None else np.asarray(home, dtype=float)
-    problem = Problem(lib.folder, lib.level, rest, harmonics, duration, seed)
+    problem = Problem(
+        *(lib.folder, lib.level, rest, harmonics, duration, seed),
+        *(basis, criterion, information, safety),
+    )
     search = Search(lib, problem)
     alone = processes == 1 or starts == 1
     found: dict[int, tuple[float, Array]] = {}
@@ -87,17 +114,35 @@ def design(
     except KeyboardInterrupt:
         if not found:
             raise
+    ending = _best(lib, search, found)
+    a, t_f = ending.trajectory.coefficients, ending.trajectory.duration
+    shape = (lib, rest, basis.size(harmonics))
+    starts_cost, cost = (ConditionCost(*shape, end, basis) for end in (duration, t_f))
     numbers = sorted(found)
-    a = found[min(numbers, key=lambda number: found[number][0])][1]
-    with suppress(KeyboardInterrupt):
-        a = search.refined(a)
-    fine = Limits(lib, rest, harmonics, duration, step=1e-3)
-    a = inside(fine, a)
-    use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
     return Design(
-        Trajectory(rest, a, duration),
-        float(np.exp(search.cost.value_gradient(a)[0])),
-        tuple(float(np.exp(found[number][0])) for number in numbers),
-        use,
+        ending.trajectory,
+        float(np.exp(cost.value_gradient(a)[0])),
+        tuple(float(np.exp(starts_cost.value_gradient(found[k][1])[0])) for k in numbers),
+        ending.use,
         tuple(search.limits.assumptions),
+        criterion,
+        tuple(float(np.exp(found[k][0])) for k in numbers),
+        search.goal.unit,
+        safety,
+        unchecked(lib, safety),
     )
+
+
+def _best(lib: Library, search: Search, found: dict[int, tuple[float, Array]]) -> Finished:
+    """Of the starts the best one that can be finished.
+
+    Raises:
+        IdentificationError: none can.
+    """
+    failure = None
+    for _, a in sorted(found.values(), key=lambda ended: ended[0]):
+        try:
+            return finished(lib, search, a)
+        except IdentificationError as error:
+            failure = failure or error
+    raise failure or IdentificationError("no start has ended")

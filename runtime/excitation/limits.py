@@ -3,7 +3,7 @@
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.trajectory import fourier_basis
+from runtime.excitation.basis import COSINE, Basis
 from runtime.library import Array, Library
 
 LIMIT_STEP = 0.1
@@ -18,7 +18,13 @@ class Limits:
     """Position, velocity and acceleration limits, linear in the coefficients."""
 
     def __init__(
-        self, lib: Library, home: Array, harmonics: int, duration: float, step: float = LIMIT_STEP
+        self,
+        lib: Library,
+        home: Array,
+        harmonics: int,
+        duration: float,
+        step: float = LIMIT_STEP,
+        basis: Basis = COSINE,
     ) -> None:
         limits = lib.limits()
         self.assumptions: list[str] = []
@@ -33,11 +39,12 @@ class Limits:
                 f"the home position {home[j]:.4g} of joint '{lib.joint_names[j]}' is not inside "
                 f"its limits {lower[j]:.4g} to {upper[j]:.4g}; choose another home"
             )
-        count = int(np.ceil(duration / 2 / step)) + 1
-        basis = fourier_basis(lib, harmonics, np.linspace(0, duration / 2, count), duration)
+        end = duration / 2 if basis.is_symmetric else duration
+        t = np.linspace(0, end, int(np.ceil(end / step)) + 1)
+        phi = basis.at(lib, harmonics, t, duration)
         self._up, self._down = upper - home, home - lower
-        self._rows = {"position": basis[..., 0], "velocity": basis[..., 1]}
-        self._rows["acceleration"] = basis[..., 2]
+        self._rows = {"position": phi[..., 0], "velocity": phi[..., 1]}
+        self._rows["acceleration"] = phi[..., 2]
         self._bounds = {"velocity": speed, "acceleration": accel}
 
     def _or(self, values: Array, missing: float, what: str, lib: Library) -> Array:

@@ -14,7 +14,7 @@ from runtime.excitation.search import Problem, Search
 from runtime.library import Array
 
 Started = tuple[int, float, Array]
-"""Number of the start, log cond, coefficients."""
+"""Number of the start, the goal's target, coefficients."""
 
 _here: list[Search] = []
 """The search of a worker process, which loads its library once."""

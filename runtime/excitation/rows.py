@@ -84,11 +84,11 @@ class LawRows:
             found.append(chain.transpose(0, 2, 1).reshape(len(row), -1))
         return np.concatenate(found)
 
-    def name(self, number: int) -> tuple[Law, int]:
-        """The law and its row that a number belongs to."""
-        for law, count in zip(self._laws, self._counts, strict=True):
-            size = count * len(law.labels)
-            if number < size:
-                return law, number // count
-            number -= size
-        raise IndexError(number)
+    def strongest(self, a: Array, count: int = 2) -> list[str]:
+        """The rows with the largest g, each of another law or joint, largest first."""
+        found = [
+            (float(g), f"{law.kind} ({label})")
+            for law, values in zip(self._laws, self.by_law(a), strict=True)
+            for label, g in zip(law.labels, values.max(axis=1), strict=True)
+        ]
+        return [name for _, name in sorted(found, reverse=True)[:count]]

@@ -1,8 +1,8 @@
 """One start of the search: a random admissible trajectory, descended to a local optimum.
 
-Normalised D-optimality decides for a basin, Schatten norms lead to the kink of log cond, and the
-semidefinite programmes of `polish` end in it. Limits that are not linear are elastic on the way
-and tightened in the last round, so that they hold between its samples.
+Normalised D-optimality decides for a basin and the goal's measures lead on; where that is log cond
+the semidefinite programmes of `polish` end in its kink. Limits that are not linear are elastic on
+the way and tightened in the last round, so that they hold between its samples.
 """
 
 from dataclasses import dataclass
@@ -12,39 +12,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.excitation.basis import COSINE, Basis
 from runtime.excitation.conic import Rows
 from runtime.excitation.cost import ConditionCost
-from runtime.excitation.criteria import Criterion, d_optimal, schatten
+from runtime.excitation.criteria import Measure
+from runtime.excitation.goals import goal
+from runtime.excitation.information import Information
 from runtime.excitation.limits import LIMIT_STEP, Limits, inside, whitening
 from runtime.excitation.polish import polish
 from runtime.excitation.rows import LawRows
 from runtime.excitation.safety import Safety, laws
 from runtime.excitation.sqp import Objective, descend
-from runtime.excitation.trajectory import fourier_basis
 from runtime.library import Array, Library, load
 
 START = 0.5
 """Limit use of a random start: far enough inside to choose its own basin."""
-STAGES: tuple[tuple[Criterion, int], ...] = (
-    (d_optimal, 100),
-    (schatten(8.0), 60),
-    (schatten(32.0), 60),
-)
-"""Criteria of the descent in turn, and iterations of each."""
 FINE_STEP = 0.01
 """Grid of the limits of the last polish, s: between its points motions overshoot by 1e-5."""
 FINE_POINTS = 1000
 """At most, of that grid."""
 POLISH = 40
-"""Semidefinite programmes at most."""
+"""Semidefinite programmes at most, or steps of the last descent of a smooth goal."""
 TIGHTENED = 2e-3
 """Of nonlinear limits in the last polish: they bend that much between its samples."""
 ELASTIC = 0.3
 """Violation of nonlinear limits from which on a random start is shrunk."""
-SHRUNK = 0.8
-"""Factor of one such shrinking, and"""
-SHRINKS = 60
-"""at most so many: 0.8^60 is 1e-6 of the joints' limits, no motion any more."""
+SHRUNK, SHRINKS = 0.8, 60
+"""Factor of one such shrinking, and how many at most: 1e-6 of the joints' limits is no motion."""
+LEAST = 1e-3
+"""Use of the joints' limits below which other limits have left no room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +54,9 @@ class Problem:
         harmonics: M.
         duration: t_f, s.
         seed: of all starts.
+        basis: of the motion.
+        criterion: of `goals.CRITERIA`.
+        information: of the unknowns; None is all base parameters by their regressor alone.
         safety: limits beyond those of joints; None as in the document.
     """
 
@@ -67,6 +66,9 @@ class Problem:
     harmonics: int
     duration: float
     seed: int
+    basis: Basis = COSINE
+    criterion: str = "cond"
+    information: Information | None = None
     safety: Safety | None = None
 
     def search(self) -> "Search":
@@ -78,53 +80,69 @@ class Search:
     """Descents from random starts; a start depends on its number and the seed alone."""
 
     def __init__(self, lib: Library, problem: Problem) -> None:
-        shape = (lib, problem.home, problem.harmonics, problem.duration)
-        self._grid = shape
-        self.cost, self.limits = ConditionCost(*shape), Limits(*shape)
-        self._seed, self._shape = problem.seed, (lib.n_joints, problem.harmonics)
+        self.problem = problem
+        self.basis, size = problem.basis, problem.basis.size(problem.harmonics)
+        self.goal = goal(problem.criterion, lib, problem.home, problem.information)
+        shape = self._grid = (lib, problem.home, size, problem.duration)
+        self.cost = ConditionCost(*shape, self.basis, problem.information)
+        self.limits = Limits(*shape, basis=self.basis)
         self.laws = laws(lib, problem.home, problem.safety)
+        self._seed, self._shape = problem.seed, (lib.n_joints, size)
         matrix, self._bound = self.limits.inequalities()
         spread = whitening(matrix, lib.n_joints)
         # Of `whitening`'s unit vectors each row sees a share; now x of size one reaches a bound.
         self._spread = spread * np.sqrt(len(matrix) / (3.0 * len(spread)))
         self._matrix = matrix @ self._spread
-        self._elastic = _Elastic(self, self.law_rows(LIMIT_STEP)) if self.laws else None
+        self._coarse = self.law_rows(LIMIT_STEP)
 
     def start(self, number: int) -> tuple[float, Array]:
-        """Log cond and coefficients (n, M), within the limits of the descent's grid.
+        """The goal's target and coefficients (n, M), within the limits of the descent's grid.
 
         Raises:
-            IdentificationError: the limits leave no room for any motion.
+            IdentificationError: the limits leave no room for a motion.
         """
         rng = np.random.default_rng((self._seed, number))
         x = rng.normal(size=len(self._spread))
         x *= START / np.max(self._matrix @ x)
+        rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(x, ELASTIC)
-        rows = Rows(self._matrix, self._bound)
-        for criterion, iterations in STAGES:
-            objective = self._objective(criterion)
-            x = descend(objective, x, rows, iterations, nonlinear=self._elastic).x
-        x = polish(_Correlations(self), x, rows, POLISH, nonlinear=self._elastic).x
+        for measure, iterations in self.goal.stages:
+            x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
+        if self.goal.is_kinked:
+            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
         a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
-        return self.cost.value_gradient(a)[0], a
+        return self.value(a), a
+
+    def value(self, a: Array) -> float:
+        """The goal's target."""
+        if self.goal.is_kinked:
+            return self.cost.value_gradient(a)[0]
+        return self.cost.measure(a, self.goal.target)[0]
 
     def refined(self, a: Array) -> Array:
         """The same optimum on a finer grid: pulled inside there alone it would lose 0.5 %."""
-        step = max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS)
-        fine = Limits(*self._grid, step=min(step, LIMIT_STEP))
+        step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
+        fine = Limits(*self._grid, step=step, basis=self.basis)
         matrix, bound = fine.inequalities()
         x = np.linalg.solve(self._spread, inside(fine, a).ravel())
         rows = Rows(matrix @ self._spread, bound)
-        elastic = _Elastic(self, self.law_rows(FINE_STEP, TIGHTENED)) if self.laws else None
-        x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+        elastic = self._elastic(self.law_rows(step, TIGHTENED))
+        if self.goal.is_kinked:
+            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+        else:
+            objective = self._objective(self.goal.target)
+            x = descend(objective, x, rows, POLISH, nonlinear=elastic).x
         return self.coefficients(x[None])[0]
 
-    def law_rows(self, step: float, tightened: float = 0.0) -> LawRows:
-        """The nonlinear limits on a grid of this step, s."""
-        lib, home, harmonics, duration = self._grid
-        t = np.linspace(0, duration, 2 * int(np.ceil(duration / 2 / step)) + 1)
-        basis = fourier_basis(lib, harmonics, t, duration)
-        return LawRows(self.laws, home, basis, half=True, tightened=tightened)
+    def law_rows(
+        self, step: float, tightened: float = 0.0, duration: float | None = None
+    ) -> LawRows:
+        """The nonlinear limits on a grid of this step, s, of the same path in this duration."""
+        lib, home, size, own = self._grid
+        end = own if duration is None else duration
+        t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)
+        phi = self.basis.at(lib, size, t, end)
+        return LawRows(self.laws, home, phi, self.basis.is_symmetric, tightened)
 
     def coefficients(self, points: Array) -> Array:
         """A of K points x, (K, n, M)."""
@@ -134,19 +152,30 @@ class Search:
         """∂/∂x from ∂/∂a (K, n, M), (K, p)."""
         return gradients.reshape(-1, len(self._spread)) @ self._spread
 
+    def _elastic(self, rows: LawRows) -> "_Elastic | None":
+        return _Elastic(self, rows) if self.laws else None
+
     def _shrunk(self, x: Array, violation: float) -> Array:
         """X scaled towards rest until the nonlinear limits are violated by no more than this."""
-        if self._elastic is None:
-            return x
+        stopped: list[str] = []
         for _ in range(SHRINKS):
-            if self._elastic.violation(x) <= violation:
+            a = self.coefficients(x[None])[0]
+            use = float(np.max(self._matrix @ x))
+            if self._coarse.worst(a) <= violation and use >= LEAST:
                 return x
+            stopped = self._coarse.strongest(a) or stopped
+            if use < LEAST:
+                break
             x = SHRUNK * x
-        raise IdentificationError("no room")
+        raise IdentificationError(
+            "the limits leave no room for a motion: shrunk to "
+            f"{100 * LEAST:g} % of what the joints may do it still meets the limits of "
+            f"{' and of '.join(stopped)}; relax one of them or choose another home"
+        )
 
-    def _objective(self, criterion: Criterion) -> Objective:
+    def _objective(self, measure: Measure) -> Objective:
         def objective(x: Array) -> tuple[float, Array]:
-            value, gradient = self.cost.criterion(self.coefficients(x[None])[0], criterion)
+            value, gradient = self.cost.measure(self.coefficients(x[None])[0], measure)
             return value, self.slopes(gradient[None])[0]
 
         return objective

@@ -8,15 +8,13 @@ import pytest
 from runtime import load
 from runtime.certificate import (
     KINDS,
-    basis_bound,
-    basis_derivatives,
     certificate,
     joint_bounds,
     pulled_inside,
     slowed,
 )
 from runtime.errors import IdentificationError
-from runtime.excitation import Trajectory, fourier_basis
+from runtime.excitation import COSINE, Trajectory, fourier_basis
 from runtime.library import Library
 
 
@@ -43,14 +41,14 @@ def test_derivatives_are_the_kernel_and_finite_differences(lib: Library) -> None
     """Oracle: the compiled basis for k ≤ 3, central differences of our own below above that."""
     harmonics, duration = 6, 2.5
     s = np.linspace(0, 1, 301)
-    found = basis_derivatives(7, harmonics, s)
+    found = COSINE.derivatives(7, harmonics, s)
     kernel = fourier_basis(lib, harmonics, s * duration, duration)
     for k in range(4):
         scaled = found[k] / duration**k
         # Rounding of cosines of arguments up to 38 and of factors (2πm)^k.
         assert scaled == pytest.approx(kernel[..., k], abs=1e-13 * np.abs(scaled).max())
     h = 1e-5
-    lower, higher = basis_derivatives(7, harmonics, s - h), basis_derivatives(7, harmonics, s + h)
+    lower, higher = COSINE.derivatives(7, harmonics, s - h), COSINE.derivatives(7, harmonics, s + h)
     for k in range(1, 7):
         slope = (higher[k - 1] - lower[k - 1]) / (2 * h)
         # Truncation (2πM h)²/6 = 2e-8 and rounding ε/(2πM h) = 1e-13 per harmonic.
@@ -60,8 +58,8 @@ def test_derivatives_are_the_kernel_and_finite_differences(lib: Library) -> None
 @pytest.mark.parametrize("k", range(7))
 def test_suprema_are_above(k: int) -> None:
     """Property: no sample of |d^k φ| exceeds its bound, and the bound is not idle."""
-    largest = np.abs(basis_derivatives(7, 8, np.linspace(0, 1, 20_001))[k]).max(axis=0)
-    bound = basis_bound(k, 8)
+    largest = np.abs(COSINE.derivatives(7, 8, np.linspace(0, 1, 20_001))[k]).max(axis=0)
+    bound = COSINE.bound(k, 8)
     assert (largest <= bound * (1 + 1e-12)).all()
     assert (bound <= 5 * largest).all()  # m = 1: wave and hump cancel most of each other
 

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from runtime.excitation import ConditionCost, Trajectory, log_condition
-from runtime.excitation.criteria import Criterion, d_optimal, log_cond, of_rows, schatten
+from runtime.excitation.criteria import (
+    Criterion,
+    d_optimal,
+    log_cond,
+    normalised,
+    of_rows,
+    schatten,
+)
 from runtime.library import Library
 from tests.taylor import assert_second_order, taylor_slope
 
@@ -72,9 +79,9 @@ def test_gradients_in_the_coefficients_by_taylor(
     cost = ConditionCost(lib, lib.home, HARMONICS, DURATION)
     a = 0.8 * trajectories[1].coefficients
     direction = a * np.random.default_rng(1).normal(size=a.shape)
-    gradient = cost.criterion(a, criterion)[1]
+    gradient = cost.measure(a, normalised(criterion))[1]
     measured = taylor_slope(
-        lambda x: cost.criterion(x.reshape(a.shape), criterion)[0],
+        lambda x: cost.measure(x.reshape(a.shape), normalised(criterion))[0],
         a.ravel(),
         direction.ravel(),
         float(np.sum(gradient * direction)),

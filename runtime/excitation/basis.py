@@ -1,0 +1,264 @@
+"""Functions φ of s = t/t_f that vanish at both ends with two derivatives: q = home + Σ a_m φ_m(s).
+
+With w = 2πm and u = s(1−s):
+cosine   cos ws − 1 + ½w² u² (Eqs. 3.24–3.27), its own mirror image about t_f/2: out and back
+fourier  the cosines, then sin ws − w (s − 10s³ + 15s⁴ − 6s⁵)
+bspline  quintic B-splines on equal intervals without the outermost ones
+On request the third derivative vanishes at both ends too; the polynomials gain two degrees then.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from scipy.interpolate import BSpline
+
+from runtime.errors import IdentificationError
+from runtime.library import Array, Library
+
+DEGREE = 5
+"""Of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
+_S = Polynomial([0.0, 1.0])
+_U = Polynomial([0.0, 1.0, -1.0])
+_HUMPS = (_U**2, _U**2 + 2 * _U**3)
+"""Rise with curvature 2 from both ends, the second without third derivative there."""
+_RAMPS = (
+    _S - _S**3 * Polynomial([10.0, -15.0, 6.0]),
+    _S - _S**4 * Polynomial([35.0, -84.0, 70.0, -20.0]),
+)
+"""Slope 1 at both ends; the first has the third derivative −60 there, the second none."""
+_JOLT = _U**3 * Polynomial([1.0, -2.0]) / 6
+"""Third derivative 1 at both ends, nothing below."""
+
+
+class Basis(Protocol):
+    """A family of functions; how many of it a motion uses is its coefficients' number."""
+
+    @property
+    def name(self) -> str:
+        """As in `BASES`."""
+
+    @property
+    def zero_jerk(self) -> bool:
+        """The third derivative is zero at both ends."""
+
+    @property
+    def is_symmetric(self) -> bool:
+        """φ(s) = φ(1 − s): half of the motion tells all."""
+
+    @property
+    def equation(self) -> str:
+        """For files and people."""
+
+    def size(self, harmonics: int) -> int:
+        """Functions per joint."""
+
+    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
+        """φ_m and three time derivatives, (N, size, 4)."""
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """d^k φ_m/ds^k, k < orders, (orders, N, size), for 0 ≤ s ≤ 1."""
+
+    def bound(self, order: int, size: int) -> Array:
+        """Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cosine:
+    """The document's: inertia, even in dq, and friction, odd in dq, are exactly orthogonal."""
+
+    zero_jerk: bool = False
+    name = "cosine"
+    is_symmetric = True
+
+    @property
+    def equation(self) -> str:
+        """For files and people."""
+        hump = "u^2 + 2 u^3" if self.zero_jerk else "u^2"
+        return (
+            f"q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 ({hump})), "
+            "u = s (1-s), s = t/t_f, m = 1..M"
+        )
+
+    def size(self, harmonics: int) -> int:
+        """One cosine each."""
+        return harmonics
+
+    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
+        """By the generated kernel where there is one."""
+        if self.zero_jerk:
+            return _in_time(self.derivatives(4, size, t / duration), duration)
+        return fourier_basis(lib, size, t, duration)
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """w^k cos(ws + kπ/2) − [k = 0] + ½w² dᵏ/dsᵏ of the polynomial."""
+        w = _frequencies(size)
+        result = _waves(orders, w, s, 0)
+        result[0] -= 1
+        for k in range(orders):
+            result[k] += np.multiply.outer(_of(_HUMPS[self.zero_jerk], k)(s), w**2 / 2)
+        return result
+
+    def bound(self, order: int, size: int) -> Array:
+        """Wave and polynomial apart."""
+        w = _frequencies(size)
+        hump = _supremum(_of(_HUMPS[self.zero_jerk], order))
+        return np.asarray(w**order * (2 if order == 0 else 1) + w**2 / 2 * hump)
+
+
+@dataclass(frozen=True, slots=True)
+class Fourier:
+    """Cosines and sines: half the condition number with the same harmonics, not out and back."""
+
+    zero_jerk: bool = False
+    name = "fourier"
+    is_symmetric = False
+
+    @property
+    def equation(self) -> str:
+        """For files and people."""
+        ramp, jolt = "s - 10 s^3 + 15 s^4 - 6 s^5", ""
+        if self.zero_jerk:
+            ramp = "s - 35 s^4 + 84 s^5 - 70 s^6 + 20 s^7"
+            jolt = " + w^3 u^3 (1 - 2s) / 6"
+        cosine = Cosine(self.zero_jerk).equation.removesuffix("m = 1..M")
+        return (
+            f"{cosine}+ sum_m b_m (sin w s - w ({ramp}){jolt}), w = 2 pi m; "
+            "the coefficients are a_1..a_M, b_1..b_M"
+        )
+
+    def size(self, harmonics: int) -> int:
+        """A cosine and a sine each."""
+        return 2 * harmonics
+
+    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
+        """By the closed form."""
+        del lib
+        return _in_time(self.derivatives(4, size, t / duration), duration)
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """The cosines, then the sines."""
+        w = _frequencies(size // 2)
+        sines = _waves(orders, w, s, 1)
+        for k in range(orders):
+            sines[k] -= np.multiply.outer(_of(_RAMPS[self.zero_jerk], k)(s), w)
+            if self.zero_jerk:
+                sines[k] += np.multiply.outer(_of(_JOLT, k)(s), w**3)
+        cosines = Cosine(self.zero_jerk).derivatives(orders, size // 2, s)
+        return np.concatenate([cosines, sines], axis=2)
+
+    def bound(self, order: int, size: int) -> Array:
+        """Wave and polynomial apart."""
+        w = _frequencies(size // 2)
+        sines = w**order + w * _supremum(_of(_RAMPS[self.zero_jerk], order))
+        if self.zero_jerk:
+            sines += w**3 * _supremum(_of(_JOLT, order))
+        return np.concatenate([Cosine(self.zero_jerk).bound(order, size // 2), sines])
+
+
+@dataclass(frozen=True, slots=True)
+class Spline:
+    """Local functions: a joint may rest while others move."""
+
+    zero_jerk: bool = False
+    name = "bspline"
+    is_symmetric = False
+
+    @property
+    def equation(self) -> str:
+        """For files and people."""
+        gone = self._gone
+        return (
+            f"q = home + sum_m a_m B_m(s), s = t/t_f: clamped B-splines of degree {DEGREE} on "
+            f"equal intervals of 0..1, M + {2 * gone} of them without the first and last {gone}"
+        )
+
+    @property
+    def _gone(self) -> int:
+        """At each end: the k-th derivative there belongs to the first k + 1 splines."""
+        return 4 if self.zero_jerk else 3
+
+    def size(self, harmonics: int) -> int:
+        """As many splines."""
+        return harmonics
+
+    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
+        """By the closed form."""
+        del lib
+        return _in_time(self.derivatives(4, size, t / duration), duration)
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """Piecewise polynomials; the fifth is constant between knots, at a knot the next one."""
+        return np.stack([self._spline(size, k)(s) for k in range(orders)])
+
+    def bound(self, order: int, size: int) -> Array:
+        """A spline lies in the convex hull of its coefficients, so does every derivative."""
+        return np.asarray(np.abs(self._spline(size, order).c).max(axis=0))
+
+    def _spline(self, size: int, order: int) -> BSpline:
+        total = size + 2 * self._gone
+        inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
+        knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+        unit = np.eye(total)[:, self._gone : total - self._gone]
+        if order > DEGREE:
+            return BSpline(knots, np.zeros_like(unit), DEGREE)
+        spline = BSpline(knots, unit, DEGREE)
+        return spline.derivative(order) if order else spline
+
+
+COSINE = Cosine()
+"""The default."""
+BASES: dict[str, type[Cosine] | type[Fourier] | type[Spline]] = {
+    "cosine": Cosine,
+    "fourier": Fourier,
+    "bspline": Spline,
+}
+
+
+def basis_of(name: str, zero_jerk: bool = False) -> Basis:
+    """The basis of this name.
+
+    Raises:
+        IdentificationError: there is none.
+    """
+    if name not in BASES:
+        raise IdentificationError(
+            f"there is no basis '{name}' of trajectories; choose from {', '.join(BASES)}"
+        )
+    return BASES[name](zero_jerk)
+
+
+def fourier_basis(lib: Library, harmonics: int, t: Array, duration: float) -> Array:
+    """The cosines' φ_m(t) and three derivatives by the generated kernel, (N, M, 4)."""
+    m = np.arange(1, harmonics + 1, dtype=float)
+    times, orders = np.repeat(t, harmonics), np.tile(m, len(t))
+    return lib.harmonic_basis(orders, times, duration).reshape(len(t), harmonics, 4)
+
+
+def _frequencies(harmonics: int) -> Array:
+    return 2 * np.pi * np.arange(1, harmonics + 1, dtype=float)
+
+
+def _waves(orders: int, w: Array, s: Array, sine: int) -> Array:
+    """d^k/ds^k of cos ws, or of sin ws, (orders, N, M): w^k cos(ws + kπ/2)."""
+    angle = np.multiply.outer(s, w)
+    turned = np.cos(angle), -np.sin(angle), -np.cos(angle), np.sin(angle)
+    return np.stack([w**k * turned[(k - sine) % 4] for k in range(orders)])
+
+
+def _of(polynomial: Polynomial, order: int) -> Polynomial:
+    return polynomial.deriv(order) if order else polynomial
+
+
+def _supremum(polynomial: Polynomial) -> float:
+    """Max |p| over 0 ≤ s ≤ 1: at an end or where the slope vanishes."""
+    turns = polynomial.deriv().roots()
+    inside = turns.real[(abs(turns.imag) < 1e-6) & (turns.real > 0) & (turns.real < 1)]
+    return float(np.abs(polynomial(np.concatenate([[0.0, 1.0], inside]))).max() * (1 + 1e-12))
+
+
+def _in_time(derivatives: Array, duration: float) -> Array:
+    """d/dt from d/ds, (N, M, orders)."""
+    powers = duration ** -np.arange(len(derivatives), dtype=float)
+    return np.moveaxis(derivatives * powers[:, None, None], 0, 2)

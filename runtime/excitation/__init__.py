@@ -18,6 +18,7 @@ from runtime.excitation.limits import (
     Limits,
     whitening,
 )
+from runtime.excitation.safety import Safety
 from runtime.excitation.search import START
 from runtime.excitation.trajectory import Trajectory
 
@@ -36,6 +37,7 @@ __all__ = [
     "Design",
     "Information",
     "Limits",
+    "Safety",
     "Trajectory",
     "basis_of",
     "design",

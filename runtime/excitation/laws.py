@@ -86,8 +86,9 @@ class Braking:
         return False
 
     def room(self, side: Side) -> Array:
-        """S (q̂ − home) − c²/k, (n,) rad: not above 0 where the robot may not even rest at home."""
-        return side.sign * (side.end - self.home) - np.maximum(side.c, 0) ** 2 / side.k
+        """S (q̂ − home) − c²/k, (n,) rad; NaN where the robot may not even rest at home."""
+        room = side.sign * (side.end - self.home) - np.maximum(side.c, 0) ** 2 / side.k
+        return np.where(room > 0, room, np.nan)
 
     def values(self, motion: Array) -> Array:
         q, dq = motion[:2]

@@ -79,19 +79,16 @@ def laws(lib: Library, home: Array, safety: Safety | None) -> tuple[Law, ...]:
     """The limits that are not linear; none in the document's mode, `safety` = None.
 
     Raises:
-        IdentificationError: the robot cannot keep them even at rest at home, or they ask for
-            what it does not state.
+        IdentificationError: they ask for what the robot does not state.
     """
     if safety is None:
         return ()
-    found = (
+    return (
         *_braking(lib, home),
         *_torques(lib, safety),
         *_tip(lib, safety),
         *_distances(lib, safety),
     )
-    _check_home(found, lib, home)
-    return found
 
 
 def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
@@ -219,27 +216,28 @@ def _check_box(box: tuple[float, ...]) -> None:
             )
 
 
-def _check_home(found: tuple[Law, ...], lib: Library, home: Array) -> None:
-    rest = np.zeros((4, 1, lib.n_joints))
+def require_rest(found: tuple[Law, ...], home: Array) -> None:
+    """At home the robot may rest.
+
+    Raises:
+        IdentificationError: it breaks a limit there; which, and by how much.
+    """
+    rest = np.zeros((4, 1, len(home)))
     rest[0] = home
     for law in found:
-        if isinstance(law, Braking):
-            for side in law.sides:
-                room = law.room(side)
-                if not (room > 0).all():
-                    j = int(np.argmin(room))
-                    raise IdentificationError(
-                        f"the home position {home[j]:.4g} of '{lib.joint_names[j]}' lies "
-                        f"{-room[j]:.3g} beyond where its velocity limit leaves it any room, at "
-                        f"{side.end[j]:.4g}; choose another home"
-                    )
-            continue
         g = law.values(rest)[0]
         worst = int(np.argmax(g))  # the first NaN, where there is one
-        if not g[worst] < 0:
-            value, limit, unit = law.measured(worst, float(g[worst]))
+        if g[worst] < 0:
+            continue
+        if isinstance(law, Braking):
+            side, joint = law.sides[worst // len(home)], worst % len(home)
             raise IdentificationError(
-                f"at rest at home the {law.kind} limit of {law.labels[worst]} is already broken: "
-                f"{value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
-                f"{abs(value - limit):.3g} {unit} too far; choose another home or limit"
+                f"at the home position {home[joint]:.4g} of '{law.labels[worst]}' its velocity "
+                f"limit, which ends at {side.end[joint]:.4g}, leaves no speed; choose another home"
             )
+        value, limit, unit = law.measured(worst, float(g[worst]))
+        raise IdentificationError(
+            f"at rest at home the {law.kind} limit of {law.labels[worst]} is already broken: "
+            f"{value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
+            f"{abs(value - limit):.3g} {unit} too far; choose another home or limit"
+        )

@@ -21,7 +21,7 @@ from runtime.excitation.information import Information
 from runtime.excitation.limits import LIMIT_STEP, Limits, inside, whitening
 from runtime.excitation.polish import polish
 from runtime.excitation.rows import LawRows
-from runtime.excitation.safety import Safety, laws
+from runtime.excitation.safety import Safety, laws, require_rest
 from runtime.excitation.sqp import Objective, descend
 from runtime.library import Array, Library, load
 
@@ -87,6 +87,7 @@ class Search:
         self.cost = ConditionCost(*shape, self.basis, problem.information)
         self.limits = Limits(*shape, basis=self.basis)
         self.laws = laws(lib, problem.home, problem.safety)
+        require_rest(self.laws, problem.home)
         self._seed, self._shape = problem.seed, (lib.n_joints, size)
         matrix, self._bound = self.limits.inequalities()
         spread = whitening(matrix, lib.n_joints)

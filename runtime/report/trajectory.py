@@ -88,7 +88,7 @@ def write_picture(lib: Library, trajectory: Trajectory, path: Path) -> None:
         handles.append(rows[0, 1].lines[-1])
         figure.legend(handles, [*labels, "limit"], loc="outside lower center", ncols=5)
         verdict = "hold at every instant" if proof.holds else "do NOT all hold"
-        parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.joint})" for u in proof.uses]
+        parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.where})" for u in proof.uses]
         figure.suptitle(
             f"{lib.name}, {trajectory.duration:g} s: limits {verdict}\n" + "  ·  ".join(parts),
             fontsize=9,

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation import Basis, Safety, Trajectory
+from runtime.excitation import Safety, Trajectory, basis_of
 from runtime.excitation.safety import laws, unchecked
 from runtime.law_bounds import law_bounds
 from runtime.library import Array, Library
@@ -73,11 +73,13 @@ class Certificate:
     Attributes:
         uses: the largest one per kind of limit that is looked at.
         unlimited: kinds and joints for which the robot states no limit: nothing is known there.
+        unchecked: what else nobody looked at.
         distances: one per pair of links and, over a table, per proxy.
     """
 
     uses: tuple[Use, ...]
     unlimited: tuple[str, ...]
+    unchecked: tuple[str, ...] = ()
     distances: tuple[Use, ...] = ()
 
     @property
@@ -95,6 +97,7 @@ class Certificate:
         return (
             *(_sentence(use) for use in self.uses),
             *(f"no limit stated: {text}" for text in self.unlimited),
+            *(f"NOT checked: {text}" for text in self.unchecked),
         )
 
 
@@ -142,7 +145,7 @@ def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = No
     for kind in dict.fromkeys(row.kind for row in rows):
         uses.append(max((row for row in rows if row.kind == kind), key=lambda row: row.bound))
     distances = tuple(row for row in rows if row.kind in DISTANCES)
-    return Certificate(tuple(uses), (*unlimited, *unchecked(lib, safety)), distances)
+    return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances)
 
 
 def fastest(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> float:
@@ -182,7 +185,7 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     end = 0.5 if basis.is_symmetric else 1.0
     count *= 1 if basis.is_symmetric else 2
     step = end / count
-    curves = _samples(basis, size, end, count) @ a.T
+    curves = _samples(basis.name, basis.zero_jerk, size, end, count) @ a.T
     rooms = _rooms(lib, trajectory.home)
     bounds, times = np.empty((2, len(KINDS), n))
     up, down = (np.where(room > 0, room, np.nan) for room in rooms)
@@ -203,9 +206,10 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=4)
-def _samples(basis: Basis, size: int, end: float, count: int) -> Array:
+def _samples(name: str, zero_jerk: bool, size: int, end: float, count: int) -> Array:
     """d^k φ_m/ds^k at count + 1 points from 0 to `end`: the same for all stages of a motion."""
-    return basis.derivatives(len(KINDS) + 2, size, np.linspace(0.0, end, count + 1))
+    s = np.linspace(0.0, end, count + 1)
+    return basis_of(name, zero_jerk).derivatives(len(KINDS) + 2, size, s)
 
 
 def _unlimited(lib: Library, kind: str) -> NDArray[np.bool_]:

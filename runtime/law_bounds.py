@@ -72,9 +72,11 @@ def law_bounds(laws: Sequence[Law], trajectory: Trajectory) -> tuple[LawBound, .
         half = basis.is_symmetric and law.even
         part = motion[:, : count // 2 + 1] if half else motion
         with np.errstate(all="ignore"):  # what is not a number becomes an infinite bound
-            bounds = _of_braking(law, part, sup, duration / count) if isinstance(
-                law, Braking
-            ) else _measured(law, part, duration / count)
+            bounds = (
+                _of_braking(law, part, sup, duration / count)
+                if isinstance(law, Braking)
+                else _measured(law, part, duration / count)
+            )
         bounds = np.where(np.isnan(bounds), np.inf, bounds)
         where = np.argmax(bounds, axis=0)
         for row, k in enumerate(where):

@@ -6,31 +6,41 @@ from pathlib import Path
 import numpy as np
 
 from runtime.atomic import replacing
-from runtime.errors import RecordingError
-from runtime.excitation import Design, Trajectory
+from runtime.errors import IdentificationError, RecordingError
+from runtime.excitation import COSINE, Design, Prediction, Trajectory, basis_of
+from runtime.excitation.prediction import facts as facts_of
 from runtime.library import Library
 
 
-def write_trajectory(found: Design, lib: Library, path: Path) -> None:
-    """Write a design, atomically."""
+def write_trajectory(
+    found: Design, lib: Library, path: Path, prediction: Prediction | None = None
+) -> None:
+    """Write a design and what it will tell, atomically."""
+    basis = found.trajectory.basis
     facts = {
         "robot": lib.name,
         "joints": list(lib.joint_names),
-        "basis": "q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 s^2 (1-s)^2), s = t/t_f",
+        "basis": basis.equation,
+        "basis_name": basis.name,
+        "zero_jerk_at_ends": basis.zero_jerk,
         "duration": found.trajectory.duration,
         "home": found.trajectory.home.tolist(),
         "coefficients": found.trajectory.coefficients.tolist(),
         "condition_number": found.condition,
         "condition_numbers_of_starts": list(found.conditions),
+        "criterion": found.criterion,
+        "criterion_of_starts": list(found.values),
         "use_of_limits": found.use,
         "assumptions": list(found.assumptions),
     }
+    if prediction is not None:
+        facts["prediction"] = facts_of(prediction)
     with replacing(path) as file:
         file.write((json.dumps(facts, indent=1) + "\n").encode())
 
 
 def read_trajectory(path: Path, lib: Library) -> Trajectory:
-    """Read a trajectory of this robot.
+    """Read a trajectory of this robot; without the name of a basis it is one of cosines.
 
     Raises:
         RecordingError: not such a file, or of another robot.
@@ -42,7 +52,10 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
             np.array(facts["home"], dtype=float),
             np.array(facts["coefficients"], dtype=float),
             float(facts["duration"]),
+            basis_of(facts.get("basis_name", COSINE.name), facts.get("zero_jerk_at_ends") is True),
         )
+    except IdentificationError as error:
+        raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise RecordingError(
             f"'{path}' is no trajectory ({type(error).__name__}); make one with: "
@@ -51,6 +64,7 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
     n = lib.n_joints
     shape = trajectory.coefficients.shape
     fits = trajectory.home.shape == (n,) and len(shape) == 2 and shape[0] == n
+    fits = fits and shape[1] % trajectory.basis.size(1) == 0
     if joints != list(lib.joint_names) or not fits or not trajectory.coefficients.size:
         raise RecordingError(f"the trajectory '{path}' belongs to another robot than '{lib.name}'")
     numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]

@@ -18,6 +18,7 @@ from runtime.excitation.limits import (
     Limits,
     whitening,
 )
+from runtime.excitation.prediction import Prediction, covariance_of, predict, torque_band
 from runtime.excitation.safety import Safety
 from runtime.excitation.search import START
 from runtime.excitation.trajectory import Trajectory
@@ -37,12 +38,16 @@ __all__ = [
     "Design",
     "Information",
     "Limits",
+    "Prediction",
     "Safety",
     "Trajectory",
     "basis_of",
+    "covariance_of",
     "design",
     "fourier_basis",
     "information",
     "log_condition",
+    "predict",
+    "torque_band",
     "whitening",
 ]

@@ -75,11 +75,8 @@ class Cosine:
     @property
     def equation(self) -> str:
         """For files and people."""
-        hump = "u^2 + 2 u^3" if self.zero_jerk else "u^2"
-        return (
-            f"q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 ({hump})), "
-            "u = s (1-s), s = t/t_f, m = 1..M"
-        )
+        u = "(s^2 (1-s)^2 + 2 s^3 (1-s)^3)" if self.zero_jerk else "s^2 (1-s)^2"
+        return f"q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 {u}), s = t/t_f"
 
     def size(self, harmonics: int) -> int:
         """One cosine each."""
@@ -121,10 +118,10 @@ class Fourier:
         ramp, jolt = "s - 10 s^3 + 15 s^4 - 6 s^5", ""
         if self.zero_jerk:
             ramp = "s - 35 s^4 + 84 s^5 - 70 s^6 + 20 s^7"
-            jolt = " + w^3 u^3 (1 - 2s) / 6"
-        cosine = Cosine(self.zero_jerk).equation.removesuffix("m = 1..M")
+            jolt = " + w^3 s^3 (1-s)^3 (1-2s) / 6"
+        cosine = Cosine(self.zero_jerk).equation.removesuffix(", s = t/t_f")
         return (
-            f"{cosine}+ sum_m b_m (sin w s - w ({ramp}){jolt}), w = 2 pi m; "
+            f"{cosine} + sum_m b_m (sin w s - w ({ramp}){jolt}), w = 2 pi m, s = t/t_f; "
             "the coefficients are a_1..a_M, b_1..b_M"
         )
 

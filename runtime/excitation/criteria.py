@@ -121,3 +121,19 @@ def of_rows(rows: Array, criterion: Criterion) -> tuple[float, Array]:
 def log_condition(rows: Array) -> tuple[float, Array]:
     """log cond W̄ and S with ∂/∂W = W S, (n_b, n_b); W̄ is W (N, n_b) with columns of unit length."""
     return of_rows(rows, log_cond)
+
+
+def rank(gram: Array) -> int:
+    """How many columns the motion tells apart, to rounding."""
+    size = np.sqrt(np.diag(gram))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    values = np.linalg.eigvalsh(gram * np.outer(scale, scale))
+    return int((values > len(gram) * np.finfo(float).eps * values[-1]).sum())
+
+
+def too_many(found: int, wanted: int, size: int) -> str:
+    """The sentence about more unknowns than a motion of `size` functions per joint excites."""
+    return (
+        f"the motion ({size} functions per joint) excites {found} of {wanted} unknown columns; "
+        "raise --harmonics, or leave out unknowns (friction, a payload that too few joints turn)"
+    )

@@ -101,6 +101,7 @@ def design(
         *(basis, criterion, information, safety),
     )
     search = Search(lib, problem)
+    search.require_rank()
     alone = processes == 1 or starts == 1
     found: dict[int, tuple[float, Array]] = {}
     ended = in_turn(search, starts) if alone else side_by_side(problem, starts, processes)

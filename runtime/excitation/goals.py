@@ -40,10 +40,12 @@ UNSEEN_SEED = 20
 """The same motions for all designs of a robot."""
 PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])
 """Size of a payload's unknowns: 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg."""
-FLOOR = 0.05
-"""Smallest size of an unknown that counts relative to itself, as a share of the RMS of its kind."""
+FLOOR = 0.01
+"""What is smaller counts as of this size, kg, kg·m or kg·m²: some base parameters vanish."""
 SMOOTH = 16.0
 """Power of the Schatten norms in `mixed`."""
+SHARE = 0.8
+"""Of them there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +103,7 @@ def _volume(*_: object) -> Goal:
 def _mixed(lib: Library, home: Array, information: Information) -> Goal:
     torque = torque_error(lib, home, information)
     # ½ (log tr Q G⁻¹ + log cond): as much for the variance as for the condition number.
-    return _smooth(mixed(torque, normalised(schatten(SMOOTH)), 0.5), "N·m √cond")
+    return _smooth(mixed(torque, normalised(schatten(SMOOTH)), SHARE), "N·m √cond")
 
 
 def _smooth(target: Measure, unit: str) -> Goal:
@@ -127,14 +129,7 @@ def sizes(lib: Library, information: Information) -> Array:
     """What the unknowns' errors are relative to, (k,)."""
     if information.columns is not None:
         return PAYLOAD
-    beta = lib.base_matrix @ lib.pi0
-    kinds = np.minimum(np.array(lib.base_columns) % 10, 4)
-    kinds = np.where(kinds == 0, 0, np.where(kinds < 4, 1, 2))
-    size = np.abs(beta)
-    for kind in np.unique(kinds):
-        same = kinds == kind
-        size[same] = np.maximum(size[same], FLOOR * np.sqrt(np.mean(beta[same] ** 2)))
-    return np.where(size > 0, size, 1.0)
+    return np.maximum(np.abs(lib.base_matrix @ lib.pi0), FLOOR)
 
 
 def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
@@ -151,9 +146,14 @@ def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
     return motions
 
 
+def unseen_times() -> Array:
+    """Samples of an unseen motion's way out, s; it comes back the same way."""
+    return np.linspace(0.0, UNSEEN_DURATION / 2, UNSEEN_SAMPLES)
+
+
 def unseen_torque(lib: Library, home: Array) -> Array:
     """Q = mean of Y_bᵀ Y_b over the samples of unseen motions, (n_b, n_b)."""
-    t = np.linspace(0.0, UNSEEN_DURATION / 2, UNSEEN_SAMPLES)
+    t = unseen_times()
     result = np.zeros((len(lib.base_columns),) * 2)
     for motion in unseen_motions(lib, home):
         rows = lib.base_regressor(*motion.at(lib, t)[:3])

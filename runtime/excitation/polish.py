@@ -1,4 +1,4 @@
-"""min log cond C(x) s.t. A x ≤ b, g(x) ≤ 0 where extreme eigenvalues meet: semidefinite programmes in turn.
+"""min log cond C(x) s.t. A x ≤ b, g(x) ≤ 0 where extreme eigenvalues meet, by SDPs in turn.
 
 At an optimum the largest and the smallest eigenvalue are multiple, log cond has a kink there and
 descent along gradients stalls. Here all eigenvalues near an end move together: with V₁, V₂ the
@@ -18,24 +18,18 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.excitation.conic import Block, Rows, solve
 from runtime.excitation.elastic import MU, Curved, Nonlinear, corrected
+from runtime.excitation.spectrum import Spectrum, bending, of_trace_one, weight_of
 from runtime.library import Array
 
-CLUSTER = 1.35
-"""Eigenvalues within this factor of an extreme move with it."""
-LARGEST = 8
-"""Most eigenvalues in a cluster."""
 RADIUS = 0.3
 """First Δ, for x that is scaled so that 1 reaches the bounds."""
 _DIFFERENCE = 1e-4
 """Of the central differences of C, relative to such x: truncation 1e-8, rounding 1e-12."""
 _FLATTEST = 1e-4
 """Smallest curvature: the model stays convex."""
-_SHARPNESS = 20.0
-"""Exponent of the first weights of a cluster, falling with the distance from the extreme."""
 _GOOD, _POOR, _TAKEN = 0.7, 0.3, 0.05
 """Ratios of true to predicted decrease: grow Δ, shrink Δ, take the step."""
 
@@ -79,7 +73,7 @@ def polish(
     """
 
     def at(x: Array) -> _Point:
-        spectrum = _Spectrum.of(matrix.at(x[None])[0])
+        spectrum = Spectrum.of(matrix.at(x[None])[0])
         return _Point(x, spectrum, 0.0 if nonlinear is None else nonlinear.violation(x))
 
     point, radius = at(x), RADIUS
@@ -122,33 +116,11 @@ def polish(
 
 
 @dataclass(frozen=True, slots=True)
-class _Spectrum:
-    values: Array
-    vectors: Array
-    value: float
-
-    @classmethod
-    def of(cls, matrix: Array) -> "_Spectrum":
-        values, vectors = np.linalg.eigh(matrix)
-        positive = values[0] > len(values) * np.finfo(float).eps * values[-1]
-        value = float(np.log(values[-1] / values[0]) / 2) if positive else np.inf
-        return cls(values, vectors, value)
-
-    def upper(self) -> NDArray[np.intp]:
-        """Indices of the cluster at the upper end."""
-        return np.flatnonzero(self.values >= self.values[-1] / CLUSTER)[-LARGEST:]
-
-    def lower(self) -> NDArray[np.intp]:
-        """Indices of the cluster at the lower end."""
-        return np.flatnonzero(self.values <= self.values[0] * CLUSTER)[:LARGEST]
-
-
-@dataclass(frozen=True, slots=True)
 class _Point:
     """x, the eigenvalues of C there and the violation v."""
 
     x: Array
-    spectrum: _Spectrum
+    spectrum: Spectrum
     violation: float
 
     @property
@@ -201,7 +173,7 @@ class _End:
         j, i = np.tril_indices(r)
         u = np.zeros((r, r))
         u[i, j] = u[j, i] = dual / np.where(i == j, 1.0, np.sqrt(2.0))
-        return _of_trace_one(self.vectors @ u @ self.vectors.T)
+        return of_trace_one(self.vectors @ u @ self.vectors.T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,11 +186,11 @@ class _Model:
 
     @classmethod
     def around(
-        cls, matrix: MatrixFunction, x: Array, at: _Spectrum, weights: tuple[Array, Array] | None
+        cls, matrix: MatrixFunction, x: Array, at: Spectrum, weights: tuple[Array, Array] | None
     ) -> "_Model":
         high, low = at.upper(), at.lower()
-        first = _weight(at, high, at.values[-1], None if weights is None else weights[0])
-        second = _weight(at, low, at.values[0], None if weights is None else weights[1])
+        first = weight_of(at, high, at.values[-1], None if weights is None else weights[0])
+        second = weight_of(at, low, at.values[0], None if weights is None else weights[1])
         p = len(x)
         moves = _DIFFERENCE * np.vstack([np.eye(p), -np.eye(p)])
         seed = first / at.values[-1] - second / at.values[0]
@@ -228,8 +200,8 @@ class _Model:
         # In the basis of all eigenvectors: rows of the ends, all columns.
         upper = _rotated(slopes, at.vectors[:, high], at.vectors) / at.values[-1]
         lower = _rotated(slopes, at.vectors[:, low], at.vectors) / at.values[0]
-        curvature += _bending(upper, at, high, first, at.values[-1])
-        curvature += _bending(lower, at, low, second, at.values[0])
+        curvature += bending(upper, at, high, first, at.values[-1])
+        curvature += bending(lower, at, low, second, at.values[0])
         return cls(
             _convex(curvature),
             _End(at.vectors[:, high], at.values[high] / at.values[-1], upper[:, :, high]),
@@ -271,43 +243,9 @@ class _Model:
         return _Step(y[:p], float(-(0.5 + value) / 2), weights)
 
 
-def _weight(
-    at: _Spectrum, cluster: NDArray[np.intp], extreme: float, previous: Array | None
-) -> Array:
-    """The multipliers of a cluster, V U Vᵀ of trace 1: the last ones, as far as they lie in it."""
-    vectors = at.vectors[:, cluster]
-    if previous is not None:
-        inner = vectors.T @ previous @ vectors
-        if np.trace(inner) > 0.5:
-            return _of_trace_one(vectors @ inner @ vectors.T)
-    far = np.abs(np.log(at.values[cluster] / extreme))
-    return _of_trace_one((vectors * np.exp(-_SHARPNESS * far)) @ vectors.T)
-
-
-def _of_trace_one(matrix: Array) -> Array:
-    return matrix / np.trace(matrix)
-
-
 def _rotated(slopes: Array, left: Array, right: Array) -> Array:
     """Leftᵀ C_i right, (p, r, m)."""
     return left.T @ slopes @ right
-
-
-def _bending(
-    slopes: Array, at: _Spectrum, cluster: NDArray[np.intp], weight: Array, extreme: float
-) -> Array:
-    """Second order of a cluster through the eigenvalues outside, relative to the extreme.
-
-    2 ⟨U, V₁ᵀ C_i V₂ (λ − Λ₂)⁻¹ V₂ᵀ C_j V₁⟩ / λ: positive at both ends, as the lower one counts
-    with a minus.
-    """
-    outside = np.setdiff1d(np.arange(len(at.values)), cluster)
-    inner = at.vectors[:, cluster].T @ weight @ at.vectors[:, cluster]
-    across = slopes[:, :, outside]
-    gaps = extreme / np.abs(extreme - at.values[outside])
-    p = len(slopes)
-    seen = ((inner @ across) * gaps).reshape(p, -1)
-    return 2 * seen @ across.reshape(p, -1).T
 
 
 def _convex(matrix: Array) -> Array:

@@ -7,19 +7,11 @@ tip speed and the margins of its pairs of proxies; a table and a box for the tip
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.laws import (
-    Braking,
-    Clearance,
-    Law,
-    Side,
-    Table,
-    TipBox,
-    TipSpeed,
-    Torque,
-    TorqueRate,
-)
+from runtime.excitation.laws import Braking, Law, Side, Torque, TorqueRate
+from runtime.excitation.places import Clearance, Table, TipBox, TipSpeed
 from runtime.library import Array, Library
 
 TABLE_MARGIN = 0.03
@@ -187,7 +179,7 @@ def _margins(lib: Library, clearance: float | None) -> Array:
     return np.where(own < own.max(), np.minimum(own, clearance), clearance)
 
 
-def _lifted(lib: Library) -> Array:
+def _lifted(lib: Library) -> NDArray[np.intp]:
     """Proxies whose height some joint changes: the others meet a table or do not, for ever."""
     q = np.random.default_rng(0).uniform(-1, 1, (_PROBES, lib.n_joints))
     heights = lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, 0.0]))[0]

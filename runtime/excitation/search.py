@@ -15,7 +15,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation.basis import COSINE, Basis
 from runtime.excitation.conic import Rows
 from runtime.excitation.cost import ConditionCost
-from runtime.excitation.criteria import Measure
+from runtime.excitation.criteria import Measure, rank, too_many
 from runtime.excitation.goals import goal
 from runtime.excitation.information import Information
 from runtime.excitation.limits import LIMIT_STEP, Limits, inside, whitening
@@ -102,17 +102,31 @@ class Search:
         Raises:
             IdentificationError: the limits leave no room for a motion.
         """
-        rng = np.random.default_rng((self._seed, number))
-        x = rng.normal(size=len(self._spread))
-        x *= START / np.max(self._matrix @ x)
         rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
-        x = self._shrunk(x, ELASTIC)
+        x = self._shrunk(self._random(number), ELASTIC)
         for measure, iterations in self.goal.stages:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
         if self.goal.is_kinked:
             x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
         a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
         return self.value(a), a
+
+    def require_rank(self) -> None:
+        """Random motions tell all unknowns apart.
+
+        Raises:
+            IdentificationError: they do not, and no other motion of this basis will.
+        """
+        gram = self.cost.correlations(self.coefficients(self._random(0)[None]))[0]
+        found = rank(gram)
+        if found < len(gram):
+            raise IdentificationError(too_many(found, len(gram), self._shape[1]))
+
+    def _random(self, number: int) -> Array:
+        """A point well inside the limits."""
+        rng = np.random.default_rng((self._seed, number))
+        x = rng.normal(size=len(self._spread))
+        return np.asarray(x * (START / np.max(self._matrix @ x)))
 
     def value(self, a: Array) -> float:
         """The goal's target."""

@@ -4,15 +4,19 @@ On an interval of length δ a function lies below its chord by Taylor: g ≤ max
 sup|g''|, and within it |g''| ≤ max(|g''_k|, |g''_k+1|) + δ/2 Σ|a| sup|φ'''| (of g). All derivatives
 are closed forms of the basis, so the bound is proven up to rounding, which is added. The fifth one
 of a spline jumps at knots, from one constant to the next, both of which are among the samples.
+Limits that are not linear in the motion: `law_bounds`, which says what is proven there.
 """
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation import Trajectory
+from runtime.excitation import Safety, Trajectory, basis_of
+from runtime.excitation.safety import laws, unchecked
+from runtime.law_bounds import law_bounds
 from runtime.library import Array, Library
 
 INTERVALS = 4000
@@ -24,23 +28,32 @@ ROUNDING = 64 * np.finfo(float).eps
 KINDS = ("position", "velocity", "acceleration", "jerk")
 
 
+UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
+
+
 @dataclass(frozen=True, slots=True)
 class Use:
-    """The largest use of one kind of limit.
+    """The largest use of one limit.
 
     Attributes:
-        kind: position (as a share of the way from home to its limit), velocity, acceleration, jerk.
-        bound: proven upper bound of |value| / limit over all t; 1 is the limit itself.
-        joint: where it is largest.
+        kind: position and braking (as a share of the way from home to the limit), velocity,
+            acceleration, jerk, torque, torque rate, tip box, tip speed, self-collision, table.
+        bound: of use over all t; 1 is the limit itself. For distances 1 + (limit − value)/0.1 m.
+        where: joint, axis, pair or proxy where it is largest.
         time: when, s; to one step of the grid.
-        order: of the derivative in time: replayed at r times the speed the use is r^order.
+        value: the quantity at its worst, in `unit`, as the bound has it.
+        limit: of the quantity.
+        is_proven: a theorem, not a second derivative measured at 1 kHz (see `law_bounds`).
     """
 
     kind: str
     bound: float
-    joint: str
+    where: str
     time: float
-    order: int
+    value: float
+    limit: float
+    unit: str
+    is_proven: bool = True
 
     @property
     def margin(self) -> float:
@@ -55,51 +68,61 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What is proven of a trajectory.
+    """What is known of a trajectory at every instant.
 
     Attributes:
-        uses: one per kind of limit that some joint has.
-        unlimited: kinds and joints for which the robot states no limit: nothing is proven there.
+        uses: the largest one per kind of limit that is looked at.
+        unlimited: kinds and joints for which the robot states no limit: nothing is known there.
+        unchecked: what else nobody looked at.
+        distances: one per pair of links and, over a table, per proxy.
     """
 
     uses: tuple[Use, ...]
     unlimited: tuple[str, ...]
+    unchecked: tuple[str, ...] = ()
+    distances: tuple[Use, ...] = ()
 
     @property
     def holds(self) -> bool:
-        """Every stated limit is kept at every instant."""
+        """Every limit that is looked at is kept at every instant."""
         return all(use.holds for use in self.uses)
 
     @property
     def broken(self) -> tuple[Use, ...]:
-        """The limits that are not proven to be kept."""
+        """The limits that are not known to be kept."""
         return tuple(use for use in self.uses if not use.holds)
-
-    def fastest(self) -> float:
-        """Largest r ≤ 1 such that the same path at r times the speed holds; 0 where none does."""
-        if any(use.order == 0 for use in self.broken) or not all(
-            np.isfinite(use.bound) for use in self.uses
-        ):
-            return 0.0
-        return min([1.0, *(use.bound ** (-1 / use.order) for use in self.broken)])
 
     def sentences(self) -> tuple[str, ...]:
         """One line per limit, for headers and logs."""
-        lines = [
-            f"{use.kind}: at most {100 * use.bound:.4f} % of the limit, {use.joint} at "
-            f"{use.time:.3f} s"
-            for use in self.uses
-        ]
-        return (*lines, *(f"no limit stated: {text}" for text in self.unlimited))
+        return (
+            *(_sentence(use) for use in self.uses),
+            *(f"no limit stated: {text}" for text in self.unlimited),
+            *(f"NOT checked: {text}" for text in self.unchecked),
+        )
 
 
-def certificate(lib: Library, trajectory: Trajectory) -> Certificate:
-    """Proven bounds of position, velocity, acceleration and jerk over their limits.
+DISTANCES = ("self-collision", "table")
+
+
+def _sentence(use: Use) -> str:
+    at = f"{use.where} at {use.time:.3f} s" + ("" if use.is_proven else " (measured at 1 kHz)")
+    if use.kind in DISTANCES:
+        return (
+            f"{use.kind}: at least {1e3 * use.value:.2f} mm where {1e3 * use.limit:.2f} mm are "
+            f"needed, {at}"
+        )
+    return f"{use.kind}: at most {100 * use.bound:.4f} % of the limit, {at}"
+
+
+def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> Certificate:
+    """Bounds over all t of position, velocity, acceleration, jerk, and of the limits of `safety`.
 
     Raises:
-        IdentificationError: the trajectory is not one of this robot.
+        IdentificationError: the trajectory is not one of this robot, or `safety` asks for limits
+            that the robot does not state.
     """
     bounds, times = joint_bounds(lib, trajectory)
+    rooms = _rooms(lib, trajectory.home)
     uses, unlimited = [], []
     for order, kind in enumerate(KINDS):
         free = _unlimited(lib, kind)
@@ -107,10 +130,37 @@ def certificate(lib: Library, trajectory: Trajectory) -> Certificate:
             unlimited.append(f"{kind} of {', '.join(np.array(lib.joint_names)[free])}")
         if not free.all():
             worst = int(np.argmax(bounds[order]))  # the first NaN, where there is one
-            joint = lib.joint_names[worst]
             bound, time = float(bounds[order, worst]), float(times[order, worst])
-            uses.append(Use(kind, bound, joint, time, order))
-    return Certificate(tuple(uses), tuple(unlimited))
+            limit = float(min(room[order, worst] for room in rooms))
+            what = lib.joint_names[worst], time, bound * limit, limit, UNITS[order]
+            uses.append(Use(kind, bound, *what))
+    rows = [
+        Use(
+            *(bound.law.kind, 1 + bound.bound, bound.law.labels[bound.row], bound.time),
+            *bound.law.measured(bound.row, bound.bound),
+            bound.is_proven,
+        )
+        for bound in law_bounds(laws(lib, trajectory.home, safety), trajectory)
+    ]
+    for kind in dict.fromkeys(row.kind for row in rows):
+        uses.append(max((row for row in rows if row.kind == kind), key=lambda row: row.bound))
+    distances = tuple(row for row in rows if row.kind in DISTANCES)
+    return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances)
+
+
+def fastest(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> float:
+    """A share of the speed in whole percents, as large as is easily found, at which the path holds.
+
+    0 where none is found: distances and the tip's box do not depend on speed.
+    """
+    low, high = 0, 101
+    while high - low > 1:
+        percent = (low + high) // 2
+        if certificate(lib, slowed(trajectory, percent / 100), safety).holds:
+            low = percent
+        else:
+            high = percent
+    return low / 100
 
 
 def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
@@ -134,9 +184,8 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     count = max(INTERVALS, INTERVALS_PER_HARMONIC * size)
     end = 0.5 if basis.is_symmetric else 1.0
     count *= 1 if basis.is_symmetric else 2
-    s = np.linspace(0.0, end, count + 1)
     step = end / count
-    curves = basis.derivatives(len(KINDS) + 2, size, s) @ a.T
+    curves = _samples(basis.name, basis.zero_jerk, size, end, count) @ a.T
     rooms = _rooms(lib, trajectory.home)
     bounds, times = np.empty((2, len(KINDS), n))
     up, down = (np.where(room > 0, room, np.nan) for room in rooms)
@@ -154,6 +203,13 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
         times[order] = (where + 0.5) * step * duration
     bounds[np.minimum(*rooms) <= 0] = np.inf  # a NaN stays one
     return bounds, times
+
+
+@lru_cache(maxsize=4)
+def _samples(name: str, zero_jerk: bool, size: int, end: float, count: int) -> Array:
+    """d^k φ_m/ds^k at count + 1 points from 0 to `end`: the same for all stages of a motion."""
+    s = np.linspace(0.0, end, count + 1)
+    return basis_of(name, zero_jerk).derivatives(len(KINDS) + 2, size, s)
 
 
 def _unlimited(lib: Library, kind: str) -> NDArray[np.bool_]:

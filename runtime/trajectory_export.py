@@ -18,9 +18,9 @@ from typing import IO
 import numpy as np
 
 from runtime.atomic import replacing
-from runtime.certificate import Certificate, certificate
+from runtime.certificate import Certificate, Use, certificate, fastest
 from runtime.errors import ExportError
-from runtime.excitation import Trajectory
+from runtime.excitation import Safety, Trajectory
 from runtime.library import Array, Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
@@ -44,13 +44,18 @@ class _Motion:
     def header(self) -> tuple[str, ...]:
         first = (
             f"Excitation of '{self.lib.name}', {self.trajectory.duration:.17g} s. "
-            "Limits proven for every instant; torque and collision are NOT checked."
+            "Limits at every instant, between samples too:"
         )
         return (first, *self.proof.sentences())
 
 
 def export_trajectory(
-    lib: Library, trajectory: Trajectory, base: Path, kind: str, rate: float = 1000.0
+    lib: Library,
+    trajectory: Trajectory,
+    base: Path,
+    kind: str,
+    rate: float = 1000.0,
+    safety: Safety | None = None,
 ) -> Path:
     """Write one kind of file, and the certificate as `base`.certificate.json; atomically.
 
@@ -60,6 +65,7 @@ def export_trajectory(
         base: path without suffix.
         kind: one of `EXPORTS`.
         rate: of csv, npz and ros, Hz.
+        safety: limits beyond those of position and its derivatives; None looks at none.
 
     Returns:
         The path of the file.
@@ -69,8 +75,7 @@ def export_trajectory(
     """
     if kind not in EXPORTS:
         raise ExportError(f"expected one of {', '.join(EXPORTS)} to export, got '{kind}'")
-    proof = certificate(lib, trajectory)
-    require_proof(proof)
+    proof = require_proof(lib, trajectory, safety)
     suffix, write = EXPORTS[kind]
     path = base.with_name(base.name + suffix)
     write(_Motion(lib, trajectory, proof, rate), path)
@@ -78,19 +83,22 @@ def export_trajectory(
     return path
 
 
-def require_proof(proof: Certificate) -> None:
-    """Pass only what may be sent to a robot.
+def require_proof(
+    lib: Library, trajectory: Trajectory, safety: Safety | None = None
+) -> Certificate:
+    """The certificate of what may be sent to a robot.
 
     Raises:
         ExportError: the limits that are exceeded, and what would help.
     """
+    proof = certificate(lib, trajectory, safety)
     if proof.holds:
-        return
+        return proof
     broken = ", ".join(
-        f"{use.kind} of {use.joint} at {100 * use.bound:.4g} % ({use.time:.3f} s)"
+        f"{use.kind} of {use.where} at {100 * use.bound:.4g} % ({use.time:.3f} s)"
         for use in proof.broken
     )
-    percent = np.floor(100 * proof.fastest())
+    percent = 100 * fastest(lib, trajectory, safety)
     advice = (
         f"add --speed {percent:.0f}, at which they are kept"
         if percent >= 1
@@ -106,15 +114,22 @@ def _write_certificate(
         "robot": lib.name,
         "duration": trajectory.duration,
         "holds": proof.holds,
-        "uses": [
-            {"limit": u.kind, "bound": u.bound, "margin": u.margin, "joint": u.joint, "t": u.time}
-            for u in proof.uses
-        ],
+        "uses": [_facts(use) for use in proof.uses],
+        "distances": [_facts(use) for use in proof.distances],
         "no_limit_stated": list(proof.unlimited),
-        "not_checked": ["torque", "collision"],
+        "not_checked": list(proof.unchecked),
     }
     with replacing(path) as file:
         file.write((json.dumps(facts, indent=1) + "\n").encode())
+
+
+def _facts(use: Use) -> dict[str, object]:
+    how = "proven" if use.is_proven else "measured at 1 kHz with exact derivatives"
+    return {
+        **{"limit": use.kind, "bound": use.bound, "margin": use.margin, "where": use.where},
+        **{"t": use.time, "value": use.value, "allowed": use.limit, "unit": use.unit},
+        "how": how,
+    }
 
 
 def _write_recording(motion: _Motion, path: Path) -> None:

@@ -5,16 +5,16 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 from rich.progress import Progress
-from rich.table import Table
 
-from runtime.certificate import Certificate, certificate, pulled_inside, require_speed, slowed
+from runtime.certificate import certificate, pulled_inside, require_speed, slowed
 from runtime.cli.common import Robot, Seed, console, say
 from runtime.cli.prediction import information_of, tell
+from runtime.cli.safety import certificate_table, safety_of
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, basis_of, design, predict
+from runtime.excitation.safety import TABLE_MARGIN
 from runtime.library import load
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
@@ -22,8 +22,9 @@ from runtime.threads import cores
 from runtime.trajectory_export import export_trajectory, require_proof
 from runtime.trajectory_file import write_trajectory
 
-WORTH_PROCESSES = 10
-"""Starts from which on more processes, which take two seconds to begin, end earlier."""
+WORTH_PROCESSES = {True: 10, False: 4}
+"""Starts from which on more processes, which take two seconds to begin, end earlier, as long as
+one start itself with all limits; in document mode it takes a third of that."""
 
 
 class Export(StrEnum):
@@ -68,7 +69,12 @@ def excite_command(
         ),
     ] = None,
     document: Annotated[
-        bool, typer.Option("--document", help="The document's problem: --criterion cond.")
+        bool,
+        typer.Option(
+            "--document",
+            help="The document's problem: --criterion cond, limits of position, velocity and "
+            "acceleration alone. Its optimum drives an FR3 through the table.",
+        ),
     ] = False,
     criterion: Annotated[
         str | None,
@@ -96,6 +102,33 @@ def excite_command(
             "--payload", help="Only the last link's ten parameters are unknown, the arm is known."
         ),
     ] = False,
+    table: Annotated[
+        float | None, typer.Option(metavar="Z", help="Height of a table, m in the base frame.")
+    ] = None,
+    box: Annotated[
+        str | None,
+        typer.Option(
+            metavar="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX", help="Keeps the tip inside, m; inf is open."
+        ),
+    ] = None,
+    clearance: Annotated[
+        float | None,
+        typer.Option(
+            help="m between links and above the table; default: the robot's own margins, "
+            f"{TABLE_MARGIN:g} above the table."
+        ),
+    ] = None,
+    torque_fraction: Annotated[
+        float, typer.Option(help="Share of the torque limit that may be used.")
+    ] = 0.95,
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FV,FC",
+            help="Viscous and Coulomb friction that count as torque, N·m·s/rad and N·m: two "
+            "numbers, or those of all joints one after another.",
+        ),
+    ] = None,
     plot: Annotated[
         bool,
         typer.Option(
@@ -107,29 +140,32 @@ def excite_command(
 
     All criteria of the motion are told, for the unknowns alone and with friction (viscous,
     Coulomb, offset) estimated beside them, with the errors to be expected of a log.
-    The certificate proves for every instant, between samples too, that position (as a share of
-    the way from home to its limit), velocity, acceleration and jerk keep the robot's limits;
-    torque and collision are NOT checked yet, so look at the motion in a simulator before sending
-    it to a robot.
+    The motion keeps every limit that the robot states: position, velocity (near the ends of the
+    range, too), acceleration, torque and its rate, speed of the tip, distances between links; a
+    table and a box for the tip where asked. The certificate tells at every instant, between
+    samples too, how much of each is used; what it did NOT check it lists.
     Ctrl-C keeps the best start so far; the result depends on the seed, not on the processes.
 
     \b
     python -m runtime excite --robot fr3 --duration 10 --starts 10
+    python -m runtime excite --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0 --harmonics 8 --duration 20
     python -m runtime excite --export libfranka --speed 10 --speed 50 --speed 100
     """
     lib = load(robot)
-    path = out or Path("results") / f"{lib.name}-excite.json"
-    if path.suffix != ".json":
-        raise RuntimeFault(
-            f"the trajectory needs a file that ends in .json, got '{path}'; "
-            "its motion is written beside it as .csv"
-        )
+    path = _json(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
     told = information_of(lib, noise, log_rate, prior, payload)
     # The document's criterion knows only the regressor.
     known = None if wanted == "cond" and not prior and not payload else told
-    t = sample_times(duration, rate)
-    side_by_side = cores() if starts >= WORTH_PROCESSES else 1
+    sample_times(duration, rate)  # before the search: they may be too many
+    options = clearance, table, box, friction
+    safety = None if document else safety_of(lib, torque_fraction, *options)
+    if document and any(option is not None for option in options):
+        raise RuntimeFault(
+            "--document knows no --table, --box, --clearance or --friction; take --criterion cond "
+            "instead, which keeps all limits"
+        )
+    side_by_side = cores() if starts >= WORTH_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts)
@@ -149,58 +185,51 @@ def excite_command(
             criterion=wanted,
             basis=basis_of(basis, zero_jerk),
             information=known,
+            safety=safety,
         )
     found = replace(found, trajectory=pulled_inside(lib, found.trajectory))
     expected = predict(lib, found.trajectory, told)
     write_trajectory(found, lib, path, expected)
+    t = sample_times(found.trajectory.duration, rate)
     q, dq, ddq, _ = found.trajectory.at(lib, t)
     written = [path]
     if not export:
         sentence = f"Designed by symgen, condition number {found.condition:.4f}."
-        table = path.with_suffix(".csv")
+        beside = path.with_suffix(".csv")
         names = lib.joint_names
-        log = Recording(t, q, dq, ddq, name=table.stem, joint_names=names, history=(sentence,))
-        write_recording(log, table)
-        written.append(table)
+        log = Recording(t, q, dq, ddq, name=beside.stem, joint_names=names, history=(sentence,))
+        write_recording(log, beside)
+        written.append(beside)
     if plot:
         from runtime.report.trajectory import write_picture  # matplotlib loads slowly
 
         picture = path.with_suffix(".png")
-        write_picture(lib, found.trajectory, picture)
+        write_picture(lib, found.trajectory, picture, safety)
         written.append(picture)
     tell(found, expected, len(lib.base_columns))
-    effort = lib.limits()["effort"]
-    torque = np.abs(lib.inverse_dynamics(q, dq, ddq, lib.pi0)).max(axis=0) / effort
-    worst = int(np.argmax(torque))
-    say(f"torque by the URDF: at most {100 * torque[worst]:.0f} % on {lib.joint_names[worst]}")
+    if found.trajectory.duration != duration:
+        say(f"note: {duration:g} s would break a limit; it takes {found.trajectory.duration:g} s")
     stages = {100 * share: slowed(found.trajectory, share) for share in speeds}
     for percent, stage in stages.items():
-        console.print(certificate_table(certificate(lib, stage), percent))
+        console.print(certificate_table(certificate(lib, stage, safety), percent))
     say(f"trajectory: {', '.join(map(str, written))}")
-    if export:
-        for stage in stages.values():  # all of them before the first file
-            require_proof(certificate(lib, stage))
-        for percent, stage in stages.items():
-            base = path.with_suffix("")
-            if percent != 100:
-                base = base.with_name(f"{base.name}-speed{percent:g}")
-            files = [export_trajectory(lib, stage, base, kind.value, rate) for kind in export]
-            say(f"exported: {', '.join(map(str, files))}, {base}.certificate.json")
+    for stage in stages.values() if export else ():  # all of them before the first file
+        require_proof(lib, stage, safety)
+    for percent, stage in stages.items() if export else ():
+        base = path.with_suffix("")
+        if percent != 100:
+            base = base.with_name(f"{base.name}-speed{percent:g}")
+        files = [
+            str(export_trajectory(lib, stage, base, kind.value, rate, safety))
+            for kind in export or ()
+        ]
+        say(f"exported: {', '.join(files)}, {base}.certificate.json")
 
 
-def certificate_table(proof: Certificate, percent: float) -> Table:
-    """The largest proven use of every limit, with joint and time."""
-    verdict = "holds at every instant" if proof.holds else "does NOT hold"
-    table = Table("limit", title=f"certificate at {percent:g} % speed: {verdict}")
-    for head in ("largest use %", "margin %"):
-        table.add_column(head, justify="right")
-    table.add_column("joint")
-    table.add_column("time s", justify="right")
-    for use in proof.uses:
-        # Rounded upwards: 100.00 is never what is left of 100.004.
-        bound = np.ceil(1e4 * use.bound - 1e-6) / 100
-        margin = f"{100 - bound:.2f}"
-        table.add_row(use.kind, f"{bound:.2f}", margin, use.joint, f"{use.time:.3f}")
-    for missing in proof.unlimited:
-        table.add_row(missing, "no limit stated", "", "", "")
-    return table
+def _json(path: Path) -> Path:
+    if path.suffix != ".json":
+        raise RuntimeFault(
+            f"the trajectory needs a file that ends in .json, got '{path}'; "
+            "its motion is written beside it as .csv"
+        )
+    return path

@@ -19,6 +19,7 @@ from runtime.excitation.limits import (
     whitening,
 )
 from runtime.excitation.prediction import Prediction, covariance_of, predict, torque_band
+from runtime.excitation.safety import Safety
 from runtime.excitation.search import START
 from runtime.excitation.trajectory import Trajectory
 
@@ -38,6 +39,7 @@ __all__ = [
     "Information",
     "Limits",
     "Prediction",
+    "Safety",
     "Trajectory",
     "basis_of",
     "covariance_of",

@@ -82,22 +82,28 @@ class Rows:
         return float(min(1.0, (slack[towards] / speed[towards]).min(initial=1.0)))
 
     def solve(
-        self, x: Array, programme: Callable[[Array, Array], tuple[Array, list[Array]] | None]
+        self,
+        x: Array,
+        programme: Callable[[Array, Array], tuple[Array, list[Array]] | None],
+        more: Callable[[Array], bool] | None = None,
     ) -> tuple[Array, list[Array]] | None:
         """The solution of `programme(rows, slack)` for a step from x that keeps all rows.
 
-        The step is the first part of the programme's variables.
+        The step is the first part of the programme's variables; `more(step)` says whether rows of
+        another kind have joined the programme meanwhile.
         """
         slack, found = self.slack(x), None
         for _ in range(_ROUNDS):
             found = programme(self.matrix[self._used], slack[self._used])
             if found is None:
                 return None
-            excess = self.matrix @ found[0][: len(x)] - slack
+            step = found[0][: len(x)]
+            excess = self.matrix @ step - slack
             peak = np.pad(excess, 1, constant_values=-np.inf)
             peaks = (excess >= peak[:-2]) & (excess >= peak[2:])
             new = peaks & (excess > SLACK / 10 * self.bound) & ~self._used
-            if not new.any():
-                break
             self._used |= new
+            joined = more is not None and more(step)
+            if not new.any() and not joined:
+                break
         return found

@@ -1,7 +1,7 @@
 """The best of several starts, inside the limits at 1 kHz."""
 
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +9,10 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.excitation.basis import COSINE, Basis
 from runtime.excitation.cost import ConditionCost
+from runtime.excitation.finish import Finished, finished
 from runtime.excitation.information import Information
-from runtime.excitation.limits import Limits, inside
 from runtime.excitation.processes import in_turn, side_by_side
+from runtime.excitation.safety import Safety, unchecked
 from runtime.excitation.search import Problem, Search
 from runtime.excitation.trajectory import Trajectory
 from runtime.library import Array, Library
@@ -33,6 +34,8 @@ class Design:
         unit: of those.
         use: largest |value| / limit at 1 kHz per kind of limit, 1 is the limit itself.
         assumptions: limits that the robot does not state and what was taken instead.
+        safety: limits that were kept beyond those of the joints; None as in the document.
+        unchecked: kinds of limits that nobody looked at.
     """
 
     trajectory: Trajectory
@@ -43,6 +46,8 @@ class Design:
     criterion: str = "cond"
     values: tuple[float, ...] = ()
     unit: str = "cond"
+    safety: Safety | None = None
+    unchecked: tuple[str, ...] = ()
 
 
 @one_blas_thread
@@ -58,6 +63,7 @@ def design(
     criterion: str = "cond",
     basis: Basis = COSINE,
     information: Information | None = None,
+    safety: Safety | None = None,
 ) -> Design:
     """Best of several searches for the best criterion from random admissible starts.
 
@@ -75,9 +81,12 @@ def design(
         criterion: what to minimise, of `goals.CRITERIA`; all but cond need `information`.
         basis: of the motion.
         information: noise, rate, what is known already and which parameters are not.
+        safety: limits beyond position, velocity and acceleration of the joints; None keeps these
+            alone, as the document does.
 
     Raises:
-        IdentificationError: options or home position make no trajectory; a process died.
+        IdentificationError: options or home position make no trajectory, limits leave no room
+            for one; a process died.
     """
     if not 0 < duration <= LONGEST or harmonics < 1 or starts < 1:
         raise IdentificationError(
@@ -88,7 +97,8 @@ def design(
         raise IdentificationError(f"a search needs at least one process, got {processes}")
     rest = lib.home if home is None else np.asarray(home, dtype=float)
     problem = Problem(
-        lib.folder, lib.level, rest, harmonics, duration, seed, basis, criterion, information
+        *(lib.folder, lib.level, rest, harmonics, duration, seed),
+        *(basis, criterion, information, safety),
     )
     search = Search(lib, problem)
     search.require_rank()
@@ -105,22 +115,35 @@ def design(
     except KeyboardInterrupt:
         if not found:
             raise
+    ending = _best(lib, search, found)
+    a, t_f = ending.trajectory.coefficients, ending.trajectory.duration
+    shape = (lib, rest, basis.size(harmonics))
+    starts_cost, cost = (ConditionCost(*shape, end, basis) for end in (duration, t_f))
     numbers = sorted(found)
-    a = found[min(numbers, key=lambda number: found[number][0])][1]
-    with suppress(KeyboardInterrupt):
-        a = search.refined(a)
-    shape = (lib, rest, basis.size(harmonics), duration)
-    fine = Limits(*shape, step=1e-3, basis=basis)
-    a = inside(fine, a)
-    use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
-    plain = ConditionCost(*shape, basis)
     return Design(
-        Trajectory(rest, a, duration, basis),
-        float(np.exp(plain.value_gradient(a)[0])),
-        tuple(float(np.exp(plain.value_gradient(found[number][1])[0])) for number in numbers),
-        use,
+        ending.trajectory,
+        float(np.exp(cost.value_gradient(a)[0])),
+        tuple(float(np.exp(starts_cost.value_gradient(found[k][1])[0])) for k in numbers),
+        ending.use,
         tuple(search.limits.assumptions),
         criterion,
-        tuple(float(np.exp(found[number][0])) for number in numbers),
+        tuple(float(np.exp(found[k][0])) for k in numbers),
         search.goal.unit,
+        safety,
+        unchecked(lib, safety),
     )
+
+
+def _best(lib: Library, search: Search, found: dict[int, tuple[float, Array]]) -> Finished:
+    """Of the starts the best one that can be finished.
+
+    Raises:
+        IdentificationError: none can.
+    """
+    failure = None
+    for _, a in sorted(found.values(), key=lambda ended: ended[0]):
+        try:
+            return finished(lib, search, a)
+        except IdentificationError as error:
+            failure = failure or error
+    raise failure or IdentificationError("no start has ended")

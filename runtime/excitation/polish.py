@@ -1,4 +1,4 @@
-"""min log cond C(x) s.t. A x ≤ b where extreme eigenvalues meet: semidefinite programmes in turn.
+"""min log cond C(x) s.t. A x ≤ b, g(x) ≤ 0 where extreme eigenvalues meet, by SDPs in turn.
 
 At an optimum the largest and the smallest eigenvalue are multiple, log cond has a kink there and
 descent along gradients stalls. Here all eigenvalues near an end move together: with V₁, V₂ the
@@ -9,7 +9,8 @@ d solves
     s.t. Λ₁ + Σ d_i V₁ᵀ C_i V₁ ⪯ a λ_max,   Λ₂ + Σ d_i V₂ᵀ C_i V₂ ⪰ b λ_min,
          A (x + d) ≤ b,   |d|_∞ ≤ Δ,
 
-and is taken when log cond itself falls (trust region). B is the curvature of the Lagrangian
+and is taken when log cond itself falls (trust region); g is elastic and enters the merit, see
+`elastic`. B is the curvature of the Lagrangian
 (Overton 1988; Overton and Womersley 1995). Knows nothing of robots.
 """
 
@@ -17,23 +18,18 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.excitation.conic import Block, Rows, solve
+from runtime.excitation.elastic import MU, Curved, Nonlinear, corrected
+from runtime.excitation.spectrum import Spectrum, bending, of_trace_one, weight_of
 from runtime.library import Array
 
-CLUSTER = 1.35
-"""Eigenvalues within this factor of an extreme move with it."""
-LARGEST = 8
-"""Most eigenvalues in a cluster."""
 RADIUS = 0.3
 """First Δ, for x that is scaled so that 1 reaches the bounds."""
 _DIFFERENCE = 1e-4
 """Of the central differences of C, relative to such x: truncation 1e-8, rounding 1e-12."""
 _FLATTEST = 1e-4
 """Smallest curvature: the model stays convex."""
-_SHARPNESS = 20.0
-"""Exponent of the first weights of a cluster, falling with the distance from the extreme."""
 _GOOD, _POOR, _TAKEN = 0.7, 0.3, 0.05
 """Ratios of true to predicted decrease: grow Δ, shrink Δ, take the step."""
 
@@ -50,7 +46,7 @@ class MatrixFunction(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Polished:
-    """Where it ended: x admissible, log cond there and at every step that was taken."""
+    """Where it ended: x with A x ≤ b, log cond there and the merit at every step that was taken."""
 
     x: Array
     value: float
@@ -58,65 +54,78 @@ class Polished:
 
 
 def polish(
-    matrix: MatrixFunction, x: Array, rows: Rows, iterations: int = 40, tolerance: float = 1e-5
+    matrix: MatrixFunction,
+    x: Array,
+    rows: Rows,
+    iterations: int = 40,
+    tolerance: float = 1e-5,
+    nonlinear: Nonlinear | None = None,
 ) -> Polished:
-    """Improve an admissible x; the result is never worse.
+    """Improve an x with A x ≤ b; the merit is never worse.
 
     Args:
         matrix: C(x).
-        x: start, A x ≤ b, (p,).
+        x: start, (p,).
         rows: A and b.
         iterations: semidefinite programmes at most.
-        tolerance: of log cond: ends when the predicted decrease is below.
+        tolerance: of the merit: ends when the predicted decrease is below.
+        nonlinear: g.
     """
-    spectrum = _Spectrum.of(matrix.at(x[None])[0])
-    history, radius = [spectrum.value], RADIUS
+
+    def at(x: Array) -> _Point:
+        spectrum = Spectrum.of(matrix.at(x[None])[0])
+        return _Point(x, spectrum, 0.0 if nonlinear is None else nonlinear.violation(x))
+
+    point, radius = at(x), RADIUS
+    history = [point.merit]
     weights: tuple[Array, Array] | None = None
     model: _Model | None = None
+    curved: Curved | None = None
     for _ in range(iterations):
-        if not np.isfinite(spectrum.value):
+        if not np.isfinite(point.merit):
             break
         if model is None:
-            model = _Model.around(matrix, x, spectrum, weights)
-        found = model.step(x, rows, radius)
-        if found is None or found.decrease < tolerance:
+            model = _Model.around(matrix, point.x, point.spectrum, weights)
+            curved = None if nonlinear is None else Curved(nonlinear, point.x)
+        found = model.step(point.x, rows, radius, curved)
+        if found is None:
             break
-        after = x + rows.reach(x, found.step) * found.step
-        trial = _Spectrum.of(matrix.at(after[None])[0])
-        ratio = (spectrum.value - trial.value) / found.decrease
+        decrease = found.decrease
+        if curved is not None:
+            decrease += MU * (point.violation - curved.after(found.step))
+        if decrease < tolerance:
+            break
+        after = at(point.x + rows.reach(point.x, found.step) * found.step)
+        if nonlinear is not None and point.merit - after.merit < _POOR * decrease:
+            back = corrected(nonlinear, after.x)
+            if back is not None:
+                other = at(after.x + rows.reach(after.x, back) * back)
+                after = min(after, other, key=lambda trial: trial.merit)
+        ratio = (point.merit - after.merit) / decrease
         length = float(np.abs(found.step).max())
         if ratio > _TAKEN:
-            x, spectrum, weights, model = after, trial, found.weights, None
-            history.append(trial.value)
+            point, weights, model = after, found.weights, None
+            history.append(point.merit)
             if ratio > _GOOD and length > 0.9 * radius:
                 radius *= 2.0
             elif ratio < _POOR:
                 radius *= 0.5
         else:
             radius = 0.3 * min(radius, length)
-    return Polished(x, spectrum.value, tuple(history))
+    return Polished(point.x, point.spectrum.value, tuple(history))
 
 
 @dataclass(frozen=True, slots=True)
-class _Spectrum:
-    values: Array
-    vectors: Array
-    value: float
+class _Point:
+    """x, the eigenvalues of C there and the violation v."""
 
-    @classmethod
-    def of(cls, matrix: Array) -> "_Spectrum":
-        values, vectors = np.linalg.eigh(matrix)
-        positive = values[0] > len(values) * np.finfo(float).eps * values[-1]
-        value = float(np.log(values[-1] / values[0]) / 2) if positive else np.inf
-        return cls(values, vectors, value)
+    x: Array
+    spectrum: Spectrum
+    violation: float
 
-    def upper(self) -> NDArray[np.intp]:
-        """Indices of the cluster at the upper end."""
-        return np.flatnonzero(self.values >= self.values[-1] / CLUSTER)[-LARGEST:]
-
-    def lower(self) -> NDArray[np.intp]:
-        """Indices of the cluster at the lower end."""
-        return np.flatnonzero(self.values <= self.values[0] * CLUSTER)[:LARGEST]
+    @property
+    def merit(self) -> float:
+        return self.spectrum.value + MU * self.violation
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,7 +173,7 @@ class _End:
         j, i = np.tril_indices(r)
         u = np.zeros((r, r))
         u[i, j] = u[j, i] = dual / np.where(i == j, 1.0, np.sqrt(2.0))
-        return _of_trace_one(self.vectors @ u @ self.vectors.T)
+        return of_trace_one(self.vectors @ u @ self.vectors.T)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,11 +186,11 @@ class _Model:
 
     @classmethod
     def around(
-        cls, matrix: MatrixFunction, x: Array, at: _Spectrum, weights: tuple[Array, Array] | None
+        cls, matrix: MatrixFunction, x: Array, at: Spectrum, weights: tuple[Array, Array] | None
     ) -> "_Model":
         high, low = at.upper(), at.lower()
-        first = _weight(at, high, at.values[-1], None if weights is None else weights[0])
-        second = _weight(at, low, at.values[0], None if weights is None else weights[1])
+        first = weight_of(at, high, at.values[-1], None if weights is None else weights[0])
+        second = weight_of(at, low, at.values[0], None if weights is None else weights[1])
         p = len(x)
         moves = _DIFFERENCE * np.vstack([np.eye(p), -np.eye(p)])
         seed = first / at.values[-1] - second / at.values[0]
@@ -191,80 +200,52 @@ class _Model:
         # In the basis of all eigenvectors: rows of the ends, all columns.
         upper = _rotated(slopes, at.vectors[:, high], at.vectors) / at.values[-1]
         lower = _rotated(slopes, at.vectors[:, low], at.vectors) / at.values[0]
-        curvature += _bending(upper, at, high, first, at.values[-1])
-        curvature += _bending(lower, at, low, second, at.values[0])
+        curvature += bending(upper, at, high, first, at.values[-1])
+        curvature += bending(lower, at, low, second, at.values[0])
         return cls(
             _convex(curvature),
             _End(at.vectors[:, high], at.values[high] / at.values[-1], upper[:, :, high]),
             _End(at.vectors[:, low], at.values[low] / at.values[0], lower[:, :, low]),
         )
 
-    def step(self, x: Array, rows: Rows, radius: float) -> _Step | None:
-        """The programme of the module's head."""
+    def step(
+        self, x: Array, rows: Rows, radius: float, curved: Curved | None = None
+    ) -> _Step | None:
+        """The programme of the module's head, with μ t for the curved rows."""
         p = len(x)
-        quadratic = np.zeros((p + 2, p + 2))
+        size = p + 2 if curved is None else p + 3
+        quadratic = np.zeros((size, size))
         quadratic[:p, :p] = self.curvature
         quadratic[p + 1, p + 1] = 1.0
-        linear = np.zeros(p + 2)
-        linear[p:] = 1.0, -2.0
-        box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, 2))])
+        linear = np.zeros(size)
+        # The programme's value is twice that of log cond, half of log λ_max/λ_min.
+        linear[p:] = (1.0, -2.0) if curved is None else (1.0, -2.0, 2 * MU)
+        box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, size - p))])
         fixed = [
             Block(box, np.full(2 * p, radius)),
-            self.upper.block(1.0, p, p + 2),
-            self.lower.block(-1.0, p + 1, p + 2),
+            self.upper.block(1.0, p, size),
+            self.lower.block(-1.0, p + 1, size),
         ]
 
         def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
-            limits = Block(np.hstack([a, np.zeros((len(a), 2))]), slack)
-            return solve(quadratic, linear, [limits, *fixed])
+            limits = Block(np.hstack([a, np.zeros((len(a), size - p))]), slack)
+            elastic = [] if curved is None else [curved.block(size)]
+            return solve(quadratic, linear, [limits, *fixed, *elastic])
 
-        found = rows.solve(x, programme)
+        found = rows.solve(x, programme, None if curved is None else curved.grow)
         if found is None:
             return None
         y, duals = found
-        # At d = 0, a = b = 1 the programme's value is −½; log cond is half of log λ_max/λ_min.
-        decrease = -(0.5 + linear @ y + 0.5 * y @ quadratic @ y) / 2
+        y = y[: p + 2]
+        # At d = 0, a = b = 1 the programme's value is −½.
+        value = linear[: p + 2] @ y + 0.5 * y @ quadratic[: p + 2, : p + 2] @ y
         weights = self.upper.weight(duals[2]), self.lower.weight(duals[3])
-        return _Step(y[:p], float(decrease), weights)
-
-
-def _weight(
-    at: _Spectrum, cluster: NDArray[np.intp], extreme: float, previous: Array | None
-) -> Array:
-    """The multipliers of a cluster, V U Vᵀ of trace 1: the last ones, as far as they lie in it."""
-    vectors = at.vectors[:, cluster]
-    if previous is not None:
-        inner = vectors.T @ previous @ vectors
-        if np.trace(inner) > 0.5:
-            return _of_trace_one(vectors @ inner @ vectors.T)
-    far = np.abs(np.log(at.values[cluster] / extreme))
-    return _of_trace_one((vectors * np.exp(-_SHARPNESS * far)) @ vectors.T)
-
-
-def _of_trace_one(matrix: Array) -> Array:
-    return matrix / np.trace(matrix)
+        return _Step(y[:p], float(-(0.5 + value) / 2), weights)
 
 
 def _rotated(slopes: Array, left: Array, right: Array) -> Array:
     """Leftᵀ C_i right, (p, r, m)."""
     return left.T @ slopes @ right
-
-
-def _bending(
-    slopes: Array, at: _Spectrum, cluster: NDArray[np.intp], weight: Array, extreme: float
-) -> Array:
-    """Second order of a cluster through the eigenvalues outside, relative to the extreme.
-
-    2 ⟨U, V₁ᵀ C_i V₂ (λ − Λ₂)⁻¹ V₂ᵀ C_j V₁⟩ / λ: positive at both ends, as the lower one counts
-    with a minus.
-    """
-    outside = np.setdiff1d(np.arange(len(at.values)), cluster)
-    inner = at.vectors[:, cluster].T @ weight @ at.vectors[:, cluster]
-    across = slopes[:, :, outside]
-    gaps = extreme / np.abs(extreme - at.values[outside])
-    p = len(slopes)
-    seen = ((inner @ across) * gaps).reshape(p, -1)
-    return 2 * seen @ across.reshape(p, -1).T
 
 
 def _convex(matrix: Array) -> Array:

@@ -1,13 +1,15 @@
 """One start of the search: a random admissible trajectory, descended to a local optimum.
 
 Normalised D-optimality decides for a basin and the goal's measures lead on; where that is log cond
-the semidefinite programmes of `polish` end in its kink.
+the semidefinite programmes of `polish` end in its kink. Limits that are not linear are elastic on
+the way and tightened in the last round, so that they hold between its samples.
 """
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.basis import COSINE, Basis
@@ -18,6 +20,8 @@ from runtime.excitation.goals import goal
 from runtime.excitation.information import Information
 from runtime.excitation.limits import LIMIT_STEP, Limits, inside, whitening
 from runtime.excitation.polish import polish
+from runtime.excitation.rows import LawRows
+from runtime.excitation.safety import Safety, laws, require_rest
 from runtime.excitation.sqp import Objective, descend
 from runtime.library import Array, Library, load
 
@@ -29,6 +33,14 @@ FINE_POINTS = 1000
 """At most, of that grid."""
 POLISH = 40
 """Semidefinite programmes at most, or steps of the last descent of a smooth goal."""
+TIGHTENED = 2e-3
+"""Of nonlinear limits in the last polish: they bend that much between its samples."""
+ELASTIC = 0.3
+"""Violation of nonlinear limits from which on a random start is shrunk."""
+SHRUNK, SHRINKS = 0.8, 60
+"""Factor of one such shrinking, and how many at most: 1e-6 of the joints' limits is no motion."""
+LEAST = 1e-3
+"""Use of the joints' limits below which other limits have left no room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +57,7 @@ class Problem:
         basis: of the motion.
         criterion: of `goals.CRITERIA`.
         information: of the unknowns; None is all base parameters by their regressor alone.
+        safety: limits beyond those of joints; None as in the document.
     """
 
     folder: Path
@@ -56,6 +69,7 @@ class Problem:
     basis: Basis = COSINE
     criterion: str = "cond"
     information: Information | None = None
+    safety: Safety | None = None
 
     def search(self) -> "Search":
         """Loads the library of the folder."""
@@ -66,27 +80,35 @@ class Search:
     """Descents from random starts; a start depends on its number and the seed alone."""
 
     def __init__(self, lib: Library, problem: Problem) -> None:
+        self.problem = problem
         self.basis, size = problem.basis, problem.basis.size(problem.harmonics)
         self.goal = goal(problem.criterion, lib, problem.home, problem.information)
         shape = self._grid = (lib, problem.home, size, problem.duration)
         self.cost = ConditionCost(*shape, self.basis, problem.information)
         self.limits = Limits(*shape, basis=self.basis)
+        self.laws = laws(lib, problem.home, problem.safety)
+        require_rest(self.laws, problem.home)
         self._seed, self._shape = problem.seed, (lib.n_joints, size)
         matrix, self._bound = self.limits.inequalities()
         spread = whitening(matrix, lib.n_joints)
         # Of `whitening`'s unit vectors each row sees a share; now x of size one reaches a bound.
         self._spread = spread * np.sqrt(len(matrix) / (3.0 * len(spread)))
         self._matrix = matrix @ self._spread
+        self._coarse = self.law_rows(LIMIT_STEP)
 
     def start(self, number: int) -> tuple[float, Array]:
-        """The goal's target and coefficients (n, M), within the limits of the descent's grid."""
-        x = self._random(number)
-        rows = Rows(self._matrix, self._bound)
+        """The goal's target and coefficients (n, M), within the limits of the descent's grid.
+
+        Raises:
+            IdentificationError: the limits leave no room for a motion.
+        """
+        rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
+        x = self._shrunk(self._random(number), ELASTIC)
         for measure, iterations in self.goal.stages:
-            x = descend(self._objective(measure), x, rows, iterations).x
+            x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
         if self.goal.is_kinked:
-            x = polish(_Correlations(self), x, rows, POLISH).x
-        a = inside(self.limits, self.coefficients(x[None])[0])
+            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+        a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
         return self.value(a), a
 
     def require_rank(self) -> None:
@@ -114,16 +136,28 @@ class Search:
 
     def refined(self, a: Array) -> Array:
         """The same optimum on a finer grid: pulled inside there alone it would lose 0.5 %."""
-        step = max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS)
-        fine = Limits(*self._grid, step=min(step, LIMIT_STEP), basis=self.basis)
+        step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
+        fine = Limits(*self._grid, step=step, basis=self.basis)
         matrix, bound = fine.inequalities()
         x = np.linalg.solve(self._spread, inside(fine, a).ravel())
         rows = Rows(matrix @ self._spread, bound)
+        elastic = self._elastic(self.law_rows(step, TIGHTENED))
         if self.goal.is_kinked:
-            x = polish(_Correlations(self), x, rows, POLISH).x
+            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
         else:
-            x = descend(self._objective(self.goal.target), x, rows, POLISH).x
+            objective = self._objective(self.goal.target)
+            x = descend(objective, x, rows, POLISH, nonlinear=elastic).x
         return self.coefficients(x[None])[0]
+
+    def law_rows(
+        self, step: float, tightened: float = 0.0, duration: float | None = None
+    ) -> LawRows:
+        """The nonlinear limits on a grid of this step, s, of the same path in this duration."""
+        lib, home, size, own = self._grid
+        end = own if duration is None else duration
+        t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)
+        phi = self.basis.at(lib, size, t, end)
+        return LawRows(self.laws, home, phi, self.basis.is_symmetric, tightened)
 
     def coefficients(self, points: Array) -> Array:
         """A of K points x, (K, n, M)."""
@@ -131,7 +165,28 @@ class Search:
 
     def slopes(self, gradients: Array) -> Array:
         """∂/∂x from ∂/∂a (K, n, M), (K, p)."""
-        return gradients.reshape(len(gradients), -1) @ self._spread
+        return gradients.reshape(-1, len(self._spread)) @ self._spread
+
+    def _elastic(self, rows: LawRows) -> "_Elastic | None":
+        return _Elastic(self, rows) if self.laws else None
+
+    def _shrunk(self, x: Array, violation: float) -> Array:
+        """X scaled towards rest until the nonlinear limits are violated by no more than this."""
+        stopped: list[str] = []
+        for _ in range(SHRINKS):
+            a = self.coefficients(x[None])[0]
+            use = float(np.max(self._matrix @ x))
+            if self._coarse.worst(a) <= violation and use >= LEAST:
+                return x
+            stopped = self._coarse.strongest(a) or stopped
+            if use < LEAST:
+                break
+            x = SHRUNK * x
+        raise IdentificationError(
+            "the limits leave no room for a motion: shrunk to "
+            f"{100 * LEAST:g} % of what the joints may do it still meets the limits of "
+            f"{' and of '.join(stopped)}; relax one of them or choose another home"
+        )
 
     def _objective(self, measure: Measure) -> Objective:
         def objective(x: Array) -> tuple[float, Array]:
@@ -139,6 +194,24 @@ class Search:
             return value, self.slopes(gradient[None])[0]
 
         return objective
+
+
+class _Elastic:
+    """The nonlinear limits as functions of x."""
+
+    def __init__(self, search: Search, rows: LawRows) -> None:
+        self._search, self._rows = search, rows
+
+    def violation(self, x: Array) -> float:
+        return max(0.0, self._rows.worst(self._search.coefficients(x[None])[0]))
+
+    def near(self, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        numbers, values, slopes = self._rows.linearised(self._search.coefficients(x[None])[0])
+        return numbers, values, self._search.slopes(slopes)
+
+    def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
+        a = self._search.coefficients(x[None])[0]
+        return self._search.slopes(self._rows.jacobian(a, numbers))
 
 
 class _Correlations:

@@ -1,7 +1,7 @@
-"""min f(x) s.t. A x ≤ b by sequential quadratic programming along feasible directions.
+"""min f(x) s.t. A x ≤ b, g(x) ≤ 0 by sequential quadratic programming along feasible directions.
 
-Damped BFGS (Powell 1978) for the curvature; every iterate is admissible, so the search can end at
-any of them. Knows nothing of robots.
+Damped BFGS (Powell 1978) for the curvature. Every iterate keeps A x ≤ b; g is elastic and enters
+the merit f + μ max(0, max g), see `elastic`. Knows nothing of robots.
 """
 
 from collections.abc import Callable
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.excitation.conic import Block, Rows, solve
+from runtime.excitation.elastic import MU, Curved, Nonlinear, corrected
 from runtime.library import Array
 
 Objective = Callable[[Array], tuple[float, Array]]
@@ -26,8 +27,8 @@ class Descended:
     """Where the descent ended.
 
     Attributes:
-        x: admissible.
-        value: f(x), never above that of the start.
+        x: keeps A x ≤ b.
+        value: f(x); without g never above that of the start.
         iterations: steps taken.
         curvature: the BFGS matrix, for a next objective that is like this one.
     """
@@ -38,6 +39,20 @@ class Descended:
     curvature: Array
 
 
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """x, f, ∂f/∂x and the violation v."""
+
+    x: Array
+    value: float
+    gradient: Array
+    violation: float
+
+    @property
+    def merit(self) -> float:
+        return self.value + MU * self.violation
+
+
 def descend(
     objective: Objective,
     x: Array,
@@ -45,58 +60,97 @@ def descend(
     iterations: int = 100,
     tolerance: float = 1e-6,
     curvature: Array | None = None,
+    nonlinear: Nonlinear | None = None,
 ) -> Descended:
-    """Descend from an admissible x.
+    """Descend from an x with A x ≤ b.
 
     Args:
         objective: f and its gradient.
-        x: start, A x ≤ b.
+        x: start.
         rows: A and b.
         iterations: at most.
-        tolerance: of f: ends when the predicted decrease, or that of three steps, is below.
+        tolerance: of the merit: ends when the predicted decrease, or that of three steps, is below.
         curvature: first Hessian, default is the gradient's length times 1.
+        nonlinear: g.
     """
-    value, gradient = objective(x)
+
+    def at(x: Array) -> _Point:
+        value, gradient = objective(x)
+        return _Point(x, value, gradient, 0.0 if nonlinear is None else nonlinear.violation(x))
+
+    point = at(x)
     n, done, idle = len(x), 0, 0
-    fresh = np.eye(n) * max(1e-3, float(np.linalg.norm(gradient)))
+    fresh = np.eye(n) * max(1e-3, float(np.linalg.norm(point.gradient)))
     hessian = fresh if curvature is None else curvature
     while done < iterations and idle < _PATIENCE:
-        step = _direction(hessian, gradient, x, rows)
-        if step is None:
+        curved = None if nonlinear is None else Curved(nonlinear, point.x)
+        found = _direction(hessian, point, rows, curved)
+        if found is None:
             if hessian is fresh:
                 break
             hessian = fresh
             continue
-        slope = float(gradient @ step)
+        step, duals = found
+        slope = float(point.gradient @ step)
+        if curved is not None:
+            slope += MU * (curved.after(step) - point.violation)
         if not slope < -tolerance:
             break
-        found = _search(objective, x, value, step, slope, rows.reach(x, step))
-        if found is None:
+        after = _search(at, point, step, slope, rows, nonlinear)
+        if after is None:
             break
-        after, new_value, new_gradient = found
-        hessian = _damped(hessian, after - x, new_gradient - gradient)
-        idle = idle + 1 if value - new_value < tolerance else 0
-        x, value, gradient = after, new_value, new_gradient
+        change = after.gradient - point.gradient
+        if curved is not None:
+            change += curved.bent(duals, after.x)
+        hessian = _damped(hessian, after.x - point.x, change)
+        idle = idle + 1 if point.merit - after.merit < tolerance else 0
+        point = after
         done += 1
-    return Descended(x, value, done, hessian)
+    return Descended(point.x, point.value, done, hessian)
 
 
-def _direction(hessian: Array, gradient: Array, x: Array, rows: Rows) -> Array | None:
+def _direction(
+    hessian: Array, at: _Point, rows: Rows, curved: Curved | None
+) -> tuple[Array, Array] | None:
+    """The step and the multipliers of the curved rows."""
+    p = len(at.x)
     # Nearly singular BFGS matrices stop the interior point early.
-    safe = hessian + np.eye(len(x)) * (1e-9 * np.trace(hessian) / len(x))
-    found = rows.solve(x, lambda a, slack: solve(safe, gradient, [Block(a, slack)]))
-    return None if found is None else found[0]
+    safe = hessian + np.eye(p) * (1e-9 * np.trace(hessian) / p)
+    if curved is None:
+        plain = rows.solve(at.x, lambda a, slack: solve(safe, at.gradient, [Block(a, slack)]))
+        return None if plain is None else (plain[0], np.zeros(0))
+    quadratic = np.zeros((p + 1, p + 1))
+    quadratic[:p, :p] = safe
+    linear = np.append(at.gradient, MU)
+
+    def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
+        limits = Block(np.hstack([a, np.zeros((len(a), 1))]), slack)
+        return solve(quadratic, linear, [limits, curved.block(p + 1)])
+
+    found = rows.solve(at.x, programme, curved.grow)
+    return None if found is None else (found[0][:p], found[1][1])
 
 
 def _search(
-    objective: Objective, x: Array, value: float, step: Array, slope: float, reach: float
-) -> tuple[Array, float, Array] | None:
-    """Halve from `reach` until f falls enough (Armijo)."""
-    for _ in range(_HALVINGS):
-        after = x + reach * step
-        new_value, new_gradient = objective(after)
-        if new_value <= value + _ARMIJO * reach * slope:
-            return after, new_value, new_gradient
+    at: Callable[[Array], _Point],
+    point: _Point,
+    step: Array,
+    slope: float,
+    rows: Rows,
+    nonlinear: Nonlinear | None,
+) -> _Point | None:
+    """Halve from the linear rows' reach until the merit falls enough (Armijo)."""
+    reach = rows.reach(point.x, step)
+    for halving in range(_HALVINGS):
+        after = at(point.x + reach * step)
+        if after.merit <= point.merit + _ARMIJO * reach * slope:
+            return after
+        if nonlinear is not None and halving == 0:
+            back = corrected(nonlinear, after.x)
+            if back is not None:
+                better = at(after.x + rows.reach(after.x, back) * back)
+                if better.merit <= point.merit + _ARMIJO * reach * slope:
+                    return better
         reach *= 0.5
     return None
 

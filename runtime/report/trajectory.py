@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from runtime.atomic import replacing
 from runtime.certificate import KINDS, certificate
-from runtime.excitation import Trajectory
+from runtime.excitation import Safety, Trajectory
 from runtime.library import Library
 
 Array = NDArray[np.float64]
@@ -57,14 +57,16 @@ _STYLE = {
 }
 
 
-def write_picture(lib: Library, trajectory: Trajectory, path: Path) -> None:
-    """Draw the trajectory as PNG, atomically.
+def write_picture(
+    lib: Library, trajectory: Trajectory, path: Path, safety: Safety | None = None
+) -> None:
+    """Draw the trajectory as PNG, atomically; the title tells its certificate under `safety`.
 
     Raises:
         IdentificationError: the trajectory is not one of this robot.
         RuntimeFault: the place cannot be written.
     """
-    proof = certificate(lib, trajectory)
+    proof = certificate(lib, trajectory, safety)
     t = np.linspace(0.0, trajectory.duration, SAMPLES)
     motion = trajectory.at(lib, t)
     shares = uses(lib, trajectory, motion)
@@ -88,9 +90,10 @@ def write_picture(lib: Library, trajectory: Trajectory, path: Path) -> None:
         handles.append(rows[0, 1].lines[-1])
         figure.legend(handles, [*labels, "limit"], loc="outside lower center", ncols=5)
         verdict = "hold at every instant" if proof.holds else "do NOT all hold"
-        parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.joint})" for u in proof.uses]
+        parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.where})" for u in proof.uses]
         figure.suptitle(
-            f"{lib.name}, {trajectory.duration:g} s: limits {verdict}\n" + "  ·  ".join(parts),
+            f"{lib.name}, {trajectory.duration:g} s: limits {verdict}\n"
+            + "\n".join("  ·  ".join(parts[k : k + 5]) for k in range(0, len(parts), 5)),
             fontsize=9,
             x=0.01,
             ha="left",

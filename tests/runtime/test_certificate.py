@@ -116,7 +116,7 @@ def test_no_number_is_no_proof(lib: Library, value: float) -> None:
             found = certificate(lib, Trajectory(lib.home, a, 10.0))
         assert not found.holds
         assert found.fastest() == 0
-        assert {use.joint for use in found.broken} == {lib.joint_names[joint]}
+        assert {use.where for use in found.broken} == {lib.joint_names[joint]}
     home = lib.home.copy()
     home[2] = np.nan
     found = certificate(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0))
@@ -129,7 +129,7 @@ def test_a_home_on_its_limit_has_no_room(lib: Library, beyond: float) -> None:
     home = lib.home.copy()
     home[4] = lib.limits()["upper"][4] + beyond
     use = certificate(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0)).uses[0]
-    assert (use.bound, use.joint, use.holds) == (np.inf, "fr3_joint5", False)
+    assert (use.bound, use.where, use.holds) == (np.inf, "fr3_joint5", False)
 
 
 def test_limits_that_nobody_states(tiny_built: Path) -> None:

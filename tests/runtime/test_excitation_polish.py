@@ -5,7 +5,8 @@ import pytest
 
 from runtime.excitation import conic
 from runtime.excitation.conic import SLACK, Rows
-from runtime.excitation.polish import _Model, _Spectrum, _weight, polish
+from runtime.excitation.polish import _Model, polish
+from runtime.excitation.spectrum import Spectrum, weight_of
 
 
 class Affine:
@@ -83,7 +84,7 @@ def test_an_optimum_with_clusters_at_both_ends() -> None:
 def test_multipliers_at_the_optimum() -> None:
     """Oracle: at the optimum the step is none and its duals are U₁ and U₂; they are kept."""
     toy, first, second = built_in()
-    at = _Spectrum.of(toy.constant)
+    at = Spectrum.of(toy.constant)
     model = _Model.around(toy, np.zeros(4), at, None)
     step = model.step(np.zeros(4), box(4, 3.0), 0.3)
     assert step is not None
@@ -91,10 +92,10 @@ def test_multipliers_at_the_optimum() -> None:
     assert step.step == pytest.approx(np.zeros(4), abs=1e-4)
     assert step.weights[0] == pytest.approx(first, abs=1e-4)
     assert step.weights[1] == pytest.approx(second, abs=1e-4)
-    kept = _weight(at, at.upper(), at.values[-1], first), _weight(at, at.lower(), 1.0, second)
+    kept = weight_of(at, at.upper(), at.values[-1], first), weight_of(at, at.lower(), 1.0, second)
     assert kept[0] == pytest.approx(first, abs=1e-12)
     assert kept[1] == pytest.approx(second, abs=1e-12)
-    foreign = _weight(at, at.upper(), at.values[-1], second)  # of no use at this end
+    foreign = weight_of(at, at.upper(), at.values[-1], second)  # of no use at this end
     assert np.trace(foreign @ first) > 0.4
 
 
@@ -106,7 +107,7 @@ def test_curvature_of_simple_ends() -> None:
     rng = np.random.default_rng(5)
     bends = np.stack([np.diag([-0.3, 0.0, 0.1, 2.0])] * 3)
     toy = Affine(np.diag([1.0, 2.0, 2.5, 6.0]), 0.4 * symmetric(rng, 3, 4, 4), bends)
-    model = _Model.around(toy, np.zeros(3), _Spectrum.of(toy.constant), None)
+    model = _Model.around(toy, np.zeros(3), Spectrum.of(toy.constant), None)
     for _ in range(5):
         d = rng.normal(size=3)
         h = 1e-3

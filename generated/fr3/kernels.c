@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 834d3a1605068d183e4788f8d969c551b47344200a78894002806b6894c4ea66.
+ * Model 87ac97765407faf5229c2d3ad386b2dd971c823297687317ec21cb132630e5cc.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "834d3a1605068d183e4788f8d969c551b47344200a78894002806b6894c4ea66";
+    return "87ac97765407faf5229c2d3ad386b2dd971c823297687317ec21cb132630e5cc";
 }
 
 const char *fr3_level(void)
@@ -23303,7 +23303,7 @@ void fr3_cholesky_jacobian(const double theta[10], double pi[10], double jacobia
     jacobian[99] = t183;
 }
 
-/* smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. 558 operations. */
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations. */
 void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100])
 {
     const double t2 = pi[4] + pi[5];

@@ -1,6 +1,7 @@
 """Damped Newton for the maximum a posteriori: one smooth convex problem, a handful of steps.
 
-    min over π of  (‖A π − b‖² + ρ)/2N + Σ_k γ_k [tr(P0_k⁻¹ P_k) − log det P_k] − Σ_c μ log(l_c − a_c·π)
+    min over π of  (‖A π − b‖² + ρ)/2N + Σ_k γ_k [tr(P0_k⁻¹ P_k) − log det P_k]
+                   − Σ_c μ log(l_c − a_c·π)
 
 The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ l_c and a subspace
 π = o + Z z carry further priors. Steps: Jacobi scaling, Cholesky with a ridge on failure, Armijo

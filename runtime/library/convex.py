@@ -43,7 +43,7 @@ class ConvexTask:
 
 @dataclass(frozen=True, slots=True)
 class ConvexAnswer:
-    """Of every γ: minimiser (g, 10 n), loss, Newton decrement and steps; all have converged or not."""
+    """Of every γ: minimiser (g, 10 n), loss, decrement and steps; whether all have converged."""
 
     points: Array
     losses: Array

@@ -4,7 +4,7 @@ import cvxpy
 import numpy as np
 import pytest
 
-from runtime.baselines import convex_optimum
+from runtime.baselines import cone_optimum
 from runtime.convex import (
     CAD,
     HalfSpaces,
@@ -158,7 +158,7 @@ def test_path_ends_at_clarabels_optimum(fr3, noise):
     statistics = compressed(fr3, 1, noise=noise)
     data, _ = reduce(statistics, 7)
     path = follow(data, prior_of(fr3))
-    cone = convex_optimum(fr3, statistics)
+    cone = cone_optimum(fr3, statistics)
     silent = data.value(np.zeros(70))
     assert path.converged
     # Below 1e-9 of the loss of τ̂ = 0 both solvers only round.

@@ -10,7 +10,7 @@ worth. Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, cho_factor, cho_solve
+from scipy.linalg import block_diag
 
 from runtime.convex import CAD, bodies_of, prior_of, reduce
 from runtime.library import Array, Library
@@ -20,7 +20,7 @@ from runtime.statistics import Statistics, compress
 
 IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
 DETERMINED = 0.1
-"""Posterior variance below this share of the prior's: the data say ten times more than the prior."""
+"""Posterior variance below this share of the prior's: the data say ten times more."""
 WHITE = 1.96
 """Half width of the 95 % band of a white residual's autocorrelation, in units of 1/√N."""
 BAND_SAMPLES = 200
@@ -32,7 +32,7 @@ class Uncertainty:
     """What vouches for the numbers.
 
     Attributes:
-        covariance: C of π, (10 n, 10 n).
+        root: C = root rootᵀ of π, (10 n, 10 n).
         share: posterior over prior variance of every entry of π, (10 n,), in (0, 1].
         verdicts: per entry of π: identified, prior-dominated or unobservable.
         beta_sigma: standard deviation of the base parameters, (n_b,).
@@ -44,7 +44,7 @@ class Uncertainty:
         conditioning: weakest over strongest excited direction.
     """
 
-    covariance: Array
+    root: Array
     share: Array
     verdicts: tuple[str, ...]
     beta_sigma: Array
@@ -57,9 +57,14 @@ class Uncertainty:
     conditioning: float
 
     @property
+    def covariance(self) -> Array:
+        """C of π, (10 n, 10 n)."""
+        return self.root @ self.root.T
+
+    @property
     def sigma(self) -> Array:
         """Standard deviation of every entry of π, (10 n,)."""
-        return np.sqrt(np.diagonal(self.covariance))
+        return np.asarray(np.linalg.norm(self.root, axis=1))
 
     def torque_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
         """One standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²), (N, n)."""
@@ -68,8 +73,7 @@ class Uncertainty:
     def model_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
         """One standard deviation of the model's own torque, √diag(Y C Yᵀ), (N, n)."""
         y = lib.regressor(*(np.atleast_2d(a) for a in (q, dq, ddq)))
-        lower = np.linalg.cholesky(self.covariance + _rounding(self.covariance))
-        return np.asarray(np.linalg.norm(y @ lower, axis=2))
+        return np.asarray(np.linalg.norm(y @ self.root, axis=2))
 
     def advice(self) -> str:
         """One sentence: what to trust, and what to record next."""
@@ -123,12 +127,14 @@ def uncertainty_of(
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
     inside = bodies.log_det(pi) is not None
     _, blocks = bodies.curvature(pi if inside else prior.centre)
-    known = kappa * block_diag(*blocks)
-    variance = max(data.variance, 1e-300)
-    information = data.factor.T @ data.factor / (variance * worth) + known
-    covariance = _inverse(information)
-    before = np.diagonal(_inverse(known))
-    share = np.minimum(np.diagonal(covariance) / before, 1.0)
+    # In units of the prior the information is 1 + ÃᵀÃ, whose inverse has no cancellation.
+    shrink = block_diag(*(np.linalg.inv(np.linalg.cholesky(kappa * b)).T for b in blocks))
+    noise_free = max(data.variance, np.finfo(float).tiny) * worth
+    _, said, turn = np.linalg.svd(data.factor @ shrink / np.sqrt(noise_free))
+    left = np.ones(len(turn))
+    left[: said.size] = 1 / np.sqrt(1 + said**2)
+    root = np.asarray(shrink @ turn.T * left)
+    share = np.minimum(np.sum(root**2, axis=1) / np.sum(shrink**2, axis=1), 1.0)
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
     lengths = np.linalg.norm(statistics.factor, axis=0)
@@ -138,10 +144,10 @@ def uncertainty_of(
     )
     rank = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
     return Uncertainty(
-        covariance=covariance,
+        root=root,
         share=share,
         verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, share, strict=True)),
-        beta_sigma=np.sqrt(np.einsum("bi,ij,bj->b", base, covariance, base)),
+        beta_sigma=np.linalg.norm(base @ root, axis=1),
         noise=sigma,
         n_samples=len(samples),
         n_eff=len(samples) / worth,
@@ -161,15 +167,3 @@ def _verdict(silent: bool, share: float) -> str:
 def _white(rest: Array) -> Array:
     inside = np.abs(autocorrelation(rest)) < WHITE / np.sqrt(len(rest))
     return np.asarray(inside.sum(axis=0) / LAGS)
-
-
-def _inverse(matrix: Array) -> Array:
-    """Inverse of a positive definite matrix whose rows have different units."""
-    scale = 1 / np.sqrt(np.diagonal(matrix))
-    factor = cho_factor(matrix * np.outer(scale, scale), lower=True)
-    inverse = cho_solve(factor, np.eye(len(matrix))) * np.outer(scale, scale)
-    return np.asarray((inverse + inverse.T) / 2)
-
-
-def _rounding(matrix: Array) -> Array:
-    return np.diag(1e-12 * np.diagonal(matrix))

@@ -149,8 +149,8 @@ typedef struct {
  * `links` bodies, minimised for one gamma after the other, each from the answer to the last; see
  * convex.c. pi is where the first begins, P > 0. A is stored row after row, 10 numbers per
  * body and each row filled with zeros to a multiple of 8, `width`; slope and points likewise. Of every gamma: the
- * minimiser, the loss there, the Newton decrement and the steps; `converged` counts those whose decrement is below
- * `tolerance` gamma. work holds FR3_CONVEX_WORK(rows, width) numbers. */
+ * minimiser, the loss there, the Newton decrement and the steps; `converged` counts those whose decrement fell below
+ * `tolerance` gamma; the first that does not within `most_steps` is the last. work holds FR3_CONVEX_WORK(rows, width) numbers. */
 typedef struct {
     long links, width, rows;
     const double *factor, *target;

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 87ac97765407faf5229c2d3ad386b2dd971c823297687317ec21cb132630e5cc.
+ * Model 5411bd6d0d549c579362b08f8269b8c572eee057396049c0d36d8c98c629b9be.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "87ac97765407faf5229c2d3ad386b2dd971c823297687317ec21cb132630e5cc";
+    return "5411bd6d0d549c579362b08f8269b8c572eee057396049c0d36d8c98c629b9be";
 }
 
 const char *fr3_level(void)

@@ -2,8 +2,9 @@
 
 By the path of `runtime.convex`, and by Clarabel as its check, in the second-order-cone form on the
 compressed rows; the quadratic form loses half the digits. The convex optimum is the bar for every
-other method. Where the data are silent it is not unique, and often reached only with absurd bodies,
-so `fit_pc_ols` stops a hair before it, at the point of the path nearest to the first guess. Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
+other method. Where the data are silent it is not unique, and often reached only with absurd
+bodies, so `fit_pc_ols` stops a hair before it, at the point of the path nearest to the first guess.
+Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from runtime.convex import Path, follow_compiled, prior_of, reduce
+from runtime.convex.path import PATIENCE, SHRINK
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.problem import Fit, Problem
@@ -25,6 +27,10 @@ SLACK = 1e-3
 only with absurd bodies: a poorly excited arm of 16 kg asked for links of 1400 kg at 1e-5."""
 BOUNDARY = 1e-6
 """Smallest relative eigenvalue below which the optimum has a link that is a plate or a rod."""
+ABSURD = 4.0
+"""Mean tr(P0⁻¹ P)/4 per link beyond which the end of the path is no certificate: 1 is the prior."""
+FINER, MORE_STEPS = 4.0, 200
+"""Ratio and steps per γ of the second attempt at a path."""
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 
 
@@ -35,7 +41,8 @@ class ConvexOptimum:
     Attributes:
         loss: L at the optimum, (1/N) Σ ½ rᵀWr.
         pi, phi: a point that reaches it.
-        gap: certificate, L − L* is no larger among models that the prior does not find heavier.
+        gap: certificate, L − L* is no larger among models that the prior does not find heavier;
+            NaN from Clarabel, which stops at 1e-10 of ‖r‖.
         status: how it was found.
     """
 
@@ -49,15 +56,25 @@ class ConvexOptimum:
 def convex_optimum(
     lib: Library, statistics: Statistics, first_guess: Array | None = None
 ) -> ConvexOptimum:
-    """The end of the path from the first guess (default: the URDF); strictly consistent."""
-    return _ended(lib, statistics, first_guess)[0]
+    """The end of the path from the first guess (default: the URDF), strictly consistent.
+
+    Where the path drifts off to absurd bodies its certificate says little, and Clarabel answers.
+    """
+    return _best(lib, statistics, _followed(lib, statistics, first_guess))
 
 
 def fit_pc_ols(problem: Problem) -> Fit:
     """The first point of the path, so the nearest to the guess, within `SLACK` of the optimum."""
     lib, statistics = problem.lib, problem.statistics()
-    best, path = _ended(lib, statistics, lib.pi_from_lam(problem.start))
-    pi = path.nearest(SLACK)
+    guess = lib.pi_from_lam(problem.start)
+    path = _followed(lib, statistics, guess)
+    best = _best(lib, statistics, path)
+    near = path.nearest(SLACK, best.loss)
+    if near is None:
+        path = _followed(lib, statistics, guess, FINER, MORE_STEPS)
+        near = path.nearest(SLACK, best.loss)
+    pi = path.points[-1] if near is None else near
+    how = "stopped before coming within" if near is None else "within"
     _, eliminated = reduce(statistics, lib.n_joints)
     edge = lib.relative_eigenvalues(best.pi).min() < BOUNDARY
     return Fit(
@@ -65,25 +82,32 @@ def fit_pc_ols(problem: Problem) -> Fit:
         phi=eliminated.phi(pi).reshape(problem.train.columns.shape[1:]),
         lam=lib.lam_from_pi(pi),
         status=(
-            f"{best.status}; convex optimum {best.loss:.6g}, certified to "
-            f"{best.gap / max(best.loss, 1e-300):.0e}"
-            + (", on the boundary of consistency" if edge else "")
+            f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
+            + (", which lies on the boundary of consistency" if edge else "")
         ),
         iterations=path.steps,
         optimum=best.loss,
     )
 
 
-def _ended(
-    lib: Library, statistics: Statistics, first_guess: Array | None
-) -> tuple[ConvexOptimum, Path]:
-    data, eliminated = reduce(statistics, lib.n_joints)
-    path = follow_compiled(lib, data, prior_of(lib, first_guess))
-    pi = path.points[-1]
-    ended = "converged" if path.converged else "stopped before its last digits"
-    status = f"{ended}: path to the convex optimum, {path.steps} Newton steps"
+def _followed(
+    lib: Library,
+    statistics: Statistics,
+    guess: Array | None,
+    shrink: float = SHRINK,
+    most_steps: int = PATIENCE,
+) -> Path:
+    data, _ = reduce(statistics, lib.n_joints)
+    return follow_compiled(lib, data, prior_of(lib, guess), shrink, most_steps)
+
+
+def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
+    pi, loss = path.points[-1], float(path.losses[-1])
+    if not path.converged or path.weight > ABSURD:
+        return cone_optimum(lib, statistics)
+    _, eliminated = reduce(statistics, lib.n_joints)
     phi = eliminated.phi(pi).reshape(lib.n_joints, -1)
-    return ConvexOptimum(float(path.losses[-1]), pi, phi, path.gap, status), path
+    return ConvexOptimum(loss, pi, phi, path.gap, f"path of {path.steps} Newton steps")
 
 
 def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:

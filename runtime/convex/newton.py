@@ -121,7 +121,9 @@ def convex_problem(
     return ConvexProblem(data, prior, weights, inside, free)
 
 
-def minimise(problem: ConvexProblem, start: Array | None = None) -> Minimum:
+def minimise(
+    problem: ConvexProblem, start: Array | None = None, most_steps: int = MOST_STEPS
+) -> Minimum:
     """Newton from a point inside (default: the prior's centre).
 
     Raises:
@@ -139,7 +141,7 @@ def minimise(problem: ConvexProblem, start: Array | None = None) -> Minimum:
     # A cost whose digits end above the goal can still be solved to its last digit.
     goal = max(goal, 4 * np.finfo(float).eps * abs(value))
     decrement, steps, converged = np.inf, 0, False
-    while steps < MOST_STEPS and not converged:
+    while steps < most_steps and not converged:
         gradient, hessian = cost.slope(pi)
         step = -_solved(hessian, gradient, problem.free)
         decrement = -float(gradient @ step) / 2

@@ -1,4 +1,4 @@
-"""How sure a result is, as the report tells it: per link what the data say, per joint the residual."""
+"""How sure a result is, as the report tells it: what the data say per link, residuals per joint."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

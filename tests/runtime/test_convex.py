@@ -167,6 +167,7 @@ def test_path_ends_at_clarabels_optimum(fr3, noise):
     assert (np.diff(path.losses) <= 1e-9 * path.losses[0]).all()
     assert (fr3.relative_eigenvalues(path.points) > 0).all()
     near = path.nearest(1e-3)
+    assert near is not None
     assert data.value(near) <= 1.001 * path.losses[-1] + 1e-9 * silent
 
 

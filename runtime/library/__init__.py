@@ -5,8 +5,10 @@ argument given once, such as π, serves all samples.
 """
 
 from runtime.library.binding import Array
+from runtime.library.convex import CompiledConvex, ConvexAnswer, ConvexTask
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
-from runtime.library.library import Library, load
+from runtime.library.library import Library
+from runtime.library.load import load
 from runtime.library.manifest import (
     BrakingFacts,
     JointFacts,
@@ -21,7 +23,10 @@ __all__ = [
     "Array",
     "BrakingFacts",
     "CompiledAdam",
+    "CompiledConvex",
     "CompiledLevenberg",
+    "ConvexAnswer",
+    "ConvexTask",
     "JointFacts",
     "LeastSquares",
     "Library",

@@ -1,4 +1,4 @@
-"""Kernels of one body: maps between λ, π and the matrices of its inertia."""
+"""The kernels of one body: λ ↔ π, log-Cholesky ↔ π, pseudo-inertia and its barrier."""
 
 import casadi as ca
 
@@ -8,11 +8,13 @@ from symgen.kernel import Argument, Kernel, make_kernel
 
 
 def body_kernels() -> tuple[Kernel, ...]:
-    """Everything about one body."""
+    """Every kernel of one body; a batch runs over links."""
     pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
     floor_ = Argument("floor", (1,), "1", shared=True)
     slope_ = Argument("slope", (P,), "d cost / d pi")
-    pi, lam, floor, slope = (a.symbol() for a in (pi_, lam_, floor_, slope_))
+    theta_ = Argument("theta", (P,), "log-Cholesky")
+    pi, lam, floor, slope, theta = (a.symbol() for a in (pi_, lam_, floor_, slope_, theta_))
+    pivot, log_det, traces, curvature = inertia.barrier(pi)
     return (
         make_kernel(
             "pi_from_lam", {lam_: lam}, {pi_: inertia.pi_from_lam(lam)}, "Eqs. 4.25-4.31", "link"
@@ -39,6 +41,38 @@ def body_kernels() -> tuple[Kernel, ...]:
             },
             "(d pi / d lam)' slope of one link, Eq. 4.32",
             "link",
+        ),
+        make_kernel(
+            "cholesky_jacobian",
+            {theta_: theta},
+            {
+                pi_: inertia.pi_from_cholesky(theta),
+                Argument("jacobian", (P, P), "d pi / d theta"): ca.jacobian(
+                    inertia.pi_from_cholesky(theta), theta
+                ),
+            },
+            "pi and d pi / d theta of one link, P = U(theta) U(theta)'",
+            "link",
+        ),
+        make_kernel(
+            "barrier",
+            {pi_: pi},
+            {
+                Argument("pivot", (1,), "SI"): pivot,
+                Argument("log_det", (1,), "1"): log_det,
+                Argument("traces", (P,), "1/SI"): traces,
+                Argument("curvature", (P, P), "1/SI^2"): curvature,
+            },
+            "smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i",
+            "link",
+        ),
+        make_kernel(
+            "cholesky_from_pi",
+            {pi_: pi},
+            {theta_: inertia.cholesky_from_pi(pi)},
+            "theta with U(theta) U(theta)' = P; NaN unless P is positive definite",
+            "link",
+            rare=True,
         ),
         make_kernel(
             "lam_from_pi",

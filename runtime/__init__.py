@@ -10,6 +10,7 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 from runtime.descent import Preset
 from runtime.fitting import PRESETS
 from runtime.identification import METHODS, Identification, identify
+from runtime.ladder import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.recording import Recording, read_recording, write_recording
 
@@ -20,6 +21,7 @@ __all__ = [
     "Library",
     "Preset",
     "Recording",
+    "choose_friction",
     "identify",
     "load",
     "read_recording",

@@ -1,0 +1,42 @@
+"""The convex estimators: maximum a posteriori with an entropic prior, and its limit PC-IDIM-OLS.
+
+    min over π of (‖A π − b‖² + ρ)/2N + Σ_k γ_k [tr(P0_k⁻¹ P_k) − log det P_k]
+
+Every answer is a set of bodies that exist strictly. Source: Lee, Wensing & Park 2019 (prior);
+Wensing, Kim & Slotine 2018 (P ⪰ 0); document Sec. 3.1.4.
+"""
+
+from runtime.convex.bodies import Bodies, bodies_of
+from runtime.convex.newton import (
+    ConvexProblem,
+    HalfSpaces,
+    Minimum,
+    Subspace,
+    convex_problem,
+    minimise,
+)
+from runtime.convex.path import Path, follow
+from runtime.convex.prior import CAD, GRIPPER, NONE, Prior, prior_from, prior_of
+from runtime.convex.reduced import Elimination, Reduced, reduce
+
+__all__ = [
+    "CAD",
+    "GRIPPER",
+    "NONE",
+    "Bodies",
+    "ConvexProblem",
+    "Elimination",
+    "HalfSpaces",
+    "Minimum",
+    "Path",
+    "Prior",
+    "Reduced",
+    "Subspace",
+    "bodies_of",
+    "convex_problem",
+    "follow",
+    "minimise",
+    "prior_from",
+    "prior_of",
+    "reduce",
+]

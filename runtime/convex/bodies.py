@@ -1,0 +1,61 @@
+"""−log det P of every link with gradient and Hessian in π, from the library's own P(π).
+
+P is linear in π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) say all about it:
+
+    ∂(−log det P)/∂π_i = −tr(P⁻¹ B_i),   ∂²/∂π_i∂π_j = tr(P⁻¹ B_i P⁻¹ B_j).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.library import Array, Library
+from runtime.library.manifest import PI_NAMES
+
+SIZE = len(PI_NAMES)
+
+
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """P(π) = Σ π_i B_i of one body; the same for every link of every robot.
+
+    Attributes:
+        basis: B, (10, 4, 4).
+    """
+
+    basis: Array
+
+    def pseudo_inertia(self, pi: Array) -> Array:
+        """P_k, (n, 4, 4), from π (10 n,)."""
+        rows = pi.reshape(-1, SIZE)
+        return (rows @ self.basis.reshape(SIZE, 16)).reshape(-1, 4, 4)
+
+    def against(self, matrices: Array) -> Array:
+        """tr(M_k B_i) of symmetric (n, 4, 4), flat (10 n,): the slope of Σ tr(M_k P_k) in π."""
+        return (matrices.reshape(-1, 16) @ self.basis.reshape(SIZE, 16).T).ravel()
+
+    def log_det(self, pi: Array) -> Array | None:
+        """log det P_k, (n,); None where a P_k is not positive definite."""
+        try:
+            lower = np.linalg.cholesky(self.pseudo_inertia(pi))
+        except np.linalg.LinAlgError:
+            return None
+        diagonal = np.diagonal(lower, axis1=1, axis2=2)
+        return np.asarray(2 * np.log(diagonal).sum(axis=1))
+
+    def curvature(self, pi: Array) -> tuple[Array, Array]:
+        """tr(P_k⁻¹ B_i), (n, 10), and tr(P_k⁻¹ B_i P_k⁻¹ B_j), (n, 10, 10)."""
+        inverse = np.linalg.inv(self.pseudo_inertia(pi))
+        moved = inverse[:, None] @ self.basis
+        count = len(inverse)
+        turned = np.swapaxes(moved, 2, 3).reshape(count, SIZE, 16)
+        return (
+            np.trace(moved, axis1=2, axis2=3),
+            moved.reshape(count, SIZE, 16) @ np.swapaxes(turned, 1, 2),
+        )
+
+
+def bodies_of(lib: Library) -> Bodies:
+    """The basis read off the library's kernel, which is evaluated on unit vectors."""
+    unit = np.tile(np.eye(SIZE), (1, lib.n_joints))
+    return Bodies(np.ascontiguousarray(lib.pseudo_inertia(unit)[:, 0]))

@@ -1,0 +1,90 @@
+"""PC-IDIM-OLS by following γ down: min ‖A π − b‖² subject to P_k ⪰ 0 (Eq. 3.8), no cone solver.
+
+At weight γ the minimiser satisfies ∇L = γ Σ_k (P_k⁻¹ − P0_k⁻¹) on P_k, so every consistent π with
+Σ tr(P0_k⁻¹ P_k) no larger than the minimiser's has L(π) ≥ L(π_γ) − 4 n_links γ: the certificate.
+The path starts where the prior rules and each answer starts the next. Without the prior's trace
+the logarithm alone would have no minimiser.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.convex.bodies import SIZE
+from runtime.convex.newton import ConvexProblem, Minimum, convex_problem, minimise
+from runtime.convex.prior import Prior
+from runtime.convex.reduced import Reduced
+from runtime.library import Array
+
+SMALLEST_GAP = 1e-7
+"""Certificate at the end of the path, relative to the loss."""
+FIRST, SHRINK = 1e-1, 10.0
+"""γ at the start in units of the loss, and its ratio from step to step."""
+EXPLAINED = 1e-9
+"""Losses below this share of that of τ̂ = 0 count as rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """The way to the optimum of all consistent models.
+
+    Attributes:
+        gammas: weights, falling.
+        points: the minimisers π, one row each.
+        losses: L at them.
+        gap: 4 n_links γ at the end plus the Newton decrement: L − L* is no larger.
+        steps: Newton steps in all.
+        converged: at every γ.
+    """
+
+    gammas: Array
+    points: Array
+    losses: Array
+    gap: float
+    steps: int
+    converged: bool
+
+    def nearest(self, slack: float) -> Array:
+        """The first point, so the nearest to the prior, within a relative `slack` of the end."""
+        good = np.flatnonzero(self.losses <= (1 + slack) * self.losses[-1])
+        return np.array(self.points[good[0]])
+
+
+def gamma_ladder(data: Reduced, bodies: int) -> Array:
+    """Falling weights, from the loss that no model explains down to `SMALLEST_GAP` of it."""
+    silent = data.value(np.zeros(data.factor.shape[1]))
+    unit = max(data.rest / (2 * data.count), EXPLAINED * silent, 1e-300)
+    last = SMALLEST_GAP * unit / (4 * bodies)
+    count = int(np.ceil(np.log(FIRST * unit / last) / np.log(SHRINK))) + 1
+    return np.geomspace(FIRST * unit, last, count)
+
+
+def follow(data: Reduced, prior: Prior, gammas: Array | None = None) -> Path:
+    """Minimise at every γ, warm started.
+
+    Args:
+        data: least squares over π.
+        prior: its centre starts the path.
+        gammas: default is `gamma_ladder`.
+    """
+    bodies = prior.centre.size // SIZE
+    ladder = gamma_ladder(data, bodies) if gammas is None else np.asarray(gammas, dtype=float)
+    found = list(_descent(convex_problem(data, prior, float(g)) for g in ladder))
+    last = found[-1]
+    return Path(
+        gammas=ladder,
+        points=np.array([m.pi for m in found]),
+        losses=np.array([m.loss for m in found]),
+        gap=4 * bodies * float(ladder[-1]) + last.decrement,
+        steps=sum(m.steps for m in found),
+        converged=all(m.converged for m in found),
+    )
+
+
+def _descent(problems: Iterator[ConvexProblem]) -> Iterator[Minimum]:
+    start = None
+    for problem in problems:
+        found = minimise(problem, start)
+        start = found.pi
+        yield found

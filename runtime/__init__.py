@@ -12,6 +12,7 @@ from runtime.fitting import PRESETS
 from runtime.identification import METHODS, Identification, identify
 from runtime.ladder import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
+from runtime.payload import Payload, identify_payload
 from runtime.recording import Recording, read_recording, write_recording
 
 __all__ = [
@@ -19,10 +20,12 @@ __all__ = [
     "PRESETS",
     "Identification",
     "Library",
+    "Payload",
     "Preset",
     "Recording",
     "choose_friction",
     "identify",
+    "identify_payload",
     "load",
     "read_recording",
     "to_pinocchio_order",

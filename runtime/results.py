@@ -14,11 +14,9 @@ from runtime.atomic import replacing
 from runtime.identification import Identification
 from runtime.library import Array
 from runtime.objective import samples_of
-from runtime.recording import Friction
 from runtime.statistics import compress
 
 FORMAT = 1
-_WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
 SUSPICIOUSLY_GOOD = 1e-4
 """Overall error in percent below which a real torque sensor is hard to believe."""
 
@@ -153,16 +151,10 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
         return None
     names = result.train.column_names or result.friction.columns
     return {
+        **result.friction.facts(),
         "columns": list(names),
-        **{key: getattr(result.friction, key) for key in _WIDTHS},
         "values": result.phi.tolist(),
     }
-
-
-def friction_from(facts: Mapping[str, Any]) -> Friction:
-    """The friction columns that result.json tells of; widths of older files are the usual ones."""
-    widths = {key: float(facts[key]) for key in _WIDTHS if key in facts}
-    return Friction(tuple(map(str, facts["columns"])), **widths)
 
 
 def _trace_facts(result: Identification) -> dict[str, Any] | None:

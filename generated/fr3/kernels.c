@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 58d8b50847dd1a8a3b4688ad854877280d484c7bcd75451ce9d6cbd5fb79595d.
+ * Model 72b5ecdfcc32239e4d990ad87aed927cd380ba4b2061e79077b75e1568ac0781.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "58d8b50847dd1a8a3b4688ad854877280d484c7bcd75451ce9d6cbd5fb79595d";
+    return "72b5ecdfcc32239e4d990ad87aed927cd380ba4b2061e79077b75e1568ac0781";
 }
 
 const char *fr3_level(void)

@@ -16,8 +16,8 @@ from runtime.library.manifest import PI_NAMES
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
-from runtime.recording import read_recording
-from runtime.results import error_facts, friction_from
+from runtime.recording import Friction, read_recording
+from runtime.results import error_facts
 
 Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 
@@ -87,7 +87,7 @@ def _read(folder: Path) -> dict[str, Any]:
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
         read = {key: facts[key] for key in ("robot", "method", "joints", "units")}
         read["pi"] = np.array(facts["pi"], dtype=float)
-        read["friction"] = friction_from(terms)
+        read["friction"] = Friction.from_facts(terms)
         read["phi"] = np.array(terms["values"], dtype=float)
         whole = len(read["units"]) == n and read["pi"].shape == (len(PI_NAMES) * n,)
         if not whole or read["phi"].shape != (n, len(read["friction"].columns)):

@@ -14,6 +14,7 @@ from runtime.cli.common import (
     command_line,
     console,
     numbers_option,
+    preparation_of,
     say,
     torque_table,
 )
@@ -24,7 +25,7 @@ from runtime.friction import COLUMNS
 from runtime.identification import METHODS, Identification, identify
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library, load
-from runtime.recording import Friction, Preparation, Recording, Split, read_recording
+from runtime.recording import Friction, Recording, Split, read_recording
 from runtime.results import write_result
 
 AUTO = "auto"
@@ -89,7 +90,7 @@ def identify_command(
     """
     lib = load(robot)
     recording = read_recording(log, recipe, run)
-    prepared, parts = _preparation(recording, cutoff, rate), _split(split)
+    prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
     terms = _friction(recording, friction, coulomb_speed)
     notes: tuple[str, ...] = ()
     if terms is not None and terms.columns[:1] == (AUTO,):
@@ -187,19 +188,6 @@ def _ladder_table(choice: Choice) -> Table:
             str(rung.parameters),
         )
     return table
-
-
-def _preparation(
-    recording: Recording, cutoff: float | None, rate: float | None
-) -> Preparation | None:
-    if cutoff is None and rate is None:
-        return None
-    base = recording.recipe.preparation if recording.recipe else Preparation()
-    if cutoff is not None:
-        base = dataclasses.replace(base, filter="butterworth", cutoff_hz=cutoff)
-        if base.max_gap_s is None:
-            base = dataclasses.replace(base, max_gap_s=3.0 / recording.rate_hz)
-    return dataclasses.replace(base, rate_hz=rate) if rate is not None else base
 
 
 def _split(text: str | None) -> Split | None:

@@ -9,8 +9,10 @@ Nothing of this is ever guessed: a recipe states it. `recipe_file` reads recipes
 """
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite, pi
+from typing import Any
 
 from runtime.errors import RecordingError
 
@@ -25,6 +27,7 @@ LAYOUTS = ("csv", "flat", "npz")
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 DERIVATIVES = ("measured", "position")
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
+_WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
 _SIGNED = {"coulomb", "asymmetric", "stribeck", "load"}
 
 
@@ -195,8 +198,18 @@ class Friction:
     dahl_stroke: float = DAHL_STROKE
 
     def __post_init__(self) -> None:
-        for key in ("coulomb_speed", "stribeck_speed", "dahl_stroke"):
+        for key in _WIDTHS:
             _positive(f"[friction] {key}", getattr(self, key))
+
+    @classmethod
+    def from_facts(cls, facts: Mapping[str, Any]) -> "Friction":
+        """What `facts` said, in a file; widths that it does not name are the usual ones."""
+        widths = {key: float(facts[key]) for key in _WIDTHS if key in facts}
+        return cls(tuple(map(str, facts["columns"])), **widths)
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
 
     def __str__(self) -> str:
         """The columns, and the widths that these have."""

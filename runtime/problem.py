@@ -52,6 +52,9 @@ class Fit:
         status: a sentence.
         optimum: smallest loss of any consistent model, where the method has found it anyway.
         notes: sentences about what was done on the way.
+        weights: diagonal of W, where the method has its own.
+        statistics: of the training samples with these weights.
+        n_eff: independent training samples, where the method has counted them.
     """
 
     pi: Array
@@ -62,6 +65,9 @@ class Fit:
     trace: Trace | None = None
     optimum: float | None = None
     notes: tuple[str, ...] = ()
+    weights: Array | None = None
+    statistics: Statistics | None = None
+    n_eff: float | None = None
 
 
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:

@@ -27,7 +27,7 @@ from symgen.request import BuildRequest
 
 ONCE = ("kernels.c", "update.c")
 """Sources of plain C."""
-PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "excitation.c")
+PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "convex.c", "excitation.c")
 """Sources that are compiled once per instruction set."""
 UNHURRIED = ("reference.c",)
 """Sources that nobody waits for: compiled without optimisation, which saves build time."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from symgen import dynamics, excitation, inertia
 from symgen.base_parameters import Array, BaseParameters, numeric_base
+from symgen.bodies import body_kernels
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel
 
@@ -28,7 +29,7 @@ class Catalogue:
 def make_catalogue(chain: Chain) -> Catalogue:
     """Write every kernel of a chain."""
     base = numeric_base(chain, _sampled_regressor(chain))
-    return Catalogue((*_motion(chain, base), *_bodies(), *_excitation(chain, base)), base)
+    return Catalogue((*_motion(chain, base), *body_kernels(), *_excitation(chain, base)), base)
 
 
 def _sampled_regressor(chain: Chain) -> Any:
@@ -171,73 +172,6 @@ def _expanded(base: BaseParameters, beta: Any) -> Any:
 def _times(matrix: Array, vector: Any) -> Any:
     """matrix · vector without the zeros of the matrix."""
     return ca.mtimes(ca.sparsify(ca.DM(matrix)), vector)
-
-
-def _bodies() -> tuple[Kernel, ...]:
-    pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
-    floor_ = Argument("floor", (1,), "1", shared=True)
-    slope_ = Argument("slope", (P,), "d cost / d pi")
-    pi, lam, floor, slope = (a.symbol() for a in (pi_, lam_, floor_, slope_))
-    return (
-        make_kernel(
-            "pi_from_lam", {lam_: lam}, {pi_: inertia.pi_from_lam(lam)}, "Eqs. 4.25-4.31", "link"
-        ),
-        make_kernel(
-            "pi_jacobian",
-            {lam_: lam},
-            {
-                pi_: inertia.pi_from_lam(lam),
-                Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(
-                    inertia.pi_from_lam(lam), lam
-                ),
-            },
-            "pi and d pi / d lam of one link",
-            "link",
-        ),
-        make_kernel(
-            "pi_adjoint",
-            {lam_: lam, slope_: slope},
-            {
-                Argument("gradient", (P,), "d cost / d lam"): ca.jtimes(
-                    inertia.pi_from_lam(lam), lam, slope, True
-                )
-            },
-            "(d pi / d lam)' slope of one link, Eq. 4.32",
-            "link",
-        ),
-        make_kernel(
-            "lam_from_pi",
-            {pi_: pi},
-            {lam_: inertia.lam_from_pi(pi)},
-            "Eqs. 4.18-4.23",
-            "link",
-            rare=True,
-        ),
-        make_kernel(
-            "nearest_realisable",
-            {pi_: pi, floor_: floor},
-            {Argument("realisable", (P,), "SI"): inertia.nearest_realisable(pi, floor)},
-            "pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2",
-            "link",
-            rare=True,
-        ),
-        make_kernel(
-            "inertia_matrix",
-            {lam_: lam},
-            {Argument("M", (6, 6), "SI"): inertia.spatial_inertia(lam)},
-            "M(lam), Eq. 4.14 (linear part first)",
-            "link",
-            rare=True,
-        ),
-        make_kernel(
-            "pseudo_inertia",
-            {pi_: pi},
-            {Argument("P", (4, 4), "SI"): inertia.pseudo_inertia(pi)},
-            "P(pi), Eqs. 3.9, 3.10",
-            "link",
-            rare=True,
-        ),
-    )
 
 
 def _excitation(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:

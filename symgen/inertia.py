@@ -128,6 +128,67 @@ def pseudo_inertia(pi: Matrix) -> Matrix:
     return ca.vertcat(ca.horzcat(sigma, moment), ca.horzcat(moment.T, mass))
 
 
+def barrier(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+    """Smallest pivot of P = L D Lᵀ, log det P, tr(P⁻¹ B_i) and tr(P⁻¹ B_i P⁻¹ B_j), B_i = ∂P/∂π_i.
+
+    P is positive definite where the pivot is above 0; elsewhere the rest means nothing. P is linear
+    in π, so these are the derivatives of log det P, the second with the opposite sign.
+    """
+    p = pseudo_inertia(pi)
+    size = p.shape[0]
+    lower = ca.SX.eye(size)
+    pivots: list[Matrix] = []
+    for j in range(size):
+        pivots.append(p[j, j] - sum(lower[j, k] ** 2 * pivots[k] for k in range(j)))
+        for i in range(j + 1, size):
+            inner = sum(lower[i, k] * lower[j, k] * pivots[k] for k in range(j))
+            lower[i, j] = (p[i, j] - inner) / pivots[j]
+    left = ca.SX.eye(size)  # L⁻¹
+    for j in range(size):
+        for i in range(j + 1, size):
+            left[i, j] = -sum(lower[i, k] * left[k, j] for k in range(j, i))
+    inverse = ca.mtimes([left.T, ca.diag(ca.vertcat(*(1 / d for d in pivots))), left])
+    basis = [ca.reshape(column, size, size) for column in ca.horzsplit(ca.jacobian(ca.vec(p), pi))]
+    moved = [ca.mtimes(inverse, b) for b in basis]
+    traces = ca.vertcat(*(ca.trace(m) for m in moved))
+    curvature = ca.SX(N_PARAMETERS, N_PARAMETERS)
+    for i, first in enumerate(moved):
+        for j, second in enumerate(moved[: i + 1]):
+            curvature[i, j] = curvature[j, i] = ca.dot(first, second.T)
+    smallest = ca.fmin(ca.fmin(pivots[0], pivots[1]), ca.fmin(pivots[2], pivots[3]))
+    return smallest, ca.log(pivots[0] * pivots[1] * pivots[2] * pivots[3]), traces, curvature
+
+
+def pi_from_cholesky(theta: Matrix) -> Matrix:
+    """π from log-Cholesky θ = (α, d1, d2, d3, s12, s23, s13, t1, t2, t3): P = U Uᵀ, P ≻ 0 always.
+
+    U = e^α [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]].
+    Source: Rucker & Wensing, Smooth parameterization of rigid-body inertia, 2022.
+    """
+    d1, d2, d3 = (ca.exp(theta[i]) for i in (1, 2, 3))
+    s12, s23, s13, t = theta[4], theta[5], theta[6], theta[7:10]
+    upper = ca.vertcat(
+        ca.horzcat(d1, s12, s13, t[0]),
+        ca.horzcat(0, d2, s23, t[1]),
+        ca.horzcat(0, 0, d3, t[2]),
+    )
+    mass = ca.exp(2 * theta[0])
+    sigma = ca.mtimes(upper, upper.T)
+    return _pi(mass, mass * t, mass * (ca.trace(sigma) * ca.DM.eye(3) - sigma))
+
+
+def cholesky_from_pi(pi: Matrix) -> Matrix:
+    """θ of `pi_from_cholesky` from π; NaN where P is not positive definite."""
+    mass, com, inertia = com_inertia(pi)
+    sigma = (ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia) / mass
+    u33 = ca.sqrt(sigma[2, 2])
+    u23, u13 = sigma[1, 2] / u33, sigma[0, 2] / u33
+    u22 = ca.sqrt(sigma[1, 1] - u23**2)
+    u12 = (sigma[0, 1] - u13 * u23) / u22
+    u11 = ca.sqrt(sigma[0, 0] - u12**2 - u13**2)
+    return ca.vertcat(ca.log(mass) / 2, ca.log(u11), ca.log(u22), ca.log(u33), u12, u23, u13, com)
+
+
 def require_realisable(pi: Matrix, link: str) -> None:
     """Raise `InertiaError` unless the numeric π is a body that can exist.
 

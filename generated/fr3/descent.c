@@ -23,13 +23,18 @@ typedef fr3_least_squares least_squares;
 void OWN(adam)(fr3_adam_job *jobs, long count, long iterations);
 void OWN(levenberg)(fr3_levenberg_job *jobs, long count, long iterations);
 
-/* pi and d pi / d lambda of all links, as tiles whose lanes are links. */
-static void bodies(const double *lam, double *pi, double *blocks)
+/* pi and d pi / d lambda (or theta) of all links, as tiles whose lanes are links. */
+static void bodies(const double *lam, long cholesky, double *pi, double *blocks)
 {
     TILE(tile, PARAMETERS);
     for (long t = 0; t < LINK_TILES; ++t) {
         load(tile, lam + t * LANES * PARAMETERS, PARAMETERS, PARAMETERS, LINKS - t * LANES, 0);
-        OWN(pi_jacobian_tile)(NULL, tile, pi + t * PARAMETERS * LANES, blocks + t * PARAMETERS * PARAMETERS * LANES);
+        double *own = pi + t * PARAMETERS * LANES, *block = blocks + t * PARAMETERS * PARAMETERS * LANES;
+        if (cholesky) {
+            OWN(cholesky_jacobian_tile)(NULL, tile, own, block);
+        } else {
+            OWN(pi_jacobian_tile)(NULL, tile, own, block);
+        }
     }
 }
 
@@ -217,7 +222,7 @@ static void adam(fr3_adam_job *job, long iterations)
     double *residual = y + equations, *slope = residual + equations, *gradient = slope + equations;
     TILE(pi, LINK_TILES * PARAMETERS);
     TILE(blocks, LINK_TILES * PARAMETERS * PARAMETERS) = {0};
-    bodies(job->x, pi, blocks);
+    bodies(job->x, 0, pi, blocks);
     coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
     memset(gradient, 0, sizeof(double) * (size_t)job->padded);
     if (job->step == 0) {
@@ -233,7 +238,7 @@ static void adam(fr3_adam_job *job, long iterations)
         }
         chain_rule(slope, blocks, n_psi, gradient);
         adam_step(job, gradient);
-        bodies(job->x, pi, blocks);
+        bodies(job->x, 0, pi, blocks);
         coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
         if (job->step % job->validate_every == 0) {
             validate(job, training, misfit(&job->held, equations, y, residual));
@@ -357,7 +362,7 @@ static double dot(const double *a, const double *b, long size)
 static double evaluate(const fr3_levenberg_job *job, const double *x, double *blocks, double *y, double *residual)
 {
     TILE(pi, LINK_TILES * PARAMETERS);
-    bodies(x, pi, blocks);
+    bodies(x, job->cholesky, pi, blocks);
     coordinates(pi, x + LAMBDA, job->size - LAMBDA, y, job->equations);
     return misfit(&job->training, job->equations, y, residual);
 }

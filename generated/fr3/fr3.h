@@ -60,6 +60,15 @@ void fr3_pi_jacobian(const double lam[10], double pi[10], double jacobian[100]);
 /* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations. */
 void fr3_pi_adjoint(const double lam[10], const double slope[10], double gradient[10]);
 
+/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations. */
+void fr3_cholesky_jacobian(const double theta[10], double pi[10], double jacobian[100]);
+
+/* smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. 558 operations. */
+void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100]);
+
+/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations. */
+void fr3_cholesky_from_pi(const double pi[10], double theta[10]);
+
 /* Eqs. 4.18-4.23. 1489 operations. */
 void fr3_lam_from_pi(const double pi[10], double lam[10]);
 
@@ -123,10 +132,11 @@ typedef struct {
     double *work;
 } fr3_adam_job;
 
-/* Levenberg-Marquardt in x = [lambda; psi], see descent.c; damping = 0 at the start, growth = 2.
+/* Levenberg-Marquardt in x = [lambda; psi], or [theta; psi] with the log-Cholesky coordinates theta
+ * where `cholesky` is set, see descent.c; damping = 0 at the start, growth = 2.
  * work holds equations (size + 2 equations + 3) + 2 size numbers. */
 typedef struct {
-    long size, equations;
+    long size, equations, cholesky;
     fr3_least_squares training;
     double first_damping, step_tolerance, decrease_tolerance;
     double *x, *trace;
@@ -134,6 +144,27 @@ typedef struct {
     long step, finished, traced;
     double *work;
 } fr3_levenberg_job;
+
+/* The cost (||A pi - b||^2 + rest) / 2 count + gamma sum_k share_k (slope_k.pi_k - log det P_k) of
+ * `links` bodies, minimised for one gamma after the other, each from the answer to the last; see
+ * convex.c. pi is where the first begins, P > 0. A is stored row after row, 10 numbers per
+ * body and each row filled with zeros to a multiple of 8, `width`; slope and points likewise. Of every gamma: the
+ * minimiser, the loss there, the Newton decrement and the steps; `converged` counts those whose decrement is below
+ * `tolerance` gamma. work holds FR3_CONVEX_WORK(rows, width) numbers. */
+typedef struct {
+    long links, width, rows;
+    const double *factor, *target;
+    double rest, count;
+    const double *slope, *share, *gamma;
+    long gammas, most_steps;
+    double tolerance;
+    double *pi, *points, *losses, *decrements;
+    long *steps;
+    long converged;
+    double *work;
+} fr3_convex_job;
+
+#define FR3_CONVEX_WORK(rows, width) (2 * (width) * (width) + 5 * (width) + 2 * (rows))
 
 /* A trajectory's cost, see excitation.c. `basis` holds phi, phi' and phi'' of every harmonic at the
  * samples, by tiles of 8 samples: tile, derivative, harmonic, sample; samples beyond the last are 0.

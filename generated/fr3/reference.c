@@ -16,6 +16,15 @@
 /* --- CasADi ---------------------------------------------------------------------------------- */
 static casadi_real casadi_sq(casadi_real x) { return x*x;}
 
+static casadi_real casadi_fmin(casadi_real x, casadi_real y) {
+/* Pre-c99 compatibility */
+#if __STDC_VERSION__ < 199901L
+  return x<y ? x : y;
+#else
+  return fmin(x, y);
+#endif
+}
+
 static casadi_real casadi_fabs(casadi_real x) {
 /* Pre-c99 compatibility */
 #if __STDC_VERSION__ < 199901L
@@ -24294,8 +24303,1014 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-/* lam_from_pi: Eqs. 4.18-4.23. */
+/* cholesky_jacobian: pi and d pi / d theta of one link, P = U(theta) U(theta)'. */
 static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25;
+  a00=arg[0]? arg[0][0] : 0;
+  a00=(2.*a00);
+  a00=exp(a00);
+  if (res[0]!=0) res[0][0]=a00;
+  a01=arg[0]? arg[0][7] : 0;
+  a02=(a00*a01);
+  if (res[0]!=0) res[0][1]=a02;
+  a03=arg[0]? arg[0][8] : 0;
+  a04=(a00*a03);
+  if (res[0]!=0) res[0][2]=a04;
+  a05=arg[0]? arg[0][9] : 0;
+  a06=(a00*a05);
+  if (res[0]!=0) res[0][3]=a06;
+  a07=arg[0]? arg[0][1] : 0;
+  a07=exp(a07);
+  a08=casadi_sq(a07);
+  a09=arg[0]? arg[0][4] : 0;
+  a10=casadi_sq(a09);
+  a08=(a08+a10);
+  a10=arg[0]? arg[0][6] : 0;
+  a11=casadi_sq(a10);
+  a08=(a08+a11);
+  a11=casadi_sq(a01);
+  a08=(a08+a11);
+  a11=arg[0]? arg[0][2] : 0;
+  a11=exp(a11);
+  a12=casadi_sq(a11);
+  a13=arg[0]? arg[0][5] : 0;
+  a14=casadi_sq(a13);
+  a12=(a12+a14);
+  a14=casadi_sq(a03);
+  a12=(a12+a14);
+  a14=(a08+a12);
+  a15=arg[0]? arg[0][3] : 0;
+  a15=exp(a15);
+  a16=casadi_sq(a15);
+  a17=casadi_sq(a05);
+  a16=(a16+a17);
+  a16=(a14+a16);
+  a08=(a16-a08);
+  a17=(a00*a08);
+  if (res[0]!=0) res[0][4]=a17;
+  a16=(a16-a12);
+  a12=(a00*a16);
+  if (res[0]!=0) res[0][5]=a12;
+  a12=(a00*a14);
+  if (res[0]!=0) res[0][6]=a12;
+  a12=(a09*a11);
+  a17=(a10*a13);
+  a17=(a12+a17);
+  a18=(a01*a03);
+  a17=(a17+a18);
+  a18=(a00*a17);
+  a18=(-a18);
+  if (res[0]!=0) res[0][7]=a18;
+  a18=(a10*a15);
+  a19=(a01*a05);
+  a19=(a18+a19);
+  a20=(a00*a19);
+  a20=(-a20);
+  if (res[0]!=0) res[0][8]=a20;
+  a20=(a13*a15);
+  a21=(a03*a05);
+  a21=(a20+a21);
+  a22=(a00*a21);
+  a22=(-a22);
+  if (res[0]!=0) res[0][9]=a22;
+  a22=(2.*a00);
+  if (res[1]!=0) res[1][0]=a22;
+  a23=0.;
+  if (res[1]!=0) res[1][1]=a23;
+  if (res[1]!=0) res[1][2]=a23;
+  if (res[1]!=0) res[1][3]=a23;
+  if (res[1]!=0) res[1][4]=a23;
+  if (res[1]!=0) res[1][5]=a23;
+  if (res[1]!=0) res[1][6]=a23;
+  if (res[1]!=0) res[1][7]=a23;
+  if (res[1]!=0) res[1][8]=a23;
+  if (res[1]!=0) res[1][9]=a23;
+  a24=(a01*a22);
+  if (res[1]!=0) res[1][10]=a24;
+  if (res[1]!=0) res[1][11]=a23;
+  if (res[1]!=0) res[1][12]=a23;
+  if (res[1]!=0) res[1][13]=a23;
+  if (res[1]!=0) res[1][14]=a23;
+  if (res[1]!=0) res[1][15]=a23;
+  if (res[1]!=0) res[1][16]=a23;
+  if (res[1]!=0) res[1][17]=a00;
+  if (res[1]!=0) res[1][18]=a23;
+  if (res[1]!=0) res[1][19]=a23;
+  a24=(a03*a22);
+  if (res[1]!=0) res[1][20]=a24;
+  if (res[1]!=0) res[1][21]=a23;
+  if (res[1]!=0) res[1][22]=a23;
+  if (res[1]!=0) res[1][23]=a23;
+  if (res[1]!=0) res[1][24]=a23;
+  if (res[1]!=0) res[1][25]=a23;
+  if (res[1]!=0) res[1][26]=a23;
+  if (res[1]!=0) res[1][27]=a23;
+  if (res[1]!=0) res[1][28]=a00;
+  if (res[1]!=0) res[1][29]=a23;
+  a24=(a05*a22);
+  if (res[1]!=0) res[1][30]=a24;
+  if (res[1]!=0) res[1][31]=a23;
+  if (res[1]!=0) res[1][32]=a23;
+  if (res[1]!=0) res[1][33]=a23;
+  if (res[1]!=0) res[1][34]=a23;
+  if (res[1]!=0) res[1][35]=a23;
+  if (res[1]!=0) res[1][36]=a23;
+  if (res[1]!=0) res[1][37]=a23;
+  if (res[1]!=0) res[1][38]=a23;
+  if (res[1]!=0) res[1][39]=a00;
+  a08=(a08*a22);
+  if (res[1]!=0) res[1][40]=a08;
+  if (res[1]!=0) res[1][41]=a23;
+  a08=(2.*a11);
+  a08=(a08*a11);
+  a08=(a00*a08);
+  if (res[1]!=0) res[1][42]=a08;
+  a24=(2.*a15);
+  a24=(a24*a15);
+  a24=(a00*a24);
+  if (res[1]!=0) res[1][43]=a24;
+  if (res[1]!=0) res[1][44]=a23;
+  a25=(2.*a13);
+  a25=(a00*a25);
+  if (res[1]!=0) res[1][45]=a25;
+  if (res[1]!=0) res[1][46]=a23;
+  if (res[1]!=0) res[1][47]=a23;
+  a03=(2.*a03);
+  a03=(a00*a03);
+  if (res[1]!=0) res[1][48]=a03;
+  a05=(2.*a05);
+  a05=(a00*a05);
+  if (res[1]!=0) res[1][49]=a05;
+  a16=(a16*a22);
+  if (res[1]!=0) res[1][50]=a16;
+  a16=(2.*a07);
+  a16=(a16*a07);
+  a16=(a00*a16);
+  if (res[1]!=0) res[1][51]=a16;
+  if (res[1]!=0) res[1][52]=a23;
+  if (res[1]!=0) res[1][53]=a24;
+  a09=(2.*a09);
+  a09=(a00*a09);
+  if (res[1]!=0) res[1][54]=a09;
+  if (res[1]!=0) res[1][55]=a23;
+  a24=(2.*a10);
+  a24=(a00*a24);
+  if (res[1]!=0) res[1][56]=a24;
+  a01=(2.*a01);
+  a01=(a00*a01);
+  if (res[1]!=0) res[1][57]=a01;
+  if (res[1]!=0) res[1][58]=a23;
+  if (res[1]!=0) res[1][59]=a05;
+  a14=(a14*a22);
+  if (res[1]!=0) res[1][60]=a14;
+  if (res[1]!=0) res[1][61]=a16;
+  if (res[1]!=0) res[1][62]=a08;
+  if (res[1]!=0) res[1][63]=a23;
+  if (res[1]!=0) res[1][64]=a09;
+  if (res[1]!=0) res[1][65]=a25;
+  if (res[1]!=0) res[1][66]=a24;
+  if (res[1]!=0) res[1][67]=a01;
+  if (res[1]!=0) res[1][68]=a03;
+  if (res[1]!=0) res[1][69]=a23;
+  a17=(a17*a22);
+  a17=(-a17);
+  if (res[1]!=0) res[1][70]=a17;
+  if (res[1]!=0) res[1][71]=a23;
+  a12=(a00*a12);
+  a12=(-a12);
+  if (res[1]!=0) res[1][72]=a12;
+  if (res[1]!=0) res[1][73]=a23;
+  a11=(a00*a11);
+  a11=(-a11);
+  if (res[1]!=0) res[1][74]=a11;
+  a10=(a00*a10);
+  a10=(-a10);
+  if (res[1]!=0) res[1][75]=a10;
+  a13=(a00*a13);
+  a13=(-a13);
+  if (res[1]!=0) res[1][76]=a13;
+  a04=(-a04);
+  if (res[1]!=0) res[1][77]=a04;
+  a02=(-a02);
+  if (res[1]!=0) res[1][78]=a02;
+  if (res[1]!=0) res[1][79]=a23;
+  a19=(a19*a22);
+  a19=(-a19);
+  if (res[1]!=0) res[1][80]=a19;
+  if (res[1]!=0) res[1][81]=a23;
+  if (res[1]!=0) res[1][82]=a23;
+  a18=(a00*a18);
+  a18=(-a18);
+  if (res[1]!=0) res[1][83]=a18;
+  if (res[1]!=0) res[1][84]=a23;
+  if (res[1]!=0) res[1][85]=a23;
+  a15=(a00*a15);
+  a15=(-a15);
+  if (res[1]!=0) res[1][86]=a15;
+  a06=(-a06);
+  if (res[1]!=0) res[1][87]=a06;
+  if (res[1]!=0) res[1][88]=a23;
+  if (res[1]!=0) res[1][89]=a02;
+  a21=(a21*a22);
+  a21=(-a21);
+  if (res[1]!=0) res[1][90]=a21;
+  if (res[1]!=0) res[1][91]=a23;
+  if (res[1]!=0) res[1][92]=a23;
+  a00=(a00*a20);
+  a00=(-a00);
+  if (res[1]!=0) res[1][93]=a00;
+  if (res[1]!=0) res[1][94]=a23;
+  if (res[1]!=0) res[1][95]=a15;
+  if (res[1]!=0) res[1][96]=a23;
+  if (res[1]!=0) res[1][97]=a23;
+  if (res[1]!=0) res[1][98]=a06;
+  if (res[1]!=0) res[1][99]=a04;
+  return 0;
+}
+
+/* barrier: smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. */
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
+  casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
+  casadi_real a36, a37, a38, a39, a40, a41, a42, a43, a44, a45, a46, a47;
+  casadi_real a48, a49, a50, a51, a52, a53, a54, a55, a56, a57, a58, a59;
+  casadi_real a60, a61, a62, a63, a64, a65, a66, a67;
+  a00=arg[0]? arg[0][4] : 0;
+  a01=arg[0]? arg[0][5] : 0;
+  a02=(a00+a01);
+  a03=arg[0]? arg[0][6] : 0;
+  a02=(a02+a03);
+  a04=2.;
+  a02=(a02/a04);
+  a00=(a02-a00);
+  a01=(a02-a01);
+  a04=arg[0]? arg[0][7] : 0;
+  a04=(a04/a00);
+  a05=casadi_sq(a04);
+  a05=(a05*a00);
+  a01=(a01-a05);
+  a05=casadi_fmin(a00,a01);
+  a02=(a02-a03);
+  a03=arg[0]? arg[0][8] : 0;
+  a03=(a03/a00);
+  a06=casadi_sq(a03);
+  a06=(a06*a00);
+  a07=arg[0]? arg[0][9] : 0;
+  a08=(a03*a04);
+  a08=(a08*a00);
+  a07=(a07+a08);
+  a07=(a07/a01);
+  a08=casadi_sq(a07);
+  a08=(a08*a01);
+  a06=(a06+a08);
+  a02=(a02-a06);
+  a06=arg[0]? arg[0][0] : 0;
+  a08=arg[0]? arg[0][1] : 0;
+  a08=(a08/a00);
+  a09=casadi_sq(a08);
+  a09=(a09*a00);
+  a10=arg[0]? arg[0][2] : 0;
+  a11=(a08*a04);
+  a11=(a11*a00);
+  a10=(a10+a11);
+  a10=(a10/a01);
+  a11=casadi_sq(a10);
+  a11=(a11*a01);
+  a09=(a09+a11);
+  a11=arg[0]? arg[0][3] : 0;
+  a12=(a08*a03);
+  a12=(a12*a00);
+  a13=(a10*a07);
+  a13=(a13*a01);
+  a12=(a12+a13);
+  a11=(a11+a12);
+  a11=(a11/a02);
+  a12=casadi_sq(a11);
+  a12=(a12*a02);
+  a09=(a09+a12);
+  a06=(a06-a09);
+  a09=casadi_fmin(a02,a06);
+  a05=casadi_fmin(a05,a09);
+  if (res[0]!=0) res[0][0]=a05;
+  a05=(a00*a01);
+  a05=(a05*a02);
+  a05=(a05*a06);
+  a05=log(a05);
+  if (res[1]!=0) res[1][0]=a05;
+  a05=(1./a06);
+  if (res[2]!=0) res[2][0]=a05;
+  a09=(a10*a04);
+  a08=(a08+a09);
+  a09=(a07*a04);
+  a03=(a03+a09);
+  a09=(a11*a03);
+  a08=(a08+a09);
+  a09=(a08/a06);
+  a12=(2.*a09);
+  a12=(-a12);
+  if (res[2]!=0) res[2][1]=a12;
+  a12=(a11*a07);
+  a10=(a10+a12);
+  a12=(a10/a06);
+  a13=(2.*a12);
+  a13=(-a13);
+  if (res[2]!=0) res[2][2]=a13;
+  a13=(a11/a06);
+  a14=(2.*a13);
+  a14=(-a14);
+  if (res[2]!=0) res[2][3]=a14;
+  a14=-5.0000000000000000e-01;
+  a00=(1./a00);
+  a15=(a04/a01);
+  a04=(a15*a04);
+  a00=(a00+a04);
+  a04=(a03/a02);
+  a16=(a04*a03);
+  a00=(a00+a16);
+  a16=(a09*a08);
+  a00=(a00+a16);
+  a16=(a14*a00);
+  a17=5.0000000000000000e-01;
+  a01=(1./a01);
+  a18=(a07/a02);
+  a19=(a18*a07);
+  a01=(a01+a19);
+  a19=(a12*a10);
+  a01=(a01+a19);
+  a19=(a17*a01);
+  a20=(a16+a19);
+  a02=(1./a02);
+  a21=(a13*a11);
+  a02=(a02+a21);
+  a21=(a17*a02);
+  a20=(a20+a21);
+  if (res[2]!=0) res[2][4]=a20;
+  a20=(a17*a00);
+  a22=(a14*a01);
+  a23=(a20+a22);
+  a23=(a23+a21);
+  if (res[2]!=0) res[2][5]=a23;
+  a23=(a20+a19);
+  a24=(a14*a02);
+  a23=(a23+a24);
+  if (res[2]!=0) res[2][6]=a23;
+  a07=(a04*a07);
+  a07=(a15+a07);
+  a23=(a09*a10);
+  a07=(a07+a23);
+  a03=(a18*a03);
+  a15=(a15+a03);
+  a03=(a12*a08);
+  a15=(a15+a03);
+  a03=(a07+a15);
+  a03=(-a03);
+  if (res[2]!=0) res[2][7]=a03;
+  a03=(a09*a11);
+  a03=(a04+a03);
+  a08=(a13*a08);
+  a04=(a04+a08);
+  a08=(a03+a04);
+  a08=(-a08);
+  if (res[2]!=0) res[2][8]=a08;
+  a11=(a12*a11);
+  a11=(a18+a11);
+  a10=(a13*a10);
+  a18=(a18+a10);
+  a10=(a11+a18);
+  a10=(-a10);
+  if (res[2]!=0) res[2][9]=a10;
+  a05=casadi_sq(a05);
+  if (res[3]!=0) res[3][0]=a05;
+  a05=(a09/a06);
+  a05=(2.*a05);
+  a05=(-a05);
+  if (res[3]!=0) res[3][1]=a05;
+  a10=(a12/a06);
+  a10=(2.*a10);
+  a10=(-a10);
+  if (res[3]!=0) res[3][2]=a10;
+  a08=(a13/a06);
+  a08=(2.*a08);
+  a08=(-a08);
+  if (res[3]!=0) res[3][3]=a08;
+  a23=(a14*a09);
+  a25=(a23*a09);
+  a26=(a17*a12);
+  a27=(a26*a12);
+  a25=(a25+a27);
+  a28=(a17*a13);
+  a29=(a28*a13);
+  a25=(a25+a29);
+  if (res[3]!=0) res[3][4]=a25;
+  a30=(a17*a09);
+  a31=(a30*a09);
+  a32=(a14*a12);
+  a33=(a32*a12);
+  a33=(a31+a33);
+  a33=(a33+a29);
+  if (res[3]!=0) res[3][5]=a33;
+  a31=(a31+a27);
+  a27=(a14*a13);
+  a29=(a27*a13);
+  a31=(a31+a29);
+  if (res[3]!=0) res[3][6]=a31;
+  a29=(a12*a09);
+  a34=(2.*a29);
+  a34=(-a34);
+  if (res[3]!=0) res[3][7]=a34;
+  a35=(a13*a09);
+  a36=(2.*a35);
+  a36=(-a36);
+  if (res[3]!=0) res[3][8]=a36;
+  a37=(a13*a12);
+  a38=(2.*a37);
+  a38=(-a38);
+  if (res[3]!=0) res[3][9]=a38;
+  if (res[3]!=0) res[3][10]=a05;
+  a05=casadi_sq(a09);
+  a39=(a00/a06);
+  a40=(a05+a39);
+  a40=(a40+a39);
+  a40=(a40+a05);
+  if (res[3]!=0) res[3][11]=a40;
+  a40=(a09*a12);
+  a05=(a15/a06);
+  a40=(a40+a05);
+  a05=(a07/a06);
+  a40=(a40+a05);
+  a40=(a40+a29);
+  if (res[3]!=0) res[3][12]=a40;
+  a29=(a09*a13);
+  a05=(a04/a06);
+  a29=(a29+a05);
+  a05=(a03/a06);
+  a29=(a29+a05);
+  a29=(a29+a35);
+  if (res[3]!=0) res[3][13]=a29;
+  a35=(a16*a09);
+  a05=(a23*a00);
+  a35=(a35+a05);
+  a05=(a17*a07);
+  a39=(a05*a12);
+  a35=(a35+a39);
+  a41=(a26*a15);
+  a35=(a35+a41);
+  a42=(a17*a03);
+  a43=(a42*a13);
+  a35=(a35+a43);
+  a44=(a28*a04);
+  a35=(a35+a44);
+  a35=(-a35);
+  if (res[3]!=0) res[3][14]=a35;
+  a45=(a20*a09);
+  a46=(a30*a00);
+  a45=(a45+a46);
+  a46=(a14*a07);
+  a47=(a46*a12);
+  a47=(a45+a47);
+  a48=(a32*a15);
+  a47=(a47+a48);
+  a47=(a47+a43);
+  a47=(a47+a44);
+  a47=(-a47);
+  if (res[3]!=0) res[3][15]=a47;
+  a45=(a45+a39);
+  a45=(a45+a41);
+  a41=(a14*a03);
+  a39=(a41*a13);
+  a45=(a45+a39);
+  a39=(a27*a04);
+  a45=(a45+a39);
+  a45=(-a45);
+  if (res[3]!=0) res[3][16]=a45;
+  a39=(a07*a09);
+  a44=(a12*a00);
+  a39=(a39+a44);
+  a44=(a00*a12);
+  a39=(a39+a44);
+  a44=(a09*a15);
+  a39=(a39+a44);
+  if (res[3]!=0) res[3][17]=a39;
+  a44=(a03*a09);
+  a43=(a13*a00);
+  a44=(a44+a43);
+  a43=(a00*a13);
+  a44=(a44+a43);
+  a43=(a09*a04);
+  a44=(a44+a43);
+  if (res[3]!=0) res[3][18]=a44;
+  a43=(a03*a12);
+  a48=(a13*a15);
+  a43=(a43+a48);
+  a48=(a07*a13);
+  a43=(a43+a48);
+  a48=(a12*a04);
+  a43=(a43+a48);
+  if (res[3]!=0) res[3][19]=a43;
+  if (res[3]!=0) res[3][20]=a10;
+  if (res[3]!=0) res[3][21]=a40;
+  a40=casadi_sq(a12);
+  a10=(a01/a06);
+  a48=(a40+a10);
+  a48=(a48+a10);
+  a48=(a48+a40);
+  if (res[3]!=0) res[3][22]=a48;
+  a48=(a12*a13);
+  a40=(a18/a06);
+  a48=(a48+a40);
+  a40=(a11/a06);
+  a48=(a48+a40);
+  a48=(a48+a37);
+  if (res[3]!=0) res[3][23]=a48;
+  a37=(a14*a15);
+  a40=(a37*a09);
+  a10=(a23*a07);
+  a40=(a40+a10);
+  a10=(a19*a12);
+  a40=(a40+a10);
+  a49=(a26*a01);
+  a40=(a40+a49);
+  a50=(a17*a11);
+  a51=(a50*a13);
+  a40=(a40+a51);
+  a52=(a28*a18);
+  a40=(a40+a52);
+  a40=(-a40);
+  if (res[3]!=0) res[3][24]=a40;
+  a53=(a17*a15);
+  a54=(a53*a09);
+  a55=(a30*a07);
+  a54=(a54+a55);
+  a55=(a22*a12);
+  a55=(a54+a55);
+  a56=(a32*a01);
+  a55=(a55+a56);
+  a55=(a55+a51);
+  a55=(a55+a52);
+  a55=(-a55);
+  if (res[3]!=0) res[3][25]=a55;
+  a54=(a54+a10);
+  a54=(a54+a49);
+  a49=(a14*a11);
+  a10=(a49*a13);
+  a54=(a54+a10);
+  a10=(a27*a18);
+  a54=(a54+a10);
+  a54=(-a54);
+  if (res[3]!=0) res[3][26]=a54;
+  a10=(a01*a09);
+  a52=(a12*a07);
+  a10=(a10+a52);
+  a52=(a15*a12);
+  a10=(a10+a52);
+  a52=(a09*a01);
+  a10=(a10+a52);
+  if (res[3]!=0) res[3][27]=a10;
+  a52=(a11*a09);
+  a51=(a13*a07);
+  a52=(a52+a51);
+  a51=(a15*a13);
+  a52=(a52+a51);
+  a51=(a09*a18);
+  a52=(a52+a51);
+  if (res[3]!=0) res[3][28]=a52;
+  a51=(a11*a12);
+  a56=(a13*a01);
+  a51=(a51+a56);
+  a56=(a01*a13);
+  a51=(a51+a56);
+  a56=(a12*a18);
+  a51=(a51+a56);
+  if (res[3]!=0) res[3][29]=a51;
+  if (res[3]!=0) res[3][30]=a08;
+  if (res[3]!=0) res[3][31]=a29;
+  if (res[3]!=0) res[3][32]=a48;
+  a48=casadi_sq(a13);
+  a06=(a02/a06);
+  a29=(a48+a06);
+  a29=(a29+a06);
+  a29=(a29+a48);
+  if (res[3]!=0) res[3][33]=a29;
+  a29=(a14*a04);
+  a48=(a29*a09);
+  a23=(a23*a03);
+  a48=(a48+a23);
+  a23=(a17*a18);
+  a06=(a23*a12);
+  a48=(a48+a06);
+  a26=(a26*a11);
+  a48=(a48+a26);
+  a08=(a21*a13);
+  a48=(a48+a08);
+  a28=(a28*a02);
+  a48=(a48+a28);
+  a48=(-a48);
+  if (res[3]!=0) res[3][34]=a48;
+  a17=(a17*a04);
+  a56=(a17*a09);
+  a30=(a30*a03);
+  a56=(a56+a30);
+  a14=(a14*a18);
+  a30=(a14*a12);
+  a30=(a56+a30);
+  a32=(a32*a11);
+  a30=(a30+a32);
+  a30=(a30+a08);
+  a30=(a30+a28);
+  a30=(-a30);
+  if (res[3]!=0) res[3][35]=a30;
+  a56=(a56+a06);
+  a56=(a56+a26);
+  a26=(a24*a13);
+  a56=(a56+a26);
+  a27=(a27*a02);
+  a56=(a56+a27);
+  a56=(-a56);
+  if (res[3]!=0) res[3][36]=a56;
+  a27=(a18*a09);
+  a26=(a12*a03);
+  a27=(a27+a26);
+  a26=(a04*a12);
+  a27=(a27+a26);
+  a26=(a09*a11);
+  a27=(a27+a26);
+  if (res[3]!=0) res[3][37]=a27;
+  a26=(a02*a09);
+  a06=(a13*a03);
+  a26=(a26+a06);
+  a06=(a04*a13);
+  a26=(a26+a06);
+  a09=(a09*a02);
+  a26=(a26+a09);
+  if (res[3]!=0) res[3][38]=a26;
+  a09=(a02*a12);
+  a06=(a13*a11);
+  a09=(a09+a06);
+  a13=(a18*a13);
+  a09=(a09+a13);
+  a12=(a12*a02);
+  a09=(a09+a12);
+  if (res[3]!=0) res[3][39]=a09;
+  if (res[3]!=0) res[3][40]=a25;
+  if (res[3]!=0) res[3][41]=a35;
+  if (res[3]!=0) res[3][42]=a40;
+  if (res[3]!=0) res[3][43]=a48;
+  a48=casadi_sq(a16);
+  a40=(a37*a05);
+  a48=(a48+a40);
+  a40=(a29*a42);
+  a48=(a48+a40);
+  a40=(a05*a37);
+  a48=(a48+a40);
+  a35=casadi_sq(a19);
+  a48=(a48+a35);
+  a25=(a23*a50);
+  a48=(a48+a25);
+  a12=(a42*a29);
+  a48=(a48+a12);
+  a13=(a50*a23);
+  a48=(a48+a13);
+  a06=casadi_sq(a21);
+  a48=(a48+a06);
+  if (res[3]!=0) res[3][44]=a48;
+  a48=(a20*a16);
+  a28=(a53*a05);
+  a48=(a48+a28);
+  a08=(a17*a42);
+  a48=(a48+a08);
+  a32=(a46*a37);
+  a32=(a48+a32);
+  a57=(a22*a19);
+  a32=(a32+a57);
+  a57=(a14*a50);
+  a32=(a32+a57);
+  a32=(a32+a12);
+  a32=(a32+a13);
+  a32=(a32+a06);
+  if (res[3]!=0) res[3][45]=a32;
+  a48=(a48+a40);
+  a48=(a48+a35);
+  a48=(a48+a25);
+  a40=(a41*a29);
+  a48=(a48+a40);
+  a40=(a49*a23);
+  a48=(a48+a40);
+  a13=(a24*a21);
+  a48=(a48+a13);
+  if (res[3]!=0) res[3][46]=a48;
+  a12=(a07*a16);
+  a58=(a01*a05);
+  a12=(a12+a58);
+  a59=(a18*a42);
+  a12=(a12+a59);
+  a60=(a00*a37);
+  a12=(a12+a60);
+  a60=(a15*a19);
+  a12=(a12+a60);
+  a61=(a04*a50);
+  a12=(a12+a61);
+  a12=(-a12);
+  if (res[3]!=0) res[3][47]=a12;
+  a16=(a03*a16);
+  a62=(a11*a05);
+  a16=(a16+a62);
+  a63=(a02*a42);
+  a16=(a16+a63);
+  a64=(a00*a29);
+  a16=(a16+a64);
+  a64=(a15*a23);
+  a16=(a16+a64);
+  a65=(a04*a21);
+  a16=(a16+a65);
+  a16=(-a16);
+  if (res[3]!=0) res[3][48]=a16;
+  a37=(a03*a37);
+  a66=(a11*a19);
+  a37=(a37+a66);
+  a67=(a02*a50);
+  a37=(a37+a67);
+  a29=(a07*a29);
+  a37=(a37+a29);
+  a29=(a01*a23);
+  a37=(a37+a29);
+  a21=(a18*a21);
+  a37=(a37+a21);
+  a37=(-a37);
+  if (res[3]!=0) res[3][49]=a37;
+  if (res[3]!=0) res[3][50]=a33;
+  if (res[3]!=0) res[3][51]=a47;
+  if (res[3]!=0) res[3][52]=a55;
+  if (res[3]!=0) res[3][53]=a30;
+  if (res[3]!=0) res[3][54]=a32;
+  a32=casadi_sq(a20);
+  a30=(a53*a46);
+  a30=(a32+a30);
+  a30=(a30+a08);
+  a08=(a46*a53);
+  a08=(a30+a08);
+  a55=casadi_sq(a22);
+  a08=(a08+a55);
+  a08=(a08+a57);
+  a42=(a42*a17);
+  a08=(a08+a42);
+  a50=(a50*a14);
+  a08=(a08+a50);
+  a08=(a08+a06);
+  if (res[3]!=0) res[3][55]=a08;
+  a05=(a05*a53);
+  a30=(a30+a05);
+  a19=(a19*a22);
+  a30=(a30+a19);
+  a30=(a30+a25);
+  a25=(a41*a17);
+  a30=(a30+a25);
+  a19=(a49*a14);
+  a30=(a30+a19);
+  a30=(a30+a13);
+  if (res[3]!=0) res[3][56]=a30;
+  a13=(a07*a20);
+  a19=(a01*a46);
+  a19=(a13+a19);
+  a19=(a19+a59);
+  a59=(a00*a53);
+  a19=(a19+a59);
+  a08=(a15*a22);
+  a19=(a19+a08);
+  a19=(a19+a61);
+  a19=(-a19);
+  if (res[3]!=0) res[3][57]=a19;
+  a20=(a03*a20);
+  a46=(a11*a46);
+  a46=(a20+a46);
+  a46=(a46+a63);
+  a63=(a00*a17);
+  a46=(a46+a63);
+  a61=(a15*a14);
+  a46=(a46+a61);
+  a46=(a46+a65);
+  a46=(-a46);
+  if (res[3]!=0) res[3][58]=a46;
+  a53=(a03*a53);
+  a22=(a11*a22);
+  a22=(a53+a22);
+  a22=(a22+a67);
+  a67=(a07*a17);
+  a22=(a22+a67);
+  a14=(a01*a14);
+  a22=(a22+a14);
+  a22=(a22+a21);
+  a22=(-a22);
+  if (res[3]!=0) res[3][59]=a22;
+  if (res[3]!=0) res[3][60]=a31;
+  if (res[3]!=0) res[3][61]=a45;
+  if (res[3]!=0) res[3][62]=a54;
+  if (res[3]!=0) res[3][63]=a56;
+  if (res[3]!=0) res[3][64]=a48;
+  if (res[3]!=0) res[3][65]=a30;
+  a32=(a32+a28);
+  a17=(a17*a41);
+  a32=(a32+a17);
+  a32=(a32+a05);
+  a32=(a32+a35);
+  a23=(a23*a49);
+  a32=(a32+a23);
+  a32=(a32+a25);
+  a32=(a32+a40);
+  a40=casadi_sq(a24);
+  a32=(a32+a40);
+  if (res[3]!=0) res[3][66]=a32;
+  a13=(a13+a58);
+  a58=(a18*a41);
+  a13=(a13+a58);
+  a13=(a13+a59);
+  a13=(a13+a60);
+  a60=(a04*a49);
+  a13=(a13+a60);
+  a13=(-a13);
+  if (res[3]!=0) res[3][67]=a13;
+  a20=(a20+a62);
+  a41=(a02*a41);
+  a20=(a20+a41);
+  a20=(a20+a63);
+  a20=(a20+a64);
+  a64=(a04*a24);
+  a20=(a20+a64);
+  a20=(-a20);
+  if (res[3]!=0) res[3][68]=a20;
+  a53=(a53+a66);
+  a49=(a02*a49);
+  a53=(a53+a49);
+  a53=(a53+a67);
+  a53=(a53+a29);
+  a24=(a18*a24);
+  a53=(a53+a24);
+  a53=(-a53);
+  if (res[3]!=0) res[3][69]=a53;
+  if (res[3]!=0) res[3][70]=a34;
+  if (res[3]!=0) res[3][71]=a39;
+  if (res[3]!=0) res[3][72]=a10;
+  if (res[3]!=0) res[3][73]=a27;
+  if (res[3]!=0) res[3][74]=a12;
+  if (res[3]!=0) res[3][75]=a19;
+  if (res[3]!=0) res[3][76]=a13;
+  a13=casadi_sq(a07);
+  a19=(a01*a00);
+  a13=(a13+a19);
+  a19=(a00*a01);
+  a13=(a13+a19);
+  a19=casadi_sq(a15);
+  a13=(a13+a19);
+  if (res[3]!=0) res[3][77]=a13;
+  a13=(a03*a07);
+  a19=(a11*a00);
+  a13=(a13+a19);
+  a19=(a00*a18);
+  a13=(a13+a19);
+  a19=(a15*a04);
+  a13=(a13+a19);
+  if (res[3]!=0) res[3][78]=a13;
+  a19=(a03*a01);
+  a12=(a11*a15);
+  a19=(a19+a12);
+  a12=(a07*a18);
+  a19=(a19+a12);
+  a12=(a01*a04);
+  a19=(a19+a12);
+  if (res[3]!=0) res[3][79]=a19;
+  if (res[3]!=0) res[3][80]=a36;
+  if (res[3]!=0) res[3][81]=a44;
+  if (res[3]!=0) res[3][82]=a52;
+  if (res[3]!=0) res[3][83]=a26;
+  if (res[3]!=0) res[3][84]=a16;
+  if (res[3]!=0) res[3][85]=a46;
+  if (res[3]!=0) res[3][86]=a20;
+  if (res[3]!=0) res[3][87]=a13;
+  a13=casadi_sq(a03);
+  a20=(a02*a00);
+  a13=(a13+a20);
+  a00=(a00*a02);
+  a13=(a13+a00);
+  a00=casadi_sq(a04);
+  a13=(a13+a00);
+  if (res[3]!=0) res[3][88]=a13;
+  a03=(a03*a11);
+  a15=(a02*a15);
+  a03=(a03+a15);
+  a07=(a07*a02);
+  a03=(a03+a07);
+  a04=(a18*a04);
+  a03=(a03+a04);
+  if (res[3]!=0) res[3][89]=a03;
+  if (res[3]!=0) res[3][90]=a38;
+  if (res[3]!=0) res[3][91]=a43;
+  if (res[3]!=0) res[3][92]=a51;
+  if (res[3]!=0) res[3][93]=a09;
+  if (res[3]!=0) res[3][94]=a37;
+  if (res[3]!=0) res[3][95]=a22;
+  if (res[3]!=0) res[3][96]=a53;
+  if (res[3]!=0) res[3][97]=a19;
+  if (res[3]!=0) res[3][98]=a03;
+  a11=casadi_sq(a11);
+  a03=(a02*a01);
+  a11=(a11+a03);
+  a01=(a01*a02);
+  a11=(a11+a01);
+  a18=casadi_sq(a18);
+  a11=(a11+a18);
+  if (res[3]!=0) res[3][99]=a11;
+  return 0;
+}
+
+/* cholesky_from_pi: theta with U(theta) U(theta)' = P; NaN unless P is positive definite. */
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  a00=arg[0]? arg[0][0] : 0;
+  a01=log(a00);
+  a02=2.;
+  a01=(a01/a02);
+  if (res[0]!=0) res[0][0]=a01;
+  a01=arg[0]? arg[0][4] : 0;
+  a03=arg[0]? arg[0][3] : 0;
+  a03=(a03/a00);
+  a04=casadi_sq(a03);
+  a05=arg[0]? arg[0][2] : 0;
+  a05=(a05/a00);
+  a06=casadi_sq(a05);
+  a07=(a04+a06);
+  a07=(a00*a07);
+  a01=(a01-a07);
+  a07=arg[0]? arg[0][5] : 0;
+  a08=arg[0]? arg[0][1] : 0;
+  a08=(a08/a00);
+  a09=casadi_sq(a08);
+  a04=(a04+a09);
+  a04=(a00*a04);
+  a07=(a07-a04);
+  a04=(a01+a07);
+  a10=arg[0]? arg[0][6] : 0;
+  a06=(a06+a09);
+  a06=(a00*a06);
+  a10=(a10-a06);
+  a04=(a04+a10);
+  a04=(a04/a02);
+  a01=(a04-a01);
+  a01=(a01/a00);
+  a02=arg[0]? arg[0][7] : 0;
+  a06=(a05*a08);
+  a06=(a00*a06);
+  a02=(a02+a06);
+  a02=(a02/a00);
+  a06=arg[0]? arg[0][8] : 0;
+  a09=(a03*a08);
+  a09=(a00*a09);
+  a06=(a06+a09);
+  a06=(a06/a00);
+  a10=(a04-a10);
+  a10=(a10/a00);
+  a10=sqrt(a10);
+  a06=(a06/a10);
+  a09=arg[0]? arg[0][9] : 0;
+  a11=(a03*a05);
+  a11=(a00*a11);
+  a09=(a09+a11);
+  a09=(a09/a00);
+  a09=(a09/a10);
+  a11=(a06*a09);
+  a02=(a02+a11);
+  a04=(a04-a07);
+  a04=(a04/a00);
+  a00=casadi_sq(a09);
+  a04=(a04-a00);
+  a04=sqrt(a04);
+  a02=(a02/a04);
+  a00=casadi_sq(a02);
+  a01=(a01-a00);
+  a00=casadi_sq(a06);
+  a01=(a01-a00);
+  a01=sqrt(a01);
+  a01=log(a01);
+  if (res[0]!=0) res[0][1]=a01;
+  a04=log(a04);
+  if (res[0]!=0) res[0][2]=a04;
+  a10=log(a10);
+  if (res[0]!=0) res[0][3]=a10;
+  a02=(-a02);
+  if (res[0]!=0) res[0][4]=a02;
+  a09=(-a09);
+  if (res[0]!=0) res[0][5]=a09;
+  a06=(-a06);
+  if (res[0]!=0) res[0][6]=a06;
+  if (res[0]!=0) res[0][7]=a08;
+  if (res[0]!=0) res[0][8]=a05;
+  if (res[0]!=0) res[0][9]=a03;
+  return 0;
+}
+
+/* lam_from_pi: Eqs. 4.18-4.23. */
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -25823,7 +26838,7 @@ static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* nearest_realisable: pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -27257,7 +28272,7 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* inertia_matrix: M(lam), Eq. 4.14 (linear part first). */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30;
@@ -27473,7 +28488,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pseudo_inertia: P(pi), Eqs. 3.9, 3.10. */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][4] : 0;
   a1=arg[0]? arg[0][5] : 0;
@@ -27515,7 +28530,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* harmonic_basis: cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=6.2831853071795862e+00;
   a01=arg[0]? arg[0][0] : 0;
@@ -27586,7 +28601,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* transfer_basis: 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -27649,7 +28664,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* regressor_adjoint: d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -31291,13 +32306,43 @@ void fr3_casadi_pi_adjoint_batch(long n, const double *lam, long lam_step, const
     }
 }
 
+void fr3_casadi_cholesky_jacobian_batch(long n, const double *theta, long theta_step, double *pi, double *jacobian);
+void fr3_casadi_cholesky_jacobian_batch(long n, const double *theta, long theta_step, double *pi, double *jacobian)
+{
+    for (long i = 0; i < n; ++i) {
+        const double *arg[] = {theta + i * theta_step};
+        double *res[] = {pi + i * 10, jacobian + i * 100};
+        casadi_f16(arg, res, 0, 0, 0);
+    }
+}
+
+void fr3_casadi_barrier_batch(long n, const double *pi, long pi_step, double *pivot, double *log_det, double *traces, double *curvature);
+void fr3_casadi_barrier_batch(long n, const double *pi, long pi_step, double *pivot, double *log_det, double *traces, double *curvature)
+{
+    for (long i = 0; i < n; ++i) {
+        const double *arg[] = {pi + i * pi_step};
+        double *res[] = {pivot + i * 1, log_det + i * 1, traces + i * 10, curvature + i * 100};
+        casadi_f17(arg, res, 0, 0, 0);
+    }
+}
+
+void fr3_casadi_cholesky_from_pi_batch(long n, const double *pi, long pi_step, double *theta);
+void fr3_casadi_cholesky_from_pi_batch(long n, const double *pi, long pi_step, double *theta)
+{
+    for (long i = 0; i < n; ++i) {
+        const double *arg[] = {pi + i * pi_step};
+        double *res[] = {theta + i * 10};
+        casadi_f18(arg, res, 0, 0, 0);
+    }
+}
+
 void fr3_casadi_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam);
 void fr3_casadi_lam_from_pi_batch(long n, const double *pi, long pi_step, double *lam)
 {
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {lam + i * 10};
-        casadi_f16(arg, res, 0, 0, 0);
+        casadi_f19(arg, res, 0, 0, 0);
     }
 }
 
@@ -31307,7 +32352,7 @@ void fr3_casadi_nearest_realisable_batch(long n, const double *pi, long pi_step,
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step, floor + i * floor_step};
         double *res[] = {realisable + i * 10};
-        casadi_f17(arg, res, 0, 0, 0);
+        casadi_f20(arg, res, 0, 0, 0);
     }
 }
 
@@ -31317,7 +32362,7 @@ void fr3_casadi_inertia_matrix_batch(long n, const double *lam, long lam_step, d
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step};
         double *res[] = {M + i * 36};
-        casadi_f18(arg, res, 0, 0, 0);
+        casadi_f21(arg, res, 0, 0, 0);
     }
 }
 
@@ -31327,7 +32372,7 @@ void fr3_casadi_pseudo_inertia_batch(long n, const double *pi, long pi_step, dou
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {P + i * 16};
-        casadi_f19(arg, res, 0, 0, 0);
+        casadi_f22(arg, res, 0, 0, 0);
     }
 }
 
@@ -31337,7 +32382,7 @@ void fr3_casadi_harmonic_basis_batch(long n, const double *m, long m_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {m + i * m_step, t + i * t_step, t_f + i * t_f_step};
         double *res[] = {phi + i * 4};
-        casadi_f20(arg, res, 0, 0, 0);
+        casadi_f23(arg, res, 0, 0, 0);
     }
 }
 
@@ -31347,7 +32392,7 @@ void fr3_casadi_transfer_basis_batch(long n, const double *t, long t_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {t + i * t_step, t_f + i * t_f_step};
         double *res[] = {S + i * 4};
-        casadi_f21(arg, res, 0, 0, 0);
+        casadi_f24(arg, res, 0, 0, 0);
     }
 }
 
@@ -31357,6 +32402,6 @@ void fr3_casadi_regressor_adjoint_batch(long n, const double *q, long q_step, co
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, seed + i * seed_step};
         double *res[] = {gradient + i * 21};
-        casadi_f22(arg, res, 0, 0, 0);
+        casadi_f25(arg, res, 0, 0, 0);
     }
 }

@@ -108,6 +108,16 @@ HIDDEN void OWN(pi_adjoint_sines)(long tiles, const double *lam, double *sc);
 HIDDEN void OWN(pi_adjoint_tile)(
 const double *sc,const double *lam, const double *slope, double *gradient);
 
+/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations per sample. */
+HIDDEN void OWN(cholesky_jacobian_sines)(long tiles, const double *theta, double *sc);
+HIDDEN void OWN(cholesky_jacobian_tile)(
+const double *sc,const double *theta, double *pi, double *jacobian);
+
+/* smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. 558 operations per sample. */
+HIDDEN void OWN(barrier_sines)(long tiles, const double *pi, double *sc);
+HIDDEN void OWN(barrier_tile)(
+const double *sc,const double *pi, double *pivot, double *log_det, double *traces, double *curvature);
+
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations per sample. */
 HIDDEN void OWN(regressor_adjoint_sines)(long tiles, const double *q, double *sc);
 HIDDEN void OWN(regressor_adjoint_tile)(

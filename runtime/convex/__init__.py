@@ -7,6 +7,7 @@ Wensing, Kim & Slotine 2018 (P ⪰ 0); document Sec. 3.1.4.
 """
 
 from runtime.convex.bodies import Bodies, bodies_of
+from runtime.convex.compiled import follow_compiled, follow_many, solve, solve_many
 from runtime.convex.newton import (
     ConvexProblem,
     HalfSpaces,
@@ -35,8 +36,12 @@ __all__ = [
     "bodies_of",
     "convex_problem",
     "follow",
+    "follow_compiled",
+    "follow_many",
     "minimise",
     "prior_from",
     "prior_of",
     "reduce",
+    "solve",
+    "solve_many",
 ]

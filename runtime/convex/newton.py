@@ -7,7 +7,6 @@ The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ 
 backtracking, no step out of the cone; the end is a Newton decrement below 1e-3 γ.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,6 +72,7 @@ class Minimum:
     """The answer and what vouches for it.
 
     Attributes:
+        problem: that was solved.
         pi: (10 n,), P_k ≻ 0.
         loss: L there, without the prior's share.
         decrement: ½ gᵀH⁻¹g, how far the cost is above its minimum, to second order.
@@ -80,16 +80,16 @@ class Minimum:
         converged: the decrement is small enough; else the last point that was better.
     """
 
+    problem: ConvexProblem = field(repr=False)
     pi: Array
     loss: float
     decrement: float
     steps: int
     converged: bool
-    _hessian: Callable[[], Array] = field(repr=False)
 
     def hessian(self) -> Array:
         """∇² of the whole cost at π, (10 n, 10 n)."""
-        return self._hessian()
+        return _Cost(self.problem).slope(self.pi)[1]
 
 
 def convex_problem(
@@ -148,9 +148,7 @@ def minimise(problem: ConvexProblem, start: Array | None = None) -> Minimum:
             break
         pi, value = moved
         steps += 1
-    return Minimum(
-        pi, problem.data.value(pi), decrement, steps, converged, lambda: cost.slope(pi)[1]
-    )
+    return Minimum(problem, pi, problem.data.value(pi), decrement, steps, converged)
 
 
 class _Cost:
@@ -216,15 +214,14 @@ def _solved(hessian: Array, gradient: Array, free: Subspace | None) -> Array:
         return np.asarray(free.basis @ _solved(inner, free.basis.T @ gradient, None))
     scale = 1 / np.sqrt(np.diagonal(hessian))
     scaled = hessian * np.outer(scale, scale)
-    ridge = RIDGE
+    eye, ridge = np.eye(len(scaled)), 0.0
     while True:
         try:
-            factor = cho_factor(scaled, lower=True, check_finite=False)
+            factor = cho_factor(scaled + ridge * eye, lower=True, check_finite=False)
             return np.asarray(scale * cho_solve(factor, scale * gradient, check_finite=False))
         except LinAlgError:
             if ridge > RIDGE_MOST:
                 raise IdentificationError(
                     "the convex problem is singular beyond repair; check units and weights"
                 ) from None
-            scaled = scaled + ridge * np.eye(len(scaled))
-            ridge *= RIDGE_GROWTH
+            ridge = ridge * RIDGE_GROWTH or RIDGE

@@ -68,18 +68,23 @@ def follow(data: Reduced, prior: Prior, gammas: Array | None = None) -> Path:
         prior: its centre starts the path.
         gammas: default is `gamma_ladder`.
     """
-    bodies = prior.centre.size // SIZE
-    ladder = gamma_ladder(data, bodies) if gammas is None else np.asarray(gammas, dtype=float)
-    found = list(_descent(convex_problem(data, prior, float(g)) for g in ladder))
-    last = found[-1]
-    return Path(
-        gammas=ladder,
-        points=np.array([m.pi for m in found]),
-        losses=np.array([m.loss for m in found]),
-        gap=4 * bodies * float(ladder[-1]) + last.decrement,
-        steps=sum(m.steps for m in found),
-        converged=all(m.converged for m in found),
+    ladder = (
+        gamma_ladder(data, prior.centre.size // SIZE)
+        if gammas is None
+        else np.asarray(gammas, dtype=float)
     )
+    found = list(_descent(convex_problem(data, prior, float(g)) for g in ladder))
+    points, losses = np.array([m.pi for m in found]), np.array([m.loss for m in found])
+    steps, converged = sum(m.steps for m in found), all(m.converged for m in found)
+    return path_of(ladder, points, losses, found[-1].decrement, steps, converged)
+
+
+def path_of(
+    gammas: Array, points: Array, losses: Array, decrement: float, steps: int, converged: bool
+) -> Path:
+    """A path with its certificate."""
+    gap = 4 * (points.shape[1] // SIZE) * float(gammas[-1]) + decrement
+    return Path(gammas, points, losses, gap, steps, converged)
 
 
 def _descent(problems: Iterator[ConvexProblem]) -> Iterator[Minimum]:

@@ -52,7 +52,7 @@ def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Pr
             "the prior needs bodies that exist strictly (P ≻ 0 for every link); take "
             "nearest_realisable(pi) of the library first"
         )
-    inverse: Array = np.linalg.inv(bodies.pseudo_inertia(flat))
+    inverse = np.asarray(np.linalg.inv(bodies.pseudo_inertia(flat)), dtype=np.float64)
     return Prior(bodies, flat, bodies.against(inverse), notes)
 
 

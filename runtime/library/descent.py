@@ -83,7 +83,7 @@ class _LevenbergJob(ctypes.Structure):
     """Field by field the struct of the generated header."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in ("size", "equations")),
+        *((name, ctypes.c_long) for name in ("size", "equations", "cholesky")),
         ("training", _LeastSquaresJob),
         *(
             (name, ctypes.c_double)

@@ -1,7 +1,6 @@
 """One typed NumPy method per kernel of a generated robot."""
 
 import ctypes
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -10,42 +9,13 @@ from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError, NotRealisableError, ShapeError
 from runtime.library.binding import Array, Binding
+from runtime.library.convex import CompiledConvex, ConvexTask
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.manifest import PI_NAMES, read_manifest
 from runtime.library.statistics import CompiledStatistics
 
 _SIZE = len(PI_NAMES)
-
-
-def load(
-    robot: str | os.PathLike[str], level: str | None = None, threads: int | None = None
-) -> "Library":
-    """The library of a robot by name, or by the folder that symgen wrote.
-
-    A name is looked up in ./generated, then in the generated folder beside this package. The
-    level is the instruction set of the batch functions, by default the best that runs here:
-    v4 (AVX-512), v3 (AVX2), v2, neon, or portable; casadi is CasADi's own C, the reference.
-    Batches that take milliseconds are spread over `threads`, by default as many as there are
-    cores; results do not depend on their number, to the last bit.
-
-    Raises:
-        LibraryError: missing, stale, foreign or damaged; the message says what to run.
-    """
-    given = Path(robot)
-    if given.is_dir() or given.name != str(robot):
-        folder = given
-    else:
-        roots = [Path.cwd() / "generated", Path(__file__).parents[2] / "generated"]
-        found = [root / given for root in roots if (root / given / "manifest.json").exists()]
-        if not found:
-            raise LibraryError(
-                f"no generated robot is called '{robot}' (looked in "
-                f"{' and '.join(str(root) for root in dict.fromkeys(roots))}); run: "
-                f"python -m symgen build --urdf FILE --name {robot}"
-            )
-        folder = found[0]
-    return Library(folder, level, threads)
 
 
 class Library:
@@ -63,6 +33,7 @@ class Library:
         job = (ctypes.c_void_p, ctypes.c_long, ctypes.c_long)
         self._adam = self._binding.function("adam", *job)
         self._levenberg = self._binding.function("levenberg", *job)
+        self._convex = self._binding.function("convex", ctypes.c_void_p, ctypes.c_long)
         m = self.manifest
         self.compiled_statistics = (
             CompiledStatistics(self._binding.own, len(m.joints), len(m.base_columns))
@@ -184,7 +155,7 @@ class Library:
         """∂⟨seed, Y_b⟩/∂(q, dq, ddq), (N, 3, n), from seed (N, n, n_b)."""
         return self._binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
 
-    # --- descents in x = [λ, ψ], see `runtime.descent` ---------------------------------------
+    # --- programs in C: descents, convex estimators, excitation -------------------------------
 
     @property
     def descends(self) -> bool:
@@ -206,6 +177,17 @@ class Library:
     ) -> CompiledLevenberg:
         """Compiled descents by Levenberg–Marquardt; LibraryError where this level has none."""
         return CompiledLevenberg(self._needed(self._levenberg), starts, problems, options, traces)
+
+    @property
+    def solves_convex(self) -> bool:
+        """This level holds the convex estimators."""
+        return self._convex is not None
+
+    def convex(
+        self, tasks: Sequence[ConvexTask], tolerance: float, most_steps: int
+    ) -> CompiledConvex:
+        """Compiled convex estimators; LibraryError where this level has none."""
+        return CompiledConvex(self._needed(self._convex), tasks, tolerance, most_steps)
 
     def _needed(self, function: Callable[..., None] | None) -> Callable[..., None]:
         if function is None:

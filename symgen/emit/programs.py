@@ -34,6 +34,8 @@ def programs(
         found += [Program("statistics.c", tables), Program("update.c", tables)]
     if by_name.keys() >= _DESCENT:
         found.append(Program("descent.c", _descent(by_name, tiles)))
+    if by_name.keys() >= _CONVEX:
+        found.append(Program("convex.c", _convex(by_name)))
     if by_name.keys() >= _EXCITATION:
         found.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
     if by_name.keys() >= _EXAMPLE:
@@ -42,7 +44,14 @@ def programs(
 
 
 _STATISTICS = {"base_regressor"}
-_DESCENT = {"loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"}
+_DESCENT = {
+    "loss_gradient",
+    "pi_jacobian",
+    "cholesky_jacobian",
+    "base_parameters",
+    "base_adjoint",
+}
+_CONVEX = {"barrier", "base_parameters"}
 _EXCITATION = {"base_regressor", "regressor_adjoint"}
 _EXAMPLE = {"inverse_dynamics", "regressor", "base_regressor"}
 
@@ -108,6 +117,12 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
             for j in range(lam.size)
         ],
     }
+
+
+def _convex(kernels: Kernels) -> dict[str, Any]:
+    """Sizes for the convex estimators."""
+    (own,), (pi,) = kernels["barrier"].inputs, kernels["base_parameters"].inputs
+    return {"parameters": own.size, "links": pi.size // own.size}
 
 
 def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:

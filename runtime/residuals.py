@@ -1,0 +1,55 @@
+"""Residuals r = Y π + F φ − τ, their noise per joint, and how far they are from white.
+
+Filtered data repeat themselves: the mean of N samples is as good as that of N_eff = N / (1 + 2 Σ ρ_l)
+independent ones, ρ_l the autocorrelation at lag l. Source: Bartlett 1946 for the sum.
+"""
+
+import numpy as np
+
+from runtime import friction
+from runtime.library import Array, Library
+from runtime.objective import Samples
+
+LAGS = 24
+SILENT = 1e-6
+"""Residuals below this share of the loudest joint's torque count as rounding."""
+
+
+def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
+    """r (N, n), N·m or N."""
+    rest = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi) - samples.tau
+    if phi.size:
+        rest = rest + friction.torque(samples.columns, phi.reshape(samples.columns.shape[1:]))
+    return rest
+
+
+def noise(rest: Array, lib: Library, n_phi: int) -> Array:
+    """s_j (n,): RMS of the residual, corrected for the unknowns it has absorbed."""
+    used = (len(lib.base_columns) + n_phi) / rest.shape[1]
+    return np.asarray(np.sqrt(np.sum(rest**2, axis=0) / max(len(rest) - used, 1.0)))
+
+
+def weights_from(sigma: Array, tau: Array) -> Array:
+    """w_j = 1/s_j², s_j kept above rounding so that an exactly explained joint stays finite."""
+    loudest = float(np.sqrt(np.mean(tau**2, axis=0)).max())
+    return 1 / np.maximum(sigma, SILENT * max(loudest, 1e-300)) ** 2
+
+
+def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
+    """ρ_l per joint for l = 1 … lags, (lags, n); 0 for a joint without residual."""
+    centred = rest - rest.mean(axis=0)
+    power = np.sum(centred**2, axis=0)
+    count = min(lags, len(rest) - 1)
+    out = np.zeros((lags, rest.shape[1]))
+    for lag in range(1, count + 1):
+        shared = np.sum(centred[lag:] * centred[:-lag], axis=0)
+        out[lag - 1] = np.divide(shared, power, out=np.zeros_like(power), where=power > 0)
+    return out
+
+
+def inflation(rest: Array, weights: Array) -> float:
+    """1 + 2 Σ ρ_l over the joints together, by their weighted power; at least 1."""
+    power = weights * np.sum((rest - rest.mean(axis=0)) ** 2, axis=0)
+    if not power.sum() > 0:
+        return 1.0
+    return max(1.0, float(1 + 2 * (autocorrelation(rest).sum(axis=0) @ power) / power.sum()))

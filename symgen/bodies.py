@@ -1,0 +1,110 @@
+"""The kernels of one body: λ ↔ π, log-Cholesky ↔ π, pseudo-inertia and its barrier."""
+
+import casadi as ca
+
+from symgen import inertia
+from symgen.kernel import Argument, Kernel, make_kernel
+
+P = inertia.N_PARAMETERS
+
+
+def body_kernels() -> tuple[Kernel, ...]:
+    """Every kernel of one body; a batch runs over links."""
+    pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
+    floor_ = Argument("floor", (1,), "1", shared=True)
+    slope_ = Argument("slope", (P,), "d cost / d pi")
+    theta_ = Argument("theta", (P,), "log-Cholesky")
+    pi, lam, floor, slope, theta = (a.symbol() for a in (pi_, lam_, floor_, slope_, theta_))
+    pivot, log_det, traces, curvature = inertia.barrier(pi)
+    return (
+        make_kernel(
+            "pi_from_lam", {lam_: lam}, {pi_: inertia.pi_from_lam(lam)}, "Eqs. 4.25-4.31", "link"
+        ),
+        make_kernel(
+            "pi_jacobian",
+            {lam_: lam},
+            {
+                pi_: inertia.pi_from_lam(lam),
+                Argument("jacobian", (P, P), "d pi / d lam"): ca.jacobian(
+                    inertia.pi_from_lam(lam), lam
+                ),
+            },
+            "pi and d pi / d lam of one link",
+            "link",
+        ),
+        make_kernel(
+            "pi_adjoint",
+            {lam_: lam, slope_: slope},
+            {
+                Argument("gradient", (P,), "d cost / d lam"): ca.jtimes(
+                    inertia.pi_from_lam(lam), lam, slope, True
+                )
+            },
+            "(d pi / d lam)' slope of one link, Eq. 4.32",
+            "link",
+        ),
+        make_kernel(
+            "cholesky_jacobian",
+            {theta_: theta},
+            {
+                pi_: inertia.pi_from_cholesky(theta),
+                Argument("jacobian", (P, P), "d pi / d theta"): ca.jacobian(
+                    inertia.pi_from_cholesky(theta), theta
+                ),
+            },
+            "pi and d pi / d theta of one link, P = U(theta) U(theta)'",
+            "link",
+        ),
+        make_kernel(
+            "barrier",
+            {pi_: pi},
+            {
+                Argument("pivot", (1,), "SI"): pivot,
+                Argument("log_det", (1,), "1"): log_det,
+                Argument("traces", (P,), "1/SI"): traces,
+                Argument("curvature", (P, P), "1/SI^2"): curvature,
+            },
+            "smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i",
+            "link",
+        ),
+        make_kernel(
+            "cholesky_from_pi",
+            {pi_: pi},
+            {theta_: inertia.cholesky_from_pi(pi)},
+            "theta with U(theta) U(theta)' = P; NaN unless P is positive definite",
+            "link",
+            rare=True,
+        ),
+        make_kernel(
+            "lam_from_pi",
+            {pi_: pi},
+            {lam_: inertia.lam_from_pi(pi)},
+            "Eqs. 4.18-4.23",
+            "link",
+            rare=True,
+        ),
+        make_kernel(
+            "nearest_realisable",
+            {pi_: pi, floor_: floor},
+            {Argument("realisable", (P,), "SI"): inertia.nearest_realisable(pi, floor)},
+            "pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2",
+            "link",
+            rare=True,
+        ),
+        make_kernel(
+            "inertia_matrix",
+            {lam_: lam},
+            {Argument("M", (6, 6), "SI"): inertia.spatial_inertia(lam)},
+            "M(lam), Eq. 4.14 (linear part first)",
+            "link",
+            rare=True,
+        ),
+        make_kernel(
+            "pseudo_inertia",
+            {pi_: pi},
+            {Argument("P", (4, 4), "SI"): inertia.pseudo_inertia(pi)},
+            "P(pi), Eqs. 3.9, 3.10",
+            "link",
+            rare=True,
+        ),
+    )

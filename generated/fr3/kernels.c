@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model a2b41788ccefd7f3d9bc65ceeba553ffdc22d33e3c695aceb6d39ee4ed83e9f0.
+ * Model 4a51a31b1b87527cb7f186b128d191f3ab47fd6f18eff0326212ca70cc7d3e83.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "a2b41788ccefd7f3d9bc65ceeba553ffdc22d33e3c695aceb6d39ee4ed83e9f0";
+    return "4a51a31b1b87527cb7f186b128d191f3ab47fd6f18eff0326212ca70cc7d3e83";
 }
 
 const char *fr3_level(void)

@@ -12,6 +12,7 @@ from runtime.fitting import PRESETS
 from runtime.identification import METHODS, Identification, identify
 from runtime.ladder import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
+from runtime.online import OnlineEstimate, OnlineEstimator
 from runtime.payload import Payload, identify_payload
 from runtime.recording import Recording, read_recording, write_recording
 
@@ -20,6 +21,8 @@ __all__ = [
     "PRESETS",
     "Identification",
     "Library",
+    "OnlineEstimate",
+    "OnlineEstimator",
     "Payload",
     "Preset",
     "Recording",

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 4a51a31b1b87527cb7f186b128d191f3ab47fd6f18eff0326212ca70cc7d3e83.
+ * Model 376884e8117b86e57986f3ebfde06e5bb9709eeb9500a9fa0585a5610328a0b6.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "4a51a31b1b87527cb7f186b128d191f3ab47fd6f18eff0326212ca70cc7d3e83";
+    return "376884e8117b86e57986f3ebfde06e5bb9709eeb9500a9fa0585a5610328a0b6";
 }
 
 const char *fr3_level(void)

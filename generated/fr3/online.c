@@ -23,8 +23,8 @@ enum { ALL = LINKS * PARAMETERS, WIDTH = (ALL + 7) / 8 * 8 };
  * the first guess would outweigh the data. */
 #define THIN 0.05
 
-/* Newton's end: the decrement in units of gamma. */
-#define TOLERANCE 1e-3
+/* Newton's end, the decrement in units of gamma: so close that the start leaves no trace. */
+#define TOLERANCE 1e-12
 
 int fr3_online_start(fr3_online *state, const double pi0[ALL], double forgetting, double trust)
 {

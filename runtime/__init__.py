@@ -10,7 +10,10 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 from runtime.descent import Preset
 from runtime.fitting import PRESETS
 from runtime.identification import METHODS, Identification, identify
+from runtime.ladder import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
+from runtime.online import OnlineEstimate, OnlineEstimator
+from runtime.payload import Payload, identify_payload
 from runtime.recording import Recording, read_recording, write_recording
 
 __all__ = [
@@ -18,9 +21,14 @@ __all__ = [
     "PRESETS",
     "Identification",
     "Library",
+    "OnlineEstimate",
+    "OnlineEstimator",
+    "Payload",
     "Preset",
     "Recording",
+    "choose_friction",
     "identify",
+    "identify_payload",
     "load",
     "read_recording",
     "to_pinocchio_order",

@@ -79,8 +79,9 @@ class Identification:
         rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
         if not self.phi.size:
             return rigid
-        speed = np.atleast_2d(np.asarray(dq, dtype=float))
-        columns = friction.columns(speed, self.friction.columns, self.friction.coulomb_speed)
+        speed, place, push = (np.atleast_2d(np.asarray(a, dtype=float)) for a in (dq, q, ddq))
+        motion = friction.Motion(speed, place, push, self.lib)
+        columns = friction.columns(motion, self.friction)
         return rigid + friction.torque(columns, self.phi).reshape(rigid.shape)
 
     def predict_recording(self, recording: Recording) -> Array:
@@ -182,7 +183,9 @@ def identify(
     recipe = recording.recipe
     terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
     done = [
-        _prepared(r, preparation, terms) for r in (recording, validation, test) if r is not None
+        _prepared(r, preparation, terms, lib)
+        for r in (recording, validation, test)
+        if r is not None
     ]
     if validation is None or test is None:
         if (validation is None) != (test is None):
@@ -256,9 +259,12 @@ def _require_enough(train: Samples, lib: Library) -> None:
         )
 
 
-def _prepared(recording: Recording, preparation: Preparation | None, terms: Friction) -> Recording:
-    names = () if recording.columns is not None else terms.columns
-    return prepare(recording, preparation, names, terms.coulomb_speed)
+def _prepared(
+    recording: Recording, preparation: Preparation | None, terms: Friction, lib: Library
+) -> Recording:
+    if recording.columns is not None:
+        return prepare(recording, preparation)
+    return prepare(recording, preparation, terms, lib=lib)
 
 
 def _fit(

@@ -190,8 +190,8 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
         return None
     names = result.train.column_names or result.friction.columns
     return {
+        **result.friction.facts(),
         "columns": list(names),
-        "coulomb_speed": result.friction.coulomb_speed,
         "values": result.phi.tolist(),
     }
 

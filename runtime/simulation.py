@@ -14,7 +14,7 @@ from runtime import friction
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.library import Array, Library
-from runtime.recording import Recording
+from runtime.recording import Friction, Recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,8 @@ def sample_times(duration: float, rate_hz: float) -> Array:
 
 
 def _friction(plant: Plant, dq: Array) -> Array:
-    rows = friction.columns(np.atleast_2d(dq), ("viscous", "coulomb"), plant.coulomb_speed)
+    terms = Friction(("viscous", "coulomb"), plant.coulomb_speed)
+    rows = friction.columns(friction.Motion(np.atleast_2d(dq)), terms)
     phi = np.tile([plant.viscous, plant.coulomb], (rows.shape[1], 1))
     return friction.torque(rows, phi).reshape(np.shape(dq))
 

@@ -61,6 +61,11 @@ def model_facts(
     return {
         "base": chain.base,
         "tip": chain.tip.link,
+        "tip_frame": {
+            "link": chain.joints[chain.tip.joint].link,
+            "rotation": [list(row) for row in chain.tip.rotation],
+            "translation": list(chain.tip.translation),
+        },
         "gravity": list(chain.gravity),
         "joints": [
             {

@@ -184,6 +184,29 @@ typedef struct {
 
 #define FR3_CONVEX_WORK(rows, width) (2 * (width) * (width) + 5 * (width) + 2 * (rows))
 
+/* Identification while the robot moves, see online.c. `pi` are the parameters found last, `count` the
+ * samples that are not forgotten, `rejected` those that were not finite, `variance` the weighted
+ * residual's, `steps` Newton's last ones. */
+typedef struct {
+    double forgetting, trust, count, variance;
+    long steps, rejected;
+    double factor[1936];
+    double pi[72], point[72], slope[72], share[7];
+    double rows[3096], target[43];
+    double work[FR3_CONVEX_WORK(43, 72)];
+} fr3_online;
+
+/* An empty state around a first guess, whose thin axes are thickened; trust is 16 for a model from CAD,
+ * 1 for none. 0 if a body of pi0 cannot exist, or forgetting lies outside (0, 1]. */
+int fr3_online_start(fr3_online *state, const double pi0[70], double forgetting, double trust);
+
+/* One more sample; 0 if it was not finite and left out. */
+int fr3_online_sample(fr3_online *state, const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7]);
+
+/* New `pi` by fr3_<level>_convex of convex.c in at most `most_steps` steps of Newton; 1 when it
+ * converged, else pi is the best so far (0 also with too few samples, pi is then as it was). */
+int fr3_online_solve(fr3_online *state, void (*convex)(fr3_convex_job *jobs, long count), long most_steps);
+
 /* A trajectory's cost, see excitation.c. `basis` holds phi, phi' and phi'' of every harmonic at the
  * samples, by tiles of 8 samples: tile, derivative, harmonic, sample; samples beyond the last are 0.
  * `work`: as many numbers as <level>_excitation_work says, zeros before the first call. One job

@@ -30,9 +30,9 @@ enum {
 #define HOLD(x) ((void)0)
 #endif
 
-/* Squares below are rounded coarsely, and so would be the reflection; sums of squares up to here
- * count as zero. */
-#define TINY 1e-280
+/* Sums of squares up to here count as zero: below, their power 3/2, by which a reflection divides,
+ * leaves the range of numbers. */
+#define TINY 1e-200
 
 /* Neighbouring columns: rows that take part, columns to the right that change. */
 typedef struct {

@@ -6,8 +6,9 @@
 
 enum { N = 7, BASE = 43, SIZE = BASE + 1 };
 
-/* Below, squares are rounded too coarsely for a reflection; such a sum counts as zero. */
-#define TINY 1e-280
+/* Such a sum of squares counts as zero: below, its power 3/2, by which a reflection divides, leaves the
+ * range of numbers. */
+#define TINY 1e-200
 
 /* Neighbouring columns and the joints whose rows take part when they are eliminated. */
 static const struct {

@@ -23,16 +23,18 @@ def fit_ols(problem: Problem) -> Fit:
     lib = problem.lib
     statistics = problem.statistics(np.ones(lib.n_joints))
     matrix, norms = statistics.unit_columns()
-    sigma = np.linalg.svd(matrix, compute_uv=False)
+    n_b = len(lib.base_columns)
+    shown = np.any(matrix != 0, axis=0)
+    shown[:n_b] = True  # a friction column that is 0 throughout, such as a hidden rotor, stays 0
+    sigma = np.linalg.svd(matrix[:, shown], compute_uv=False)
     rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
-    if rank < norms.size:
+    if rank < shown.sum():
         raise IdentificationError(
-            f"the motion excites {rank} of {norms.size} columns (base parameters and friction), "
+            f"the motion excites {rank} of {shown.sum()} columns (base parameters and friction), "
             "so ordinary least squares has no unique answer; record a richer trajectory, or use "
             "a method that keeps to the first guess where the data are silent: adam, pc-ols"
         )
     solution = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
-    n_b = len(lib.base_columns)
     beta, phi = solution[:n_b], solution[n_b:].reshape(problem.train.columns.shape[1:])
     guess = lib.pi_from_lam(problem.start)
     k = lib.base_matrix

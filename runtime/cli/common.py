@@ -1,5 +1,6 @@
 """What the commands share: the console, the option types, the table of torque errors."""
 
+import dataclasses
 import shlex
 import sys
 from typing import Annotated, Any
@@ -9,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from runtime.errors import IdentificationError
+from runtime.recording import Preparation, Recording
 
 console = Console()
 
@@ -70,3 +72,17 @@ def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
     if len(values) != count:
         raise IdentificationError(f"{option} needs {count} numbers with commas, got '{text}'")
     return values
+
+
+def preparation_of(
+    recording: Recording, cutoff: float | None, rate: float | None
+) -> Preparation | None:
+    """The recipe's preparation with --cutoff and --rate; None where neither is given."""
+    if cutoff is None and rate is None:
+        return None
+    base = recording.recipe.preparation if recording.recipe else Preparation()
+    if cutoff is not None:
+        base = dataclasses.replace(base, filter="butterworth", cutoff_hz=cutoff)
+        if base.max_gap_s is None:
+            base = dataclasses.replace(base, max_gap_s=3.0 / recording.rate_hz)
+    return dataclasses.replace(base, rate_hz=rate) if rate is not None else base

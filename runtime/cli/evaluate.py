@@ -16,7 +16,7 @@ from runtime.library.manifest import PI_NAMES
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
-from runtime.recording import read_recording
+from runtime.recording import Friction, read_recording
 from runtime.results import error_facts
 
 Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
@@ -44,11 +44,12 @@ def evaluate_command(
         )
     recording = read_recording(log, recipe, run)
     require_plausible(recording, lib)
-    prepared = prepare(recording, None, facts["columns"], facts["coulomb_speed"])
+    terms = facts["friction"]
+    prepared = prepare(recording, None, terms, lib=lib)
     samples = samples_of(prepared, lib)
     before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
     after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, facts["pi"])
-    if facts["columns"]:
+    if terms.columns:
         after = after + friction.torque(samples.columns, facts["phi"])
     errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]
     figures: dict[str, Any] = {
@@ -83,14 +84,13 @@ def _read(folder: Path) -> dict[str, Any]:
     try:
         facts = dict(json.loads((folder / "result.json").read_text(encoding="utf-8")))
         n = len(facts["joints"])
-        terms = facts["friction"] or {"columns": [], "coulomb_speed": 1.0, "values": [[]] * n}
+        terms = facts["friction"] or {"columns": [], "values": [[]] * n}
         read = {key: facts[key] for key in ("robot", "method", "joints", "units")}
         read["pi"] = np.array(facts["pi"], dtype=float)
-        read["columns"] = tuple(map(str, terms["columns"]))
-        read["coulomb_speed"] = float(terms["coulomb_speed"])
+        read["friction"] = Friction.from_facts(terms)
         read["phi"] = np.array(terms["values"], dtype=float)
         whole = len(read["units"]) == n and read["pi"].shape == (len(PI_NAMES) * n,)
-        if not whole or read["phi"].shape != (n, len(read["columns"])):
+        if not whole or read["phi"].shape != (n, len(read["friction"].columns)):
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
         raise RecordingError(

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
 
 from runtime.cli.common import (
     Robot,
@@ -13,17 +14,23 @@ from runtime.cli.common import (
     command_line,
     console,
     numbers_option,
+    preparation_of,
     say,
     torque_table,
 )
 from runtime.errors import IdentificationError
 from runtime.export import write_urdf
 from runtime.fitting import PRESETS
+from runtime.friction import COLUMNS
 from runtime.identification import METHODS, Identification, identify
+from runtime.ladder import Choice, choose_friction
 from runtime.library import Library, load
 from runtime.prior_file import read_prior
-from runtime.recording import Friction, Preparation, Recording, Split, read_recording
+from runtime.recording import Friction, Recording, Split, read_recording
 from runtime.results import write_result
+
+AUTO = "auto"
+"""Instead of columns: let the ladder choose them."""
 
 
 def identify_command(
@@ -59,7 +66,10 @@ def identify_command(
     run: Annotated[str | None, typer.Option(help="Which run, where a recipe has several.")] = None,
     friction: Annotated[
         str | None,
-        typer.Option(help="none, or a list of viscous,coulomb,offset; default from the recipe."),
+        typer.Option(
+            help=f"auto (chosen by cross-validation, 'auto,rotor' adds a column), none, or a list "
+            f"of {','.join(COLUMNS)}; default from the recipe."
+        ),
     ] = None,
     coulomb_speed: Annotated[
         float | None, typer.Option(help="Width of the smooth Coulomb sign, rad/s.")
@@ -79,6 +89,7 @@ def identify_command(
     \b
     python -m runtime identify panda_gaz --robot fr3
     python -m runtime identify log.csv --robot my --friction viscous,coulomb --cutoff 10
+    python -m runtime identify log.csv --robot my --friction auto --cutoff 10
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
     python -m runtime identify log.csv --robot my --prior my-arm.toml
 
@@ -88,18 +99,28 @@ def identify_command(
     """
     lib = load(robot)
     recording = read_recording(log, recipe, run)
+    prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
     terms = _friction(recording, friction, coulomb_speed)
+    notes: tuple[str, ...] = ()
+    if terms is not None and terms.columns[:1] == (AUTO,):
+        with console.status("choosing a friction model"):
+            choice = choose_friction(
+                recording, lib, prepared, parts, coulomb_speed, extra=terms.columns[1:]
+            )
+        console.print(_ladder_table(choice))
+        terms, notes = choice.chosen.terms, (choice.sentence,)
     result = _with_progress(
         recording,
         lib,
         method,
         preset=preset,
         prior=None if prior is None else read_prior(prior, lib),
-        preparation=_preparation(recording, cutoff, rate),
-        splitting=_split(split),
+        preparation=prepared,
+        splitting=parts,
         friction_columns=terms,
         seed=seed,
     )
+    result = dataclasses.replace(result, notes=(*notes, *result.notes))
     folder = out or Path("results") / f"{Path(log).stem}-{result.method}"
     _finish(result, folder)
 
@@ -162,23 +183,25 @@ def _friction(recording: Recording, names: str | None, speed: float | None) -> F
     if names is None and speed is None:
         return default
     known = default or Friction(columns=())
-    columns = known.columns
+    columns, width = known.columns, known.coulomb_speed if speed is None else speed
     if names is not None:
         columns = () if names == "none" else tuple(names.split(","))
-    return Friction(columns, known.coulomb_speed if speed is None else speed)
+    return dataclasses.replace(known, columns=columns, coulomb_speed=width)
 
 
-def _preparation(
-    recording: Recording, cutoff: float | None, rate: float | None
-) -> Preparation | None:
-    if cutoff is None and rate is None:
-        return None
-    base = recording.recipe.preparation if recording.recipe else Preparation()
-    if cutoff is not None:
-        base = dataclasses.replace(base, filter="butterworth", cutoff_hz=cutoff)
-        if base.max_gap_s is None:
-            base = dataclasses.replace(base, max_gap_s=3.0 / recording.rate_hz)
-    return dataclasses.replace(base, rate_hz=rate) if rate is not None else base
+def _ladder_table(choice: Choice) -> Table:
+    table = Table("friction model", title="Friction ladder: cross-validated error over noise")
+    for head in ("score", "above the best", "AIC", "unknowns"):
+        table.add_column(head, justify="right")
+    for rung in choice.rungs:
+        table.add_row(
+            f"{'→ ' if rung is choice.chosen else ''}{rung.name}: {rung.terms}",
+            f"{rung.score:.3f}",
+            f"{rung.excess:.3f} ± {rung.excess_error:.3f}",
+            f"{rung.aic:.1f}",
+            str(rung.parameters),
+        )
+    return table
 
 
 def _split(text: str | None) -> Split | None:

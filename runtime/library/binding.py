@@ -75,6 +75,10 @@ class Binding:
         """Any function of the level, without types; None where there is none."""
         return getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
 
+    def plain(self, name: str) -> Any:
+        """A function that every library has, of no level, without types."""
+        return self._symbol(f"{self._manifest.robot}_{name}")
+
     def _symbol(self, name: str) -> Any:
         try:
             return self._dll[name]

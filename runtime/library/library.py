@@ -36,7 +36,12 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         self._convex = self._binding.function("convex", ctypes.c_void_p, ctypes.c_long)
         m = self.manifest
         self.compiled_statistics = (
-            CompiledStatistics(self._binding.own, len(m.joints), len(m.base_columns))
+            CompiledStatistics(
+                self._binding.own,
+                self._binding.plain("statistics_update"),
+                len(m.joints),
+                len(m.base_columns),
+            )
             if self._binding.own("statistics") is not None
             else None
         )

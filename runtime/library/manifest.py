@@ -95,6 +95,15 @@ class BrakingFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class FrameFacts:
+    """A frame rigid in that of a moving link: R (3, 3) to the link's axes, origin [m]."""
+
+    link: str
+    rotation: tuple[tuple[float, ...], ...]
+    translation: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """The facts of one robot, see the fields of `manifest.json`."""
 
@@ -103,6 +112,7 @@ class Manifest:
     versions: dict[str, str]
     base: str
     tip: str
+    tip_frame: FrameFacts
     gravity: tuple[float, ...]
     joints: tuple[JointFacts, ...]
     home: tuple[float, ...]
@@ -146,6 +156,7 @@ def read_manifest(path: Path) -> Manifest:
             versions=raw["versions"],
             base=raw["base"],
             tip=raw["tip"],
+            tip_frame=_frame(raw["tip_frame"]),
             gravity=tuple(raw["gravity"]),
             joints=tuple(JointFacts(**joint) for joint in raw["joints"]),
             home=tuple(raw["home"]),
@@ -166,6 +177,11 @@ def read_manifest(path: Path) -> Manifest:
         )
     except (KeyError, TypeError) as error:
         raise LibraryError(f"'{path}' is damaged (no valid {error}); {again}") from None
+
+
+def _frame(entry: dict[str, Any]) -> FrameFacts:
+    rows = tuple(tuple(row) for row in entry["rotation"])
+    return FrameFacts(entry["link"], rows, tuple(entry["translation"]))
 
 
 def _kernel(entry: dict[str, Any]) -> KernelFacts:

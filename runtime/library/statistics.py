@@ -18,8 +18,10 @@ class CompiledStatistics:
     The calls leave Python's lock, so that several threads may run them at once.
     """
 
-    def __init__(self, own: Callable[[str], Any], joints: int, base: int) -> None:
+    def __init__(self, own: Callable[[str], Any], update: Any, joints: int, base: int) -> None:
         self._joints, self._base = joints, base
+        pointers = (_POINTER,) * 5
+        self._update = _typed(update, None, _POINTER, ctypes.c_double, *pointers)
         self._work = _typed(own("statistics_work"), _LONG, _LONG)
         self._join_work = _typed(own("statistics_join_work"), _LONG, _LONG, _LONG)
         state = (_POINTER,) * 4
@@ -55,6 +57,20 @@ class CompiledStatistics:
         ends = (weights.ctypes.data, extra, work.ctypes.data, triangle.ctypes.data)
         self._run(len(q), *state, k, columns.ctypes.data, *ends)
         return triangle
+
+    def update(
+        self,
+        triangle: Array,
+        forgetting: float,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        tau: Array,
+        weights: Array,
+    ) -> None:
+        """One more sample (n,) into the triangle (n_b + 1, n_b + 1) over [β; τ], in place."""
+        state = (a.ctypes.data for a in (q, dq, ddq, tau, weights))
+        self._update(triangle.ctypes.data, forgetting, *state)
 
     def join(self, triangles: Array) -> Array:
         """One triangle (p, p) for the rows of several, (count, p, p) and contiguous."""

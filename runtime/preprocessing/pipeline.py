@@ -1,6 +1,7 @@
 """The usual order of the steps, driven by a `Preparation`; each step is skipped unless set."""
 
-from runtime.friction import add_columns
+from runtime.friction import add_columns, renewed_rotor
+from runtime.library import Library
 from runtime.preprocessing.clock import repair_clock
 from runtime.preprocessing.filters import (
     ALL,
@@ -10,15 +11,14 @@ from runtime.preprocessing.filters import (
     savitzky_golay,
 )
 from runtime.preprocessing.segments import decimate, drop_rest, resample, trim
-from runtime.recording import Preparation, Recording
-from runtime.recording.recipe import COULOMB_SPEED
+from runtime.recording import Friction, Preparation, Recording
 
 
 def prepare(
     recording: Recording,
     preparation: Preparation | None = None,
-    friction: tuple[str, ...] = (),
-    coulomb_speed: float = COULOMB_SPEED,
+    *friction: Friction,
+    lib: Library | None = None,
 ) -> Recording:
     """Clock → grid → friction columns at the full rate → filter → derivatives → trim → decimate.
 
@@ -30,8 +30,8 @@ def prepare(
     Args:
         recording: as read.
         preparation: what to do.
-        friction: names of the friction columns to add.
-        coulomb_speed: ε of the Coulomb column [rad/s].
+        friction: friction columns to add, those of several side by side.
+        lib: of the robot, for the columns that need it.
 
     Raises:
         RecordingError: a step cannot be taken; the message says which setting to change.
@@ -39,18 +39,20 @@ def prepare(
     if preparation is None:
         preparation = recording.recipe.preparation if recording.recipe else Preparation()
     data = recording
+    wanted = any(terms.columns for terms in friction)
     if preparation.clock_tick is not None:
         data = repair_clock(data, preparation.clock_tick)
     if preparation.max_gap_s is not None:
         data = resample(data, _grid_hz(data, preparation), preparation.max_gap_s)
     if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
         data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
-    if friction and data.dq is not None:
-        data = add_columns(data, friction, coulomb_speed)
+    if wanted and data.dq is not None:
+        data = add_columns(data, *friction, lib=lib)
     data = _derived(_filtered(data, preparation), preparation)
-    if friction and data.columns is None:
-        data = add_columns(data, friction, coulomb_speed)
+    if wanted and data.columns is None:
+        data = add_columns(data, *friction, lib=lib)
         data = _filtered(data, preparation, ("columns",))
+    data = renewed_rotor(data, lib)
     if preparation.trim_s is not None:
         data = trim(data, preparation.trim_s)
     if preparation.rate_hz is not None:

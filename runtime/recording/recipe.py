@@ -9,8 +9,10 @@ Nothing of this is ever guessed: a recipe states it. `recipe_file` reads recipes
 """
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import isfinite, pi
+from typing import Any
 
 from runtime.errors import RecordingError
 
@@ -24,7 +26,9 @@ UNITS: dict[str, dict[str, float]] = {
 LAYOUTS = ("csv", "flat", "npz")
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 DERIVATIVES = ("measured", "position")
-COULOMB_SPEED = 0.02
+COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
+_WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
+_SIGNED = {"coulomb", "asymmetric", "stribeck", "load"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,13 +183,42 @@ class Split:
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """The friction columns to fit, and the speed ε of the smooth Coulomb term [rad/s]."""
+    """The friction columns to fit, and the widths of those that are not linear in the motion.
+
+    Attributes:
+        columns: names, see `runtime.friction.columns`.
+        coulomb_speed: ε, below which the smooth sign of dq gives way [rad/s].
+        stribeck_speed: v_s, above which the Stribeck peak is gone [rad/s].
+        dahl_stroke: z_c, travel after a reversal within which friction turns round [rad].
+    """
 
     columns: tuple[str, ...] = ("viscous", "coulomb", "offset")
     coulomb_speed: float = COULOMB_SPEED
+    stribeck_speed: float = STRIBECK_SPEED
+    dahl_stroke: float = DAHL_STROKE
 
     def __post_init__(self) -> None:
-        _positive("[friction] coulomb_speed", self.coulomb_speed)
+        for key in _WIDTHS:
+            _positive(f"[friction] {key}", getattr(self, key))
+
+    @classmethod
+    def from_facts(cls, facts: Mapping[str, Any]) -> "Friction":
+        """What `facts` said, in a file; widths that it does not name are the usual ones."""
+        widths = {key: float(facts[key]) for key in _WIDTHS if key in facts}
+        return cls(tuple(map(str, facts["columns"])), **widths)
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready."""
+        return {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
+
+    def __str__(self) -> str:
+        """The columns, and the widths that these have."""
+        names = set(self.columns)
+        widths = [f"ε = {self.coulomb_speed:.3g} rad/s"] if names & _SIGNED else []
+        widths += [f"v_s = {self.stribeck_speed:.3g} rad/s"] if "stribeck" in names else []
+        widths += [f"z_c = {self.dahl_stroke:.3g} rad"] if "dahl" in names else []
+        told = ", ".join(self.columns) or "none"
+        return f"{told} ({', '.join(widths)})" if widths else told
 
 
 @dataclass(frozen=True, slots=True)

@@ -180,7 +180,7 @@ def _friction(result: Result) -> Section | None:
     return Section(
         "Friction",
         "Coefficients in the unit of the joint, viscous ones per rad/s (m/s); "
-        f"the Coulomb term is tanh(speed / {friction.coulomb_speed:g}).",
+        f"the smooth sign of the speed is tanh(speed / {friction.coulomb_speed:g}).",
         Table(("joint", *map(_unit, friction.columns)), rows),
     )
 

@@ -5,13 +5,14 @@ transformations take the rows in, never normal equations, so ill-conditioned dat
 """
 
 from runtime.statistics.compression import BLOCK, CompressedObjective, compress, reference_triangle
-from runtime.statistics.factor import Statistics, joined, load_statistics
+from runtime.statistics.factor import Statistics, from_triangle, joined, load_statistics
 
 __all__ = [
     "BLOCK",
     "CompressedObjective",
     "Statistics",
     "compress",
+    "from_triangle",
     "joined",
     "load_statistics",
     "reference_triangle",

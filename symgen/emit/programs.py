@@ -36,6 +36,9 @@ def programs(
         found.append(Program("descent.c", _descent(by_name, tiles)))
     if by_name.keys() >= _CONVEX:
         found.append(Program("convex.c", _convex(by_name)))
+    if by_name.keys() >= _ONLINE:
+        found.append(Program("online.c", _online(by_name)))
+        found.append(Program("example_online.c", _example(facts)))
     if by_name.keys() >= _EXCITATION:
         found.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
     if by_name.keys() >= _EXAMPLE:
@@ -52,6 +55,7 @@ _DESCENT = {
     "base_adjoint",
 }
 _CONVEX = {"barrier", "base_parameters"}
+_ONLINE = _STATISTICS | _CONVEX | {"base_adjoint", "inverse_dynamics", "nearest_realisable"}
 _EXCITATION = {"base_regressor", "regressor_adjoint"}
 _EXAMPLE = {"inverse_dynamics", "regressor", "base_regressor"}
 
@@ -123,6 +127,14 @@ def _convex(kernels: Kernels) -> dict[str, Any]:
     """Sizes for the convex estimators."""
     (own,), (pi,) = kernels["barrier"].inputs, kernels["base_parameters"].inputs
     return {"parameters": own.size, "links": pi.size // own.size}
+
+
+def _online(kernels: Kernels) -> dict[str, Any]:
+    """Sizes of the streaming estimator's state."""
+    sizes = _convex(kernels)
+    joints, base = kernels["base_regressor"].outputs[0].shape
+    width = -(-sizes["links"] * sizes["parameters"] // 8) * 8
+    return sizes | {"joints": joints, "base": base, "width": width}
 
 
 def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:

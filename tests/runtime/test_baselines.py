@@ -14,6 +14,7 @@ from runtime.friction import add_columns
 from runtime.library import Library
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.problem import Problem, best_friction
+from runtime.recording import Friction
 from runtime.statistics import Statistics, compress
 
 
@@ -30,7 +31,7 @@ def clean(lib: Library, ideal_runs: tuple[Recording, ...]) -> Problem:
 @pytest.fixture(scope="module")
 def measured(lib: Library, noisy: Recording) -> Problem:
     """Friction and noise."""
-    recording = add_columns(noisy, ("viscous", "coulomb"), 0.03)
+    recording = add_columns(noisy, Friction(("viscous", "coulomb"), 0.03))
     return problem_of(lib, samples_of(recording, lib))
 
 

@@ -110,7 +110,7 @@ def test_panda_clock():
 def test_panda_prepared():
     """Real data: prepared by its recipe, q, dq and ddq are one motion, without holes or rest."""
     raw = read_recording(real("panda_gaz"))
-    data = prepare(raw, friction=raw.recipe.friction.columns)
+    data = prepare(raw, None, raw.recipe.friction)
     assert len(data) == 2081
     assert data.columns.shape == (2081, 7, 3)
     assert len(segments(data.t)) == 1
@@ -146,7 +146,7 @@ def test_tx40_joint_side():
     assert data.duration == pytest.approx(8.9998)
     assert data.dq is None
     np.testing.assert_allclose(data.q[-1], 0.0, atol=1e-4)
-    prepared = prepare(data, friction=data.recipe.friction.columns)
+    prepared = prepare(data, None, data.recipe.friction)
     assert prepared.rate_hz == pytest.approx(200.0)
     assert prepared.columns.shape == (len(prepared), 6, 3)
     assert np.abs(prepared.dq).max(axis=1).min() >= 0.02

@@ -14,12 +14,13 @@ from runtime.objective import (
     samples_of,
     thesis_weights,
 )
+from runtime.recording import Friction
 from tests.taylor import assert_second_order, taylor_slope
 
 
 @pytest.fixture(scope="module")
 def samples(noisy: Recording, lib: Library) -> Samples:
-    return samples_of(add_columns(noisy, ("viscous", "coulomb", "offset")), lib)
+    return samples_of(add_columns(noisy, Friction()), lib)
 
 
 @pytest.fixture(scope="module")

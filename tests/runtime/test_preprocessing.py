@@ -22,7 +22,7 @@ from runtime.preprocessing import (
     split,
     trim,
 )
-from runtime.recording import Recording
+from runtime.recording import Friction, Recording
 
 
 def sine(hz: float, rate: float = 1000.0, seconds: float = 4.0, **more) -> Recording:
@@ -144,7 +144,7 @@ STEPS = {
     "prepare": lambda r: prepare(
         r.replace(dq=None),
         Preparation(filter="butterworth", cutoff_hz=10.0, max_gap_s=0.01, trim_s=0.05),
-        ("viscous", "coulomb"),
+        Friction(("viscous", "coulomb")),
     ),
     "resample": lambda r: resample(r, 500.0, 0.01),
 }
@@ -343,7 +343,7 @@ def test_prepare_recovers_the_motion(name, measured):
     preparation = Preparation(
         filter=name, cutoff_hz=10.0, window_s=0.051, rate_hz=100.0, trim_s=0.5, rest_speed=0.02
     )
-    done = prepare(data, preparation, ("viscous", "offset"))
+    done = prepare(data, preparation, Friction(("viscous", "offset")))
     gain = np.exp(-((w * 0.051) ** 2) / 24) if name == "average" else 1.0
     exact = -w * w * np.stack([np.sin(w * done.t), np.cos(w * done.t)], axis=1)
     np.testing.assert_allclose(
@@ -359,7 +359,9 @@ def test_prepare_recovers_the_motion(name, measured):
 def test_coulomb_column_is_filtered_after_tanh():
     """Oracle: the filtered column is the filter of tanh(dq/ε), not tanh of the filtered dq."""
     data = sine(1.0)
-    prepared = prepare(data, Preparation(filter="butterworth", cutoff_hz=10.0), ("coulomb",), 0.05)
+    prepared = prepare(
+        data, Preparation(filter="butterworth", cutoff_hz=10.0), Friction(("coulomb",), 0.05)
+    )
     by_hand = low_pass(data.replace(q=np.tanh(data.dq / 0.05)), 10.0).q
     np.testing.assert_allclose(prepared.columns[..., 0], by_hand, atol=1e-12)
     assert np.abs(np.tanh(prepared.dq / 0.05) - by_hand).max() > 0.05
@@ -371,7 +373,7 @@ def test_history_tells_every_step_in_order():
         clock_tick=1e-3, max_gap_s=0.02, filter="butterworth", cutoff_hz=10.0,
         derivative="position", trim_s=0.1, rate_hz=100.0, rest_speed=0.02,
     )  # fmt: skip
-    done = prepare(sine(1.0), preparation, ("viscous",))
+    done = prepare(sine(1.0), preparation, Friction(("viscous",)))
     words = [sentence.split()[0] for sentence in done.history]
     assert words == [
         "Dropped", "Rebuilt", "Resampled", "Set", "Low-passed", "Differentiated",

@@ -13,6 +13,7 @@ from runtime.errors import IdentificationError
 from runtime.friction import add_columns
 from runtime.library import Library, load
 from runtime.objective import Samples, TorqueObjective, samples_of, thesis_weights
+from runtime.recording import Friction
 from runtime.statistics import (
     CompressedObjective,
     Statistics,
@@ -276,7 +277,7 @@ def test_joined_triangles_of_numpy_and_of_c_agree(lib: Library) -> None:
 
 def test_compressed_objective_is_the_objective(lib: Library, noisy: Recording) -> None:
     """Oracle: value and gradient from R, r, ρ equal those from all samples."""
-    s = samples_of(add_columns(noisy, ("viscous", "coulomb", "offset")), lib)
+    s = samples_of(add_columns(noisy, Friction()), lib)
     whole = TorqueObjective(lib, s, thesis_weights(s.tau))
     rng = np.random.default_rng(3)
     lam = lib.lam0 * (1 + 0.1 * rng.normal(size=lib.lam0.size))

@@ -38,6 +38,7 @@ void NAME_LEVEL_statistics_join(long size, long count, const double *triangles, 
     double *triangle);
 void NAME_LEVEL_adam(NAME_adam_job *jobs, long count, long iterations);
 void NAME_LEVEL_levenberg(NAME_levenberg_job *jobs, long count, long iterations);
+void NAME_LEVEL_convex(NAME_convex_job *jobs, long count);
 long NAME_LEVEL_excitation_work(const NAME_excitation_job *job);
 double NAME_LEVEL_excitation_cost(NAME_excitation_job *job, const double *a, double *gradient);
 """
@@ -105,8 +106,27 @@ PROGRAMS = """
         NAME_LEVEL_excitation_cost(&job, numbers(2 * N), numbers(2 * N));
         printf("%d\\n", isfinite(job.value));
     }
+    {
+        double *pi0 = calloc(LAMBDA, 8), *state = numbers(N);
+        for (int i = 0; i < N; ++i) {
+            pi0[10 * i] = 1.0;
+            pi0[10 * i + 4] = pi0[10 * i + 5] = pi0[10 * i + 6] = 0.1;
+        }
+        NAME_online *online = malloc(sizeof *online);
+        int good = NAME_online_start(online, pi0, 0.99, 1.0);
+        for (int i = 0; i < 40; ++i) {
+            for (int j = 0; j < N; ++j) {
+                state[j] = sin(0.7 * i * (j + 1) + j);
+            }
+            good += NAME_online_sample(online, state, state, state, state, numbers(N));
+        }
+        state[0] = INFINITY;
+        good += NAME_online_sample(online, state, numbers(N), numbers(N), numbers(N), numbers(N));
+        good += NAME_online_solve(online, NAME_LEVEL_convex, 50);
+        printf("%d %ld %d\\n", good, online->rejected, isfinite(online->pi[0]));
+    }
 """
-EXPECTED = "1 1 20 1 20 1 5 1 1"
+EXPECTED = "1 1 20 1 20 1 5 1 1 42 1 1"
 """All numbers finite, all iterations made."""
 
 

@@ -1,0 +1,157 @@
+"""Joint friction, linear in its parameters: columns of the motion times coefficients.
+
+    τ_f,j = Σ_k C_jk φ_jk     s = tanh(dq / ε) stands for the sign of dq and is smooth at rest
+
+    offset 1 · viscous dq · coulomb s · asymmetric dq s · stribeck s exp(−(dq / v_s)²)
+    load |τ_g| s · rotor ddq · dahl ζ, the Dahl state of the path: dζ = (dq − |dq| ζ) dt / z_c
+
+Offset and coulomb together differ between the directions already; asymmetric lets the viscous part
+do so too. ζ ∈ [−1, 1] is the bent state of the contact, z_c the stroke within which it gives way.
+Columns of a filtered recording are computed from the unfiltered motion and then filtered with the
+rest of the data, because the filtered tanh is not the tanh of the filtered speed.
+Source: Armstrong-Hélouvry 1994 (Stribeck), Dahl 1976, Hamon, Gautier & Garrec 2010 (load).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.friction.mechanics import gravity_load, separate_rotors
+from runtime.library import Library
+from runtime.recording.recipe import Friction
+from runtime.recording.recording import Recording
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What columns are made of, each (N, n); only "dq" is needed by all of them.
+
+    Attributes:
+        dq: rad/s.
+        q: rad, of successive instants; for dahl.
+        ddq: rad/s²; for rotor.
+        lib: of the robot; for load and rotor.
+    """
+
+    dq: FloatArray
+    q: FloatArray | None = None
+    ddq: FloatArray | None = None
+    lib: Library | None = None
+
+
+def _sign(motion: Motion, terms: Friction) -> FloatArray:
+    return np.tanh(motion.dq / terms.coulomb_speed)
+
+
+def _stribeck(motion: Motion, terms: Friction) -> FloatArray:
+    return _sign(motion, terms) * np.exp(-((motion.dq / terms.stribeck_speed) ** 2))
+
+
+def _load(motion: Motion, terms: Friction) -> FloatArray:
+    if motion.q is None or motion.lib is None:
+        raise RecordingError("the friction column 'load' needs q and the library of the robot")
+    return gravity_load(motion.lib, motion.q) * _sign(motion, terms)
+
+
+def _rotor(motion: Motion, _: Friction) -> FloatArray:
+    if motion.lib is None:
+        raise RecordingError("the column 'rotor' needs the library of the robot")
+    if motion.ddq is None:
+        return np.zeros_like(motion.dq)  # `renewed_rotor` follows once ddq is there
+    return motion.ddq * separate_rotors(motion.lib)
+
+
+def _dahl(motion: Motion, terms: Friction) -> FloatArray:
+    """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c)."""
+    if motion.q is None or len(motion.q) < 2:
+        raise RecordingError(
+            "the friction column 'dahl' remembers the path; give the motion of a whole recording"
+        )
+    step = np.diff(motion.q, axis=0)
+    stay, drive = np.exp(-np.abs(step) / terms.dahl_stroke), np.sign(step)
+    zeta = np.zeros_like(motion.q)
+    for i in range(len(step)):
+        zeta[i + 1] = drive[i] + (zeta[i] - drive[i]) * stay[i]
+    return zeta
+
+
+COLUMNS: dict[str, Callable[[Motion, Friction], FloatArray]] = {
+    "viscous": lambda motion, _: motion.dq,
+    "coulomb": _sign,
+    "offset": lambda motion, _: np.ones_like(motion.dq),
+    "asymmetric": lambda motion, terms: motion.dq * _sign(motion, terms),
+    "stribeck": _stribeck,
+    "dahl": _dahl,
+    "load": _load,
+    "rotor": _rotor,
+}
+
+
+def columns(motion: Motion, *terms: Friction) -> FloatArray:
+    """C (N, n, k), one column per name, those of several terms side by side.
+
+    Raises:
+        RecordingError: an unknown name, one that terms repeat, or a motion that lacks what a
+            column needs.
+    """
+    for each in terms:
+        for name in each.columns:
+            if name not in COLUMNS:
+                raise RecordingError(
+                    f"there is no friction column {name!r}; choose from {', '.join(COLUMNS)}"
+                )
+        if len(set(each.columns)) < len(each.columns):
+            raise RecordingError(
+                f"the friction columns {', '.join(each.columns)} name one twice, so that their "
+                "coefficients cannot be told apart; name each once"
+            )
+    found = [COLUMNS[name](motion, each) for each in terms for name in each.columns]
+    if not found:
+        return np.zeros((*motion.dq.shape, 0))
+    return np.stack(found, axis=-1)
+
+
+def torque(columns: FloatArray, phi: FloatArray) -> FloatArray:
+    """τ_f (N, n) [N·m] = Σ_k C[:, :, k] φ[:, k], with φ (n, k) in N·m per unit of the column.
+
+    Raises:
+        RecordingError: φ does not have one row per joint and one entry per column.
+    """
+    columns, phi = np.asarray(columns), np.asarray(phi)
+    if columns.shape[-2:] != phi.shape:
+        raise RecordingError(
+            f"expected φ of shape {columns.shape[-2:]} (joints, columns), got {phi.shape}"
+        )
+    return np.einsum("...jk,jk->...j", columns, phi)
+
+
+def add_columns(recording: Recording, *terms: Friction, lib: Library | None = None) -> Recording:
+    """The recording with the friction columns of its motion.
+
+    Raises:
+        RecordingError: the recording has no dq, or a column cannot be had from it.
+    """
+    if recording.dq is None:
+        raise RecordingError("friction columns expect dq, but there is none; differentiate first")
+    motion = Motion(recording.dq, recording.q, recording.ddq, lib)
+    values = columns(motion, *terms)
+    names = tuple(name for each in terms for name in each.columns)
+    told = "; ".join(str(each) for each in terms)
+    return recording.replace(columns=values, column_names=names).noted(
+        f"Added the friction columns {told}."
+    )
+
+
+def renewed_rotor(recording: Recording, lib: Library | None) -> Recording:
+    """Rotor columns made from the ddq of the rows: the same linear steps have made both."""
+    if "rotor" not in recording.column_names or lib is None or recording.ddq is None:
+        return recording
+    assert recording.columns is not None  # noqa: S101  it has names
+    values = recording.columns.copy()
+    values[..., recording.column_names.index("rotor")] = recording.ddq * separate_rotors(lib)
+    return recording.replace(columns=values)

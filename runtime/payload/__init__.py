@@ -1,0 +1,21 @@
+"""What hangs on the arm: ten unknowns of one body, the arm itself as it is known."""
+
+from runtime.payload.body import Body, body_of
+from runtime.payload.estimate import Payload, identify_payload
+from runtime.payload.mount import Mount, mount_of
+from runtime.payload.output import load_facts, write_payload
+from runtime.payload.reading import ArmModel, arm_model, read_arm_model
+
+__all__ = [
+    "ArmModel",
+    "Body",
+    "Mount",
+    "Payload",
+    "arm_model",
+    "body_of",
+    "identify_payload",
+    "load_facts",
+    "mount_of",
+    "read_arm_model",
+    "write_payload",
+]

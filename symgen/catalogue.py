@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from symgen import dynamics, excitation, inertia
 from symgen.base_parameters import Array, BaseParameters, numeric_base
@@ -27,21 +26,8 @@ class Catalogue:
 
 def make_catalogue(chain: Chain) -> Catalogue:
     """Write every kernel of a chain."""
-    base = numeric_base(chain, _sampled_regressor(chain))
+    base = numeric_base(chain, dynamics.sampled_regressor(chain))
     return Catalogue((*_motion(chain, base), *_bodies(), *_excitation(chain, base)), base)
-
-
-def _sampled_regressor(chain: Chain) -> Any:
-    n = len(chain.joints)
-    q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
-    rows = ca.densify(ca.vec(dynamics.regressor(chain, q, dq, ddq).T))
-    function = ca.Function("Y", [q, dq, ddq], [rows], {"cse": True})
-
-    def sample(q: Array, dq: Array, ddq: Array) -> Array:
-        stacked = np.asarray(function.map(len(q))(q.T, dq.T, ddq.T))
-        return stacked.T.reshape(len(q), n, P * n)
-
-    return sample
 
 
 def _units(chain: Chain, power: int) -> str:

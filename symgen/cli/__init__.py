@@ -1,4 +1,7 @@
-"""`python -m symgen build | check | list | describe | clean`: arguments in, sentences out."""
+"""`python -m symgen build | check | list | describe | clean`: arguments in, sentences out.
+
+`inspect` has a module of its own.
+"""
 
 import difflib
 import json
@@ -11,8 +14,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from symgen.base_parameters import describe_combination
 from symgen.build import build, generate, is_current
 from symgen.chain import ChainOptions
+from symgen.cli.inspect import inspect_command
 from symgen.errors import BuildError, SymgenError
 from symgen.request import (
     BuildRequest,
@@ -36,6 +41,9 @@ Root = Annotated[
     Path, typer.Option("--out", help="Folder that holds one folder per robot.", show_default=True)
 ]
 DEFAULT_ROOT = Path("generated")
+
+
+app.command("inspect")(inspect_command)
 
 
 def main() -> None:
@@ -242,21 +250,11 @@ def _description(manifest: dict[str, Any]) -> dict[str, Any]:
     base = manifest["base_parameters"]
     keys = ("robot", "base", "tip", "gravity", "joints", "home", "lumped", "removed", "kernels")
     return {key: manifest[key] for key in keys} | {
-        "base_parameters": [_combination(names, row) for row in base["matrix"]],
+        "base_parameters": [describe_combination(names, row) for row in base["matrix"]],
         "smallest_kept": base["smallest_kept"],
         "largest_dropped_below": base["largest_dropped_below"],
         "model_hash": manifest["model_hash"],
     }
-
-
-def _combination(names: list[str], row: list[float]) -> str:
-    terms = [(x, name) for x, name in zip(row, names, strict=True) if x]
-    terms.sort(key=lambda term: term[0] != 1.0)
-    text = " ".join(
-        f"{'-' if x < 0 else '+'} {'' if abs(x) == 1 else f'{abs(x):.6g} '}{name}"
-        for x, name in terms
-    )
-    return text.removeprefix("+ ")
 
 
 def _joint_table(manifest: dict[str, Any]) -> Table:

@@ -15,12 +15,15 @@ from symgen.base_parameters import BaseParameters, describe_combination, numeric
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.document import MOVING, Document, numbers
 from symgen.dynamics import sampled_regressor
+from symgen.errors import UrdfError
 from symgen.inspect.model import Array, Model
 
 SNAP = 1e-4
 """rad: how far rounded angles may be off before the rank is decided on exact ones."""
 EXACT = 1e-9
 """rad: angles closer than this to a multiple of π/2 are written with enough digits."""
+MOST_JOINTS = 24
+"""Beyond it the symbolic regressor takes minutes."""
 _STATES = 400
 _P = inertia.N_PARAMETERS
 
@@ -67,6 +70,11 @@ def base_of(text: str) -> Base:
         SymgenError: no tree, a joint that cannot be modelled, or no gap in the singular values.
     """
     document = _unit_bodies(text)
+    moving = sum(document.kind(name) in MOVING for name in document.joints)
+    if moving > MOST_JOINTS:
+        raise UrdfError(
+            f"{moving} moving joints are more than {MOST_JOINTS}; inspect one arm at a time"
+        )
     snapped = any(_is_rounded(element) for element in document.joints.values())
     chain = read_chain(document.text(), ChainOptions(snap=SNAP if snapped else 0.0))
     regressor = sampled_regressor(chain)

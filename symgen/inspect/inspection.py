@@ -55,25 +55,28 @@ class Inspection:
         return tuple(f for f in self.findings if f.severity == ERROR)
 
 
-def inspect_file(path: Path, packages: tuple[Path, ...] = ()) -> Inspection:
+def inspect_file(path: Path, packages: tuple[Path, ...] = (), with_base: bool = True) -> Inspection:
     """Read and judge a URDF, an expanded xacro or an MJCF file.
 
     Args:
         path: the file.
         packages: folders in which package:// meshes are looked for, besides the usual ones.
+        with_base: compute the base parameters, the only part that takes seconds.
 
     Raises:
         UrdfError: the file cannot be read at all.
     """
     text = _read(path)
     if "<mujoco" in text and "<robot" not in text:
-        return _judged(read_mjcf(path), None, Meshes(path, packages))
-    return inspect_text(text, path, packages)
+        return _judged(read_mjcf(path), None, Meshes(path, packages), with_base)
+    return inspect_text(text, path, packages, with_base)
 
 
-def inspect_text(text: str, path: Path, packages: tuple[Path, ...] = ()) -> Inspection:
+def inspect_text(
+    text: str, path: Path, packages: tuple[Path, ...] = (), with_base: bool = True
+) -> Inspection:
     """Judge a URDF given as text; `path` tells where its meshes are."""
-    return _judged(read_urdf(text), text, Meshes(path, packages))
+    return _judged(read_urdf(text), text, Meshes(path, packages), with_base)
 
 
 def repaired(inspection: Inspection, path: Path) -> tuple[str, Repair, Inspection]:
@@ -89,7 +92,7 @@ def repaired(inspection: Inspection, path: Path) -> tuple[str, Repair, Inspectio
         raise UrdfError("--repair writes URDF; convert the MJCF file first, or correct it by hand")
     found = repair(inspection.model, inspection.base)
     text = with_bodies(inspection.text, found.bodies)
-    again = inspect_text(text, path)
+    again = inspect_text(text, path, with_base=False)
     before = {(f.kind, f.where) for f in inspection.errors}
     bad = [f for f in again.errors if f.kind in INERTIAL or (f.kind, f.where) not in before]
     if bad:
@@ -138,7 +141,7 @@ def _read(path: Path) -> str:
         raise UrdfError(f"cannot read '{path}' ({reason}); name a URDF or MJCF file") from None
 
 
-def _judged(model: Model, text: str | None, meshes: Meshes) -> Inspection:
+def _judged(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> Inspection:
     extents = {name: meshes.extent(link) for name, link in model.links.items()}
     findings = list(model.findings)
     unread = {f.where for f in model.findings}
@@ -155,7 +158,7 @@ def _judged(model: Model, text: str | None, meshes: Meshes) -> Inspection:
     base = None
     if text is None:
         notes.append("base parameters are computed for URDF only")
-    else:
+    elif with_base:
         try:
             base = base_of(text)
         except SymgenError as error:

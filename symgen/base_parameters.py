@@ -137,6 +137,17 @@ def _tidied(matrix: Array) -> Array:
     return np.where(close, rounded, matrix)
 
 
+def describe_combination(names: list[str], row: list[float]) -> str:
+    """One row of K in words: `link1.ZZ + link2.YY - 0.3 link3.m`."""
+    terms = [(x, name) for x, name in zip(row, names, strict=True) if x]
+    terms.sort(key=lambda term: term[0] != 1.0)
+    text = " ".join(
+        f"{'-' if x < 0 else '+'} {'' if abs(x) == 1 else f'{abs(x):.6g} '}{name}"
+        for x, name in terms
+    )
+    return text.removeprefix("+ ")
+
+
 def regrouped_base(chain: Chain) -> tuple[tuple[int, ...], Array]:
     """Columns and K by the recursion of Table 3.2 with Rules 1 and 2.
 

@@ -6,13 +6,18 @@ regressor and every Jacobian follow by differentiation of this one function.
 Gravity enters as an acceleration −g of the base.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
 from symgen.inertia import N_PARAMETERS, mass_moment_inertia, pi_from_lam
 from symgen.spatial import Matrix, axis_rotation
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +151,20 @@ def regressor(
     kept = set(columns)
     sparse = ca.vertcat(*(pi[c] if c in kept else 0 for c in range(pi.numel())))
     return ca.jacobian(inverse_dynamics(chain, q, dq, ddq, sparse), chosen)
+
+
+def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
+    """Y of many states at once: (q, dq, ddq), each (N, n) → (N, n, 10 n), on numbers."""
+    n = len(chain.joints)
+    q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
+    rows = ca.densify(ca.vec(regressor(chain, q, dq, ddq).T))
+    function = ca.Function("Y", [q, dq, ddq], [rows], {"cse": True})
+
+    def sample(q: Array, dq: Array, ddq: Array) -> Array:
+        stacked = np.asarray(function.map(len(q))(q.T, dq.T, ddq.T))
+        return stacked.T.reshape(len(q), n, N_PARAMETERS * n)
+
+    return sample
 
 
 def pi_from_lam_all(lam: Matrix) -> Matrix:

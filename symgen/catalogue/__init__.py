@@ -4,13 +4,9 @@ Batches run over samples, over links (maps of one body) or over points of a time
 """
 
 from dataclasses import dataclass
-from typing import Any
 
-import casadi as ca
-import numpy as np
-
-from symgen import dynamics, inertia
-from symgen.base_parameters import Array, BaseParameters, numeric_base
+from symgen import dynamics
+from symgen.base_parameters import BaseParameters, numeric_base
 from symgen.catalogue.bodies import body_kernels
 from symgen.catalogue.motion import motion_kernels
 from symgen.catalogue.safety import safety_kernels
@@ -18,8 +14,6 @@ from symgen.catalogue.trajectory import trajectory_kernels
 from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.kernel import Kernel
-
-P = inertia.N_PARAMETERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +26,7 @@ class Catalogue:
 
 def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Catalogue:
     """Write every kernel of a chain; distances only where there are proxies."""
-    base = numeric_base(chain, _sampled_regressor(chain))
+    base = numeric_base(chain, dynamics.sampled_regressor(chain))
     kernels = (
         *motion_kernels(chain, base),
         *body_kernels(),
@@ -40,16 +34,3 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
         *safety_kernels(chain, collision or CollisionModel()),
     )
     return Catalogue(kernels, base)
-
-
-def _sampled_regressor(chain: Chain) -> Any:
-    n = len(chain.joints)
-    q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
-    rows = ca.densify(ca.vec(dynamics.regressor(chain, q, dq, ddq).T))
-    function = ca.Function("Y", [q, dq, ddq], [rows], {"cse": True})
-
-    def sample(q: Array, dq: Array, ddq: Array) -> Array:
-        stacked = np.asarray(function.map(len(q))(q.T, dq.T, ddq.T))
-        return stacked.T.reshape(len(q), n, P * n)
-
-    return sample

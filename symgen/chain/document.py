@@ -20,7 +20,7 @@ class Document:
     """A URDF tree with the look-ups that cutting and locking need."""
 
     def __init__(self, text: str) -> None:
-        self.root = _parse(text)
+        self.root = parse(text)
         self.links = _named(self.root, "link")
         self.joints = _named(self.root, "joint")
         self.parent_joint: dict[str, str] = {}
@@ -142,7 +142,12 @@ def numbers(text: str, count: int, what: str) -> np.ndarray:
     return values
 
 
-def _parse(text: str) -> Element:
+def parse(text: str) -> Element:
+    """The <robot> element of a URDF without DTD, entities or xacro instructions.
+
+    Raises:
+        UrdfError: one sentence that says what to mend.
+    """
     try:
         root = fromstring(text, forbid_dtd=True)
     except DefusedXmlException:

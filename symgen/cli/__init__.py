@@ -1,15 +1,15 @@
-"""`python -m symgen build | check | clean | describe | list | proxies`: sentences out.
+"""`python -m symgen build | check | clean | describe | inspect | list | proxies`: sentences out.
 
 One module per group of commands; importing it registers them.
 """
 
 import sys
 
-from symgen.cli import make, proxies, show
+from symgen.cli import inspect, make, proxies, show
 from symgen.cli.common import app
 from symgen.errors import SymgenError
 
-__all__ = ["app", "main", "make", "proxies", "show"]
+__all__ = ["app", "inspect", "main", "make", "proxies", "show"]
 
 
 def main() -> None:

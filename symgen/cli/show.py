@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from symgen.base_parameters import describe_combination
 from symgen.build import is_current
 from symgen.cli.common import DEFAULT_ROOT, Root, app, console, folders_of
 from symgen.request import bundled_request, bundled_robots
@@ -51,21 +52,11 @@ def _description(manifest: dict[str, Any]) -> dict[str, Any]:
     base = manifest["base_parameters"]
     keys = ("robot", "base", "tip", "gravity", "joints", "home", "lumped", "removed", "kernels")
     return {key: manifest[key] for key in keys} | {
-        "base_parameters": [_combination(names, row) for row in base["matrix"]],
+        "base_parameters": [describe_combination(names, row) for row in base["matrix"]],
         "smallest_kept": base["smallest_kept"],
         "largest_dropped_below": base["largest_dropped_below"],
         "model_hash": manifest["model_hash"],
     }
-
-
-def _combination(names: list[str], row: list[float]) -> str:
-    terms = [(x, name) for x, name in zip(row, names, strict=True) if x]
-    terms.sort(key=lambda term: term[0] != 1.0)
-    text = " ".join(
-        f"{'-' if x < 0 else '+'} {'' if abs(x) == 1 else f'{abs(x):.6g} '}{name}"
-        for x, name in terms
-    )
-    return text.removeprefix("+ ")
 
 
 def _joint_table(manifest: dict[str, Any]) -> Table:

@@ -8,8 +8,8 @@ import pytest
 
 from runtime.library import Library
 from symgen.base_parameters import BaseParameters, numeric_base, regrouped_base
-from symgen.catalogue import _sampled_regressor
 from symgen.chain import Chain, ChainOptions, read_chain
+from symgen.dynamics import sampled_regressor
 from symgen.errors import RankError
 from symgen.request import bundled_request
 from tests.conftest import TINY_URDF
@@ -19,7 +19,7 @@ from tests.taylor import Array
 
 
 def base_of(chain: Chain) -> BaseParameters:
-    return numeric_base(chain, _sampled_regressor(chain))
+    return numeric_base(chain, sampled_regressor(chain))
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,164 @@
+"""Base parameters of a file whatever its inertials: β = K T x, x the π of every link as written.
+
+Kinematics alone decide K, so every inertial is replaced by a unit body before `symgen.chain` reads
+the file; T moves the links that are fixed together into the link that carries them.
+"""
+
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element, SubElement
+
+import casadi as ca
+import numpy as np
+
+from symgen import inertia
+from symgen.base_parameters import BaseParameters, describe_combination, numeric_base
+from symgen.chain import Chain, ChainOptions, read_chain
+from symgen.chain.document import MOVING, Document, numbers
+from symgen.dynamics import sampled_regressor
+from symgen.errors import UrdfError
+from symgen.inspect.model import Array, Model
+
+SNAP = 1e-4
+"""rad: how far rounded angles may be off before the rank is decided on exact ones."""
+EXACT = 1e-9
+"""rad: angles closer than this to a multiple of π/2 are written with enough digits."""
+MOST_JOINTS = 24
+"""Beyond it the symbolic regressor takes minutes."""
+_STATES = 400
+_P = inertia.N_PARAMETERS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Base:
+    """What motion can reveal of this robot.
+
+    Attributes:
+        chain: the kinematics; its inertials are unit bodies.
+        parameters: K and the rank decision.
+        rows: Y_b at random states, (N, n, n_b).
+        condition: of Y_b over those states, its columns normalised.
+        snapped: True when rounded angles had to be taken as exact multiples of π/2.
+    """
+
+    chain: Chain
+    parameters: BaseParameters
+    rows: Array
+    condition: float
+    snapped: bool
+
+    @property
+    def names(self) -> list[str]:
+        """Each base parameter as a combination of link parameters."""
+        names = [f"{j.link}.{p}" for j in self.chain.joints for p in inertia.PI_NAMES]
+        return [describe_combination(names, list(row)) for row in self.parameters.matrix]
+
+    def factor(self, beta: Array) -> Array:
+        """R with ‖R Δβ‖² = mean over states and joints of (Δτ_j / τ_rms,j)², (n_b, n_b).
+
+        A torque counts relative to what its joint carries under β, or a wrist would count nothing.
+        """
+        rms = np.sqrt(np.mean((self.rows @ beta) ** 2, axis=0))  # (n,)
+        weights = 1 / np.maximum(rms, 1e-3 * max(float(rms.max()), 1e-12))
+        weighted = (self.rows * weights[None, :, None]).reshape(-1, len(beta))
+        return np.linalg.qr(weighted, mode="r") / np.sqrt(len(weighted))
+
+
+def base_of(text: str) -> Base:
+    """Rank and K of a URDF.
+
+    Raises:
+        SymgenError: no tree, a joint that cannot be modelled, or no gap in the singular values.
+    """
+    document = _unit_bodies(text)
+    moving = sum(document.kind(name) in MOVING for name in document.joints)
+    if moving > MOST_JOINTS:
+        raise UrdfError(
+            f"{moving} moving joints are more than {MOST_JOINTS}; inspect one arm at a time"
+        )
+    snapped = any(_is_rounded(element) for element in document.joints.values())
+    chain = read_chain(document.text(), ChainOptions(snap=SNAP if snapped else 0.0))
+    regressor = sampled_regressor(chain)
+    parameters = numeric_base(chain, regressor)
+    n, rng = len(chain.joints), np.random.default_rng(1)
+    q = rng.uniform(-np.pi, np.pi, (_STATES, n))
+    dq, ddq = rng.normal(0, 1, (_STATES, n)), rng.normal(0, 2, (_STATES, n))
+    rows = regressor(q, dq, ddq)[:, :, list(parameters.columns)]
+    flat = rows.reshape(-1, len(parameters.columns))
+    sigma = np.linalg.svd(flat / np.linalg.norm(flat, axis=0), compute_uv=False)
+    return Base(chain, parameters, rows, float(sigma[0] / sigma[-1]), snapped)
+
+
+def _is_rounded(joint: Element) -> bool:
+    """True for angles such as 1.5708, with which the rank would be that of another robot."""
+    node = joint.find("origin")
+    rpy = numbers((node.get("rpy") if node is not None else None) or "0 0 0", 3, "origin rpy")
+    off = np.abs(rpy - np.round(rpy / (np.pi / 2)) * (np.pi / 2))
+    return bool(((off > EXACT) & (off < SNAP)).any())
+
+
+def _unit_bodies(text: str) -> Document:
+    document = Document(text)
+    for element in document.joints.values():
+        for tag in ("mimic", "limit"):  # a mimicking joint is taken as free: its β are kept too
+            for node in element.findall(tag):
+                element.remove(node)
+    for name, link in document.links.items():
+        for node in link.findall("inertial"):
+            link.remove(node)
+        joint = document.parent_joint.get(name)
+        if joint is not None and document.kind(joint) in MOVING:
+            unit = SubElement(link, "inertial")
+            SubElement(unit, "mass", {"value": "1"})
+            SubElement(
+                unit,
+                "inertia",
+                {f"i{a}": "1" for a in ("xx", "yy", "zz")}
+                | {f"i{a}": "0" for a in ("xy", "xz", "yz")},
+            )
+    return document
+
+
+def lumping(model: Model, chain: Chain, links: list[str]) -> Array:
+    """T, (10 n, 10 L): π of the moving links from π of the links as written.
+
+    P of a body fixed at the pose H = [R p; 0 1] of its carrier is H P Hᵀ there.
+    Rows of links that are fixed to the base are absent: their columns are zero.
+    """
+    carriers = {joint.link: k for k, joint in enumerate(chain.joints)}
+    matrix = np.zeros((_P * len(carriers), _P * len(links)))
+    for column, name in enumerate(links):
+        pose, here = np.eye(4), name
+        while here not in carriers:
+            joint = model.joint_of(here)
+            if joint is None or joint.moves:
+                break
+            step = np.eye(4)
+            step[:3, :3], step[:3, 3] = joint.rotation, joint.offset
+            pose, here = step @ pose, joint.parent
+        if here in carriers:
+            row = carriers[here]
+            matrix[_P * row : _P * (row + 1), _P * column : _P * (column + 1)] = _moved(pose)
+    return matrix
+
+
+def _moved(pose: Array) -> Array:
+    """π → π of the same body seen from a frame in which its own has this pose, (10, 10)."""
+    unit = np.eye(_P)
+    if np.array_equal(pose, unit[:4, :4]):
+        return unit
+    return np.column_stack([pi_of(pose @ pseudo_of(e) @ pose.T) for e in unit])
+
+
+def pseudo_of(pi: Array) -> Array:
+    """P of π, (4, 4)."""
+    return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(pi))))
+
+
+def pi_of(pseudo: Array) -> Array:
+    """π of P: m, m·c, and I = tr(Σ) 1 − Σ about the same origin."""
+    sigma = pseudo[:3, :3]
+    i = np.trace(sigma) * np.eye(3) - sigma
+    moment = pseudo[:3, 3]
+    return np.array(
+        [pseudo[3, 3], *moment, i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]], dtype=float
+    )

@@ -1,0 +1,189 @@
+"""One robot model file judged: a row per link, findings, base parameters; and its repair."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symgen.errors import InertiaError, SymgenError, UrdfError
+from symgen.inspect import bodies, joints, relatives
+from symgen.inspect.base import Base, base_of
+from symgen.inspect.geometry import Meshes
+from symgen.inspect.mjcf import read_mjcf
+from symgen.inspect.model import ERROR, Body, Finding, Model
+from symgen.inspect.repair import Repair, repair
+from symgen.inspect.rewrite import with_bodies
+from symgen.inspect.urdf import read_urdf
+
+LARGEST_FILE = 50 * 2**20
+"""Bytes; robots are described in thousands of lines, not in millions."""
+INERTIAL = frozenset({"triangle", "zero-inertia"})
+"""Kinds of errors that a repair removes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Row:
+    """One link in figures: kg, m, kg·m²; density in kg/m³ by its shapes, None without."""
+
+    link: str
+    body: Body
+    smallest: float
+    relative: float
+    density: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Inspection:
+    """What a file says and what is wrong with it.
+
+    Attributes:
+        text: the URDF as read, None for MJCF.
+        base: rank and K, None where `notes` say why not.
+    """
+
+    model: Model
+    text: str | None
+    rows: tuple[Row, ...]
+    findings: tuple[Finding, ...]
+    base: Base | None
+    notes: tuple[str, ...]
+
+    @property
+    def errors(self) -> tuple[Finding, ...]:
+        """Findings that cannot exist."""
+        return tuple(f for f in self.findings if f.severity == ERROR)
+
+
+def inspect_file(path: Path, packages: tuple[Path, ...] = (), with_base: bool = True) -> Inspection:
+    """Read and judge a URDF, an expanded xacro or an MJCF file.
+
+    Args:
+        path: the file.
+        packages: folders in which package:// meshes are looked for, besides the usual ones.
+        with_base: compute the base parameters, the only part that takes seconds.
+
+    Raises:
+        UrdfError: the file cannot be read at all.
+    """
+    text = _read(path)
+    if "<mujoco" in text and "<robot" not in text:
+        return _judged(read_mjcf(path), None, Meshes(path, packages), with_base)
+    return inspect_text(text, path, packages, with_base)
+
+
+def inspect_text(
+    text: str, path: Path, packages: tuple[Path, ...] = (), with_base: bool = True
+) -> Inspection:
+    """Judge a URDF given as text; `path` tells where its meshes are."""
+    return _judged(read_urdf(text), text, Meshes(path, packages), with_base)
+
+
+def repaired(inspection: Inspection, path: Path) -> tuple[str, Repair, Inspection]:
+    """The URDF with the nearest consistent inertials, read again and judged again.
+
+    Returns:
+        Its text, what moved, and the new inspection.
+
+    Raises:
+        SymgenError: MJCF, a mass that is not positive, or a result that does not pass.
+    """
+    if inspection.text is None:
+        raise UrdfError("--repair writes URDF; convert the MJCF file first, or correct it by hand")
+    found = repair(inspection.model, inspection.base)
+    text = with_bodies(inspection.text, found.bodies)
+    again = inspect_text(text, path, with_base=False)
+    before = {(f.kind, f.where) for f in inspection.errors}
+    bad = [f for f in again.errors if f.kind in INERTIAL or (f.kind, f.where) not in before]
+    if bad:
+        raise InertiaError(
+            f"not written: the repaired file would still be wrong, {bad[0].sentence}"
+        )
+    return text, found, again
+
+
+def facts(inspection: Inspection) -> dict[str, Any]:
+    """JSON-ready."""
+    base = inspection.base
+    return {
+        "robot": inspection.model.name,
+        "format": inspection.model.form,
+        "links": [
+            {
+                "link": row.link,
+                "mass": row.body.mass,
+                "com": row.body.com.tolist(),
+                "principal_moments": row.body.moments.tolist(),
+                "triangle_slack": row.body.slack,
+                "smallest_eigenvalue": row.smallest,
+                "relative_eigenvalue": row.relative,
+                "density": row.density,
+            }
+            for row in inspection.rows
+        ],
+        "findings": [asdict(f) | {"sentence": f.sentence} for f in inspection.findings],
+        "base_parameters": None
+        if base is None
+        else {"rank": len(base.names), "names": base.names, "condition": base.condition},
+        "notes": list(inspection.notes),
+    }
+
+
+def _read(path: Path) -> str:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise UrdfError(f"'{path}' has more than {LARGEST_FILE >> 20} MiB, no robot has")
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise UrdfError(f"'{path}' is not UTF-8 text ({error.reason}); convert it") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise UrdfError(f"cannot read '{path}' ({reason}); name a URDF or MJCF file") from None
+
+
+def _judged(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> Inspection:
+    extents = {name: meshes.extent(link) for name, link in model.links.items()}
+    findings = list(model.findings)
+    unread = {f.where for f in model.findings}
+    for name in model.links:
+        if f"link '{name}'" not in unread:
+            findings += bodies.impossible(model, name)
+            findings += bodies.implausible(model, name, extents[name])
+    findings += relatives.compare(model)
+    for joint in model.joints:
+        if f"joint '{joint.name}'" not in unread:
+            findings += joints.judge(joint)
+    findings.sort(key=lambda f: f.severity != ERROR)
+    notes = list(model.notes)
+    base = None
+    if text is None:
+        notes.append("base parameters are computed for URDF only")
+    elif with_base:
+        try:
+            base = base_of(text)
+        except SymgenError as error:
+            notes.append(f"no base parameters: {error}")
+    if base is not None and base.snapped:
+        notes.append(
+            "angles are rounded in this file: for the base parameters those within 1e-4 rad of a "
+            "multiple of π/2 are taken as exact"
+        )
+    if meshes.missing:
+        notes.append(
+            f"{len(meshes.missing)} mesh file(s) not found or not solid, such as "
+            f"'{meshes.missing[0]}': their densities are unknown (see --package-dir)"
+        )
+    rows = []
+    for name, link in model.links.items():
+        if link.body is not None and not link.body.is_empty:
+            extent = extents[name]
+            density = None if extent is None else link.body.mass / extent.volume
+            rows.append(_row(name, link.body, density))
+    return Inspection(model, text, tuple(rows), tuple(findings), base, tuple(notes))
+
+
+def _row(name: str, body: Body, density: float | None) -> Row:
+    pseudo = body.pseudo_inertia
+    smallest = float(np.linalg.eigvalsh(pseudo)[0])
+    trace = abs(float(np.trace(pseudo)))
+    return Row(name, body, smallest, smallest / trace if trace else 0.0, density)

@@ -1,0 +1,155 @@
+"""MJCF → `Model` by MuJoCo's own loader; what its compiler refuses is read as it is written.
+
+A compiled model has all inertials, those that MuJoCo infers from geoms included. MuJoCo's compiler
+refuses impossible inertias itself; then the inertials written in the file are judged here.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symgen.errors import UrdfError
+from symgen.inspect.model import ERROR, Body, Finding, Joint, Link, Model
+
+
+def read_mjcf(path: Path) -> Model:
+    """Read an MJCF file.
+
+    Raises:
+        UrdfError: MuJoCo is absent, or cannot parse the file at all.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise UrdfError(
+            f"'{path}' is an MJCF file, which MuJoCo reads; install it: pip install mujoco"
+        ) from None
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except Exception as error:  # MuJoCo raises several types
+        raise UrdfError(f"MuJoCo cannot parse '{path}' ({_line(error)}); mend the file") from None
+    name = spec.modelname or path.stem
+    try:
+        model = spec.compile()
+    except Exception as error:
+        finding = Finding(
+            ERROR, "structure", "the file", f"MuJoCo refuses it ({_line(error)})", "expected none"
+        )
+        note = "inertias that MuJoCo would infer from geoms are unknown: only written ones are read"
+        links = {b.name or f"body {b.id}": _written(b, mujoco) for b in spec.bodies[1:]}
+        joints = tuple(_spec_joint(j, mujoco) for j in spec.joints)
+        return Model(name, "MJCF", links, joints, (finding,), (note,))
+    links, all_joints = _compiled(model, mujoco)
+    return Model(name, "MJCF", links, all_joints)
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _compiled(model: Any, mujoco: Any) -> tuple[dict[str, Link], tuple[Joint, ...]]:
+    links, joints = {}, []
+    names = [model.body(k).name or f"body {k}" for k in range(model.nbody)]
+    for k in range(1, model.nbody):
+        rotation = _rotation(model.body_iquat[k], mujoco)
+        tensor = rotation @ np.diag(model.body_inertia[k]) @ rotation.T
+        body = Body(float(model.body_mass[k]), model.body_ipos[k].copy(), (tensor + tensor.T) / 2)
+        links[names[k]] = Link(names[k], None if body.is_empty else body)
+        parent = names[model.body_parentid[k]]
+        first, count = model.body_jntadr[k], model.body_jntnum[k]
+        if count == 0:
+            joints.append(
+                _joint(f"{names[k]} (fixed)", "fixed", parent, names[k], model.body_pos[k])
+            )
+        for j in range(first, first + count):
+            dof, kind = model.jnt_dofadr[j], _kind(model.jnt_type[j], mujoco)
+            limited = bool(model.jnt_limited[j])
+            turns = kind == "revolute" and not limited
+            joints.append(
+                _joint(
+                    model.joint(j).name or f"joint {j}",
+                    "continuous" if turns else kind,
+                    parent,
+                    names[k],
+                    model.body_pos[k],
+                    model.jnt_axis[j],
+                    limits=model.jnt_range[j] if limited else None,
+                    damping=float(model.dof_damping[dof].min()),
+                    friction=float(model.dof_frictionloss[dof]),
+                )
+            )
+    return links, tuple(joints)
+
+
+def _joint(
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    offset: Any,
+    axis: Any = (0.0, 0.0, 1.0),
+    limits: Any = None,
+    damping: float | None = None,
+    friction: float | None = None,
+) -> Joint:
+    lower, upper = (None, None) if limits is None else map(float, limits)
+    place = np.array(offset, dtype=float)
+    return Joint(
+        name,
+        kind,
+        parent,
+        child,
+        np.where(np.isfinite(place), place, 0.0),
+        np.array(axis, dtype=float),
+        lower=lower,
+        upper=upper,
+        damping=damping,
+        friction=friction,
+        has_effort=False,
+    )
+
+
+def _kind(code: int, mujoco: Any) -> str:
+    kinds = mujoco.mjtJoint
+    known = {int(kinds.mjJNT_HINGE): "revolute", int(kinds.mjJNT_SLIDE): "prismatic"}
+    return known.get(int(code), "floating")
+
+
+def _rotation(quaternion: Any, mujoco: Any) -> np.ndarray:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.array(quaternion, dtype=float))
+    return matrix.reshape(3, 3)
+
+
+def _written(body: Any, mujoco: Any) -> Link:
+    name = body.name or f"body {body.id}"
+    if not body.explicitinertial:
+        return Link(name)
+    full = np.array(body.fullinertia, dtype=float)
+    if np.isfinite(full).all():
+        xx, yy, zz, xy, xz, yz = full
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    else:
+        rotation = _rotation(body.iquat, mujoco)
+        tensor = rotation @ np.diag(body.inertia) @ rotation.T
+    com = np.array(body.ipos, dtype=float)
+    return Link(name, Body(float(body.mass), np.where(np.isfinite(com), com, 0.0), tensor))
+
+
+def _spec_joint(joint: Any, mujoco: Any) -> Joint:
+    body = joint.parent
+    kind = _kind(int(joint.type), mujoco)
+    lower, upper = (float(x) for x in joint.range)
+    limited = bool(joint.limited == mujoco.mjtLimited.mjLIMITED_TRUE) or lower != upper
+    return _joint(
+        joint.name or f"joint {joint.id}",
+        "continuous" if kind == "revolute" and not limited else kind,
+        body.parent.name or "world",
+        body.name or f"body {body.id}",
+        body.pos,
+        joint.axis,
+        limits=(lower, upper) if limited else None,
+        damping=float(np.min(joint.damping)),
+        friction=float(joint.frictionloss),
+    )

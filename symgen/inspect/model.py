@@ -1,0 +1,209 @@
+"""A robot model file as data that may be wrong: links with inertials and shapes, joints, findings.
+
+Nothing is refused here. `urdf` and `mjcf` fill it, the checks judge it, `inspection` shows it.
+Inertias are about the centre of mass in the axes of the link; π, P and the rest come from
+`symgen.inertia`.
+"""
+
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen import inertia
+
+Array = NDArray[np.float64]
+
+ERROR = "error"
+"""Cannot exist: no body, no joint is like this."""
+WARNING = "warning"
+"""Can exist, but is probably not what was meant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One fault: what was found where, and what was expected instead.
+
+    Attributes:
+        severity: `ERROR` or `WARNING`.
+        kind: short name of the check, for machines.
+        where: the link or joint, such as "link 'hand'".
+        found, expected: halves of the sentence.
+    """
+
+    severity: str
+    kind: str
+    where: str
+    found: str
+    expected: str
+
+    @property
+    def sentence(self) -> str:
+        """One plain sentence."""
+        return f"{self.where}: {self.found}; {self.expected}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """Mass [kg], centre of mass (3,) [m], inertia about it (3, 3) [kg·m²] in the link's axes."""
+
+    mass: float
+    com: Array
+    inertia: Array
+
+    @property
+    def pi(self) -> Array:
+        """(10,), inertia about the link origin."""
+        return _flat(inertia.pi_from_com(self.mass, ca.DM(self.com), ca.DM(self.inertia)))
+
+    @property
+    def pseudo_inertia(self) -> Array:
+        """P = [[Σ, mc], [mcᵀ, m]] about the link origin, (4, 4)."""
+        return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(self.pi))))
+
+    @property
+    def sigma(self) -> Array:
+        """Σ_com = ½ tr(I_com) 1 − I_com, the second moments of mass about the centre, (3, 3)."""
+        return float(np.trace(self.inertia)) / 2 * np.eye(3) - self.inertia
+
+    @property
+    def moments(self) -> Array:
+        """Principal moments, ascending, kg·m²."""
+        return np.asarray(np.linalg.eigvalsh(self.inertia), dtype=float)
+
+    @property
+    def slack(self) -> float:
+        """J₁ + J₂ − J₃ of the ascending principal moments, kg·m²; negative cannot exist."""
+        j = self.moments
+        return float(j[0] + j[1] - j[2])
+
+    @property
+    def is_empty(self) -> bool:
+        """A frame written as a body: neither mass nor inertia."""
+        return self.mass == 0 and not self.inertia.any()
+
+    @property
+    def size(self) -> float:
+        """√(tr Σ_com / m), root mean square distance of the mass from its centre, m."""
+        return float(np.sqrt(max(np.trace(self.inertia) / 2, 0.0) / self.mass))
+
+    @property
+    def is_realisable(self) -> bool:
+        """m > 0, inertia above rounding, and Σ_com ⪰ 0 up to rounding."""
+        trace = float(np.trace(self.inertia))
+        if not (self.mass > 0 and trace > POINT**2 * self.mass):
+            return False
+        return self.slack >= -2 * inertia.REALISABLE_TOLERANCE * trace
+
+
+POINT = 1e-6
+"""Size in m below which a body with mass is a point."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shape:
+    """One <geometry>: box, cylinder, sphere, capsule or mesh, placed in the link frame.
+
+    Attributes:
+        kind: name of the primitive, or "mesh".
+        size: box x y z; radius and length of cylinder and capsule; radius; scale of a mesh.
+        file: of a mesh, as written.
+        is_collision: False for visual shapes.
+    """
+
+    kind: str
+    size: tuple[float, ...]
+    rotation: Array
+    translation: Array
+    file: str = ""
+    is_collision: bool = True
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Equal for equal shapes wherever they are placed."""
+        return (self.kind, self.size, self.file)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Link:
+    """A link and what the file says about its matter."""
+
+    name: str
+    body: Body | None = None
+    shapes: tuple[Shape, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Joint:
+    """A joint with its numbers as written; None where the file gives none.
+
+    Attributes:
+        kind: revolute, continuous, prismatic, fixed, …
+        offset, rotation: frame at q = 0 in the parent link's frame, m.
+        has_effort: False where the format has no effort and velocity limits.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    offset: Array
+    axis: Array
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+    effort: float | None = None
+    damping: float | None = None
+    friction: float | None = None
+    has_effort: bool = True
+    rotation: Array = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def moves(self) -> bool:
+        """True unless it is fixed."""
+        return self.kind != "fixed"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Model:
+    """A whole file; `findings` are the faults met while reading it.
+
+    Attributes:
+        form: "URDF" or "MJCF".
+        notes: sentences about what could not be looked at.
+    """
+
+    name: str
+    form: str
+    links: dict[str, Link]
+    joints: tuple[Joint, ...]
+    findings: tuple[Finding, ...] = ()
+    notes: tuple[str, ...] = ()
+    _by_child: dict[str, Joint] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_by_child", {j.child: j for j in self.joints})
+
+    def joint_of(self, link: str) -> Joint | None:
+        """The joint that carries a link, None for the root."""
+        return self._by_child.get(link)
+
+    def children(self, link: str) -> list[Joint]:
+        """Joints that hang on a link."""
+        return [j for j in self.joints if j.parent == link]
+
+    def subtree(self, link: str, rigid: bool = False) -> list[str]:
+        """A link and what hangs on it, or only what is fixed to it; loops are walked once."""
+        seen, pending = [], [link]
+        while pending:
+            here = pending.pop()
+            if here in seen:
+                continue
+            seen.append(here)
+            pending += [j.child for j in self.children(here) if not (rigid and j.moves)]
+        return [name for name in seen if name in self.links]
+
+
+def _flat(matrix: ca.DM) -> Array:
+    return np.asarray(ca.DM(matrix), dtype=float).ravel()

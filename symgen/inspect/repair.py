@@ -1,0 +1,255 @@
+"""The nearest consistent inertials that keep the base parameters: a convex projection.
+
+    min Σ_l ‖S_l − S_l⁰‖²   s.t.   K T x = K T x⁰,   m_l = m_l⁰,   P_l(x_l) ⪰ ε P_l^ref
+
+in the coordinates S = L⁻¹ P L⁻ᵀ of a body L Lᵀ like the link's, where the distance is the pullback
+metric of Lee, Wensing & Park (IEEE T-RO 36(2), 2020), frozen at that body: it does not depend on
+units, origins or axes. Masses stay: a repair that invents kilograms is none. Where no consistent
+body has these base parameters, ‖R K T (x − x⁰)‖, the change of torque, is minimised first.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import clarabel
+import numpy as np
+from scipy import sparse
+
+from symgen import inertia
+from symgen.errors import InertiaError
+from symgen.inspect.base import Base, lumping, pi_of, pseudo_of
+from symgen.inspect.model import Array, Body, Model
+
+FLOOR = 1e-2
+"""P ⪰ FLOOR · P_ref: a link keeps at least this much of its own body in every direction."""
+THIN = 1e-2
+"""Thinnest reference body of an impossible link: eigenvalue of Σ_com over their sum."""
+ROUND = 0.1
+"""The same of the body that measures distance: rounder, so that no direction is stiff."""
+KEPT = 1e-7
+"""Relative change of torque up to which the base parameters count as attainable exactly; the cone
+solver leaves about 1e-9."""
+SLACK = 0.25
+"""Share of the smallest possible torque change given away for staying near the file: the minimum
+itself is reached only with absurd bodies (centres of mass 10 cm away on the FR3 of 2023)."""
+STILL = 1e-5
+"""Relative change below which a possible link stays as it was written; the solver leaves 1e-6."""
+_SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
+_WEIGHT = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _SVEC])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Repair:
+    """New bodies of the links that moved.
+
+    Attributes:
+        bodies: link → body, only where something changed.
+        torque_change: ‖Δτ‖ / ‖τ‖ at random states, each joint by its own torque; 0 when kept.
+        kept: True when the base parameters are those of the file.
+    """
+
+    bodies: dict[str, Body]
+    torque_change: float
+    kept: bool
+
+
+def repair(model: Model, base: Base | None) -> Repair:
+    """Solve the projection for all links with mass.
+
+    Args:
+        model: every body with a positive mass.
+        base: None projects link by link.
+
+    Raises:
+        InertiaError: a mass that is not positive, or no solution.
+    """
+    links = _links(model)
+    problem = _Problem(model, links, base)
+    s, change, kept = problem.solve()
+    bodies = {
+        name: _body(problem.roots[k] @ _matrix(s[10 * k : 10 * k + 10]) @ problem.roots[k].T)
+        for k, name in enumerate(links)
+        if (s != problem.start)[10 * k : 10 * k + 10].any()
+    }
+    return Repair(bodies, change, kept)
+
+
+def _links(model: Model) -> list[str]:
+    names = []
+    for name, link in model.links.items():
+        if link.body is None or link.body.is_empty:
+            continue
+        if not link.body.mass > 0:
+            raise InertiaError(
+                f"link '{name}' has the mass {link.body.mass:g} kg, and a repair cannot know the "
+                "right one; correct it in the file, then repair the rest"
+            )
+        names.append(name)
+    if not names:
+        raise InertiaError("no link of this file has mass, so there is nothing to repair")
+    return names
+
+
+class _Problem:
+    """The projection in whitened coordinates s = svec(L⁻¹ P L⁻ᵀ), all links in one vector."""
+
+    def __init__(self, model: Model, links: list[str], base: Base | None) -> None:
+        bodies = [body for name in links if (body := model.links[name].body) is not None]
+        old = np.concatenate([body.pi for body in bodies])
+        self.roots = [np.linalg.cholesky(pseudo_of(_nearest(body, ROUND))) for body in bodies]
+        self.start = np.concatenate(
+            [
+                _whitened(root, body.pseudo_inertia)
+                for root, body in zip(self.roots, bodies, strict=True)
+            ]
+        )
+        self._least = np.concatenate(
+            [
+                FLOOR
+                * _whitened(
+                    root, pseudo_of(body.pi if body.is_realisable else _nearest(body, THIN))
+                )
+                for root, body in zip(self.roots, bodies, strict=True)
+            ]
+        )
+        to_pi = [
+            np.column_stack([pi_of(root @ _matrix(e) @ root.T) for e in np.eye(10)])
+            for root in self.roots
+        ]
+        self._possible = np.array([body.is_realisable for body in bodies])
+        size = 10 * len(links)
+        self._mass = np.zeros((len(links), size))
+        for k, block in enumerate(to_pi):
+            self._mass[k, 10 * k : 10 * k + 10] = block[0]
+        self._mass_scale = np.abs(self._mass).max(axis=1, keepdims=True)
+        self._motion, self._scale = np.zeros((0, size)), 1.0
+        if base is not None:
+            whole = base.parameters.matrix @ lumping(model, base.chain, links)
+            beta = whole @ old
+            factor = base.factor(beta)
+            self._motion = factor @ np.hstack(
+                [whole[:, 10 * k : 10 * k + 10] @ block for k, block in enumerate(to_pi)]
+            )
+            self._scale = max(float(np.linalg.norm(factor @ beta)), 1e-300)
+
+    def solve(self) -> tuple[Array, float, bool]:
+        """s, the relative change of torque, and whether the base parameters are kept."""
+        smallest = self._change(self._cone(None))
+        if smallest <= KEPT:
+            s = self._settled(self._cone(0.0), np.vstack([self._masses(), self._rows()]))
+            if s is not None:
+                return s, 0.0, True
+        raw = self._cone((1 + SLACK) * max(smallest, KEPT))
+        s = self._settled(raw, self._masses())
+        if s is None:
+            raise InertiaError(
+                "the projection left the consistent bodies by rounding; correct inertials that "
+                "are wrong by orders of magnitude first"
+            )
+        return s, self._change(s), False
+
+    def _settled(self, raw: Array, equalities: Array) -> Array | None:
+        """s on the equalities to rounding, links that hardly moved put back; None if outside."""
+        links, start = raw.reshape(-1, 10), self.start.reshape(-1, 10)
+        step = np.linalg.norm(links - start, axis=1) / np.linalg.norm(start, axis=1)
+        still = (step < STILL) & self._possible
+        for kept in (still, np.zeros_like(still)):
+            free = np.repeat(~kept, 10)
+            s = np.where(free, raw, self.start)
+            for _ in range(2):
+                rest = equalities @ (s - self.start)
+                s[free] -= np.linalg.lstsq(equalities[:, free], rest, rcond=1e-12)[0]
+            if np.abs(equalities @ (s - self.start)).max() < 1e-12 and self._is_inside(s):
+                return s
+        return None
+
+    def _change(self, s: Array) -> float:
+        return float(np.linalg.norm(self._rows() @ (s - self.start)))
+
+    def _rows(self) -> Array:
+        """Relative change of torque per unit of s."""
+        return self._motion / self._scale
+
+    def _masses(self) -> Array:
+        return self._mass / self._mass_scale
+
+    def _cone(self, bound: float | None) -> Array:
+        """Least torque change (bound None), else the nearest s whose change is within the bound."""
+        size = self.start.size
+        masses, rows = self._masses(), self._rows()
+        zero = np.zeros
+        equalities = [masses]
+        second: list[tuple[Array, Array]] = []  # rows G, h of ‖G s − h‖ ≤ t or bound
+        heads = []
+        eye = np.eye(size)
+        if bound is None:
+            second.append((rows, rows @ self.start))
+            heads.append((-1.0, 0.0))
+        else:
+            second.append((eye, self.start))
+            heads.append((-1.0, 0.0))
+            if bound == 0.0:
+                equalities.append(rows)
+            else:
+                second.append((rows / bound, rows @ self.start / bound))
+                heads.append((0.0, 1.0))
+        left = np.vstack(equalities)
+        a = [np.hstack([left, zero((len(left), 1))])]
+        b = [left @ self.start]
+        cones: list[object] = [clarabel.ZeroConeT(len(left))]
+        for (matrix, target), (t, head) in zip(second, heads, strict=True):
+            a.append(
+                np.vstack([np.append(zero(size), t), np.hstack([-matrix, zero((len(matrix), 1))])])
+            )
+            b.append(np.concatenate([[head], -target]))
+            cones.append(clarabel.SecondOrderConeT(len(matrix) + 1))
+        a.append(np.hstack([-eye, zero((size, 1))]))
+        b.append(-self._least)
+        cones += [clarabel.PSDTriangleConeT(4)] * (size // 10)
+        cost = np.append(zero(size), 1.0)
+        return _solve(cost, np.vstack(a), np.concatenate(b), cones)[:size]
+
+    def _is_inside(self, s: Array) -> bool:
+        """P ⪰ ½ ε P_ref: the last step onto the equalities used at most half of the floor."""
+        rest = (s - self._least / 2).reshape(-1, 10)
+        return all(float(np.linalg.eigvalsh(_matrix(row))[0]) >= 0 for row in rest)
+
+
+def _solve(cost: Array, a: Array, b: Array, cones: list[object]) -> Array:
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix((cost.size, cost.size)), cost, sparse.csc_matrix(a), b, cones, settings
+    )
+    solution = solver.solve()
+    status = str(solution.status)
+    if status not in {"Solved", "AlmostSolved"}:
+        raise InertiaError(
+            f"the projection was not solved (Clarabel says {status}); look at the inertials for "
+            "numbers that are wrong by orders of magnitude, and correct those first"
+        )
+    return np.array(solution.x)
+
+
+def _nearest(body: Body, floor: float) -> Array:
+    return np.asarray(ca.DM(inertia.nearest_realisable(ca.DM(body.pi), floor))).ravel()
+
+
+def _whitened(root: Any, pseudo: Array) -> Array:
+    half = np.linalg.solve(root, pseudo)
+    matrix = np.linalg.solve(root, half.T)
+    return np.array([matrix[i, j] for i, j in _SVEC]) * _WEIGHT
+
+
+def _matrix(svec: Array) -> Array:
+    matrix = np.zeros((4, 4))
+    for (i, j), value in zip(_SVEC, svec / _WEIGHT, strict=True):
+        matrix[i, j] = matrix[j, i] = value
+    return matrix
+
+
+def _body(pseudo: Array) -> Body:
+    mass, com, tensor = (np.array(ca.DM(x)) for x in inertia.com_inertia(ca.DM(pi_of(pseudo))))
+    return Body(float(mass.item()), com.ravel(), (tensor + tensor.T) / 2)

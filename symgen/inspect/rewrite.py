@@ -1,0 +1,109 @@
+"""New <inertial> blocks in the text of a URDF, every other byte as it was.
+
+The XML parser tells where the blocks lie; a document written back from its tree would lose
+comments, blanks and the order of attributes.
+"""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+from xml.parsers import expat
+
+from symgen.errors import BuildError, UrdfError
+from symgen.inspect.model import Body
+
+_AXES = "xyz"
+
+
+def with_bodies(text: str, bodies: dict[str, Body]) -> str:
+    """The URDF with the <inertial> of the named links replaced.
+
+    Args:
+        text: a URDF that `symgen.chain.document.parse` accepts.
+        bodies: link name → body, for links that have an <inertial>.
+
+    Raises:
+        UrdfError: a link or its <inertial> is not there.
+    """
+    data = text.encode()
+    places = _places(data)
+    missing = [name for name in bodies if name not in places]
+    if missing:
+        raise UrdfError(f"link '{missing[0]}' has no <inertial> that could be replaced; write one")
+    for name in sorted(bodies, key=lambda name: places[name], reverse=True):
+        start, end = places[name]
+        line = data.rfind(b"\n", 0, start) + 1
+        blank = data[line:start].decode()
+        indent = blank if not blank.strip() else ""
+        data = data[:start] + _block(bodies[name], indent).encode() + data[end:]
+    return data.decode()
+
+
+def _places(data: bytes) -> dict[str, tuple[int, int]]:
+    """First and last byte of the first <inertial> of each link of the robot."""
+    parser = expat.ParserCreate("utf-8")  # the text is in UTF-8 now, whatever its header says
+    path: list[str] = []
+    link, start = "", 0
+    places: dict[str, tuple[int, int]] = {}
+
+    def opened(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal link, start
+        path.append(tag)
+        if path == ["robot", "link"]:
+            link = attributes.get("name", "")
+        if path == ["robot", "link", "inertial"]:
+            start = parser.CurrentByteIndex
+
+    def closed(_: str) -> None:
+        if path == ["robot", "link", "inertial"] and link not in places:
+            # At an end tag the index is that of "</"; at <inertial/> it is that of the start.
+            end = data.index(b">", parser.CurrentByteIndex) + 1
+            places[link] = (start, end)
+        path.pop()
+
+    parser.StartElementHandler, parser.EndElementHandler = opened, closed
+    parser.Parse(data, True)
+    return places
+
+
+def _block(body: Body, indent: str) -> str:
+    step = "\n" + indent + "  "
+    entries = " ".join(
+        f'i{_AXES[i]}{_AXES[j]}="{_digits(body.inertia[i, j])}"'
+        for i in range(3)
+        for j in range(i, 3)
+    )
+    xyz = " ".join(_digits(x) for x in body.com)
+    return (
+        f'<inertial>{step}<origin xyz="{xyz}" rpy="0 0 0"/>'
+        f'{step}<mass value="{_digits(body.mass)}"/>'
+        f"{step}<inertia {entries}/>\n{indent}</inertial>"
+    )
+
+
+def _digits(value: float) -> str:
+    return repr(float(value) + 0.0)  # the shortest text that reads back to the same number
+
+
+def write_text(path: Path, text: str, overwrite: bool) -> None:
+    """Write a file that appears as a whole or not at all.
+
+    Raises:
+        BuildError: it exists and may not be overwritten, or the place cannot be written.
+    """
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        if path.exists() and not overwrite:
+            raise BuildError(f"'{path}' exists; name another file, or allow it with --overwrite")
+        with draft.open("w", encoding="utf-8", newline="") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    except OSError as error:
+        raise BuildError(
+            f"cannot write '{path}' ({error.strerror}); choose another place"
+        ) from None
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)

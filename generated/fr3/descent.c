@@ -23,17 +23,30 @@ typedef fr3_least_squares least_squares;
 void OWN(adam)(fr3_adam_job *jobs, long count, long iterations);
 void OWN(levenberg)(fr3_levenberg_job *jobs, long count, long iterations);
 
-/* pi and d pi / d lambda (or theta) of all links, as tiles whose lanes are links. */
+/* Numbers of all links, PARAMETERS each, as tiles whose lanes are links, and back. */
+static void spread(double *tiles, const double *numbers)
+{
+    for (long t = 0; t < LINK_TILES * LANES; t += LANES) {
+        load(tiles + t * PARAMETERS, numbers + t * PARAMETERS, PARAMETERS, PARAMETERS, LINKS - t, 0);
+    }
+}
+
+static void collect(double *numbers, const double *tiles)
+{
+    for (long t = 0; t < LINK_TILES * LANES; t += LANES) {
+        store(numbers + t * PARAMETERS, tiles + t * PARAMETERS, PARAMETERS, LINKS - t);
+    }
+}
+
+/* pi and d pi / d lambda (or theta) of all links, all as tiles whose lanes are links. */
 static void bodies(const double *lam, long cholesky, double *pi, double *blocks)
 {
-    TILE(tile, PARAMETERS);
-    for (long t = 0; t < LINK_TILES; ++t) {
-        load(tile, lam + t * LANES * PARAMETERS, PARAMETERS, PARAMETERS, LINKS - t * LANES, 0);
-        double *own = pi + t * PARAMETERS * LANES, *block = blocks + t * PARAMETERS * PARAMETERS * LANES;
+    for (long t = 0; t < LINK_TILES * LANES; t += LANES) {
+        double *own = pi + t * PARAMETERS, *block = blocks + t * PARAMETERS * PARAMETERS;
         if (cholesky) {
-            OWN(cholesky_jacobian_tile)(NULL, tile, own, block);
+            OWN(cholesky_jacobian_tile)(NULL, lam + t * PARAMETERS, own, block);
         } else {
-            OWN(pi_jacobian_tile)(NULL, tile, own, block);
+            OWN(pi_jacobian_tile)(NULL, lam + t * PARAMETERS, own, block);
         }
     }
 }
@@ -42,9 +55,7 @@ static void bodies(const double *lam, long cholesky, double *pi, double *blocks)
 static void coordinates(const double *pi_tiles, const double *psi, long n_psi, double *y, long equations)
 {
     double pi[LAMBDA];
-    for (long t = 0; t < LINK_TILES; ++t) {
-        store(pi + t * LANES * PARAMETERS, pi_tiles + t * PARAMETERS * LANES, PARAMETERS, LINKS - t * LANES);
-    }
+    collect(pi, pi_tiles);
     fr3_base_parameters(pi, y);
     for (long i = 0; i < n_psi; ++i) {
         y[BASE + i] = psi[i];
@@ -54,33 +65,29 @@ static void coordinates(const double *pi_tiles, const double *psi, long n_psi, d
     }
 }
 
-/* d L / d x from d L / d y, Eq. 4.32: K', then the blocks, link by link. */
-#define ENTRY(i, j) *(const vu *)(block + ((i) * PARAMETERS + (j)) * LANES) * *(const vu *)(tile + (i) * LANES + h)
-static void chain_rule(const double *slope, const double *blocks, long n_psi, double *gradient)
+/* d L / d lambda as tiles from d L / d y, Eq. 4.32: K', then the blocks, link by link. */
+#define ENTRY(i, j) *(const vu *)(block + ((i) * PARAMETERS + (j)) * LANES) * *(const vu *)(from + (i) * LANES)
+static void chain_rule(const double *slope, const double *blocks, double *gradient)
 {
     double by_pi[LAMBDA];
-    TILE(tile, PARAMETERS);
-    TILE(out, PARAMETERS);
+    TILE(by_pi_tiles, LINK_TILES * PARAMETERS);
     fr3_base_adjoint(slope, by_pi);
-    for (long t = 0; t < LINK_TILES; ++t) {
-        load(tile, by_pi + t * LANES * PARAMETERS, PARAMETERS, PARAMETERS, LINKS - t * LANES, 0);
+    spread(by_pi_tiles, by_pi);
+    for (long t = 0; t < LINK_TILES * LANES; t += LANES) {
         for (int h = 0; h < LANES; h += W) {
-            const double *block = blocks + t * PARAMETERS * PARAMETERS * LANES + h;
-            *(vu *)(out + 0 * LANES + h) = ENTRY(0, 0) + ENTRY(1, 0) + ENTRY(2, 0) + ENTRY(3, 0) + ENTRY(4, 0) + ENTRY(5, 0) + ENTRY(6, 0) + ENTRY(7, 0) + ENTRY(8, 0) + ENTRY(9, 0);
-            *(vu *)(out + 1 * LANES + h) = ENTRY(1, 1) + ENTRY(5, 1) + ENTRY(6, 1) + ENTRY(7, 1) + ENTRY(8, 1);
-            *(vu *)(out + 2 * LANES + h) = ENTRY(2, 2) + ENTRY(4, 2) + ENTRY(6, 2) + ENTRY(7, 2) + ENTRY(9, 2);
-            *(vu *)(out + 3 * LANES + h) = ENTRY(3, 3) + ENTRY(4, 3) + ENTRY(5, 3) + ENTRY(8, 3) + ENTRY(9, 3);
-            *(vu *)(out + 4 * LANES + h) = ENTRY(4, 4) + ENTRY(5, 4) + ENTRY(6, 4) + ENTRY(7, 4) + ENTRY(8, 4) + ENTRY(9, 4);
-            *(vu *)(out + 5 * LANES + h) = ENTRY(4, 5) + ENTRY(5, 5) + ENTRY(6, 5) + ENTRY(7, 5) + ENTRY(8, 5) + ENTRY(9, 5);
-            *(vu *)(out + 6 * LANES + h) = ENTRY(4, 6) + ENTRY(5, 6) + ENTRY(6, 6) + ENTRY(7, 6) + ENTRY(8, 6) + ENTRY(9, 6);
-            *(vu *)(out + 7 * LANES + h) = ENTRY(4, 7) + ENTRY(5, 7) + ENTRY(6, 7) + ENTRY(7, 7) + ENTRY(8, 7) + ENTRY(9, 7);
-            *(vu *)(out + 8 * LANES + h) = ENTRY(4, 8) + ENTRY(5, 8) + ENTRY(6, 8) + ENTRY(7, 8) + ENTRY(8, 8) + ENTRY(9, 8);
-            *(vu *)(out + 9 * LANES + h) = ENTRY(4, 9) + ENTRY(5, 9) + ENTRY(6, 9) + ENTRY(7, 9) + ENTRY(8, 9) + ENTRY(9, 9);
+            const double *block = blocks + t * PARAMETERS * PARAMETERS + h, *from = by_pi_tiles + t * PARAMETERS + h;
+            double *to = gradient + t * PARAMETERS + h;
+            *(vu *)(to + 0 * LANES) = ENTRY(0, 0) + ENTRY(1, 0) + ENTRY(2, 0) + ENTRY(3, 0) + ENTRY(4, 0) + ENTRY(5, 0) + ENTRY(6, 0) + ENTRY(7, 0) + ENTRY(8, 0) + ENTRY(9, 0);
+            *(vu *)(to + 1 * LANES) = ENTRY(1, 1) + ENTRY(5, 1) + ENTRY(6, 1) + ENTRY(7, 1) + ENTRY(8, 1);
+            *(vu *)(to + 2 * LANES) = ENTRY(2, 2) + ENTRY(4, 2) + ENTRY(6, 2) + ENTRY(7, 2) + ENTRY(9, 2);
+            *(vu *)(to + 3 * LANES) = ENTRY(3, 3) + ENTRY(4, 3) + ENTRY(5, 3) + ENTRY(8, 3) + ENTRY(9, 3);
+            *(vu *)(to + 4 * LANES) = ENTRY(4, 4) + ENTRY(5, 4) + ENTRY(6, 4) + ENTRY(7, 4) + ENTRY(8, 4) + ENTRY(9, 4);
+            *(vu *)(to + 5 * LANES) = ENTRY(4, 5) + ENTRY(5, 5) + ENTRY(6, 5) + ENTRY(7, 5) + ENTRY(8, 5) + ENTRY(9, 5);
+            *(vu *)(to + 6 * LANES) = ENTRY(4, 6) + ENTRY(5, 6) + ENTRY(6, 6) + ENTRY(7, 6) + ENTRY(8, 6) + ENTRY(9, 6);
+            *(vu *)(to + 7 * LANES) = ENTRY(4, 7) + ENTRY(5, 7) + ENTRY(6, 7) + ENTRY(7, 7) + ENTRY(8, 7) + ENTRY(9, 7);
+            *(vu *)(to + 8 * LANES) = ENTRY(4, 8) + ENTRY(5, 8) + ENTRY(6, 8) + ENTRY(7, 8) + ENTRY(8, 8) + ENTRY(9, 8);
+            *(vu *)(to + 9 * LANES) = ENTRY(4, 9) + ENTRY(5, 9) + ENTRY(6, 9) + ENTRY(7, 9) + ENTRY(8, 9) + ENTRY(9, 9);
         }
-        store(gradient + t * LANES * PARAMETERS, out, PARAMETERS, LINKS - t * LANES);
-    }
-    for (long i = 0; i < n_psi; ++i) {
-        gradient[LAMBDA + i] = slope[BASE + i];
     }
 }
 
@@ -136,15 +143,13 @@ static double mini_batch(const fr3_adam_job *job, const long *rows, const double
     const long n_psi = job->size - LAMBDA, k = job->columns_per_joint;
     const int width = (int)((4 + k) * JOINTS), stride = (width + LANES - 1) / LANES * LANES;
     double *samples = job->work, *rub = samples + BLOCK * width * LANES;
-    double u[6], total = 0.0;
-    TILE(sums, BASE) = {0};
+    double u[6], total[BASE + 1] = {0}; /* slope and loss, as in the tiles that add up */
+    TILE(whole, BASE + 1) = {0};
+    TILE(rest, BASE + 1) = {0};
     TILE(sc, BLOCK * 2 * JOINTS);
-    TILE(loss, 1);
-    TILE(gradient, BASE) = {0};
     TILE(residual, JOINTS);
     fr3_loss_gradient_prepare(job->weight, y, u);
     memset(rub, 0, sizeof(double) * (size_t)(n_psi * LANES));
-    memset(slope, 0, sizeof(double) * (size_t)job->equations);
     for (long first = 0; first < job->batch; first += BLOCK * LANES) {
         const long end = first + BLOCK * LANES < job->batch ? first + BLOCK * LANES : job->batch;
         for (long b = first; b < end; b += LANES) {
@@ -158,42 +163,42 @@ static double mini_batch(const fr3_adam_job *job, const long *rows, const double
             for (long i = 0; i < n_psi * LANES; i += W) {
                 *(vu *)(tau + i / (k * LANES) * LANES + i % LANES) -= y[BASE + i / LANES] * *(const vu *)(columns + i);
             }
-            OWN(loss_gradient_tile)(sc + (b - first) * 2 * JOINTS, tile, tile + JOINTS * LANES, tile + 2 * JOINTS * LANES, tau, job->weight, y, u, loss, gradient, residual);
-            add(sums, slope, gradient, BASE, end - b);
-            for (int l = 0; l < LANES; ++l) {
-                total += l < end - b ? loss[l] : 0.0;
-                for (int j = 0; j < JOINTS && n_psi; ++j) {
-                    residual[j * LANES + l] *= l < end - b ? job->weight[j] : 0.0;
-                }
+            double *sums = end - b < LANES ? rest : whole;
+            OWN(loss_gradient_tile)(sc + (b - first) * 2 * JOINTS, tile, tile + JOINTS * LANES, tile + 2 * JOINTS * LANES, tau, job->weight, y, u, sums + BASE * LANES, sums, residual);
+            for (long i = 0; i < JOINTS * LANES && n_psi; ++i) {
+                residual[i] *= i % LANES < end - b ? job->weight[i / LANES] : 0.0;
             }
             for (long i = 0; i < n_psi * LANES; i += W) {
                 *(vu *)(rub + i) += *(const vu *)(columns + i) * *(const vu *)(residual + i / (k * LANES) * LANES + i % LANES);
             }
         }
     }
-    gather(slope, sums, BASE);
-    gather(slope + BASE, rub, (int)n_psi);
+    if (job->batch % LANES) {
+        add(total, rest, BASE + 1, job->batch % LANES);
+    }
+    add(total, whole, BASE + 1, LANES);
+    memset(slope, 0, sizeof(double) * (size_t)job->equations);
+    memcpy(slope, total, sizeof(double) * BASE);
+    add(slope + BASE, rub, (int)n_psi, LANES);
     const double share = 1.0 / (double)job->batch;
     for (long i = 0; i < BASE + n_psi; ++i) {
         slope[i] *= share;
     }
-    return total * share;
+    return total[BASE] * share;
 }
 
-static void adam_step(fr3_adam_job *job, const double *gradient)
+/* A step of Adam for `count` numbers of x. */
+static void adam_step(const fr3_adam_job *job, const double *gradient, double *x, double *m, double *v, long count)
 {
     const double keep1 = job->beta1, keep2 = job->beta2;
-    job->step += 1;
-    job->power1 *= keep1;
-    job->power2 *= keep2;
     const double mean = 1.0 / (1.0 - job->power1), spread = 1.0 / (1.0 - job->power2);
-    for (long i = 0; i < job->padded; i += W) {
+    for (long i = 0; i < count; i += W) {
         const vd g = *(const vu *)(gradient + i);
-        const vd m = keep1 * *(const vu *)(job->m + i) + (1.0 - keep1) * g;
-        const vd v = keep2 * *(const vu *)(job->v + i) + (1.0 - keep2) * (g * g);
-        *(vu *)(job->m + i) = m;
-        *(vu *)(job->v + i) = v;
-        *(vu *)(job->x + i) -= job->rate * (m * mean) / (vd_sqrt(v * spread) + job->epsilon);
+        const vd m_new = keep1 * *(const vu *)(m + i) + (1.0 - keep1) * g;
+        const vd v_new = keep2 * *(const vu *)(v + i) + (1.0 - keep2) * (g * g);
+        *(vu *)(m + i) = m_new;
+        *(vu *)(v + i) = v_new;
+        *(vu *)(x + i) -= job->rate * (m_new * mean) / (vd_sqrt(v_new * spread) + job->epsilon);
     }
 }
 
@@ -215,14 +220,24 @@ static void validate(fr3_adam_job *job, double training, double loss)
     }
 }
 
+/* Lambda, its moments and its gradient stay tiles throughout. What comes after lambda in x moves
+ * where it is, with the rest of the row of LANES in which it begins; that rest is put right last. */
 static void adam(fr3_adam_job *job, long iterations)
 {
+    enum { ROOM = LINK_TILES * PARAMETERS, AFTER = LAMBDA / LANES * LANES };
     const long equations = job->equations, n_psi = job->size - LAMBDA;
     double *y = job->work + (BLOCK * (4 + job->columns_per_joint) * JOINTS + n_psi) * LANES;
     double *residual = y + equations, *slope = residual + equations, *gradient = slope + equations;
-    TILE(pi, LINK_TILES * PARAMETERS);
-    TILE(blocks, LINK_TILES * PARAMETERS * PARAMETERS) = {0};
-    bodies(job->x, 0, pi, blocks);
+    TILE(pi, ROOM);
+    TILE(blocks, ROOM * PARAMETERS) = {0};
+    TILE(lam, ROOM);
+    TILE(m, ROOM);
+    TILE(v, ROOM);
+    TILE(by_lam, ROOM);
+    spread(lam, job->x);
+    spread(m, job->m);
+    spread(v, job->v);
+    bodies(lam, 0, pi, blocks);
     coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
     memset(gradient, 0, sizeof(double) * (size_t)job->padded);
     if (job->step == 0) {
@@ -236,17 +251,28 @@ static void adam(fr3_adam_job *job, long iterations)
             training = misfit(&job->training, equations, y, residual);
             pull_back(&job->training, equations, residual, slope);
         }
-        chain_rule(slope, blocks, n_psi, gradient);
-        adam_step(job, gradient);
-        bodies(job->x, 0, pi, blocks);
+        job->step += 1;
+        job->power1 *= job->beta1;
+        job->power2 *= job->beta2;
+        chain_rule(slope, blocks, by_lam);
+        adam_step(job, by_lam, lam, m, v, ROOM * LANES);
+        if (n_psi) {
+            memcpy(gradient + LAMBDA, slope + BASE, sizeof(double) * (size_t)n_psi);
+            adam_step(job, gradient + AFTER, job->x + AFTER, job->m + AFTER, job->v + AFTER, job->padded - AFTER);
+        }
+        bodies(lam, 0, pi, blocks);
         coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
         if (job->step % job->validate_every == 0) {
+            collect(job->x, lam);
             validate(job, training, misfit(&job->held, equations, y, residual));
         }
         if (!job->finished && job->step - job->improved_at >= job->patience) {
             job->finished = FR3_PATIENCE;
         }
     }
+    collect(job->x, lam);
+    collect(job->m, m);
+    collect(job->v, v);
 }
 
 void OWN(adam)(fr3_adam_job *jobs, long count, long iterations)
@@ -361,8 +387,10 @@ static double dot(const double *a, const double *b, long size)
 /* Loss at x, its residual and the blocks that J needs. */
 static double evaluate(const fr3_levenberg_job *job, const double *x, double *blocks, double *y, double *residual)
 {
+    TILE(lam, LINK_TILES * PARAMETERS);
     TILE(pi, LINK_TILES * PARAMETERS);
-    bodies(x, job->cholesky, pi, blocks);
+    spread(lam, x);
+    bodies(lam, job->cholesky, pi, blocks);
     coordinates(pi, x + LAMBDA, job->size - LAMBDA, y, job->equations);
     return misfit(&job->training, job->equations, y, residual);
 }

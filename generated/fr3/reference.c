@@ -43,15 +43,6 @@ static casadi_real casadi_fmax(casadi_real x, casadi_real y) {
 #endif
 }
 
-static casadi_real casadi_fmin(casadi_real x, casadi_real y) {
-/* Pre-c99 compatibility */
-#if __STDC_VERSION__ < 199901L
-  return x<y ? x : y;
-#else
-  return fmin(x, y);
-#endif
-}
-
 /* inverse_dynamics: tau = Y(q, dq, ddq) pi, Eq. 4.3. */
 static int casadi_f0(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
@@ -32140,7 +32131,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* torque_derivatives: tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -38013,7 +38004,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* torque_rate: d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -39846,7 +39837,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* torque_rate_adjoint: d (seed . d tau / d t) / d (q, dq, ddq, dddq). */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -44684,7 +44675,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* tip_motion: place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -45261,7 +45252,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* clearance: distance of the capsules of each pair, negative where they overlap. */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -47261,7 +47252,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* plane_clearance: least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -48375,7 +48366,7 @@ void fr3_casadi_torque_derivatives_batch(long n, const double *q, long q_step, c
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, pi + i * pi_step};
         double *res[] = {tau + i * 7, dtau_dq + i * 49, dtau_dv + i * 49, dtau_da + i * 49};
-        casadi_f23(arg, res, 0, 0, 0);
+        casadi_f26(arg, res, 0, 0, 0);
     }
 }
 
@@ -48385,7 +48376,7 @@ void fr3_casadi_torque_rate_batch(long n, const double *q, long q_step, const do
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, pi + i * pi_step};
         double *res[] = {tau_rate + i * 7};
-        casadi_f24(arg, res, 0, 0, 0);
+        casadi_f27(arg, res, 0, 0, 0);
     }
 }
 
@@ -48395,7 +48386,7 @@ void fr3_casadi_torque_rate_adjoint_batch(long n, const double *q, long q_step, 
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, pi + i * pi_step, seed + i * seed_step};
         double *res[] = {gradient + i * 28};
-        casadi_f25(arg, res, 0, 0, 0);
+        casadi_f28(arg, res, 0, 0, 0);
     }
 }
 
@@ -48405,7 +48396,7 @@ void fr3_casadi_tip_motion_batch(long n, const double *q, long q_step, const dou
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step};
         double *res[] = {p + i * 3, v + i * 3, dp_dq + i * 21, dv_dq + i * 21};
-        casadi_f26(arg, res, 0, 0, 0);
+        casadi_f29(arg, res, 0, 0, 0);
     }
 }
 
@@ -48415,7 +48406,7 @@ void fr3_casadi_clearance_batch(long n, const double *q, long q_step, double *di
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step};
         double *res[] = {distance + i * 12, jacobian + i * 84};
-        casadi_f27(arg, res, 0, 0, 0);
+        casadi_f30(arg, res, 0, 0, 0);
     }
 }
 
@@ -48425,6 +48416,6 @@ void fr3_casadi_plane_clearance_batch(long n, const double *q, long q_step, cons
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, plane + i * plane_step};
         double *res[] = {distance + i * 7, jacobian + i * 49};
-        casadi_f28(arg, res, 0, 0, 0);
+        casadi_f31(arg, res, 0, 0, 0);
     }
 }

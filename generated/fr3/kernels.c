@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 93b53faa74925f6a6f39ddc7fe47a09fe9067680f06804b2577e4b94c8d5fa51.
+ * Model ebddd134bc75d285cdcb0d9d635026937504f7eb9981982e1444becadc5f70d7.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "93b53faa74925f6a6f39ddc7fe47a09fe9067680f06804b2577e4b94c8d5fa51";
+    return "ebddd134bc75d285cdcb0d9d635026937504f7eb9981982e1444becadc5f70d7";
 }
 
 const char *fr3_level(void)
@@ -41775,15 +41775,6 @@ void fr3_torque_rate_adjoint(const double q[7], const double dq[7], const double
     gradient[27] = t893;
 }
 
-/* The same for n of them; each input with its step in doubles from one to the next. */
-void fr3_torque_rate_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, const double *seed, long seed_step, double *gradient);
-void fr3_torque_rate_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, const double *seed, long seed_step, double *gradient)
-{
-    for (long i = 0; i < n; ++i) {
-        fr3_torque_rate_adjoint(q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, pi + i * pi_step, seed + i * seed_step, gradient + i * 28);
-    }
-}
-
 /* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations. */
 void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21])
 {
@@ -51027,6 +51018,47 @@ void fr3_torque_rate_prepare(const double *pi, double *u)
     u[15] = t1687;
     u[16] = t1708;
     u[17] = t1783;
+}
+
+HIDDEN void fr3_torque_rate_adjoint_prepare(const double *pi, double *u);
+void fr3_torque_rate_adjoint_prepare(const double *pi, double *u)
+{
+    const double t16 = pi[14] - pi[16];
+    const double t143 = pi[66] - pi[65];
+    const double t278 = pi[64] - pi[66];
+    const double t306 = pi[56] - pi[55];
+    const double t329 = pi[54] - pi[56];
+    const double t344 = pi[65] - pi[64];
+    const double t394 = pi[46] - pi[45];
+    const double t422 = pi[44] - pi[46];
+    const double t451 = pi[55] - pi[54];
+    const double t539 = pi[36] - pi[35];
+    const double t564 = pi[45] - pi[44];
+    const double t582 = pi[34] - pi[36];
+    const double t617 = pi[25] - pi[24];
+    const double t991 = pi[15] - pi[14];
+    const double t1001 = pi[16] - pi[15];
+    const double t1053 = pi[24] - pi[26];
+    const double t1060 = pi[26] - pi[25];
+    const double t1084 = pi[35] - pi[34];
+    u[0] = t16;
+    u[1] = t143;
+    u[2] = t278;
+    u[3] = t306;
+    u[4] = t329;
+    u[5] = t344;
+    u[6] = t394;
+    u[7] = t422;
+    u[8] = t451;
+    u[9] = t539;
+    u[10] = t564;
+    u[11] = t582;
+    u[12] = t617;
+    u[13] = t991;
+    u[14] = t1001;
+    u[15] = t1053;
+    u[16] = t1060;
+    u[17] = t1084;
 }
 
 HIDDEN void fr3_plane_clearance_prepare(const double *plane, double *u);

@@ -40,7 +40,7 @@ class SafetyKernels:
     ) -> Array:
         """∂(seed · dτ/dt)/∂(q, dq, ddq, dddq), (N, 4, n), from seed (N, n).
 
-        Eight times the work of `torque_rate`, and without vectors: ask where a limit is near.
+        Three times the work of `torque_rate`: a row of its derivative for one joint.
         """
         return self._binding.call("torque_rate_adjoint", q, dq, ddq, dddq, pi, seed)[0]
 

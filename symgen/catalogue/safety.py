@@ -67,7 +67,6 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
                 ).T
             },
             "d (seed . d tau / d t) / d (q, dq, ddq, dddq)",
-            rare=True,  # one joint in a few samples is near its limit, if any
         ),
     )
 

@@ -158,7 +158,7 @@ def test_designs_are_pulled_inside(lib: Library, trajectories: tuple[Trajectory,
 
 
 def test_slowing_keeps_the_path(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
-    """Property: the same positions later; uses fall with r, r², r³; `fastest` is the last percent."""
+    """Property: the same positions later; uses fall with r, r², r³; `fastest` in percents."""
     motion = Trajectory(lib.home, trajectories[0].coefficients, 5.0)
     half = slowed(motion, 0.5)
     t = np.linspace(0, 5, 51)

@@ -244,5 +244,5 @@ def test_a_home_without_speed_is_told(lib: Library) -> None:
     assert facts is not None
     home = lib.home.copy()
     home[3] = facts.upper[3] - 0.005
-    with pytest.raises(IdentificationError, match="'fr3_joint4' its velocity limit.*no speed"):
+    with pytest.raises(IdentificationError, match=r"'fr3_joint4' its velocity limit.*no speed"):
         require_rest(laws(lib, home, Safety()), home)

@@ -29,10 +29,7 @@ def fast_motion(lib: Library, size: float = 4e-3) -> Trajectory:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_bounds_are_above_and_close(lib: Library, kind: str) -> None:
-    """Oracle: 20 000 samples of a fast motion: above them, by no more than what a millisecond bends.
-
-    The grid of the certificate is 20 times coarser.
-    """
+    """Oracle: 20 000 samples of a fast motion: above them, by what a millisecond bends at most."""
     motion = fast_motion(lib)
     law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
     found = law_bounds([law], motion)

@@ -64,9 +64,14 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
     n = lib.n_joints
     shape = trajectory.coefficients.shape
     fits = trajectory.home.shape == (n,) and len(shape) == 2 and shape[0] == n
-    fits = fits and shape[1] % trajectory.basis.size(1) == 0
     if joints != list(lib.joint_names) or not fits or not trajectory.coefficients.size:
         raise RecordingError(f"the trajectory '{path}' belongs to another robot than '{lib.name}'")
+    if shape[1] % trajectory.basis.size(1):
+        raise RecordingError(
+            f"the trajectory '{path}' has {shape[1]} coefficients per joint, its basis "
+            f"'{trajectory.basis.name}' takes pairs of coefficients; make one with: "
+            "python -m runtime excite"
+        )
     numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]
     if not np.isfinite(numbers).all() or not trajectory.duration > 0:
         raise RecordingError(

@@ -65,7 +65,8 @@ class Prediction:
         scores: without and with friction, at each of `SAMPLES`.
         sigma: standard deviations of the unknowns, (k,) SI; friction is not estimated.
         sigma_with_friction: the same with friction; None where the motion cannot tell them.
-        torque: RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N.
+        torque: RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N;
+            friction is not estimated.
         payload_mass: σ of a payload of 1 kg, 0.1 m before the last link, on a known arm, kg; with
             the torques' offsets. None where the motion cannot tell.
         payload_com: of its centre of mass, (3,) m.
@@ -102,37 +103,22 @@ def predict(
     Raises:
         IdentificationError: the motion cannot tell the unknowns even without friction.
     """
-    seen = _reduced(_mean(unseen_rows(lib, trajectory.home)), told)
-    size = sizes(lib, told)
-    scores, notes = [], []
-    fine: dict[tuple[str, ...], Array] = {}
+    unseen = unseen_rows(lib, trajectory.home)
+    seen = _reduced(_mean(unseen), told)
+    size, scores, notes = sizes(lib, told), [], []
+    spreads: dict[tuple[str, ...], Array] = {}
     for columns in dict.fromkeys(((), names)):
-        for samples in SAMPLES:
-            try:
+        try:
+            for samples in SAMPLES:
                 gram, condition = _gram(lib, trajectory, told, columns, samples)
-                spread = _covariance(gram, len(size), trajectory)
-            except IdentificationError as error:
-                if not columns:
-                    raise
-                notes.append(f"with friction {', '.join(columns)}: {error}")
-                break
-            fine[columns] = spread
-            scores.append(
-                Score(
-                    samples,
-                    len(gram),
-                    columns,
-                    condition,
-                    float(np.sqrt(np.mean(np.diag(spread) / size**2))),
-                    float(np.sqrt(np.sum(seen * spread))),
-                    float(np.exp(np.linalg.slogdet(spread)[1] / (2 * len(spread)))),
-                )
-            )
-    best = fine[()]
-    per_joint = [
-        np.sum(_reduced(_mean(rows), told) * best)
-        for rows in np.swapaxes(unseen_rows(lib, trajectory.home), 0, 1)[:, :, None]
-    ]
+                spread = spreads[columns] = _covariance(gram, len(size), trajectory)
+                scores.append(_score(samples, columns, len(gram), condition, spread, size, seen))
+        except IdentificationError as error:
+            if not columns:
+                raise
+            notes.append(f"with friction {', '.join(columns)}: {error}")
+    best = spreads[()]
+    joints = [_reduced(_mean(unseen[:, j : j + 1]), told) for j in range(lib.n_joints)]
     mass, com = _payload(lib, trajectory, told)
     return Prediction(
         told.noise,
@@ -141,11 +127,31 @@ def predict(
         told.columns is not None,
         tuple(scores),
         np.sqrt(np.diag(best)),
-        np.sqrt(np.diag(fine[names])) if names in fine else None,
-        np.sqrt(per_joint),
+        np.sqrt(np.diag(spreads[names])) if names in spreads else None,
+        np.sqrt([np.sum(own * best) for own in joints]),
         mass,
         com,
         tuple(notes),
+    )
+
+
+def _score(
+    samples: int,
+    names: tuple[str, ...],
+    columns: int,
+    condition: float,
+    spread: Array,
+    size: Array,
+    seen: Array,
+) -> Score:
+    return Score(
+        samples,
+        columns,
+        names,
+        condition,
+        float(np.sqrt(np.mean(np.diag(spread) / size**2))),
+        float(np.sqrt(np.sum(seen * spread))),
+        float(np.exp(np.linalg.slogdet(spread)[1] / (2 * len(spread)))),
     )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from symgen.chain import Chain, Joint
 from symgen.collision import CollisionModel
 from symgen.collision.tables import collision_from_tables
 from symgen.errors import BuildError
@@ -72,18 +73,25 @@ CONFIG_KEYS = (*_VECTORS, "tip_speed", "braking", *_COLLISION)
 """Keys of the TOML; the manifest has the same ones, None where nothing is known."""
 
 
-def read_config(path: Path) -> RobotConfig:
-    """The configuration of a TOML beside the URDF.
+def read_config(*paths: Path) -> RobotConfig:
+    """The configuration of one TOML, or of several with different keys.
 
     Raises:
-        BuildError: unknown key, or a value that is not a list of finite numbers.
+        BuildError: unknown key, the same key twice, or a value that is not what it must be.
+        CollisionError: the proxies or pairs contradict each other.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
-    table.pop("source", None)
-    return config_from_table(table, f"'{path}'")
+    joined: dict[str, Any] = {}
+    for path in paths:
+        try:
+            table = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
+        table.pop("source", None)
+        twice = sorted(joined.keys() & table.keys())
+        if twice:
+            raise BuildError(f"'{path}' gives {', '.join(twice)} once more; keep one of them")
+        joined |= table
+    return config_from_table(joined, " and ".join(f"'{path}'" for path in paths))
 
 
 def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
@@ -108,6 +116,20 @@ def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
         braking=_braking(table.get("braking"), where),
         collision=collision_from_tables(table.get("proxy", []), table.get("pair", []), where),
     )
+
+
+def home_of(chain: Chain, config: RobotConfig) -> Vector:
+    """The home of the configuration, else zero or the middle of the range of each joint."""
+    return config.home or tuple(_middle(joint) for joint in chain.joints)
+
+
+def _middle(joint: Joint) -> float:
+    """Zero where it lies well inside the limits, else the middle between them."""
+    if joint.lower is None or joint.upper is None:
+        return 0.0
+    margin = 0.1 * (joint.upper - joint.lower)
+    inside = joint.lower + margin <= 0.0 <= joint.upper - margin
+    return 0.0 if inside else (joint.lower + joint.upper) / 2
 
 
 def _braking(table: Any, where: str) -> Braking | None:

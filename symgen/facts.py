@@ -9,10 +9,10 @@ import numpy as np
 
 from symgen import inertia
 from symgen.base_parameters import Array, BaseParameters
-from symgen.chain import Chain, Joint
+from symgen.chain import Chain
 from symgen.collision.distance import moving
 from symgen.collision.tables import tables_from_collision
-from symgen.config import Braking
+from symgen.config import Braking, home_of
 from symgen.errors import BuildError, InertiaError
 from symgen.request import BuildRequest
 
@@ -58,7 +58,6 @@ def model_facts(
             )
     bodies = pi0.reshape(n, -1)
     lam0 = [np.asarray(ca.DM(inertia.lam_from_pi(ca.DM(pi)))).ravel() for pi in bodies]
-    home = config.home or tuple(_middle(joint) for joint in chain.joints)
     return {
         "base": chain.base,
         "tip": chain.tip.link,
@@ -76,7 +75,7 @@ def model_facts(
             }
             for j in chain.joints
         ],
-        "home": list(home),
+        "home": list(home_of(chain, config)),
         "acceleration": list(config.acceleration) if config.acceleration else None,
         "jerk": list(config.jerk) if config.jerk else None,
         "torque_rate": list(config.torque_rate) if config.torque_rate else None,
@@ -107,12 +106,3 @@ def model_facts(
 
 def _lists(braking: Braking) -> dict[str, list[float]]:
     return {key: list(values) for key, values in asdict(braking).items()}
-
-
-def _middle(joint: Joint) -> float:
-    """Zero where it lies well inside the limits, else the middle between them."""
-    if joint.lower is None or joint.upper is None:
-        return 0.0
-    margin = 0.1 * (joint.upper - joint.lower)
-    inside = joint.lower + margin <= 0.0 <= joint.upper - margin
-    return 0.0 if inside else (joint.lower + joint.upper) / 2

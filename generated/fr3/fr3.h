@@ -87,8 +87,8 @@ void fr3_torque_derivatives(const double q[7], const double dq[7], const double 
 /* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1707 operations. */
 void fr3_torque_rate(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], double tau_rate[7]);
 
-/* d tau / d t and its derivatives by (q, dq, ddq, dddq). 15728 operations. */
-void fr3_torque_rate_jacobian(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], double tau_rate[7], double jacobian[196]);
+/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4660 operations. */
+void fr3_torque_rate_adjoint(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], const double seed[7], double gradient[28]);
 
 /* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations. */
 void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21]);

@@ -125,6 +125,12 @@ HIDDEN void fr3_torque_rate_prepare(const double *pi, double *u);
 HIDDEN void OWN(torque_rate_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *dddq, const double *pi, const double *u, double *tau_rate);
 
+/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4642 operations per sample. */
+HIDDEN void OWN(torque_rate_adjoint_sines)(long tiles, const double *q, double *sc);
+HIDDEN void fr3_torque_rate_adjoint_prepare(const double *pi, double *u);
+HIDDEN void OWN(torque_rate_adjoint_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *dddq, const double *seed, const double *pi, const double *u, double *gradient);
+
 /* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations per sample. */
 HIDDEN void OWN(tip_motion_sines)(long tiles, const double *q, double *sc);
 HIDDEN void OWN(tip_motion_tile)(

@@ -43,7 +43,8 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
         Argument(name, (n, n), f"d tau / d {STATE[k]}"): together[:, k * n : (k + 1) * n]
         for k, name in enumerate(names)
     }
-    rate_ = Argument("tau_rate", (n,), f"({effort})/s")
+    seed_ = Argument("seed", (n,), "d cost / d tau_rate")
+    seed = seed_.symbol()
     return (
         make_kernel(
             "torque_derivatives",
@@ -54,20 +55,18 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
         make_kernel(
             "torque_rate",
             moved,
-            {rate_: rate},
+            {Argument("tau_rate", (n,), f"({effort})/s"): rate},
             "d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq",
         ),
         make_kernel(
-            "torque_rate_jacobian",
-            moved,
+            "torque_rate_adjoint",
+            moved | {seed_: seed},
             {
-                rate_: rate,
-                Argument("jacobian", (n, 4 * n), "d tau_rate / d (q, dq, ddq, dddq)"): ca.jacobian(
-                    rate, ca.vertcat(*symbols)
-                ),
+                Argument("gradient", (4, n), "d cost / d (q, dq, ddq, dddq)"): ca.reshape(
+                    ca.jtimes(rate, ca.vertcat(*symbols), seed, True), n, 4
+                ).T
             },
-            "d tau / d t and its derivatives by (q, dq, ddq, dddq)",
-            rare=True,
+            "d (seed . d tau / d t) / d (q, dq, ddq, dddq)",
         ),
     )
 

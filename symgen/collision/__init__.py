@@ -5,6 +5,6 @@ gradients as expressions; `geometry`, `capsules`, `coverage` and `selection` mak
 a URDF and are imported only by the command that does so.
 """
 
-from symgen.collision.model import BASE, CollisionModel, Pair, Proxy
+from symgen.collision.model import BASE, MARGIN, CollisionModel, Pair, Proxy
 
-__all__ = ["BASE", "CollisionModel", "Pair", "Proxy"]
+__all__ = ["BASE", "MARGIN", "CollisionModel", "Pair", "Proxy"]

@@ -64,7 +64,7 @@ def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
             geometry.link,
             _point(c.start),
             _point(c.end),
-            float(c.radius),
+            round(float(c.radius), 9),
         )
         for k, c in enumerate(capsules, 1)
     )
@@ -90,7 +90,8 @@ def _split(triangles: Array, count: int) -> list[Capsule]:
     owner[order] = np.arange(len(order)) * count // len(order)
     capsules: list[Capsule] = []
     for _ in range(_ROUNDS):
-        capsules = [_enclosing(triangles[owner == k]) for k in range(count) if (owner == k).any()]
+        parts = [triangles[owner == k] for k in range(count)]
+        capsules = [_enclosing(part, starts=1) for part in parts if len(part)]
         count = len(capsules)
         outside = np.stack([c.depth(triangles).max(axis=1) for c in capsules])  # (count, T)
         fresh = outside.argmin(axis=0)
@@ -101,14 +102,14 @@ def _split(triangles: Array, count: int) -> list[Capsule]:
     return [_rounded(_enclosing(part), part) for part in parts if len(part)]
 
 
-def _enclosing(triangles: Array) -> Capsule:
+def _enclosing(triangles: Array, starts: int = 5) -> Capsule:
     """The smallest capsule found around all corners, from axes of inertia and of the frame."""
     points = _extreme(triangles.reshape(-1, 3))
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     size = float(np.abs(points - centre).max()) or 1.0
     scaled = (points - centre) / size
     _, _, axes = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)
-    found = [_minimised(scaled, axis) for axis in (*axes[:2], *np.eye(3))]
+    found = [_minimised(scaled, axis) for axis in [*axes[:2], *np.eye(3)][:starts]]
     best = min(found, key=lambda c: c.volume)
     return Capsule(centre + size * best.start, centre + size * best.end, size * best.radius)
 
@@ -186,4 +187,6 @@ def _rounded(capsule: Capsule, triangles: Array) -> Capsule:
 
 
 def _point(x: Array) -> tuple[float, float, float]:
-    return (round(float(x[0]), 9), round(float(x[1]), 9), round(float(x[2]), 9))
+    """Without the rounding of binary fractions, and without −0."""
+    a, b, c = (round(float(value), 9) + 0.0 for value in x)
+    return a, b, c

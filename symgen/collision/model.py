@@ -12,6 +12,10 @@ BASE = "base"
 """How a proxy names the fixed base, whatever the base link is called."""
 
 
+MARGIN = 0.02
+"""m; what two proxies keep where there is room for it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Proxy:
     """All points within `radius` of the segment from `start` to `end`; a sphere where they agree.

@@ -3,6 +3,10 @@
 All pairs of proxies on links that no joint connects, without those that stay apart in every
 posture and those that never get clear of each other. Distances are searched over the whole range
 of the joints: at random first, then downhill from the closest postures found.
+
+Proxies take in air, so that a pair may be short of its margin where the robot rests although the
+links themselves have room. Its margin is then set by the links: the least one that keeps these
+apart by `MARGIN`, or by half of their distance at rest, in all postures tried. It can be negative.
 """
 
 from dataclasses import dataclass
@@ -14,14 +18,16 @@ from scipy.optimize import minimize
 
 from symgen.chain import Chain
 from symgen.collision.distance import clearance
-from symgen.collision.model import CollisionModel, Pair, Proxy
+from symgen.collision.geometry import LinkGeometry
+from symgen.collision.links import link_distances
+from symgen.collision.model import MARGIN, CollisionModel, Pair, Proxy
 
 Array = NDArray[np.float64]
 
-MARGIN = 0.02
-"""m; what two proxies keep where there is room for it."""
-FAR = 0.02
+FAR = 0.005
 """m above the margin that a pair never falls below to be left out."""
+SPARE = 2e-3
+"""m; what a margin that was found at sampled postures gets on top."""
 _POSTURES = 4000
 _DESCENTS = 3
 
@@ -36,15 +42,20 @@ class Selection:
 
 
 def select_pairs(
-    chain: Chain, proxies: tuple[Proxy, ...], home: Array, margin: float = MARGIN
+    chain: Chain,
+    proxies: tuple[Proxy, ...],
+    home: Array,
+    geometry: tuple[LinkGeometry, ...] = (),
+    margin: float = MARGIN,
 ) -> Selection:
     """Pairs worth watching, each with its margin.
 
     Args:
         chain: n joints.
         proxies: of its links and its base.
-        home: (n,) where the robot rests; a pair that is closer than twice the margin there keeps
-            half of that distance instead.
+        home: (n,) where the robot rests.
+        geometry: what the proxies hold; without it pairs too close at rest keep half of the
+            distance that their proxies have there.
         margin: m.
     """
     model = _all_pairs(chain, proxies, margin)
@@ -58,20 +69,48 @@ def select_pairs(
     postures = np.vstack([home, rng.uniform(lower, upper, (_POSTURES, len(lower)))])
     function = ca.Function("distance", [q], [distance], {"cse": True})
     found = np.asarray(function.map(len(postures))(postures.T)).T  # (postures, pairs)
+    links = {part.link: part for part in geometry if not part.rounds}
     kept, apart, touching = [], [], []
     for k, pair in enumerate(model.pairs):
-        names = (pair.first, pair.second)
-        at_home = float(found[0, k])
-        own = min(margin, round(at_home / 2, 3))
-        if own <= 0:
-            own = margin
-        if found[:, k].max() < own:
+        names, own = (pair.first, pair.second), margin
+        if found[0, k] < margin + SPARE:
+            ends = [links[link] for name in names if (link := model.named(name).link) in links]
+            if len(ends) == 2:
+                own = _from_links(chain, ends, postures, found[:, k], margin)
+            elif found[0, k] > 0:
+                own = _floor(float(found[0, k]) / 2)
+        if own > found[:, k].max():
             touching.append(names)
-        elif _least(both, k, postures[np.argsort(found[:, k])], lower, upper) > margin + FAR:
+        elif _least(both, k, postures[np.argsort(found[:, k])], lower, upper) > own + FAR:
             apart.append(names)
         else:
             kept.append(Pair(*names, own))
     return Selection(tuple(kept), tuple(apart), tuple(touching))
+
+
+def _from_links(
+    chain: Chain, ends: list[LinkGeometry], postures: Array, proxies: Array, margin: float
+) -> float:
+    """The margin of the proxies that keeps the links apart, m; −∞ where they always are.
+
+    Args:
+        chain: n joints.
+        ends: the two links.
+        postures: (N, n), the first one where the robot rests.
+        proxies: (N,) distances of the proxies.
+        margin: m, what the links shall keep.
+    """
+    between = link_distances(chain, ends[0], ends[1], postures)
+    wanted = min(margin, float(between[0]) / 2)
+    close = proxies[between < wanted]
+    if not close.size:
+        return -np.inf
+    return min(margin, _floor(float(close.max()) + SPARE))
+
+
+def _floor(distance: float) -> float:
+    """Down to whole millimetres, in metres."""
+    return float(np.floor(distance * 1e3)) / 1e3
 
 
 def _least(both: ca.Function, k: int, closest: Array, lower: Array, upper: Array) -> float:

@@ -86,7 +86,7 @@ def damage_empty_manifest(folder: Path) -> None:
 
 def damage_old_format(folder: Path) -> None:
     path = folder / "manifest.json"
-    path.write_text(path.read_text().replace('"format": 2', '"format": 0'))
+    path.write_text(path.read_text().replace('"format": 3', '"format": 0'))
 
 
 def damage_remove_manifest(folder: Path) -> None:

@@ -89,6 +89,8 @@ FACTS = {
     "joints": [],
     "pi_names": ["m"],
     "lam_names": ["mu"],
+    **dict.fromkeys(("torque_rate", "tip_speed", "braking")),
+    **dict.fromkeys(("proxy", "pair", "moving_proxies"), ()),
 }
 VERSIONS = {"symgen": "0", "casadi": "0"}
 

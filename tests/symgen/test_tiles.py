@@ -110,7 +110,8 @@ def toy(tmp_path_factory: pytest.TempPathFactory) -> tuple[ctypes.CDLL, Kernel]:
     kernel = all_operations()
     facts = {
         "gravity": [0, 0, 0], "base": "", "tip": "", "base_parameters": {"columns": []}, "pi0": [],
-        "joints": [], "pi_names": [], "lam_names": [],
+        "joints": [], "pi_names": [], "lam_names": [], "torque_rate": None, "tip_speed": None,
+        "braking": None, "proxy": [], "pair": [], "moving_proxies": [],
     }  # fmt: skip
     pairs = (
         of_x("pair", ca.sin(x), ca.cos(x)),  # by way of `sines`

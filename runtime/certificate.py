@@ -153,7 +153,11 @@ def fastest(lib: Library, trajectory: Trajectory, safety: Safety | None = None) 
 
     0 where none is found: distances and the tip's box do not depend on speed.
     """
-    low, high = 0, 101
+    proof = certificate(lib, trajectory, safety)
+    stays = {"position", "tip box", *DISTANCES}
+    if any(use.kind in stays or not np.isfinite(use.bound) for use in proof.broken):
+        return 0.0
+    low, high = (100, 101) if proof.holds else (0, 100)
     while high - low > 1:
         percent = (low + high) // 2
         if certificate(lib, slowed(trajectory, percent / 100), safety).holds:

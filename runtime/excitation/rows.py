@@ -36,6 +36,8 @@ class LawRows:
         self._laws, self._home, self._basis = tuple(laws), home, basis
         self._tightened = tightened
         middle = (len(basis) + 1) // 2
+        # A merit is asked first, the rows of the same point after it.
+        self._seen: tuple[Array, list[Array]] = np.zeros(0), []
         self._counts = [middle if half and law.even else len(basis) for law in self._laws]
 
     def motion(self, a: Array) -> Array:
@@ -46,11 +48,14 @@ class LawRows:
 
     def by_law(self, a: Array) -> list[Array]:
         """G per law, (R, N) each."""
-        motion = self.motion(a)
-        return [
-            law.values(motion[:, :count]).T + self._tightened
-            for law, count in zip(self._laws, self._counts, strict=True)
-        ]
+        if not np.array_equal(self._seen[0], a):
+            motion = self.motion(a)
+            parts = [
+                law.values(motion[:, :count]).T + self._tightened
+                for law, count in zip(self._laws, self._counts, strict=True)
+            ]
+            self._seen = a.copy(), parts
+        return list(self._seen[1])
 
     def values(self, a: Array) -> Array:
         """All g, one after another."""

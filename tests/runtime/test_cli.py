@@ -351,6 +351,7 @@ def test_ctrl_c_keeps_the_best_excitation(lib: Library, tmp_path: Path) -> None:
     """Property: SIGINT after the first of many starts writes that one."""
     code = WAITING.format(module="excite", function="design", stop=1)
     words = ("--harmonics", "2", "--starts", "1000", "--duration", "4", "--out", "a.json")
+    words = ("--document", *words)
     ran = interrupted(code, "excite", "--robot", lib.folder, *words, cwd=tmp_path)
     assert ran[0] == 0, ran
     facts = json.loads((tmp_path / "a.json").read_text())

@@ -1,0 +1,113 @@
+"""runtime.law_bounds: what is not linear in the motion, between samples too."""
+
+import numpy as np
+import pytest
+
+from runtime.certificate import certificate
+from runtime.excitation import Safety, Trajectory
+from runtime.excitation.laws import Law
+from runtime.excitation.rows import LawRows
+from runtime.excitation.safety import laws
+from runtime.law_bounds import law_bounds
+from runtime.library import Library
+
+EVERYTHING = Safety(table=0.0, box=(0.2, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(2.0,))
+KINDS = ("braking", "torque", "torque rate", "tip box", "tip speed", "self-collision", "table")
+
+
+def brute(law: Law, trajectory: Trajectory, lib: Library, times: np.ndarray) -> np.ndarray:
+    """Largest g per row at these times, (R,)."""
+    phi = trajectory.basis.at(lib, trajectory.coefficients.shape[1], times, trajectory.duration)
+    rows = LawRows([law], trajectory.home, phi, half=False)
+    return rows.by_law(trajectory.coefficients)[0].max(axis=1)
+
+
+def fast_motion(lib: Library, size: float = 4e-3) -> Trajectory:
+    rng = np.random.default_rng(11)
+    return Trajectory(lib.home, size * rng.normal(size=(7, 8)), 2.0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_bounds_are_above_and_close(lib: Library, kind: str) -> None:
+    """Oracle: 20 000 samples of a fast motion: above them, by what a millisecond bends at most."""
+    motion = fast_motion(lib)
+    law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
+    found = law_bounds([law], motion)
+    bounds = np.array([bound.bound for bound in found])
+    largest = brute(law, motion, lib, np.linspace(0, 2, 20_001))
+    assert (bounds >= largest - 1e-13).all()  # rounding of two evaluations of the basis
+    # δ²/8 g'' with δ = 1 ms and (2π 8 / 2 s)² = 630/s² of the fastest wave, times 2 and its
+    # squares in products of speeds.
+    assert (bounds - largest).max() < 2e-3
+    assert [bound.is_proven for bound in found] == [kind == "braking"] * len(found)
+    for bound, row in zip(found, range(len(found)), strict=True):
+        at = brute(law, motion, lib, np.array([bound.time]))[row]
+        assert at == pytest.approx(largest[row], abs=2e-3)  # half a step from there, as above
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_violation_between_samples_is_caught(lib: Library, kind: str) -> None:
+    """Adversary: g < 0 at every sample of a 1 kHz grid, above 0 somewhere between two of them."""
+    motion = fast_motion(lib)
+    law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
+    grid, fine = np.linspace(0, 2, 2001), np.linspace(0, 2, 60_001)
+    seen, true = brute(law, motion, lib, grid), brute(law, motion, lib, fine)
+    between = true - seen
+    row = int(np.argmax(between))
+    assert between[row] > 1e-9, "the test's own motion must peak between samples"
+    raised = _Raised(law, float(seen[row] + true[row]) / 2)
+    assert brute(raised, motion, lib, grid)[row] < 0
+    assert brute(raised, motion, lib, fine)[row] > 0
+    bound = _bound_of(raised, motion, row)
+    assert bound > 0
+
+
+class _Raised:
+    """The same law with another limit: g − level."""
+
+    def __init__(self, law: Law, level: float) -> None:
+        self._law, self._level = law, level
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._law, name)
+
+    def values(self, motion: np.ndarray) -> np.ndarray:
+        return self._law.values(motion) - self._level
+
+
+def _bound_of(raised: _Raised, motion: Trajectory, row: int) -> float:
+    if raised.kind == "braking":  # the proof asks for the class
+        return law_bounds([raised._law], motion)[row].bound - raised._level
+    return law_bounds([raised], motion)[row].bound
+
+
+def test_what_is_no_number_never_holds(lib: Library) -> None:
+    """Property: NaN and infinite motions break every limit; a home without room, braking."""
+    for value in (np.nan, np.inf):
+        with np.errstate(all="ignore"):
+            found = certificate(lib, Trajectory(lib.home, np.full((7, 2), value), 5.0), EVERYTHING)
+        assert {use.kind for use in found.broken} == {use.kind for use in found.uses}
+    home = lib.home.copy()
+    assert lib.braking is not None
+    home[3] = lib.braking.upper[3] - 0.005
+    found = certificate(lib, Trajectory(home, np.zeros((7, 2)), 5.0), Safety())
+    assert [use.bound for use in found.broken if use.kind == "braking"] == [np.inf]
+
+
+def test_the_certificate_of_everything(lib: Library) -> None:
+    """Property: one use per kind, one distance per pair and lifted proxy, and what is left out."""
+    motion = fast_motion(lib, 1e-3)
+    found = certificate(lib, motion, EVERYTHING)
+    assert [use.kind for use in found.uses[4:]] == list(KINDS)
+    assert found.unchecked == ()
+    assert len(found.distances) == len(lib.pairs) + len(lib.moving_proxies) - 1  # link 1 turns
+    assert certificate(lib, motion, Safety()).unchecked == ("table",)
+    assert certificate(lib, motion).unchecked == ("torque", "self-collision", "table")
+    closest = min(found.distances[: len(lib.pairs)], key=lambda use: use.value - use.limit)
+    t = np.linspace(0, 2, 2001)
+    distance = lib.clearance(motion.at(lib, t)[0])[0].min(axis=0)
+    pair = [f"{pair.first} and {pair.second}" for pair in lib.pairs].index(closest.where)
+    assert closest.value == pytest.approx(distance[pair], abs=1e-4)  # a tenth of a millimetre
+    sentence = next(text for text in found.sentences() if text.startswith("self-collision"))
+    assert f"at least {1e3 * closest.value:.2f} mm" in sentence
+    assert "measured at 1 kHz" in sentence

@@ -67,7 +67,7 @@ def panda() -> tuple[LinkGeometry, ...]:
     try:
         found = files("example-robot-data") or []
     except PackageNotFoundError:
-        pytest.skip("the meshes come with the package example-robot-data: pip install .[test]")
+        pytest.skip("the meshes come with the package example-robot-data: pip install .[meshes]")
     (urdf,) = [f for f in found if str(f).endswith("panda_description/urdf/panda.urdf")]
     path = Path(str(urdf.locate())).resolve()
     chain = read_chain(path.read_text(), ChainOptions(tip="panda_link8"))

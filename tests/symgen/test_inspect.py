@@ -200,6 +200,8 @@ FLAGS = {
     ),
     "no number": (arm([GOOD.replace("2.0", "two")]), ERROR, "unreadable", "got 'two'"),
     "not finite": (arm([GOOD.replace("2.0", "nan")]), ERROR, "unreadable", "got 'nan'"),
+    "huge": (arm([GOOD.replace("2.0", "1e200")]), ERROR, "unreadable", "the mass is 1e200"),
+    "speck": (arm([GOOD.replace("2.0", "1e-200")]), ERROR, "mass", "more than 1e-09 kg"),
     "two inertials": (arm([GOOD + GOOD]), ERROR, "structure", "2 <inertial>"),
     "sign alone": (
         arm([block(1.0, POINT, ODD)]),
@@ -390,7 +392,20 @@ def test_broken_files_never_crash(seed: int) -> None:
     for _ in range(rng.randint(1, 6)):
         k = rng.randrange(len(words))
         words[k] = rng.choice(
-            ["", words[k] * 2, rng.choice(words), "-1", "1e400", "nan", "<link/>", "&x;", "\0", "é"]
+            [
+                "",
+                words[k] * 2,
+                rng.choice(words),
+                "-1",
+                "1e400",
+                "1e200",
+                "1e-310",
+                "nan",
+                "<link/>",
+                "&x;",
+                "\0",
+                "é",
+            ]
         )
     broken = "".join(words)
     try:

@@ -185,7 +185,7 @@ def test_a_failed_repair_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> N
     """Property: the text is read and judged again; what is still impossible is refused."""
     inspection = inspect_text(arm([GOOD, FLAT]), Path("robot.urdf"))
     monkeypatch.setattr(door, "repair", lambda *_: Repair({}, 0.0, True))
-    with pytest.raises(InertiaError, match="not written: .* link 'link2'"):
+    with pytest.raises(InertiaError, match=r"not written: .* link 'link2'"):
         repaired(inspection, Path("robot.urdf"))
 
 

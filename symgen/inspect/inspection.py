@@ -158,6 +158,8 @@ def _judged(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> 
     base = None
     if text is None:
         notes.append("base parameters are computed for URDF only")
+    elif any(f.kind == "unreadable" and f.where.startswith("joint") for f in model.findings):
+        notes.append("no base parameters: a joint cannot be read")
     elif with_base:
         try:
             base = base_of(text)

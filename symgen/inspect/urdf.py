@@ -20,6 +20,10 @@ _SIZES = {
     "capsule": (("radius", 1), ("length", 1)),
     "sphere": (("radius", 1),),
 }
+HUGE = 1e9
+"""Lengths, masses and inertias beyond this are no robot's, and their products overflow."""
+SPECK = 1e-9
+"""kg; a smaller mass is no part of a machine, and quotients by it overflow."""
 _ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
@@ -78,6 +82,10 @@ class _Reader:
         entries = [self.number(tensor, key, where, f"inertia {key}", None) for key in _ENTRIES]
         place = self.placement(inertial, where)
         if m is None or place is None or any(x is None for x in entries):
+            return None
+        if 0 < abs(m) < SPECK:
+            text = f"expected 0 or more than {SPECK:g} kg"
+            self.fault("mass", where, f"the mass is {m:g} kg", text)
             return None
         xx, xy, xz, yy, yz, zz = entries
         rotation, com = place
@@ -168,7 +176,13 @@ class _Reader:
     ) -> Array | None:
         if key not in node.attrib and default is not None:
             return default
-        return self._caught(lambda: numbers(node.get(key, ""), count, what), where, what)
+        values = self._caught(lambda: numbers(node.get(key, ""), count, what), where, what)
+        # Limits may be as large as a format allows; lengths, masses, inertias enter products.
+        if values is None or what.startswith(("limit", "dynamics")) or np.abs(values).max() < HUGE:
+            return values
+        found = f"the {what} is {node.get(key)}"
+        self.fault("unreadable", where, found, f"expected numbers in SI units, below {HUGE:g}")
+        return None
 
     def number(
         self, node: Element, key: str, where: str, what: str, default: Array | None

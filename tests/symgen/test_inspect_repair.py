@@ -14,7 +14,8 @@ from runtime.library import Library
 from runtime.preprocessing import prepare
 from symgen import inertia
 from symgen.errors import InertiaError
-from symgen.inspect import Body, inspect_file, inspect_text, repaired
+from symgen.inspect import Body, Repair, inspect_file, inspect_text, repaired
+from symgen.inspect import inspection as door
 from symgen.inspect.base import lumping, pseudo_of
 from symgen.inspect.repair import FLOOR, ROUND, THIN, repair
 from symgen.inspect.rewrite import with_bodies
@@ -180,6 +181,14 @@ def test_what_cannot_be_repaired() -> None:
         repaired(inspection, Path("robot.urdf"))
 
 
+def test_a_failed_repair_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: the text is read and judged again; what is still impossible is refused."""
+    inspection = inspect_text(arm([GOOD, FLAT]), Path("robot.urdf"))
+    monkeypatch.setattr(door, "repair", lambda *_: Repair({}, 0.0, True))
+    with pytest.raises(InertiaError, match=r"not written: .* link 'link2'"):
+        repaired(inspection, Path("robot.urdf"))
+
+
 def test_too_large_for_base_parameters() -> None:
     """Property: without base parameters each link is projected on its own, and it is said."""
     text = arm([GOOD] * 24 + [FLAT])
@@ -215,6 +224,9 @@ def test_exit_codes(tmp_path: Path, file: Path, capsys: pytest.CaptureFixture[st
     assert code == 1
     assert "error: link 'link2': the largest principal moment exceeds" in out
     assert "1 error(s)" in out
+
+
+XACRO = b"<robot xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:arm/></robot>"
 
 
 @pytest.mark.parametrize(

@@ -82,8 +82,11 @@ def test_many_are_the_same_as_one_by_one(fr3):
 def test_fewer_bodies_than_the_robot_has(fr3):
     """Oracle: the reference, on the ten unknowns of one body: a payload."""
     whole = problem(fr3)
-    data = dataclasses.replace(whole.data, factor=whole.data.factor[:, -10:])
     prior = prior_from(bodies_of(fr3), whole.prior.centre[-10:])
+    factor = whole.data.factor[:, -10:]
+    rng = np.random.default_rng(0)
+    target = factor @ prior.centre * 1.3 + rng.normal(size=len(factor))
+    data = dataclasses.replace(whole.data, factor=factor, target=target)
     p = convex_problem(data, prior, 0.1)
     ours, theirs = solve(fr3, p), minimise(p)
     assert ours.converged

@@ -67,9 +67,7 @@ def test_covariance_is_the_inverse_hessian(lib, noisy):
     train = samples_of(noisy, lib)
     p = Problem(lib, train, train, thesis_weights(train.tau), lib.lam0)
     fit = fit_map(p)
-    u = uncertainty_of(
-        lib, train, fit.pi, fit.phi, first_guess=lib.pi0, statistics=fit.statistics
-    )
+    u = uncertainty_of(lib, train, fit.pi, fit.phi, first_guess=lib.pi0, statistics=fit.statistics)
     data, _ = reduce(fit.statistics, 7)
     n_eff = len(train) / u.inflation
     gamma = CAD * data.variance / n_eff

@@ -57,7 +57,7 @@ def trajectories(path: Path, lib: Library) -> list[Trajectory]:
 def map_trials(
     lib: Library, train: Trajectory, test: Trajectory, count: int, certify: int = 0
 ) -> Trials:
-    """`count` trials of the maximum a posteriori with weights 1/σ²; the first `certify` also of PC-OLS.
+    """`count` trials of MAP with weights 1/σ²; the first `certify` also of PC-OLS.
 
     The C solves all trials in one call.
     """

@@ -79,6 +79,15 @@ def test_covariance_is_the_inverse_hessian(lib, noisy):
     np.testing.assert_allclose(expected, np.eye(70), atol=1e-5)
 
 
+def test_centre_of_mass_moves_with_its_mass(found):
+    """Oracle: samples from the covariance, c = (m c)/m of each."""
+    u, draws = found.uncertainty, np.random.default_rng(0).normal(size=(20000, 70))
+    pi = (found.pi + 1e-3 * draws @ u.root.T).reshape(-1, 7, 10)
+    spread = (pi[:, :, 1:4] / pi[:, :, :1]).std(axis=0) / 1e-3
+    # σ of 20000 draws: 0.5 %, three sigma and the curvature of 1/m.
+    np.testing.assert_allclose(u.com_sigma(found.pi), spread, rtol=0.03)
+
+
 def test_verdicts_follow_the_base_map(lib, found):
     """Property: what no motion shows is unobservable; what the data say ten times is identified."""
     u = found.uncertainty

@@ -159,7 +159,7 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
     step = max(1, len(test) // BAND_SAMPLES)
     band = u.model_band(lib, test.q[::step], test.dq[::step], test.ddq[::step])
     size = len(PI_NAMES)
-    sigma, mass = u.sigma.reshape(-1, size), result.pi.reshape(-1, size)[:, 0]
+    sigma, spreads = u.sigma, u.com_sigma(result.pi)
     verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_joints)]
     return {
         "advice": u.advice(),
@@ -170,11 +170,11 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
         "boundary": bool(np.abs(result.relative_eigenvalues).min() < BOUNDARY),
         "links": [
             {
-                "mass_sigma": float(s[0]),
-                "com_sigma": [float(x) for x in s[1:4] / abs(m)] if m else None,
+                "mass_sigma": float(sigma[k * size]),
+                "com_sigma": None if s is None else s.tolist(),
                 "verdicts": list(v),
             }
-            for s, m, v in zip(sigma, mass, verdicts, strict=True)
+            for k, (s, v) in enumerate(zip(spreads, verdicts, strict=True))
         ],
         "pi_sigma": u.sigma.tolist(),
         "posterior_over_prior": u.share.tolist(),

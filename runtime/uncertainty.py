@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from runtime.convex import CAD, bodies_of, prior_of, reduce
+from runtime.convex.bodies import SIZE
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.residuals import LAGS, autocorrelation, inflation, noise, residuals, weights_from
@@ -65,6 +66,16 @@ class Uncertainty:
     def sigma(self) -> Array:
         """Standard deviation of every entry of π, (10 n,)."""
         return np.asarray(np.linalg.norm(self.root, axis=1))
+
+    def com_sigma(self, pi: Array) -> list[Array | None]:
+        """Standard deviation of every link's centre of mass c = (m c)/m, (3,) m; None without m."""
+        links = zip(pi.reshape(-1, SIZE), self.root.reshape(-1, SIZE, pi.size), strict=True)
+        return [
+            np.linalg.norm((own[1:4] - np.outer(p[1:4] / p[0], own[0])) / p[0], axis=1)
+            if p[0]
+            else None
+            for p, own in links
+        ]
 
     def torque_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
         """One standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²), (N, n)."""

@@ -5,11 +5,11 @@ import re
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from runtime.prior_file import read_prior
 from runtime.recording import load_recipe
 
 ROOT = Path(__file__).parents[1]
@@ -83,13 +83,14 @@ def test_c_block_compiles_and_runs(desk):
     assert abs(torque[1]) > 1.0
 
 
-def test_toml_blocks_are_recipes(tmp_path):
-    """Property: the recipe shown is read without complaint."""
-    for block in blocks("toml"):
-        tomllib.loads(block)
-        path = tmp_path / "recipe.toml"
-        path.write_text(block, encoding="utf-8")
-        assert load_recipe(path).torque is not None
+def test_toml_blocks_are_a_recipe_and_a_prior(tmp_path, fr3):
+    """Property: the recipe and the prior shown are read without complaint."""
+    recipe, prior = blocks("toml")
+    path = tmp_path / "shown.toml"
+    path.write_text(recipe, encoding="utf-8")
+    assert load_recipe(path).torque is not None
+    path.write_text(prior, encoding="utf-8")
+    assert len(read_prior(path, fr3).constraints.bounds) > 4
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

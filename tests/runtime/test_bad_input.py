@@ -211,7 +211,7 @@ OPTIONS: dict[str, tuple[Case, str]] = {
     ),
     "unknown method": (
         lambda d: d.identify("good.csv", "--method", "magic"),
-        "no method 'magic'; choose one of adam",
+        "no method 'magic'; choose one of map",
     ),
     "unknown preset": (
         lambda d: d.identify("good.csv", "--preset", "magic"),

@@ -49,19 +49,34 @@ class Preset:
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """A problem with its objective, its compressed training and held-out data, and a start."""
+    """A problem with its objective, its compressed training and held-out data, and a start.
+
+    x0 = [λ, ψ], or [θ, ψ] with log-Cholesky coordinates θ where `cholesky` is set.
+    """
 
     problem: Problem
     objective: TorqueObjective
     statistics: Statistics
     held: Statistics
     x0: Array
+    cholesky: bool = False
+
+    def bodies(self, x: Array) -> Array:
+        """π of x."""
+        lib, own = self.problem.lib, x[: self.objective.n_lam]
+        return lib.pi_from_cholesky(own) if self.cholesky else lib.pi_from_lam(own)
+
+    def held_loss(self, x: Array) -> float:
+        """L of the held-out samples at x."""
+        return self.held.value(self.bodies(x), self.objective.split(x)[1])
 
 
-def descent_of(problem: Problem, objective: TorqueObjective, x0: Array) -> Descent:
+def descent_of(
+    problem: Problem, objective: TorqueObjective, x0: Array, cholesky: bool = False
+) -> Descent:
     """A descent from x0 with the statistics that it needs."""
     held = compress(problem.lib, problem.validation, problem.weights)
-    return Descent(problem, objective, problem.statistics(), held, x0)
+    return Descent(problem, objective, problem.statistics(), held, x0, cholesky)
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:
@@ -142,21 +157,22 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
     if not descent.problem.lib.descends:
         return levenberg_by_steps(descent, options)
     problem, objective = descent.problem, descent.objective
-    validation = CompressedObjective(objective, descent.held)
     settings = {
         "first_damping": options.first_damping,
         "step_tolerance": options.step_tolerance,
         "decrease_tolerance": options.decrease_tolerance,
     }
     squares = least_squares(descent.statistics, objective.unit)
-    jobs = problem.lib.levenberg([descent.x0], [squares], settings, options.max_iterations)
+    jobs = problem.lib.levenberg(
+        [descent.x0], [squares], settings, options.max_iterations, descent.cholesky
+    )
     job, trace, interrupted = jobs[0], list[tuple[int, float, float]](), False
     try:
         while job.finished == 0 and job.step < options.max_iterations:
             accepted = job.traced
             jobs.run(1)
             if job.traced > accepted:
-                trace.append((job.step, job.loss, validation.value_gradient(jobs.x(0))[0]))
+                trace.append((job.step, job.loss, descent.held_loss(jobs.x(0))))
             if problem.progress is not None:
                 problem.progress(job.step, job.loss)
     except KeyboardInterrupt:
@@ -165,7 +181,7 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
     status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
     columns = zip(*trace, strict=True) if trace else ((), (), ())
     traces = Trace(*(tuple(c) for c in columns))
-    held = validation.value_gradient(x)[0] if np.isfinite(job.loss) else np.inf
+    held = descent.held_loss(x) if np.isfinite(job.loss) else np.inf
     return Outcome(x, held, job.step, status, traces)
 
 
@@ -173,12 +189,12 @@ def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
     """Levenberg–Marquardt by the reference: one NumPy step at a time."""
     problem, objective = descent.problem, descent.objective
     lib, squares = problem.lib, least_squares(descent.statistics, objective.unit)
-    validation = CompressedObjective(objective, descent.held)
     size = problem.start.size
 
     def residual_jacobian(x: Array) -> tuple[Array, Array]:
-        y = np.concatenate([lib.base_matrix @ lib.pi_from_lam(x[:size]), x[size:]])
-        blocks = lib.pi_jacobian(x[:size])
+        y = np.concatenate([lib.base_matrix @ descent.bodies(x), x[size:]])
+        jacobian_of = lib.cholesky_jacobian if descent.cholesky else lib.pi_jacobian
+        blocks = jacobian_of(x[:size])
         links, width = blocks.shape[:2]
         by_pi = lib.base_matrix.reshape(-1, links, width)
         by_lam = np.einsum("bki,kij->bkj", by_pi, blocks).reshape(len(by_pi), size)
@@ -189,7 +205,7 @@ def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
     return levenberg(
         descent.x0,
         residual_jacobian,
-        lambda x: validation.value_gradient(x)[0],
+        descent.held_loss,
         options,
         squares.rest,
         squares.scale,

@@ -36,9 +36,9 @@ def fit_adam(problem: Problem, preset: Preset) -> Fit:
     return fit_of(descent, descend(descent, preset))
 
 
-def fit_levenberg(problem: Problem) -> Fit:
-    """Levenberg–Marquardt in x from the same start."""
-    descent = start_of(problem)
+def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
+    """Levenberg–Marquardt from the same start, in λ or in log-Cholesky coordinates."""
+    descent = start_of(problem, cholesky)
     return fit_of(descent, levenberg_descend(descent, LevenbergOptions()))
 
 
@@ -68,23 +68,26 @@ def fit_many(
     return [fit_of(d, o) for d, o in zip(descents, outcomes, strict=True)]
 
 
-def start_of(problem: Problem) -> Descent:
+def start_of(problem: Problem, cholesky: bool = False) -> Descent:
     """The first guess with its best friction."""
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
     guess = problem.lib.pi_from_lam(problem.start)
     phi = best_friction(problem.statistics(), guess, problem.train.columns.shape[1:])
-    return descent_of(problem, objective, objective.join(problem.start, phi))
+    bodies = problem.start
+    if cholesky:
+        bodies = problem.lib.cholesky_from_pi(problem.lib.nearest_realisable(guess, THINNEST_AXIS))
+    return descent_of(problem, objective, objective.join(bodies, phi), cholesky)
 
 
 def fit_of(descent: Descent, outcome: Outcome) -> Fit:
     """π of a descent's last point, kept off the edge of consistency."""
     lib = descent.problem.lib
     lam, phi = descent.objective.split(outcome.x)
-    pi, notes = _thickened(lib, lib.pi_from_lam(lam))
+    pi, notes = _thickened(lib, descent.bodies(outcome.x))
     return Fit(
         pi=pi,
         phi=phi,
-        lam=lib.lam_from_pi(pi) if notes else lam,
+        lam=lib.lam_from_pi(pi) if notes or descent.cholesky else lam,
         status=outcome.status.value,
         iterations=outcome.iterations,
         trace=outcome.trace,

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from runtime import friction, metrics
 from runtime.baselines import convex_optimum, fit_ols, fit_pc_ols
+from runtime.convex import CAD
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
 from runtime.fitting import PRESETS, fit_adam, fit_levenberg
@@ -22,10 +23,13 @@ from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.optimizers import Trace
 from runtime.plausibility import require_plausible
+from runtime.posterior import fit_map
 from runtime.preprocessing import prepare, split
+from runtime.prior_file import PriorFile
 from runtime.problem import Fit, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.threads import one_blas_thread
+from runtime.uncertainty import Uncertainty, uncertainty_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +45,7 @@ class Identification:
         loss: L on the training samples.
         optimum: smallest loss of any physically consistent model on the same samples; NaN when
             it was not asked for.
+        uncertainty: what the data say and how surely; None when it was not asked for.
         seconds: of the method alone.
         train, validation, test: the prepared recordings.
         one_run: True when they are parts of one recording.
@@ -58,6 +63,7 @@ class Identification:
     status: str
     loss: float
     optimum: float
+    uncertainty: Uncertainty | None
     seconds: float
     iterations: int | None
     trace: Trace | None
@@ -111,8 +117,10 @@ class Identification:
 
 
 METHODS: dict[str, str] = {
+    "map": "most probable consistent model given the URDF as a prior, one convex problem (default)",
     "adam": "gradient descent in λ, consistent by construction (document Sec. 4)",
     "lm": "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
+    "log-cholesky": "Levenberg-Marquardt in log-Cholesky coordinates, consistent by construction",
     "pc-ols": "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
     "ols": "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
 }
@@ -122,15 +130,16 @@ METHODS: dict[str, str] = {
 def identify(
     recording: Recording,
     lib: Library,
-    method: str = "adam",
+    method: str | None = None,
     *,
-    preset: str | Preset = "full",
+    preset: str | Preset | None = None,
     preparation: Preparation | None = None,
     splitting: Split | None = None,
     friction_columns: Friction | None = None,
     validation: Recording | None = None,
     test: Recording | None = None,
     lam0: ArrayLike | None = None,
+    prior: PriorFile | None = None,
     seed: int = 0,
     certify: bool = True,
     progress: Callable[[int, float], None] | None = None,
@@ -140,25 +149,35 @@ def identify(
     Args:
         recording: as read, or already prepared.
         lib: of the robot.
-        method: one of `METHODS`.
-        preset: settings of "adam": a name of `PRESETS`, or your own.
+        method: one of `METHODS`; default is "map", or "adam" where a preset is given.
+        preset: settings of "adam": a name of `PRESETS`, or your own; default is "full".
         preparation: default is the recording's recipe; without one, missing derivatives only.
         splitting: default is the recipe's; without one, 48 % train, 12 % validation, 40 % test.
         friction_columns: default is the recipe's; without one, no friction.
         validation: a recording of its own, prepared like the first, instead of a split.
         test: likewise; both or neither.
         lam0: first guess, default is the URDF's.
+        prior: further knowledge of the bodies, for "map".
         seed: of mini-batches.
-        certify: False leaves out the convex optimum, which costs more than the descent; the gap
-            is then NaN. For thousands of trials.
+        certify: False leaves out the convex optimum and the uncertainty, for thousands of trials;
+            the gap is then NaN.
         progress: called with iteration and best validation loss.
 
     Raises:
         RuntimeFault: the data or options do not make an identification problem.
     """
+    method = method or ("map" if preset is None else "adam")
     if method not in METHODS:
         raise IdentificationError(
             f"there is no method '{method}'; choose one of {', '.join(METHODS)}"
+        )
+    if preset is not None and method != "adam":
+        raise IdentificationError(
+            f"a preset belongs to the method adam, the method is '{method}'; leave one out"
+        )
+    if prior is not None and method != "map":
+        raise IdentificationError(
+            f"a prior is known to the method map only, the method is '{method}'; leave one out"
         )
     require_plausible(recording, lib)
     recipe = recording.recipe
@@ -187,11 +206,24 @@ def identify(
         progress=progress,
     )
     start = time.perf_counter()
-    fit = _fit(problem, method, preset)
+    fit = _fit(problem, method, preset, prior)
     seconds = time.perf_counter() - start
-    statistics, optimum = problem.statistics(), fit.optimum
+    statistics, optimum = fit.statistics or problem.statistics(), fit.optimum
+    guess = lib.pi_from_lam(problem.start)
     if optimum is None:
-        optimum = convex_optimum(lib, statistics).loss if certify else np.nan
+        optimum = convex_optimum(lib, statistics, guess).loss if certify else np.nan
+    sure = None
+    if certify:
+        kappa = prior.kappa if prior and prior.kappa else CAD
+        sure = uncertainty_of(
+            lib,
+            train,
+            fit.pi,
+            fit.phi,
+            first_guess=guess,
+            kappa=kappa,
+            statistics=fit.statistics,
+        )
     return Identification(
         method=method,
         lib=lib,
@@ -200,10 +232,11 @@ def identify(
         beta=lib.base_matrix @ fit.pi,
         phi=fit.phi,
         friction=terms,
-        weights=problem.weights,
+        weights=problem.weights if fit.weights is None else fit.weights,
         status=fit.status,
         loss=statistics.value(fit.pi, fit.phi),
         optimum=optimum,
+        uncertainty=sure,
         seconds=seconds,
         iterations=fit.iterations,
         trace=fit.trace,
@@ -234,13 +267,19 @@ def _prepared(
     return prepare(recording, preparation, terms, lib=lib)
 
 
-def _fit(problem: Problem, method: str, preset: str | Preset) -> Fit:
+def _fit(
+    problem: Problem, method: str, preset: str | Preset | None, prior: PriorFile | None
+) -> Fit:
+    if method == "map":
+        kappa = prior.kappa if prior and prior.kappa else CAD
+        return fit_map(problem, kappa, prior.constraints if prior else None)
     if method == "ols":
         return fit_ols(problem)
     if method == "pc-ols":
         return fit_pc_ols(problem)
-    if method == "lm":
-        return fit_levenberg(problem)
+    if method in {"lm", "log-cholesky"}:
+        return fit_levenberg(problem, cholesky=method == "log-cholesky")
+    preset = preset or "full"
     if isinstance(preset, str):
         if preset not in PRESETS:
             raise IdentificationError(

@@ -75,8 +75,9 @@ def _fitted(
     """φ and the minimum of one weighting."""
     data, eliminated = reduce(statistics, lib.n_joints)
     gamma = kappa * max(data.variance, LEAST_VARIANCE) * worth / data.count
+    notes: tuple[str, ...] = ()
     if constraints is None:
-        found, notes = solve(lib, convex_problem(data, prior, gamma)), ()
+        found = solve(lib, convex_problem(data, prior, gamma))
     else:
         found, notes = constrained(constraints, data, prior, gamma)
     return eliminated.phi(found.pi), found, notes

@@ -1,7 +1,8 @@
 """Residuals r = Y π + F φ − τ, their noise per joint, and how far they are from white.
 
-Filtered data repeat themselves: the mean of N samples is as good as that of N_eff = N / (1 + 2 Σ ρ_l)
-independent ones, ρ_l the autocorrelation at lag l. Source: Bartlett 1946 for the sum.
+Filtered data repeat themselves: the mean of N samples is as good as that of
+N_eff = N / (1 + 2 Σ ρ_l) independent ones, ρ_l the autocorrelation at lag l.
+Source: Bartlett 1946 for the sum.
 """
 
 import numpy as np

@@ -11,10 +11,13 @@ import numpy as np
 
 from runtime import metrics
 from runtime.atomic import replacing
+from runtime.baselines.pc_ols import BOUNDARY
 from runtime.identification import Identification
 from runtime.library import Array
+from runtime.library.manifest import PI_NAMES
 from runtime.objective import samples_of
 from runtime.statistics import compress
+from runtime.uncertainty import BAND_SAMPLES
 
 FORMAT = 1
 SUSPICIOUSLY_GOOD = 1e-4
@@ -38,6 +41,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "links": _link_facts(result),
         "consistent": result.is_consistent,
         "gap_to_convex_optimum": result.gap if np.isfinite(result.gap) else None,
+        "uncertainty": _uncertainty_facts(result),
         "loss": result.loss,
         "convex_optimum": result.optimum if np.isfinite(result.optimum) else None,
         "weights": result.weights.tolist(),
@@ -144,6 +148,41 @@ def _link_facts(result: Identification) -> list[dict[str, Any]]:
         }
         for name, now, then, eigenvalue in rows
     ]
+
+
+def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
+    """What is known how well; the covariance itself stays with the `Identification`."""
+    u, lib = result.uncertainty, result.lib
+    if u is None:
+        return None
+    test = samples_of(result.test, lib)
+    step = max(1, len(test) // BAND_SAMPLES)
+    band = u.model_band(lib, test.q[::step], test.dq[::step], test.ddq[::step])
+    size = len(PI_NAMES)
+    sigma, mass = u.sigma.reshape(-1, size), result.pi.reshape(-1, size)[:, 0]
+    verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_joints)]
+    return {
+        "advice": u.advice(),
+        "n_eff": u.n_eff,
+        "inflation": u.inflation,
+        "excited": u.rank,
+        "weakest_direction": u.conditioning,
+        "boundary": bool(np.abs(result.relative_eigenvalues).min() < BOUNDARY),
+        "links": [
+            {
+                "mass_sigma": float(s[0]),
+                "com_sigma": [float(x) for x in s[1:4] / abs(m)] if m else None,
+                "verdicts": list(v),
+            }
+            for s, m, v in zip(sigma, mass, verdicts, strict=True)
+        ],
+        "pi_sigma": u.sigma.tolist(),
+        "posterior_over_prior": u.share.tolist(),
+        "beta_sigma": u.beta_sigma.tolist(),
+        "noise": u.noise.tolist(),
+        "model_band": np.sqrt(np.mean(band**2, axis=0)).tolist(),
+        "white": u.white.tolist(),
+    }
 
 
 def _friction_facts(result: Identification) -> dict[str, Any] | None:

@@ -64,7 +64,7 @@ def body_kernels() -> tuple[Kernel, ...]:
                 Argument("traces", (P,), "1/SI"): traces,
                 Argument("curvature", (P, P), "1/SI^2"): curvature,
             },
-            "smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i",
+            "smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i",
             "link",
         ),
         make_kernel(

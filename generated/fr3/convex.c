@@ -306,8 +306,8 @@ void OWN(convex)(convex_job *jobs, long count)
         s.next = s.residual + job->rows;
         gram(job, s.gram);
         job->converged = 0;
-        for (long at = 0; at < job->gammas; ++at) {
-            job->converged += newton(job, at, &s);
+        while (job->converged < job->gammas && newton(job, job->converged, &s)) {
+            job->converged += 1;
         }
     }
 }

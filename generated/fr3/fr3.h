@@ -63,7 +63,7 @@ void fr3_pi_adjoint(const double lam[10], const double slope[10], double gradien
 /* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations. */
 void fr3_cholesky_jacobian(const double theta[10], double pi[10], double jacobian[100]);
 
-/* smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. 558 operations. */
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations. */
 void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100]);
 
 /* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations. */
@@ -149,8 +149,8 @@ typedef struct {
  * `links` bodies, minimised for one gamma after the other, each from the answer to the last; see
  * convex.c. pi is where the first begins, P > 0. A is stored row after row, 10 numbers per
  * body and each row filled with zeros to a multiple of 8, `width`; slope and points likewise. Of every gamma: the
- * minimiser, the loss there, the Newton decrement and the steps; `converged` counts those whose decrement is below
- * `tolerance` gamma. work holds FR3_CONVEX_WORK(rows, width) numbers. */
+ * minimiser, the loss there, the Newton decrement and the steps; `converged` counts those whose decrement fell below
+ * `tolerance` gamma; the first that does not within `most_steps` is the last. work holds FR3_CONVEX_WORK(rows, width) numbers. */
 typedef struct {
     long links, width, rows;
     const double *factor, *target;

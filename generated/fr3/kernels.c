@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 376884e8117b86e57986f3ebfde06e5bb9709eeb9500a9fa0585a5610328a0b6.
+ * Model b805d37d476232be802c766afb471e8cb603dc4cf60d90437828cc092902b456.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "376884e8117b86e57986f3ebfde06e5bb9709eeb9500a9fa0585a5610328a0b6";
+    return "b805d37d476232be802c766afb471e8cb603dc4cf60d90437828cc092902b456";
 }
 
 const char *fr3_level(void)
@@ -23303,7 +23303,7 @@ void fr3_cholesky_jacobian(const double theta[10], double pi[10], double jacobia
     jacobian[99] = t183;
 }
 
-/* smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. 558 operations. */
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations. */
 void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100])
 {
     const double t2 = pi[4] + pi[5];

@@ -18132,7 +18132,7 @@ here + (i - block) * 160,theta + i * 80, pi + i * 80, jacobian + i * 800);
     }
 }
 
-/* smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. 558 operations per sample. */
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations per sample. */
 void OWN(barrier_sines)(long tiles, const double *pi, double *sc)
 {
     static const int turns[] = {0};

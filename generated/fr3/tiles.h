@@ -113,7 +113,7 @@ HIDDEN void OWN(cholesky_jacobian_sines)(long tiles, const double *theta, double
 HIDDEN void OWN(cholesky_jacobian_tile)(
 const double *sc,const double *theta, double *pi, double *jacobian);
 
-/* smallest pivot of P, log det P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = d P / d pi_i. 558 operations per sample. */
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations per sample. */
 HIDDEN void OWN(barrier_sines)(long tiles, const double *pi, double *sc);
 HIDDEN void OWN(barrier_tile)(
 const double *sc,const double *pi, double *pivot, double *log_det, double *traces, double *curvature);

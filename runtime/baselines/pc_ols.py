@@ -1,9 +1,10 @@
-"""PC-IDIM-OLS: min ‖R [π; φ] − r‖ subject to P_k(π_k) ⪰ 0 for every link (Eq. 3.8), by Clarabel.
+"""PC-IDIM-OLS: min ‖R [π; φ] − r‖ subject to P_k(π_k) ⪰ 0 for every link (Eq. 3.8).
 
-The second-order-cone form on the compressed rows; the quadratic form loses half the digits.
-The convex optimum is the bar for every other method. Where the data are silent it is not unique,
-so `fit_pc_ols` returns, among all points within a hair of the optimum, the one nearest to the
-first guess. Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
+By the path of `runtime.convex`, and by Clarabel as its check, in the second-order-cone form on the
+compressed rows; the quadratic form loses half the digits. The convex optimum is the bar for every
+other method. Where the data are silent it is not unique, and often reached only with absurd
+bodies, so `fit_pc_ols` stops a hair before it, at the point of the path nearest to the first guess.
+Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
 from dataclasses import dataclass
@@ -12,6 +13,8 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
+from runtime.convex import Path, follow_compiled, prior_of, reduce
+from runtime.convex.path import PATIENCE, SHRINK
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.problem import Fit, Problem
@@ -22,6 +25,12 @@ LENGTH = 0.1
 SLACK = 1e-3
 """Relative loss given away for staying near the first guess. The optimum itself is often reached
 only with absurd bodies: a poorly excited arm of 16 kg asked for links of 1400 kg at 1e-5."""
+BOUNDARY = 1e-6
+"""Smallest relative eigenvalue below which the optimum has a link that is a plate or a rod."""
+ABSURD = 4.0
+"""Mean tr(P0⁻¹ P)/4 per link beyond which the end of the path is no certificate: 1 is the prior."""
+FINER, MORE_STEPS = 4.0, 200
+"""Ratio and steps per γ of the second attempt at a path."""
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
 
 
@@ -32,17 +41,77 @@ class ConvexOptimum:
     Attributes:
         loss: L at the optimum, (1/N) Σ ½ rᵀWr.
         pi, phi: a point that reaches it.
-        status: Clarabel's word.
+        gap: certificate, L − L* is no larger among models that the prior does not find heavier;
+            NaN from Clarabel, which stops at 1e-10 of ‖r‖.
+        status: how it was found.
     """
 
     loss: float
     pi: Array
     phi: Array
+    gap: float
     status: str
 
 
-def convex_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
-    """Solve the cone program min t, ‖R x − r‖ ≤ t, P_k ⪰ 0.
+def convex_optimum(
+    lib: Library, statistics: Statistics, first_guess: Array | None = None
+) -> ConvexOptimum:
+    """The end of the path from the first guess (default: the URDF), strictly consistent.
+
+    Where the path drifts off to absurd bodies its certificate says little, and Clarabel answers.
+    """
+    return _best(lib, statistics, _followed(lib, statistics, first_guess))
+
+
+def fit_pc_ols(problem: Problem) -> Fit:
+    """The first point of the path, so the nearest to the guess, within `SLACK` of the optimum."""
+    lib, statistics = problem.lib, problem.statistics()
+    guess = lib.pi_from_lam(problem.start)
+    path = _followed(lib, statistics, guess)
+    best = _best(lib, statistics, path)
+    near = path.nearest(SLACK, best.loss)
+    if near is None:
+        path = _followed(lib, statistics, guess, FINER, MORE_STEPS)
+        near = path.nearest(SLACK, best.loss)
+    pi = path.points[-1] if near is None else near
+    how = "stopped before coming within" if near is None else "within"
+    _, eliminated = reduce(statistics, lib.n_joints)
+    edge = lib.relative_eigenvalues(best.pi).min() < BOUNDARY
+    return Fit(
+        pi=pi,
+        phi=eliminated.phi(pi).reshape(problem.train.columns.shape[1:]),
+        lam=lib.lam_from_pi(pi),
+        status=(
+            f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
+            + (", which lies on the boundary of consistency" if edge else "")
+        ),
+        iterations=path.steps,
+        optimum=best.loss,
+    )
+
+
+def _followed(
+    lib: Library,
+    statistics: Statistics,
+    guess: Array | None,
+    shrink: float = SHRINK,
+    most_steps: int = PATIENCE,
+) -> Path:
+    data, _ = reduce(statistics, lib.n_joints)
+    return follow_compiled(lib, data, prior_of(lib, guess), shrink, most_steps)
+
+
+def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
+    pi, loss = path.points[-1], float(path.losses[-1])
+    if not path.converged or path.weight > ABSURD:
+        return cone_optimum(lib, statistics)
+    _, eliminated = reduce(statistics, lib.n_joints)
+    phi = eliminated.phi(pi).reshape(lib.n_joints, -1)
+    return ConvexOptimum(loss, pi, phi, path.gap, f"path of {path.steps} Newton steps")
+
+
+def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
+    """The same optimum by Clarabel: min t, ‖R x − r‖ ≤ t, P_k ⪰ 0; a check, on the boundary.
 
     Raises:
         IdentificationError: Clarabel did not reach its tolerances.
@@ -51,38 +120,9 @@ def convex_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
     size = cones.width
     cost = np.zeros(size + 1)
     cost[-1] = 1.0
-    blocks = [cones.residual_cone(extra=1, bound=None), cones.consistency(extra=1)]
-    x, status = _solve(cost, blocks)
+    x, status = _solve(cost, [cones.residual_cone(), cones.consistency(extra=1)])
     pi, phi = cones.unscaled(x[:size])
-    return ConvexOptimum(statistics.value(pi, phi), pi, phi, status)
-
-
-def fit_pc_ols(problem: Problem) -> Fit:
-    """The consistent model nearest to the first guess within `SLACK` of the convex optimum."""
-    lib, statistics = problem.lib, problem.statistics()
-    best = convex_optimum(lib, statistics)
-    cones = _Cones(lib, statistics)
-    size = cones.width
-    explained = 2 * statistics.n_samples * best.loss - statistics.rest
-    # Slack below the solver's own accuracy would make the second problem infeasible.
-    floor = (1e-8 * np.linalg.norm(statistics.target)) ** 2
-    bound = np.sqrt(max(explained, 0.0) + SLACK * 2 * statistics.n_samples * best.loss + floor)
-    cost = np.zeros(size + 1)
-    cost[-1] = 1.0
-    near = cones.distance_cone(lib.pi_from_lam(problem.start))
-    x, status = _solve(cost, [cones.residual_cone(1, float(bound)), near, cones.consistency(1)])
-    pi, phi = cones.unscaled(x[:size])
-    smallest = float(lib.relative_eigenvalues(pi).min())
-    edge = " on the boundary of consistency" if smallest < 1e-7 else ""
-    if smallest < 0:  # the interior-point method stops a rounding outside the cone
-        pi = lib.nearest_realisable(pi, 1e-9)
-    return Fit(
-        pi=pi,
-        phi=phi,
-        lam=lib.lam_from_pi(pi),
-        status=f"Clarabel: {status}{edge}; convex optimum {best.loss:.6g}",
-        optimum=best.loss,
-    )
+    return ConvexOptimum(statistics.value(pi, phi), pi, phi, np.nan, f"Clarabel: {status}")
 
 
 class _Cones:
@@ -108,27 +148,14 @@ class _Cones:
         n_pi = self._lib.pi0.size
         return values[:n_pi], values[n_pi:].reshape(self._lib.n_joints, -1)
 
-    def residual_cone(self, extra: int, bound: float | None) -> "_Block":
-        """‖R x − r‖ ≤ bound, or ≤ the last unknown (in units of ‖r‖) when there is no bound."""
+    def residual_cone(self) -> "_Block":
+        """‖R x − r‖ ≤ the last unknown, in units of ‖r‖."""
         matrix = self._factor * self._scale / self._unit
-        top = np.zeros((1, self.width + extra))
-        head = 0.0
-        if bound is None:
-            top[0, -1] = -1.0
-        else:
-            head = bound / self._unit
-        a = np.vstack([top, np.hstack([-matrix, np.zeros((len(matrix), extra))])])
-        b = np.concatenate([[head], -self._statistics.target / self._unit])
+        top = np.zeros((1, self.width + 1))
+        top[0, -1] = -1.0
+        a = np.vstack([top, np.hstack([-matrix, np.zeros((len(matrix), 1))])])
+        b = np.concatenate([[0.0], -self._statistics.target / self._unit])
         return _Block(sparse.csc_matrix(a), b, [clarabel.SecondOrderConeT(len(b))])
-
-    def distance_cone(self, pi: Array) -> "_Block":
-        """‖π̂ − π̂_guess‖ ≤ the last unknown."""
-        n_pi = pi.size
-        a = sparse.lil_matrix((n_pi + 1, self.width + 1))
-        a[0, self.width] = -1.0
-        a[1:, :n_pi] = -sparse.identity(n_pi)
-        b = np.concatenate([[0.0], -pi / self._scale[:n_pi]])
-        return _Block(a.tocsc(), b, [clarabel.SecondOrderConeT(n_pi + 1)])
 
     def consistency(self, extra: int) -> "_Block":
         """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, where S is read off the library's own P(π)."""

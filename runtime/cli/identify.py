@@ -25,6 +25,7 @@ from runtime.friction import COLUMNS
 from runtime.identification import METHODS, Identification, identify
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library, load
+from runtime.prior_file import read_prior
 from runtime.recording import Friction, Recording, Split, read_recording
 from runtime.results import write_result
 
@@ -41,17 +42,24 @@ def identify_command(
         ),
     ],
     robot: Robot = "fr3",
-    method: Annotated[str, typer.Option(help=" | ".join(METHODS))] = "adam",
+    method: Annotated[
+        str | None,
+        typer.Option(help=f"{' | '.join(METHODS)}; default map, with a preset adam."),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder of the result; default results/LOG-METHOD.")
     ] = None,
     preset: Annotated[
-        str,
+        str | None,
         typer.Option(
             help=f"Settings of adam: {' | '.join(PRESETS)}; simulation and real are the "
             "document's Tables 5.1 and 5.8, full takes all samples at every step."
         ),
-    ] = "full",
+    ] = None,
+    prior: Annotated[
+        Path | None,
+        typer.Option(help="TOML: trust in the URDF, masses, centres of mass, symmetries."),
+    ] = None,
     recipe: Annotated[
         str | None, typer.Option(help="TOML with columns, units, order, sign, gears, filters.")
     ] = None,
@@ -83,6 +91,7 @@ def identify_command(
     python -m runtime identify log.csv --robot my --friction viscous,coulomb --cutoff 10
     python -m runtime identify log.csv --robot my --friction auto --cutoff 10
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
+    python -m runtime identify log.csv --robot my --prior my-arm.toml
 
     A CSV has the header t,q1…,dq1…,ddq1…,tau1… in SI units (dq and ddq optional); anything else
     is described by a recipe. Ctrl-C keeps the best point so far. A report of the same folder is
@@ -105,18 +114,19 @@ def identify_command(
         lib,
         method,
         preset=preset,
+        prior=None if prior is None else read_prior(prior, lib),
         preparation=prepared,
         splitting=parts,
         friction_columns=terms,
         seed=seed,
     )
     result = dataclasses.replace(result, notes=(*notes, *result.notes))
-    folder = out or Path("results") / f"{Path(log).stem}-{method}"
+    folder = out or Path("results") / f"{Path(log).stem}-{result.method}"
     _finish(result, folder)
 
 
 def _with_progress(
-    recording: Recording, lib: Library, method: str, **options: object
+    recording: Recording, lib: Library, method: str | None, **options: object
 ) -> Identification:
     columns = (
         TextColumn("{task.description}"),
@@ -125,7 +135,9 @@ def _with_progress(
         TextColumn("best validation loss {task.fields[best]}"),
         TimeElapsedColumn(),
     )
-    chosen = PRESETS.get(str(options.get("preset")))
+    named = options.get("preset")
+    method = method or ("map" if named is None else "adam")
+    chosen = PRESETS.get(str(named or "full"))
     with Progress(*columns, console=console, transient=True) as progress:
         total = chosen.rule.max_iterations if chosen and method == "adam" else None
         task = progress.add_task(f"{method} on {lib.name}", total=total, best="-")
@@ -150,6 +162,8 @@ def _finish(result: Identification, folder: Path) -> None:
     say(
         f"gap to the convex optimum (PC-OLS on the same rows and weights): {100 * result.gap:.3f} %"
     )
+    if result.uncertainty is not None:
+        say(f"advice: {result.uncertainty.advice()}")
     say(f"time of the method: {result.seconds:.3f} s")
     for warning in facts["warnings"]:
         say(f"note: {warning}")

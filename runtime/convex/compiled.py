@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from runtime.convex.bodies import SIZE
 from runtime.convex.newton import DECREMENT, MOST_STEPS, ConvexProblem, Minimum, minimise
-from runtime.convex.path import Path, follow, gamma_ladder, path_of
+from runtime.convex.path import PATIENCE, SHRINK, Path, follow, gamma_ladder, path_of
 from runtime.convex.prior import Prior
 from runtime.convex.reduced import Reduced
 from runtime.library import Array, ConvexAnswer, ConvexTask, Library
@@ -35,30 +36,41 @@ def solve_many(
     return [_minimum(p, answer) for p, answer in zip(problems, answers, strict=True)]
 
 
-def follow_compiled(lib: Library, data: Reduced, prior: Prior) -> Path:
+def follow_compiled(
+    lib: Library,
+    data: Reduced,
+    prior: Prior,
+    shrink: float = SHRINK,
+    most_steps: int = PATIENCE,
+) -> Path:
     """`path.follow` by the compiled loop where there is one."""
-    return follow_many(lib, [data], [prior])[0]
+    return follow_many(lib, [data], [prior], 1, shrink, most_steps)[0]
 
 
 def follow_many(
-    lib: Library, data: Sequence[Reduced], priors: Sequence[Prior], threads: int = 1
+    lib: Library,
+    data: Sequence[Reduced],
+    priors: Sequence[Prior],
+    threads: int = 1,
+    shrink: float = SHRINK,
+    most_steps: int = PATIENCE,
 ) -> list[Path]:
     """The paths of many problems of one robot."""
     pairs = list(zip(data, priors, strict=True))
+    ladders = [gamma_ladder(d, p.centre.size // SIZE, shrink) for d, p in pairs]
     if not lib.solves_convex or not pairs:
-        return [follow(d, p) for d, p in pairs]
-    ladders = [gamma_ladder(d, lib.n_joints) for d in data]
+        return [follow(d, p, g, most_steps) for (d, p), g in zip(pairs, ladders, strict=True)]
     tasks = [
-        _task(ConvexProblem(d, p, np.ones(lib.n_joints)), ladder)
+        _task(ConvexProblem(d, p, np.ones(p.centre.size // SIZE)), ladder)
         for (d, p), ladder in zip(pairs, ladders, strict=True)
     ]
-    answers = lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads)
-    return [
-        path_of(
-            ladder, a.points, a.losses, float(a.decrements[-1]), int(a.steps.sum()), a.converged
-        )
-        for ladder, a in zip(ladders, answers, strict=True)
-    ]
+    answers = lib.convex(tasks, DECREMENT, most_steps).run(threads)
+    found = []
+    for (_, prior), ladder, a in zip(pairs, ladders, answers, strict=True):
+        ended, steps = float(a.decrements[-1]), int(a.steps.sum())
+        tried = ladder[: len(a.losses)]
+        found.append(path_of(prior, tried, a.points, a.losses, ended, steps, a.converged))
+    return found
 
 
 def _task(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:

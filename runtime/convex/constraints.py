@@ -82,7 +82,8 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     size = prior.centre.size
     e, e_value = _stacked(constraints.equations, size)
     a, limit = _stacked(constraints.bounds, size)
-    back = np.linalg.inv(whiten)  # π = centre + back x, x in units of the prior
+    # π = centre + back x, x in units of the prior
+    back = np.asarray(np.linalg.inv(whiten), dtype=np.float64)
     a_x, e_x = a @ back, e @ back
     scale, length = np.linalg.norm(a_x, axis=1), np.linalg.norm(e_x, axis=1)
     if (scale == 0).any() or (length == 0).any():

@@ -1,6 +1,7 @@
 """Damped Newton for the maximum a posteriori: one smooth convex problem, a handful of steps.
 
-    min over π of  (‖A π − b‖² + ρ)/2N + Σ_k γ_k [tr(P0_k⁻¹ P_k) − log det P_k] − Σ_c μ log(l_c − a_c·π)
+    min over π of  (‖A π − b‖² + ρ)/2N + Σ_k γ_k [tr(P0_k⁻¹ P_k) − log det P_k]
+                   − Σ_c μ log(l_c − a_c·π)
 
 The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ l_c and a subspace
 π = o + Z z carry further priors. Steps: Jacobi scaling, Cholesky with a ridge on failure, Armijo
@@ -120,7 +121,9 @@ def convex_problem(
     return ConvexProblem(data, prior, weights, inside, free)
 
 
-def minimise(problem: ConvexProblem, start: Array | None = None) -> Minimum:
+def minimise(
+    problem: ConvexProblem, start: Array | None = None, most_steps: int = MOST_STEPS
+) -> Minimum:
     """Newton from a point inside (default: the prior's centre).
 
     Raises:
@@ -138,7 +141,7 @@ def minimise(problem: ConvexProblem, start: Array | None = None) -> Minimum:
     # A cost whose digits end above the goal can still be solved to its last digit.
     goal = max(goal, 4 * np.finfo(float).eps * abs(value))
     decrement, steps, converged = np.inf, 0, False
-    while steps < MOST_STEPS and not converged:
+    while steps < most_steps and not converged:
         gradient, hessian = cost.slope(pi)
         step = -_solved(hessian, gradient, problem.free)
         decrement = -float(gradient @ step) / 2

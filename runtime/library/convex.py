@@ -43,7 +43,7 @@ class ConvexTask:
 
 @dataclass(frozen=True, slots=True)
 class ConvexAnswer:
-    """Of every γ: minimiser (g, 10 n), loss, Newton decrement and steps; all have converged or not."""
+    """Of each γ up to the first that failed: minimiser, loss, decrement, steps; did all end well?"""
 
     points: Array
     losses: Array
@@ -115,10 +115,10 @@ class CompiledConvex:
                 list(pool.map(part, pairwise(edges)))
         return [
             ConvexAnswer(
-                points[:, : start.size - _spare(job)].copy(),
-                losses.copy(),
-                decrements.copy(),
-                steps.astype(np.int64),
+                points[: _reached(job), : start.size - _spare(job)].copy(),
+                losses[: _reached(job)].copy(),
+                decrements[: _reached(job)].copy(),
+                steps[: _reached(job)].astype(np.int64),
                 bool(job.converged == job.gammas),
             )
             for job, start, (points, losses, decrements, steps) in zip(
@@ -150,6 +150,11 @@ class CompiledConvex:
         whole = np.ascontiguousarray(array, dtype=np.float64)
         self._kept.append(whole)
         return whole.ctypes.data_as(_DOUBLES)
+
+
+def _reached(job: _Job) -> int:
+    """γs that were tried: the converged ones and the first that was not."""
+    return int(min(job.converged + 1, job.gammas))
 
 
 def _spare(job: _Job) -> int:

@@ -217,6 +217,7 @@ class CompiledLevenberg(_Jobs):
         problems: per job.
         options: first_damping, step_tolerance, decrease_tolerance.
         traces: room for accepted steps per job.
+        cholesky: x begins with log-Cholesky coordinates instead of λ.
     """
 
     def __init__(
@@ -226,6 +227,7 @@ class CompiledLevenberg(_Jobs):
         problems: Sequence[LeastSquares],
         options: dict[str, float],
         traces: int,
+        cholesky: bool,
     ) -> None:
         super().__init__(function, _LevenbergJob, len(problems))
         self.trace = np.zeros((len(problems), traces))
@@ -233,6 +235,7 @@ class CompiledLevenberg(_Jobs):
         for k, (start, problem) in enumerate(zip(starts, problems, strict=True)):
             job, size, equations = self._jobs[k], start.size, _up(len(problem.target))
             job.size, job.equations, job.growth = size, equations, _GROWTH
+            job.cholesky = int(cholesky)
             for name, value in options.items():
                 setattr(job, name, value)
             self._factor(job.training, problem, equations)

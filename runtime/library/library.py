@@ -179,9 +179,11 @@ class Library:
         problems: Sequence[LeastSquares],
         options: dict[str, float],
         traces: int,
+        cholesky: bool = False,
     ) -> CompiledLevenberg:
-        """Compiled descents by Levenberg–Marquardt; LibraryError where this level has none."""
-        return CompiledLevenberg(self._needed(self._levenberg), starts, problems, options, traces)
+        """Compiled Levenberg–Marquardt, in λ or θ; LibraryError where this level has none."""
+        run = self._needed(self._levenberg)
+        return CompiledLevenberg(run, starts, problems, options, traces, cholesky)
 
     @property
     def solves_convex(self) -> bool:
@@ -231,6 +233,22 @@ class Library:
         """∂π_k/∂λ_k, (n, 10, 10) or (N, n, 10, 10)."""
         blocks = self._binding.call("pi_jacobian", self._links("lam", lam))[1]
         return blocks.reshape(*np.shape(lam)[:-1], self.n_joints, _SIZE, _SIZE)
+
+    def pi_from_cholesky(self, theta: ArrayLike) -> Array:
+        """π of every link from log-Cholesky θ, P = U(θ) U(θ)ᵀ. Source: Rucker & Wensing 2022."""
+        flat = self._links("theta", theta)
+        return self._binding.call("cholesky_jacobian", flat)[0].reshape(np.shape(theta))
+
+    def cholesky_jacobian(self, theta: ArrayLike) -> Array:
+        """∂π_k/∂θ_k, (n, 10, 10) or (N, n, 10, 10)."""
+        blocks = self._binding.call("cholesky_jacobian", self._links("theta", theta))[1]
+        return blocks.reshape(*np.shape(theta)[:-1], self.n_joints, _SIZE, _SIZE)
+
+    def cholesky_from_pi(self, pi: ArrayLike) -> Array:
+        """Log-Cholesky θ of every link; NaN where P is not positive definite."""
+        return self._binding.call("cholesky_from_pi", self._links("pi", pi))[0].reshape(
+            np.shape(pi)
+        )
 
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:
         """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 n,) from ∂cost/∂π. Source: Eq. 4.32."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RuntimeFault
+from runtime.report.sureness import Sureness, read_sureness
 
 Array = NDArray[np.float64]
 
@@ -119,6 +120,7 @@ class Result:
     seconds: float | None
     condition_number: float | None
     warnings: tuple[str, ...]
+    sureness: Sureness | None
     provenance: Provenance
     prediction: Prediction
 
@@ -171,6 +173,7 @@ def _result(raw: Mapping[str, Any], folder: Path) -> Result:
         seconds=_optional(raw, "seconds"),
         condition_number=_optional(raw, "condition_number"),
         warnings=_texts(raw, "warnings"),
+        sureness=read_sureness(raw.get("uncertainty"), n, len(raw["links"])),
         provenance=_provenance(raw.get("provenance") or {}),
         prediction=_prediction(folder / "predictions.npz", n),
     )

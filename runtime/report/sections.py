@@ -5,16 +5,19 @@ Nothing here knows HTML; everything is text, but for the figures' own SVG.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from runtime.metrics import CONSISTENCY_TOLERANCE
 from runtime.report import figures
+from runtime.report.layout import Section, Table, Tile
 from runtime.report.result import Link, Result
+from runtime.report.sureness import sureness_sections
 
 NOTHING = "–"
+AHEAD = 3
+"""Sections before those on uncertainty: errors, torques, consistency."""
 
 GLOSSARY = (
     ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),
@@ -24,38 +27,6 @@ GLOSSARY = (
     ("P", "pseudo-inertia of a link, 4×4; λ_min(P)/tr P is its distance to inconsistency"),
     ("gap", "(loss − optimum) / optimum against the convex problem's certified optimum"),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Header and rows of text; `flagged` rows are bad news, `total` closes the table."""
-
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    total: tuple[str, ...] = ()
-    kind: str = "numbers"
-    flagged: frozenset[int] = frozenset()
-
-
-@dataclass(frozen=True, slots=True)
-class Section:
-    """A heading with what belongs under it; empty parts are left out."""
-
-    title: str
-    lead: str = ""
-    table: Table | None = None
-    figure: str = ""
-    items: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, slots=True)
-class Tile:
-    """One number of the summary; `tone` is good, bad or plain."""
-
-    label: str
-    value: str
-    note: str
-    tone: str = "plain"
 
 
 # --- summary --------------------------------------------------------------------------------
@@ -109,8 +80,9 @@ def tiles(result: Result) -> tuple[Tile, ...]:
 
 def sections(result: Result) -> tuple[Section, ...]:
     """What the page shows below the summary, in its order."""
-    made = (make(result) for make in _ORDER)
-    return tuple(section for section in made if section is not None)
+    made = [section for make in _ORDER if (section := make(result)) is not None]
+    sure = () if result.sureness is None else sureness_sections(result.sureness, result.joints)
+    return (*made[:AHEAD], *sure, *made[AHEAD:])
 
 
 # --- sections -------------------------------------------------------------------------------

@@ -94,8 +94,8 @@ def panda(shared_data: Path) -> Recording:
 
 @pytest.fixture(scope="session")
 def panda_adam(panda: Recording, lib: Library) -> Identification:
-    """The real log identified with the defaults."""
-    return identify(panda, lib)
+    """The real log identified by the descent in λ."""
+    return identify(panda, lib, "adam")
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ import cvxpy
 import numpy as np
 import pytest
 
-from runtime.baselines import convex_optimum
+from runtime.baselines import cone_optimum
 from runtime.convex import (
     CAD,
     HalfSpaces,
@@ -158,7 +158,7 @@ def test_path_ends_at_clarabels_optimum(fr3, noise):
     statistics = compressed(fr3, 1, noise=noise)
     data, _ = reduce(statistics, 7)
     path = follow(data, prior_of(fr3))
-    cone = convex_optimum(fr3, statistics)
+    cone = cone_optimum(fr3, statistics)
     silent = data.value(np.zeros(70))
     assert path.converged
     # Below 1e-9 of the loss of τ̂ = 0 both solvers only round.
@@ -167,6 +167,7 @@ def test_path_ends_at_clarabels_optimum(fr3, noise):
     assert (np.diff(path.losses) <= 1e-9 * path.losses[0]).all()
     assert (fr3.relative_eigenvalues(path.points) > 0).all()
     near = path.nearest(1e-3)
+    assert near is not None
     assert data.value(near) <= 1.001 * path.losses[-1] + 1e-9 * silent
 
 

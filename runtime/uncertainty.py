@@ -1,0 +1,169 @@
+"""How sure an answer is: covariance in π, what the data say and what the prior says, torque bands.
+
+    C = (N_eff H / s²)⁻¹ = (AᵀA N_eff/(N s²) + κ B)⁻¹,  B = ∇² Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]
+
+with A and the residual noise s_j of weighted, friction-eliminated data. C lives in π, not in λ,
+where the delta method is undefined at a = b or c = 0. N_eff counts what correlated residuals are
+worth. Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from runtime.convex import CAD, bodies_of, prior_of, reduce
+from runtime.library import Array, Library
+from runtime.objective import Samples
+from runtime.residuals import LAGS, autocorrelation, inflation, noise, residuals, weights_from
+from runtime.statistics import Statistics, compress
+
+IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
+DETERMINED = 0.1
+"""Posterior variance below this share of the prior's: the data say ten times more."""
+WHITE = 1.96
+"""Half width of the 95 % band of a white residual's autocorrelation, in units of 1/√N."""
+BAND_SAMPLES = 200
+"""Samples whose bands are summed up for a report."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """What vouches for the numbers.
+
+    Attributes:
+        root: C = root rootᵀ of π, (10 n, 10 n).
+        share: posterior over prior variance of every entry of π, (10 n,), in (0, 1].
+        verdicts: per entry of π: identified, prior-dominated or unobservable.
+        beta_sigma: standard deviation of the base parameters, (n_b,).
+        noise: s_j, residual RMS per joint, (n,), N·m or N.
+        n_samples, n_eff: training samples, and what they are worth.
+        inflation: 1 + 2 Σ ρ_l over `LAGS` lags.
+        white: share of lags, per joint, whose autocorrelation a white residual could have, (n,).
+        rank: directions of β that the motion excites, of n_b.
+        conditioning: weakest over strongest excited direction.
+    """
+
+    root: Array
+    share: Array
+    verdicts: tuple[str, ...]
+    beta_sigma: Array
+    noise: Array
+    n_samples: int
+    n_eff: float
+    inflation: float
+    white: Array
+    rank: int
+    conditioning: float
+
+    @property
+    def covariance(self) -> Array:
+        """C of π, (10 n, 10 n)."""
+        return self.root @ self.root.T
+
+    @property
+    def sigma(self) -> Array:
+        """Standard deviation of every entry of π, (10 n,)."""
+        return np.asarray(np.linalg.norm(self.root, axis=1))
+
+    def torque_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
+        """One standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²), (N, n)."""
+        return np.sqrt(self.model_band(lib, q, dq, ddq) ** 2 + self.noise**2)
+
+    def model_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
+        """One standard deviation of the model's own torque, √diag(Y C Yᵀ), (N, n)."""
+        y = lib.regressor(*(np.atleast_2d(a) for a in (q, dq, ddq)))
+        return np.asarray(np.linalg.norm(y @ self.root, axis=2))
+
+    def advice(self) -> str:
+        """One sentence: what to trust, and what to record next."""
+        count = len(self.beta_sigma)
+        if self.rank < count:
+            return (
+                f"the motion excites {self.rank} of {count} base parameters; the others are those "
+                "of the first guess, so record a motion that moves every joint (excite designs one)"
+            )
+        if self.inflation > 2:
+            return (
+                f"neighbouring residuals are alike, so {self.n_samples} samples are worth "
+                f"{self.n_eff:.0f}: friction, filter or clock leave a pattern; a better friction "
+                "model will help more than more samples"
+            )
+        return (
+            f"residuals look independent and all {count} base parameters are excited: torques "
+            "of similar motions can be trusted within their bands"
+        )
+
+
+def uncertainty_of(
+    lib: Library,
+    samples: Samples,
+    pi: Array,
+    phi: Array,
+    *,
+    first_guess: Array,
+    kappa: float = CAD,
+    statistics: Statistics | None = None,
+) -> Uncertainty:
+    """The uncertainty around an answer of any method.
+
+    Args:
+        lib: of the robot.
+        samples: training samples.
+        pi: answer, (10 n,); where it is no body that exists strictly, the prior's curvature is
+            taken at the first guess.
+        phi: friction coefficients.
+        first_guess: π that the prior is around.
+        kappa: trust in it.
+        statistics: of the samples with weights 1/s_j², if they are there already.
+    """
+    rest = residuals(lib, samples, pi, phi)
+    sigma = noise(rest, lib, phi.size)
+    weights = weights_from(sigma, samples.tau)
+    if statistics is None:
+        statistics = compress(lib, samples, weights)
+    worth = inflation(rest, weights)
+    data, _ = reduce(statistics, lib.n_joints)
+    bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
+    inside = bodies.log_det(pi) is not None
+    _, blocks = bodies.curvature(pi if inside else prior.centre)
+    # In units of the prior the information is 1 + ÃᵀÃ, whose inverse has no cancellation.
+    shrink = block_diag(*(np.linalg.inv(np.linalg.cholesky(kappa * b)).T for b in blocks))
+    noise_free = max(data.variance, np.finfo(float).tiny) * worth
+    _, said, turn = np.linalg.svd(data.factor @ shrink / np.sqrt(noise_free))
+    left = np.ones(len(turn))
+    left[: said.size] = 1 / np.sqrt(1 + said**2)
+    root = np.asarray(shrink @ turn.T * left)
+    share = np.minimum(np.sum(root**2, axis=1) / np.sum(shrink**2, axis=1), 1.0)
+    base = lib.base_matrix
+    silent = np.logical_not(base.any(axis=0)).tolist()
+    lengths = np.linalg.norm(statistics.factor, axis=0)
+    excited = np.linalg.svd(
+        data.factor[:, list(lib.base_columns)] / np.where(lengths > 0, lengths, 1.0)[: len(base)],
+        compute_uv=False,
+    )
+    rank = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
+    return Uncertainty(
+        root=root,
+        share=share,
+        verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, share, strict=True)),
+        beta_sigma=np.linalg.norm(base @ root, axis=1),
+        noise=sigma,
+        n_samples=len(samples),
+        n_eff=len(samples) / worth,
+        inflation=worth,
+        white=_white(rest),
+        rank=rank,
+        conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
+    )
+
+
+def _verdict(silent: bool, share: float) -> str:
+    if silent:
+        return UNOBSERVABLE
+    return IDENTIFIED if share < DETERMINED else PRIOR_DOMINATED
+
+
+def _white(rest: Array) -> Array:
+    inside = np.abs(autocorrelation(rest)) < WHITE / np.sqrt(len(rest))
+    return np.asarray(inside.sum(axis=0) / LAGS)

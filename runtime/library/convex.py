@@ -43,7 +43,7 @@ class ConvexTask:
 
 @dataclass(frozen=True, slots=True)
 class ConvexAnswer:
-    """Of each γ up to the first that failed: minimiser, loss, decrement, steps; did all end well?"""
+    """Of each γ up to the first that failed: minimiser, loss, decrement, steps; all went well?"""
 
     points: Array
     losses: Array

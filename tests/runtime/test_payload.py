@@ -63,7 +63,9 @@ def test_exact_data_give_the_exact_payload_whatever_friction_and_bias(
     loaded, lib, arm, payload_pi, mount
 ):
     """Oracle: the box. Against an empty run unknown friction and bias cancel to rounding."""
-    direct = identify_payload(loaded[0], lib, "fr3_link7", arm=arm)
+    shifted = _noisy(loaded[0], 0.3 * np.arange(7.0))
+    direct = identify_payload(shifted, lib, "fr3_link7", arm=arm)
+    np.testing.assert_allclose(direct.offsets, 0.3 * np.arange(7.0), atol=1e-7)
     # Exact data count as good to 1e-6 of the largest torque, some 1e-5 N·m, 5000 times less than
     # the noise that leaves 2e-4 kg·m² of inertia: 4e-8.
     np.testing.assert_allclose(direct.pi, payload_pi, atol=1e-7)

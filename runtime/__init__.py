@@ -4,7 +4,7 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 
     lib = runtime.load("fr3")
     recording = runtime.read_recording("log.csv")
-    result = runtime.identify(recording, lib, method="adam")
+    result = runtime.identify(recording, lib)
 """
 
 from runtime.descent import Preset

@@ -46,7 +46,7 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     for _ in range(PASSES):
         phi, found, _ = _fitted(lib, compress(lib, few, weights), prior, kappa, 1.0, None)
         rest = residuals(lib, few, found.pi, phi)
-        weights = weights_from(noise(rest, lib, phi.size), train.tau)
+        weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = compress(lib, train, weights)
     phi, found, _ = _fitted(lib, statistics, prior, kappa, 1.0, None)
     worth = inflation(residuals(lib, train, found.pi, phi), weights)

@@ -27,7 +27,7 @@ def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
 def noise(rest: Array, lib: Library, n_phi: int) -> Array:
     """s_j (n,): RMS of the residual, corrected for the unknowns it has absorbed."""
     used = (len(lib.base_columns) + n_phi) / rest.shape[1]
-    return np.asarray(np.sqrt(np.sum(rest**2, axis=0) / max(len(rest) - used, 1.0)))
+    return np.asarray(np.sqrt(_power(rest) / max(len(rest) - used, 1.0)))
 
 
 def weights_from(sigma: Array, tau: Array) -> Array:
@@ -38,19 +38,23 @@ def weights_from(sigma: Array, tau: Array) -> Array:
 
 def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
     """ρ_l per joint for l = 1 … lags, (lags, n); 0 for a joint without residual."""
-    centred = rest - rest.mean(axis=0)
-    power = np.sum(centred**2, axis=0)
-    count = min(lags, len(rest) - 1)
     out = np.zeros((lags, rest.shape[1]))
-    for lag in range(1, count + 1):
-        shared = np.sum(centred[lag:] * centred[:-lag], axis=0)
-        out[lag - 1] = np.divide(shared, power, out=np.zeros_like(power), where=power > 0)
+    for j, row in enumerate(np.ascontiguousarray(rest.T)):
+        centred = row - row.mean()
+        power = centred @ centred
+        if power > 0:
+            count = min(lags, len(rest) - 1)
+            out[:count, j] = [centred[k:] @ centred[:-k] / power for k in range(1, count + 1)]
     return out
 
 
 def inflation(rest: Array, weights: Array) -> float:
     """1 + 2 Σ ρ_l over the joints together, by their weighted power; at least 1."""
-    power = weights * np.sum((rest - rest.mean(axis=0)) ** 2, axis=0)
+    power = weights * _power(rest - rest.mean(axis=0))
     if not power.sum() > 0:
         return 1.0
     return max(1.0, float(1 + 2 * (autocorrelation(rest).sum(axis=0) @ power) / power.sum()))
+
+
+def _power(rest: Array) -> Array:
+    return np.asarray(np.einsum("ij,ij->j", rest, rest))

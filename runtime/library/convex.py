@@ -43,7 +43,7 @@ class ConvexTask:
 
 @dataclass(frozen=True, slots=True)
 class ConvexAnswer:
-    """Of each γ up to the first that failed: minimiser, loss, decrement, steps; all went well?"""
+    """Of each γ up to the first that failed: minimiser, loss, decrement and steps."""
 
     points: Array
     losses: Array

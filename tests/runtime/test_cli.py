@@ -77,11 +77,11 @@ def test_identify_writes_everything(
     words = ("--friction", "viscous,coulomb", "--coulomb-speed", "0.03")
     ran = command("identify", log, "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
-    folder = tmp_path / "results" / "log-adam"
+    folder = tmp_path / "results" / "log-map"
     written = {path.name for path in folder.iterdir()}
     assert written == {"result.json", "predictions.npz", "identified.urdf", "report.html"}
     facts = json.loads((folder / "result.json").read_text())
-    assert facts["method"] == "adam"
+    assert facts["method"] == "map"
     errors, rms = facts["torque_error_percent"], facts["torque_rms"]
     assert errors["after_overall"] < errors["before_overall"]
     assert [len(errors[key]) for key in ("before", "after")] == [7, 7]
@@ -95,6 +95,10 @@ def test_identify_writes_everything(
         assert name in ran.out
     assert (folder / "report.html").stat().st_size > 10_000
     assert "identified.urdf (verified" in ran.out
+    assert facts["uncertainty"]["advice"] in ran.out.replace("\n", " ")
+    assert [len(link["verdicts"]) for link in facts["uncertainty"]["links"]] == [10] * 7
+    assert "What the data determine" in (folder / "report.html").read_text(encoding="utf-8")
+    assert command("identify", log, "--robot", lib.folder, "--prior", "no.toml").code == 2
 
 
 def test_inconsistent_models_get_no_urdf(
@@ -279,7 +283,7 @@ def test_a_real_process(lib: Library, log: Path, tmp_path: Path) -> None:
     """Property: `python -m runtime` from any folder, results beside the caller; errors exit 2."""
     ran = python("-m", "runtime", "identify", log, "--robot", lib.folder, cwd=tmp_path)
     assert (ran.returncode, ran.stderr) == (0, "")
-    assert (tmp_path / "results" / "log-adam" / "report.html").exists()
+    assert (tmp_path / "results" / "log-map" / "report.html").exists()
     ran = python("-m", "runtime", "identify", "nothing.csv", "--robot", lib.folder, cwd=tmp_path)
     assert ran.returncode == 2
     assert ran.stdout == ""
@@ -336,6 +340,7 @@ def test_ctrl_c_keeps_the_best_identification(lib: Library, log: Path, tmp_path:
     """Property: SIGINT during the descent writes the best point so far, and says so."""
     code = WAITING.format(module="identify", function="identify", stop=50)
     words = ("--robot", lib.folder, "--friction", "viscous,coulomb", "--out", "out")
+    words += ("--method", "adam")
     ran = interrupted(code, "identify", log, *words, cwd=tmp_path)
     assert ran[0] == 0, ran
     facts = json.loads((tmp_path / "out" / "result.json").read_text())

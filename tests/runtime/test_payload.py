@@ -208,8 +208,8 @@ BAD = {
         "lasts 4.99 s, the loaded one 10 s; record the same trajectory",
     ),
     "another empty run": (
-        lambda run: (run, {"empty": run.replace(q=run.q[:, ::-1] * [1, 1, 1, 1, 1, 0.9, 1])}),
-        "takes another way|moves from",
+        lambda run: (run, {"empty": run.replace(q=run.q + [0.5, 0, 0, 0, 0, 0, 0])}),
+        "takes another way: fr3_joint1 is .* record the same trajectory",
     ),
     "NaN": (
         lambda run: (run.replace(tau=np.where(np.arange(7) == 2, np.nan, run.tau)), {}),
@@ -234,3 +234,13 @@ def test_bad_input_is_one_sentence_of_advice(case, loaded, lib, arm):
     run, options = make(loaded[0])
     with pytest.raises(RuntimeFault, match=message):
         identify_payload(run, lib, arm=arm, **options)
+
+
+def test_the_command_refuses_with_one_sentence(loaded, lib, command, tmp_path):
+    """Property: exit code 2, one line, and nothing written."""
+    write_recording(loaded[0], tmp_path / "loaded.csv")
+    ran = command("payload", "loaded.csv", "--robot", lib.folder, "--link", "hand")
+    assert ran.code == 2
+    assert len(ran.err.splitlines()) == 1
+    assert "no moving link 'hand'; choose one of fr3_link1" in ran.err
+    assert not (tmp_path / "results").exists()

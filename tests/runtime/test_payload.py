@@ -208,7 +208,7 @@ BAD = {
         "lasts 4.99 s, the loaded one 10 s; record the same trajectory",
     ),
     "another empty run": (
-        lambda run: (run, {"empty": run.replace(q=run.q + [0.5, 0, 0, 0, 0, 0, 0])}),
+        lambda run: (run, {"empty": run.replace(q=run.q + 0.5 * np.eye(7)[0])}),
         "takes another way: fr3_joint1 is .* record the same trajectory",
     ),
     "NaN": (

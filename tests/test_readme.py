@@ -61,9 +61,10 @@ def test_bash_blocks_run(desk):
 
 
 def test_python_blocks_run(desk):
-    """Oracle: the interpreter."""
-    for block in blocks("python"):
-        assert "consistent: True" in run([sys.executable, "-c", block], desk)
+    """Oracle: the interpreter, block after block; the kilogram of the payload's block."""
+    printed = run([sys.executable, "-c", "\n".join(blocks("python"))], desk)
+    for words in ("consistent: True", "found 1.000", "kg on link 7"):
+        assert words in printed
 
 
 def test_c_block_compiles_and_runs(desk):

@@ -1,9 +1,11 @@
 """The friction ladder finds the model that made the data, and no richer one."""
 
+import json
+
 import numpy as np
 import pytest
 
-from runtime import Recording
+from runtime import Recording, write_recording
 from runtime.errors import IdentificationError
 from runtime.friction import Motion, columns, gravity_load, separate_rotors, torque
 from runtime.ladder import RUNGS, choose_friction
@@ -121,3 +123,16 @@ def test_bad_questions_are_told(lib, ideal_runs):
         choose_friction(run, lib, names=("sticky",))
     with pytest.raises(IdentificationError, match="too few to choose a friction model"):
         choose_friction(run.take(slice(0, 40), "short"), lib)
+
+
+def test_auto_on_the_command_line_says_what_it_chose(lib, ideal_runs, command, tmp_path):
+    """Property: the table, the sentence among the notes, and the columns in result.json."""
+    log = _with_friction(ideal_runs[0], lib, Friction(("offset", "viscous")))
+    write_recording(log, tmp_path / "log.csv")
+    words = ("--friction", "auto", "--coulomb-speed", "0.02", "--out", "out")
+    ran = command("identify", "log.csv", "--robot", lib.folder, *words)
+    assert ran.code == 0, ran.err
+    assert "Friction ladder" in ran.out
+    assert "note: friction model 'viscous' (offset, viscous) chosen by cross-validation" in ran.out
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert facts["friction"]["columns"] == ["offset", "viscous"]

@@ -63,7 +63,9 @@ def test_exact_data_give_the_exact_payload_whatever_friction_and_bias(
     loaded, lib, arm, payload_pi, mount
 ):
     """Oracle: the box. Against an empty run unknown friction and bias cancel to rounding."""
-    direct = identify_payload(loaded[0], lib, "fr3_link7", arm=arm)
+    shifted = _noisy(loaded[0], 0.3 * np.arange(7.0))
+    direct = identify_payload(shifted, lib, "fr3_link7", arm=arm)
+    np.testing.assert_allclose(direct.offsets, 0.3 * np.arange(7.0), atol=1e-7)
     # Exact data count as good to 1e-6 of the largest torque, some 1e-5 N·m, 5000 times less than
     # the noise that leaves 2e-4 kg·m² of inertia: 4e-8.
     np.testing.assert_allclose(direct.pi, payload_pi, atol=1e-7)
@@ -206,8 +208,8 @@ BAD = {
         "lasts 4.99 s, the loaded one 10 s; record the same trajectory",
     ),
     "another empty run": (
-        lambda run: (run, {"empty": run.replace(q=run.q[:, ::-1] * [1, 1, 1, 1, 1, 0.9, 1])}),
-        "takes another way|moves from",
+        lambda run: (run, {"empty": run.replace(q=run.q + 0.5 * np.eye(7)[0])}),
+        "takes another way: fr3_joint1 is .* record the same trajectory",
     ),
     "NaN": (
         lambda run: (run.replace(tau=np.where(np.arange(7) == 2, np.nan, run.tau)), {}),
@@ -232,3 +234,13 @@ def test_bad_input_is_one_sentence_of_advice(case, loaded, lib, arm):
     run, options = make(loaded[0])
     with pytest.raises(RuntimeFault, match=message):
         identify_payload(run, lib, arm=arm, **options)
+
+
+def test_the_command_refuses_with_one_sentence(loaded, lib, command, tmp_path):
+    """Property: exit code 2, one line, and nothing written."""
+    write_recording(loaded[0], tmp_path / "loaded.csv")
+    ran = command("payload", "loaded.csv", "--robot", lib.folder, "--link", "hand")
+    assert ran.code == 2
+    assert len(ran.err.splitlines()) == 1
+    assert "no moving link 'hand'; choose one of fr3_link1" in ran.err
+    assert not (tmp_path / "results").exists()

@@ -245,6 +245,15 @@ def test_silent_and_tiny_columns_do_no_harm(lib: Library) -> None:
     assert (lengths[:, 1] == 1.0).all()
 
 
+def test_columns_whose_cubes_underflow_count_as_silent(lib: Library) -> None:
+    """Property: a Stribeck peak that no sample reaches is next to zero; it was NaN once."""
+    s = drawn(lib, 200, 3)
+    s.columns[:, :, 2] *= 1e-120
+    found = compress(lib, s, np.ones(7)).triangle()
+    s.columns[:, :, 2] = 0.0
+    np.testing.assert_allclose(found, compress(lib, s, np.ones(7)).triangle(), rtol=0, atol=1e-100)
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_real_time_update_equals_the_batch(any_robot, name):
     """Oracle: the batch, with weights that are powers of the forgetting factor."""

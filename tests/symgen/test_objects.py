@@ -257,7 +257,7 @@ def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, na
 
 def test_online_example_finds_the_heavier_robot(robot, tmp_path: Path, tool: str) -> None:
     """Oracle: the truth that stands in the file, a tenth heavier."""
-    lib = robot("fr3")
+    lib = robot("gantry")
     for file in lib.folder.glob("*.[ch]"):
         shutil.copy(file, tmp_path)
     sources = ("online.c", "kernels.c", "update.c", "convex.c", "tiles.c")

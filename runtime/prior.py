@@ -14,7 +14,7 @@ from runtime.library import Array, Library
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
-from runtime.recording import Recording
+from runtime.recording import Friction, Recording
 from runtime.statistics import compress
 
 
@@ -39,9 +39,9 @@ def prior_information(
     for recording in recordings:
         require_plausible(recording, lib)
         terms = recording.recipe.friction if recording.recipe else None
-        names = () if recording.columns is not None else terms.columns if terms else friction
-        speed = {} if terms is None else {"coulomb_speed": terms.coulomb_speed}
-        samples = samples_of(prepare(recording, None, names, **speed), lib)
+        if recording.columns is not None:
+            terms = Friction(())
+        samples = samples_of(prepare(recording, None, terms or Friction(friction), lib=lib), lib)
         if not len(samples):
             raise IdentificationError(
                 f"the log '{recording.name}' has no samples left after its preparation; "

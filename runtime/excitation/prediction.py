@@ -19,6 +19,7 @@ from runtime.excitation.goals import PAYLOAD, sizes, unseen_motions, unseen_time
 from runtime.excitation.information import Information, information
 from runtime.excitation.trajectory import Trajectory
 from runtime.library import Array, Library
+from runtime.recording import Friction
 
 FRICTION = ("viscous", "coulomb", "offset")
 """Columns per joint that are reported beside the unknowns alone."""
@@ -209,7 +210,7 @@ def _gram(
     if told.columns is not None:
         rows = rows @ told.columns
     k, n = rows.shape[2], lib.n_joints
-    own = friction.columns(dq, names)
+    own = friction.columns(friction.Motion(dq), Friction(names))
     spread = np.zeros((samples, n, n, own.shape[2]))
     for j in range(n):
         spread[:, j, j] = own[:, j]

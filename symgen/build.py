@@ -25,7 +25,7 @@ from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
-ONCE = ("kernels.c", "update.c")
+ONCE = ("kernels.c", "update.c", "closed_loop.c")
 """Sources of plain C."""
 PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "excitation.c")
 """Sources that are compiled once per instruction set."""

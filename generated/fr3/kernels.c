@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model cb2e2830eec355e0248690479c5a18c163f93052f3e1580f8cd1f9d2b1d35f8c.
+ * Model d6edaf5c87ac532a8736585d05fe512071c476e9546475f3ff930f604a2f8170.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "cb2e2830eec355e0248690479c5a18c163f93052f3e1580f8cd1f9d2b1d35f8c";
+    return "d6edaf5c87ac532a8736585d05fe512071c476e9546475f3ff930f604a2f8170";
 }
 
 const char *fr3_level(void)

@@ -5,18 +5,24 @@ argument given once, such as π, serves all samples.
 """
 
 from runtime.library.binding import Array
+from runtime.library.closed_loop import NOT_POSITIVE, CompiledLoop, LoopBody, LoopLaw
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
-from runtime.library.library import Library, load
+from runtime.library.door import load
+from runtime.library.library import Library
 from runtime.library.manifest import JointFacts, Manifest, to_pinocchio_order
 
 __all__ = [
+    "NOT_POSITIVE",
     "AdamProblem",
     "Array",
     "CompiledAdam",
     "CompiledLevenberg",
+    "CompiledLoop",
     "JointFacts",
     "LeastSquares",
     "Library",
+    "LoopBody",
+    "LoopLaw",
     "Manifest",
     "load",
     "to_pinocchio_order",

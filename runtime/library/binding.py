@@ -75,6 +75,12 @@ class Binding:
         """Any function of the level, without types; None where there is none."""
         return getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
 
+    def common(self, name: str, *types: Any) -> Callable[..., None]:
+        """A function without a result that all levels share; LibraryError where there is none."""
+        function = self._symbol(f"{self._manifest.robot}_{name}")
+        function.argtypes, function.restype = types, None
+        return function
+
     def _symbol(self, name: str) -> Any:
         try:
             return self._dll[name]

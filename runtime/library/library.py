@@ -1,51 +1,22 @@
 """One typed NumPy method per kernel of a generated robot."""
 
 import ctypes
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError, NotRealisableError, ShapeError
 from runtime.library.binding import Array, Binding
+from runtime.library.closed_loop import CompiledLoop, LoopBody, LoopLaw
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.manifest import PI_NAMES, read_manifest
 from runtime.library.statistics import CompiledStatistics
 
 _SIZE = len(PI_NAMES)
-
-
-def load(
-    robot: str | os.PathLike[str], level: str | None = None, threads: int | None = None
-) -> "Library":
-    """The library of a robot by name, or by the folder that symgen wrote.
-
-    A name is looked up in ./generated, then in the generated folder beside this package. The
-    level is the instruction set of the batch functions, by default the best that runs here:
-    v4 (AVX-512), v3 (AVX2), v2, neon, or portable; casadi is CasADi's own C, the reference.
-    Batches that take milliseconds are spread over `threads`, by default as many as there are
-    cores; results do not depend on their number, to the last bit.
-
-    Raises:
-        LibraryError: missing, stale, foreign or damaged; the message says what to run.
-    """
-    given = Path(robot)
-    if given.is_dir() or given.name != str(robot):
-        folder = given
-    else:
-        roots = [Path.cwd() / "generated", Path(__file__).parents[2] / "generated"]
-        found = [root / given for root in roots if (root / given / "manifest.json").exists()]
-        if not found:
-            raise LibraryError(
-                f"no generated robot is called '{robot}' (looked in "
-                f"{' and '.join(str(root) for root in dict.fromkeys(roots))}); run: "
-                f"python -m symgen build --urdf FILE --name {robot}"
-            )
-        folder = found[0]
-    return Library(folder, level, threads)
 
 
 class Library:
@@ -221,6 +192,13 @@ class Library:
         """
         found = self._binding.excitation()
         return CompiledExcitation(ExcitationFunctions(*found), home, basis) if found else None
+
+    def closed_loop(
+        self, body: LoopBody, law: LoopLaw, reference: Array, period: float, **options: Any
+    ) -> CompiledLoop:
+        """The robot under computed torque in C, see `CompiledLoop` and `runtime.simulation`."""
+        function = self._binding.common("closed_loop", ctypes.c_void_p, ctypes.c_long)
+        return CompiledLoop(function, body, law, reference, period, **options)
 
     # --- trajectories: one row per point ----------------------------------------------------
 

@@ -36,6 +36,9 @@ def programs(
         found.append(Program("descent.c", _descent(by_name, tiles)))
     if by_name.keys() >= _EXCITATION:
         found.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
+    if by_name.keys() >= _CLOSED_LOOP:
+        joints = by_name["bias_forces"].outputs[0].size
+        found.append(Program("closed_loop.c", {"joints": joints}))
     if by_name.keys() >= _EXAMPLE:
         found.append(Program("example.c", _example(facts)))
     return tuple(found)
@@ -44,6 +47,7 @@ def programs(
 _STATISTICS = {"base_regressor"}
 _DESCENT = {"loss_gradient", "pi_jacobian", "base_parameters", "base_adjoint"}
 _EXCITATION = {"base_regressor", "regressor_adjoint"}
+_CLOSED_LOOP = {"inverse_dynamics", "mass_matrix", "bias_forces"}
 _EXAMPLE = {"inverse_dynamics", "regressor", "base_regressor"}
 
 

@@ -8,22 +8,23 @@ samples at once, from compressed statistics, which costs less and stops closer t
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime import friction, metrics
-from runtime.baselines import convex_optimum, fit_ols, fit_pc_ols
+from runtime.baselines import BASELINES, convex_optimum
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
 from runtime.fitting import PRESETS, fit_adam, fit_levenberg
 from runtime.library import Array, Library
+from runtime.loop import Loop
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.optimizers import Trace
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare, split
-from runtime.problem import Fit, Problem
+from runtime.problem import Bench, Fit, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.threads import one_blas_thread
 
@@ -114,6 +115,9 @@ METHODS: dict[str, str] = {
     "lm": "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
     "pc-ols": "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
     "ols": "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
+    "wls": "least squares with every joint weighted by its residual, four passes",
+    "iv": "instrumental variables from a simulation of the closed loop; needs the loop",
+    "didim": "measured torque against the simulated closed loop; needs the loop",
 }
 
 
@@ -130,6 +134,7 @@ def identify(
     validation: Recording | None = None,
     test: Recording | None = None,
     lam0: ArrayLike | None = None,
+    loop: Loop | None = None,
     seed: int = 0,
     certify: bool = True,
     progress: Callable[[int, float], None] | None = None,
@@ -147,6 +152,7 @@ def identify(
         validation: a recording of its own, prepared like the first, instead of a split.
         test: likewise; both or neither.
         lam0: first guess, default is the URDF's.
+        loop: controller and reference of the recording; "iv" and "didim" simulate them.
         seed: of mini-batches.
         certify: False leaves out the convex optimum, which costs more than the descent; the gap
             is then NaN. For thousands of trials.
@@ -182,6 +188,7 @@ def identify(
         start=lib.lam0 if lam0 is None else np.asarray(lam0, dtype=float),
         seed=seed,
         progress=progress,
+        bench=Bench(recording, terms, _aligned(parts[0], lib, preparation, terms), loop),
     )
     start = time.perf_counter()
     fit = _fit(problem, method, preset)
@@ -228,11 +235,29 @@ def _prepared(recording: Recording, preparation: Preparation | None, terms: Fric
     return prepare(recording, preparation, names, terms.coulomb_speed)
 
 
+def _aligned(
+    part: Recording, lib: Library, preparation: Preparation | None, terms: Friction
+) -> Callable[[Recording], Samples]:
+    """Prepares another recording of the same clock like the first and takes the rows of `part`."""
+    usual = preparation or (part.recipe.preparation if part.recipe else Preparation())
+    usual = replace(usual, rest_speed=None)
+
+    def rows(other: Recording) -> Samples:
+        done = _prepared(other, usual, terms)
+
+        def at(values: Array) -> Array:
+            flat = values.reshape(len(done), -1).T
+            taken = np.stack([np.interp(part.t, done.t, row) for row in flat], axis=1)
+            return taken.reshape(len(part), *values.shape[1:])
+
+        return samples_of(done.mapped(at, "Taken at the rows of the training.", t=part.t), lib)
+
+    return rows
+
+
 def _fit(problem: Problem, method: str, preset: str | Preset) -> Fit:
-    if method == "ols":
-        return fit_ols(problem)
-    if method == "pc-ols":
-        return fit_pc_ols(problem)
+    if method in BASELINES:
+        return BASELINES[method](problem)
     if method == "lm":
         return fit_levenberg(problem)
     if isinstance(preset, str):

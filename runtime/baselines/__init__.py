@@ -1,6 +1,29 @@
 """The classical methods: same problem in, same answer out."""
 
+from collections.abc import Callable
+
 from runtime.baselines.ols import fit_ols
 from runtime.baselines.pc_ols import ConvexOptimum, convex_optimum, fit_pc_ols
+from runtime.baselines.simulated import fit_didim, fit_iv
+from runtime.baselines.wls import fit_wls
+from runtime.problem import Fit, Problem
 
-__all__ = ["ConvexOptimum", "convex_optimum", "fit_ols", "fit_pc_ols"]
+BASELINES: dict[str, Callable[[Problem], Fit]] = {
+    "pc-ols": fit_pc_ols,
+    "ols": fit_ols,
+    "wls": fit_wls,
+    "iv": fit_iv,
+    "didim": fit_didim,
+}
+"""Method → what solves a problem by it."""
+
+__all__ = [
+    "BASELINES",
+    "ConvexOptimum",
+    "convex_optimum",
+    "fit_didim",
+    "fit_iv",
+    "fit_ols",
+    "fit_pc_ols",
+    "fit_wls",
+]

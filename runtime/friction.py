@@ -1,6 +1,7 @@
 """Joint friction, linear in its parameters: columns of the motion times coefficients.
 
-    τ_f,j = Σ_k C_jk φ_jk      viscous C = dq,   coulomb C = tanh(dq / ε),   offset C = 1
+    τ_f,j = Σ_k C_jk φ_jk      viscous C = dq,   coulomb C = tanh(dq / ε),   offset C = 1,
+                               dahl C = z,   dz/dq = (1 − z sign dq) / z_c
 
 tanh stands for the sign of dq and is smooth at rest; ε is the speed below which it gives way.
 Columns of a filtered recording are computed from the unfiltered speed and then filtered with the
@@ -22,7 +23,20 @@ COLUMNS: dict[str, Callable[[FloatArray, float], FloatArray]] = {
     "viscous": lambda dq, _: dq,
     "coulomb": lambda dq, coulomb_speed: np.tanh(dq / coulomb_speed),
     "offset": lambda dq, _: np.ones_like(dq),
+    "dahl": lambda dq, coulomb_speed: np.tanh(dq / coulomb_speed),  # after steady motion
 }
+
+DAHL_WAY = 2e-3
+"""z_c, rad or m: the way after a reversal on which the presliding state forgets, Dahl 1968."""
+
+
+def dahl_state(q: FloatArray) -> FloatArray:
+    """z (N, n) of a path q (N, n): z' = (z + Δq/z_c) / (1 + |Δq|/z_c), implicit, from 0."""
+    steps = np.diff(q, axis=0) / DAHL_WAY
+    z = np.zeros_like(q)
+    for k, step in enumerate(steps):
+        z[k + 1] = (z[k] + step) / (1 + np.abs(step))
+    return z
 
 
 def columns(
@@ -78,5 +92,7 @@ def add_columns(
     if recording.dq is None:
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
     values = columns(recording.dq, names, coulomb_speed)
+    if "dahl" in names:
+        values[..., tuple(names).index("dahl")] = dahl_state(recording.q)
     sentence = f"Added the friction columns {', '.join(names)} (ε = {coulomb_speed:g} rad/s)."
     return recording.replace(columns=values, column_names=tuple(names)).noted(sentence)

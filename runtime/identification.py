@@ -20,6 +20,7 @@ from runtime.errors import IdentificationError
 from runtime.fitting import PRESETS, fit_adam, fit_levenberg
 from runtime.library import Array, Library
 from runtime.loop import Loop
+from runtime.network import FrictionNet
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.optimizers import Trace
 from runtime.plausibility import require_plausible
@@ -46,6 +47,7 @@ class Identification:
         train, validation, test: the prepared recordings.
         one_run: True when they are parts of one recording.
         notes: what was done on the way.
+        net: friction beyond φ, learned by "nn".
     """
 
     method: str
@@ -68,19 +70,23 @@ class Identification:
     one_run: bool
     seed: int
     notes: tuple[str, ...] = field(default=())
+    net: FrictionNet | None = None
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """τ̂ = Y π + F(dq) φ, (N, n) or (n,)."""
+        """τ̂ = Y π + F(dq) φ, (N, n) or (n,), and the net's share where there is one."""
         rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
         if not self.phi.size:
             return rigid
         speed = np.atleast_2d(np.asarray(dq, dtype=float))
         columns = friction.columns(speed, self.friction.columns, self.friction.coulomb_speed)
-        return rigid + friction.torque(columns, self.phi).reshape(rigid.shape)
+        extra = friction.torque(columns, self.phi)
+        if self.net is not None:
+            extra = extra + self.net.torque(columns)
+        return rigid + extra.reshape(rigid.shape)
 
     def predict_recording(self, recording: Recording) -> Array:
         """τ̂ of a prepared recording, with the friction columns that were filtered with it."""
-        return _predict(self.lib, samples_of(recording, self.lib), self.pi, self.phi)
+        return _predict(self.lib, samples_of(recording, self.lib), self.pi, self.phi, self.net)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the model one starts with: the URDF's π, no friction."""
@@ -118,6 +124,7 @@ METHODS: dict[str, str] = {
     "wls": "least squares with every joint weighted by its residual, four passes",
     "iv": "instrumental variables from a simulation of the closed loop; needs the loop",
     "didim": "measured torque against the simulated closed loop; needs the loop",
+    "nn": "consistent, with a small net per joint for what linear friction leaves over",
 }
 
 
@@ -206,7 +213,7 @@ def identify(
         friction=terms,
         weights=problem.weights,
         status=fit.status,
-        loss=statistics.value(fit.pi, fit.phi),
+        loss=_loss(problem, fit),
         optimum=optimum,
         seconds=seconds,
         iterations=fit.iterations,
@@ -217,6 +224,7 @@ def identify(
         one_run=test is None,
         seed=seed,
         notes=fit.notes,
+        net=fit.net,
     )
 
 
@@ -269,6 +277,17 @@ def _fit(problem: Problem, method: str, preset: str | Preset) -> Fit:
     return fit_adam(problem, preset)
 
 
-def _predict(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
+def _loss(problem: Problem, fit: Fit) -> float:
+    if fit.net is None:
+        return problem.statistics().value(fit.pi, fit.phi)
+    rest = problem.train.tau - _predict(problem.lib, problem.train, fit.pi, fit.phi, fit.net)
+    return float(np.mean(rest**2 @ problem.weights) / 2)
+
+
+def _predict(
+    lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
+) -> Array:
     rigid = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi)
-    return rigid + friction.torque(samples.columns, phi) if phi.size else rigid
+    if phi.size:
+        rigid = rigid + friction.torque(samples.columns, phi)
+    return rigid if net is None else rigid + net.torque(samples.columns)

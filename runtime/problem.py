@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime.library import Array, Library
 from runtime.loop import Loop
+from runtime.network import FrictionNet
 from runtime.objective import Samples
 from runtime.optimizers import Trace
 from runtime.recording import Friction, Recording
@@ -74,6 +75,7 @@ class Fit:
         status: a sentence.
         optimum: smallest loss of any consistent model, where the method has found it anyway.
         notes: sentences about what was done on the way.
+        net: friction beyond φ, where the method learned one.
     """
 
     pi: Array
@@ -84,6 +86,7 @@ class Fit:
     trace: Trace | None = None
     optimum: float | None = None
     notes: tuple[str, ...] = ()
+    net: FrictionNet | None = None
 
 
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:

@@ -154,7 +154,13 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
         "columns": list(names),
         "coulomb_speed": result.friction.coulomb_speed,
         "values": result.phi.tolist(),
-    }
+    } | _net_facts(result)
+
+
+def _net_facts(result: Identification) -> dict[str, Any]:
+    if result.net is None:
+        return {}
+    return {"net": {"theta": result.net.theta.tolist(), "scale": result.net.scale.tolist()}}
 
 
 def _trace_facts(result: Identification) -> dict[str, Any] | None:

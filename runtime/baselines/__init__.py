@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from runtime.baselines.neural import fit_neural
 from runtime.baselines.ols import fit_ols
 from runtime.baselines.pc_ols import ConvexOptimum, convex_optimum, fit_pc_ols
 from runtime.baselines.simulated import fit_didim, fit_iv
@@ -14,6 +15,7 @@ BASELINES: dict[str, Callable[[Problem], Fit]] = {
     "wls": fit_wls,
     "iv": fit_iv,
     "didim": fit_didim,
+    "nn": fit_neural,
 }
 """Method → what solves a problem by it."""
 
@@ -23,6 +25,7 @@ __all__ = [
     "convex_optimum",
     "fit_didim",
     "fit_iv",
+    "fit_neural",
     "fit_ols",
     "fit_pc_ols",
     "fit_wls",

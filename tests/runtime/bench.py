@@ -47,8 +47,8 @@ class Bench:
             self.lib,
             method,
             preparation=preparation(cutoff),
-            splitting=SPLIT,
             **{
+                "splitting": SPLIT,
                 "friction_columns": FRICTION,
                 "lam0": self.lam_cad,
                 "loop": self.loop,

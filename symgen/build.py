@@ -75,7 +75,7 @@ def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
     """All committed files of a robot as text, and notes for the user."""
     chain = read_chain(request.urdf, request.options)
     pi0, projected = initial_parameters(chain, request.project)
-    catalogue = make_catalogue(chain)
+    catalogue = make_catalogue(chain, request.config.collision)
     facts = model_facts(chain, request, catalogue.base, pi0, projected)
     versions = {"symgen": __version__, "casadi": version("casadi")}
     robot = emit(request.name, catalogue.kernels, facts, versions)

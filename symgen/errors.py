@@ -23,3 +23,7 @@ class CompilerError(SymgenError):
 
 class BuildError(SymgenError):
     """The generated folder could not be written, or does not match its inputs."""
+
+
+class CollisionError(SymgenError):
+    """Proxies that do not fit the robot, or geometry to which none can be fitted."""

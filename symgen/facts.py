@@ -9,7 +9,10 @@ import numpy as np
 
 from symgen import inertia
 from symgen.base_parameters import Array, BaseParameters
-from symgen.chain import Chain, Joint
+from symgen.chain import Chain
+from symgen.collision.distance import moving
+from symgen.collision.tables import tables_from_collision
+from symgen.config import Braking, home_of
 from symgen.errors import BuildError, InertiaError
 from symgen.request import BuildRequest
 
@@ -47,15 +50,14 @@ def model_facts(
         BuildError: the robot configuration does not fit the chain.
     """
     n, config = len(chain.joints), request.config
-    for key, values in asdict(config).items():
-        if values is not None and len(values) != n:
+    for key, values in config.vectors().items():
+        if len(values) != n:
             raise BuildError(
                 f"the robot configuration gives {len(values)} values for {key}, "
                 f"the chain has {n} joints: {', '.join(j.name for j in chain.joints)}"
             )
     bodies = pi0.reshape(n, -1)
     lam0 = [np.asarray(ca.DM(inertia.lam_from_pi(ca.DM(pi)))).ravel() for pi in bodies]
-    home = config.home or tuple(_middle(joint) for joint in chain.joints)
     return {
         "base": chain.base,
         "tip": chain.tip.link,
@@ -73,9 +75,14 @@ def model_facts(
             }
             for j in chain.joints
         ],
-        "home": list(home),
+        "home": list(home_of(chain, config)),
         "acceleration": list(config.acceleration) if config.acceleration else None,
         "jerk": list(config.jerk) if config.jerk else None,
+        "torque_rate": list(config.torque_rate) if config.torque_rate else None,
+        "tip_speed": config.tip_speed,
+        "braking": _lists(config.braking) if config.braking else None,
+        **tables_from_collision(config.collision),
+        "moving_proxies": [proxy.name for proxy in moving(chain, config.collision)],
         "lumped": [asdict(body) for body in chain.lumped],
         "removed": list(chain.removed),
         "pi_names": list(inertia.PI_NAMES),
@@ -97,10 +104,5 @@ def model_facts(
     }
 
 
-def _middle(joint: Joint) -> float:
-    """Zero where it lies well inside the limits, else the middle between them."""
-    if joint.lower is None or joint.upper is None:
-        return 0.0
-    margin = 0.1 * (joint.upper - joint.lower)
-    inside = joint.lower + margin <= 0.0 <= joint.upper - margin
-    return 0.0 if inside else (joint.lower + joint.upper) / 2
+def _lists(braking: Braking) -> dict[str, list[float]]:
+    return {key: list(values) for key, values in asdict(braking).items()}

@@ -3,28 +3,17 @@
 import hashlib
 import json
 import re
-import tomllib
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from symgen import __version__
 from symgen.chain import ChainOptions
 from symgen.compiler import find_compiler
+from symgen.config import CONFIG_KEYS, RobotConfig, config_from_table, read_config
 from symgen.errors import BuildError
 
 ROBOTS = Path(__file__).parent / "robots"
-
-
-@dataclass(frozen=True, slots=True)
-class RobotConfig:
-    """What a URDF cannot say, per joint: home [rad, m], acceleration and jerk limits."""
-
-    home: tuple[float, ...] | None = None
-    acceleration: tuple[float, ...] | None = None
-    jerk: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,31 +65,6 @@ def bundled_robots() -> list[str]:
     return sorted(path.stem for path in ROBOTS.glob("*.urdf"))
 
 
-def read_config(path: Path) -> RobotConfig:
-    """Home, acceleration and jerk of a TOML beside the URDF.
-
-    Raises:
-        BuildError: unknown key, or a value that is not a list of finite numbers.
-    """
-    try:
-        table = tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
-    table.pop("source", None)
-    known = RobotConfig.__dataclass_fields__
-    values = {}
-    for key, value in table.items():
-        if key not in known:
-            raise BuildError(f"'{path}' has the unknown key '{key}'; known are {', '.join(known)}")
-        try:
-            values[key] = tuple(float(x) for x in value)
-        except (TypeError, ValueError):
-            values[key] = ()
-        if not values[key] or not np.isfinite(values[key]).all():
-            raise BuildError(f"'{path}': {key} needs a list of finite numbers, one per joint")
-    return RobotConfig(**values)
-
-
 def request_from_folder(folder: Path) -> BuildRequest:
     """The request that regenerates a folder from its own URDF and manifest."""
     name = folder.name
@@ -112,12 +76,8 @@ def request_from_folder(folder: Path) -> BuildRequest:
             gravity=tuple(manifest["gravity"]),
             removed=tuple(manifest["removed"]),
         )
-        config = RobotConfig(
-            **{
-                key: tuple(values) if (values := manifest[key]) is not None else None
-                for key in RobotConfig.__dataclass_fields__
-            }
-        )
+        table = {key: manifest[key] for key in CONFIG_KEYS if manifest[key] is not None}
+        config = config_from_table(table, f"'{folder / 'manifest.json'}'")
         project = bool(manifest["options"]["project"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise BuildError(

@@ -81,6 +81,24 @@ void fr3_transfer_basis(const double t[1], const double t_f[1], double S[4]);
 /* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations. */
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21]);
 
+/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 5598 operations. */
+void fr3_torque_derivatives(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7], double dtau_dq[49], double dtau_dv[49], double dtau_da[49]);
+
+/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1707 operations. */
+void fr3_torque_rate(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], double tau_rate[7]);
+
+/* d tau / d t and its derivatives by (q, dq, ddq, dddq). 15728 operations. */
+void fr3_torque_rate_jacobian(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], double tau_rate[7], double jacobian[196]);
+
+/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations. */
+void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21]);
+
+/* distance of the capsules of each pair, negative where they overlap. 1795 operations. */
+void fr3_clearance(const double q[7], double distance[12], double jacobian[84]);
+
+/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 707 operations. */
+void fr3_plane_clearance(const double q[7], const double plane[4], double distance[7], double jacobian[49]);
+
 /* Length of beta, and the side of the statistics' factor, whose last column is that of tau. */
 enum { FR3_BASE = 43, FR3_STATISTICS = 44 };
 

@@ -7,14 +7,21 @@ argument given once, such as π, serves all samples.
 from runtime.library.binding import Array
 from runtime.library.closed_loop import NOT_POSITIVE, CompiledLoop, LoopBody, LoopLaw
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
-from runtime.library.door import load
-from runtime.library.library import Library
-from runtime.library.manifest import JointFacts, Manifest, to_pinocchio_order
+from runtime.library.library import Library, load
+from runtime.library.manifest import (
+    BrakingFacts,
+    JointFacts,
+    Manifest,
+    PairFacts,
+    ProxyFacts,
+    to_pinocchio_order,
+)
 
 __all__ = [
     "NOT_POSITIVE",
     "AdamProblem",
     "Array",
+    "BrakingFacts",
     "CompiledAdam",
     "CompiledLevenberg",
     "CompiledLoop",
@@ -24,6 +31,8 @@ __all__ = [
     "LoopBody",
     "LoopLaw",
     "Manifest",
+    "PairFacts",
+    "ProxyFacts",
     "load",
     "to_pinocchio_order",
 ]

@@ -12,7 +12,7 @@ from runtime.errors import LibraryError, ShapeError
 
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
-FORMAT = 2
+FORMAT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,43 @@ class JointFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class ProxyFacts:
+    """A capsule rigid in `link` ("base": the fixed one): its axis in that frame and its radius, m.
+
+    `joint` is the index of the joint that moves it, −1 for the base.
+    """
+
+    name: str
+    link: str
+    joint: int
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class PairFacts:
+    """Names of two proxies and the distance that they must keep, m."""
+
+    first: str
+    second: str
+    margin: float
+
+
+@dataclass(frozen=True, slots=True)
+class BrakingFacts:
+    """Velocity limits that shrink towards the ends of the range; (n,) each.
+
+    max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower), convex in (q, dq).
+    """
+
+    k: NDArray[np.float64]
+    c: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    lower: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
 class Manifest:
     """The facts of one robot, see the fields of `manifest.json`."""
 
@@ -71,6 +108,12 @@ class Manifest:
     home: tuple[float, ...]
     acceleration: tuple[float, ...] | None
     jerk: tuple[float, ...] | None
+    torque_rate: tuple[float, ...] | None
+    tip_speed: float | None
+    braking: BrakingFacts | None
+    proxies: tuple[ProxyFacts, ...]
+    pairs: tuple[PairFacts, ...]
+    moving_proxies: tuple[str, ...]
     lumped: tuple[dict[str, Any], ...]
     pi0: tuple[float, ...]
     lam0: tuple[float, ...]
@@ -108,6 +151,12 @@ def read_manifest(path: Path) -> Manifest:
             home=tuple(raw["home"]),
             acceleration=tuple(raw["acceleration"]) if raw["acceleration"] else None,
             jerk=tuple(raw["jerk"]) if raw["jerk"] else None,
+            torque_rate=tuple(raw["torque_rate"]) if raw["torque_rate"] else None,
+            tip_speed=raw["tip_speed"],
+            braking=_braking(raw["braking"]),
+            proxies=tuple(_proxy(entry, raw["joints"]) for entry in raw["proxy"]),
+            pairs=tuple(PairFacts(**entry) for entry in raw["pair"]),
+            moving_proxies=tuple(raw["moving_proxies"]),
             lumped=tuple(raw["lumped"]),
             pi0=tuple(raw["pi0"]),
             lam0=tuple(raw["lam0"]),
@@ -130,6 +179,22 @@ def _kernel(entry: dict[str, Any]) -> KernelFacts:
         inputs=arguments("inputs"),
         outputs=arguments("outputs"),
         operations=entry["operations"],
+    )
+
+
+def _braking(entry: dict[str, list[float]] | None) -> BrakingFacts | None:
+    return BrakingFacts(**{k: np.array(v) for k, v in entry.items()}) if entry else None
+
+
+def _proxy(entry: dict[str, Any], joints: list[dict[str, Any]]) -> ProxyFacts:
+    links = [joint["link"] for joint in joints]
+    return ProxyFacts(
+        name=entry["name"],
+        link=entry["link"],
+        joint=links.index(entry["link"]) if entry["link"] in links else -1,
+        start=tuple(entry["start"]),
+        end=tuple(entry["end"]),
+        radius=entry["radius"],
     )
 
 

@@ -1,0 +1,134 @@
+"""Kernels of the robot's motion: torques, regressors, masses, base parameters."""
+
+from typing import Any
+
+import casadi as ca
+
+from symgen import dynamics
+from symgen.base_parameters import Array, BaseParameters
+from symgen.catalogue.units import STATE, effort_unit, inertia_unit, state_unit
+from symgen.chain import Chain
+from symgen.inertia import N_PARAMETERS as P
+from symgen.kernel import Argument, Kernel, make_kernel
+
+
+def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
+    """Everything about τ(q, dq, ddq) and its parameters."""
+    n, b = len(chain.joints), len(base.columns)
+    effort = effort_unit(chain)
+    q_, dq_, ddq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3))
+    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI", shared=True)
+    beta_ = Argument("beta", (b,), "SI", shared=True)
+    lam_ = Argument("lam", (P * n,), "lambda", shared=True)
+    weight_ = Argument("weight", (n,), "1", shared=True)
+    rotor_ = Argument("rotor", (n,), inertia_unit(chain), shared=True)
+    s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, beta_, lam_, weight_, rotor_)}
+    q, dq, ddq, tau, pi, beta, lam, weight, rotor = s.values()
+    motion = {a: s[a] for a in (q_, dq_, ddq_)}
+    with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
+    predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
+    from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
+    torque = ca.substitute(from_base, beta, _times(base.matrix, dynamics.pi_from_lam_all(lam)))
+    pi_own_, beta_own_ = Argument("pi", (P * n,), "SI"), Argument("beta", (b,), "SI")
+    slope_ = Argument("slope", (b,), "d cost / d beta")
+    pi_own, slope_of_beta = pi_own_.symbol(), slope_.symbol()
+    residual = from_base - tau
+    loss = ca.dot(residual, weight * residual) / 2
+    slope = ca.jtimes(from_base, beta, weight * residual, True)
+    return (
+        make_kernel(
+            "inverse_dynamics", with_pi, {tau_: predicted}, "tau = Y(q, dq, ddq) pi, Eq. 4.3"
+        ),
+        make_kernel(
+            "base_inverse_dynamics",
+            motion | {beta_: beta},
+            {tau_: from_base},
+            "tau = Y_b(q, dq, ddq) beta, Eq. 3.11",
+        ),
+        make_kernel("torque", with_lam, {tau_: torque}, "tau = Y(q, dq, ddq) pi(lam), Eq. 4.3"),
+        make_kernel(
+            "torque_jacobian",
+            with_lam,
+            {
+                Argument("jacobian", (n, P * n), "d tau / d lam"): dynamics.torque_jacobian(
+                    chain, q, dq, ddq, lam
+                )
+            },
+            "d tau / d lam, Eqs. 4.34-4.36",
+        ),
+        make_kernel(
+            "regressor",
+            motion,
+            {Argument("Y", (n, P * n), "d tau / d pi"): dynamics.regressor(chain, q, dq, ddq)},
+            "Y with tau = Y pi, Eq. 3.1",
+        ),
+        make_kernel(
+            "base_regressor",
+            motion,
+            {
+                Argument("Y_b", (n, b), "d tau / d beta"): dynamics.regressor(
+                    chain, q, dq, ddq, base.columns
+                )
+            },
+            "Y_b with tau = Y_b beta, Eq. 3.11",
+        ),
+        make_kernel(
+            "base_parameters",
+            {pi_own_: pi_own},
+            {beta_own_: _times(base.matrix, pi_own)},
+            "beta = K pi, Eq. 3.11",
+        ),
+        make_kernel(
+            "base_adjoint",
+            {slope_: slope_of_beta},
+            {Argument("gradient", (P * n,), "d cost / d pi"): _times(base.matrix.T, slope_of_beta)},
+            "K' slope, the adjoint of beta = K pi",
+        ),
+        make_kernel(
+            "mass_matrix",
+            {q_: q, pi_: pi},
+            {Argument("M", (n, n), "d tau / d ddq"): dynamics.mass_matrix(chain, q, pi)},
+            "M(q), Eq. 2.34",
+        ),
+        make_kernel(
+            "bias_forces",
+            {q_: q, dq_: dq, pi_: pi},
+            {Argument("h", (n,), effort): dynamics.bias_forces(chain, q, dq, pi)},
+            "h = C(q, dq) dq - tau_grav, Eq. 2.34",
+        ),
+        make_kernel(
+            "forward_dynamics",
+            {q_: q, dq_: dq, tau_: tau, pi_: pi, rotor_: rotor},
+            {ddq_: dynamics.forward_dynamics(chain, q, dq, tau, pi, rotor)},
+            "ddq = (M + diag(J))^-1 (tau - h), J of the rotors",
+        ),
+        make_kernel(
+            "end_effector",
+            {q_: q},
+            {Argument("H", (4, 4), "1|m"): dynamics.end_effector(chain, q)},
+            "pose of the tip in the base frame, Eq. 2.15",
+        ),
+        make_kernel(
+            "loss_gradient",
+            motion | {tau_: tau, weight_: weight, beta_: beta},
+            {
+                Argument("loss", (1,), "1", summed=True): loss,
+                Argument("gradient", (b,), "d loss / d beta", summed=True): slope,
+                Argument("residual", (n,), effort): residual,
+            },
+            "sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32",
+        ),
+    )
+
+
+def _expanded(base: BaseParameters, beta: Any) -> Any:
+    """A π with these base parameters: β in the base columns, zero elsewhere."""
+    pi = ca.SX(base.matrix.shape[1], 1)
+    for k, column in enumerate(base.columns):
+        pi[column] = beta[k]
+    return pi
+
+
+def _times(matrix: Array, vector: Any) -> Any:
+    """matrix · vector without the zeros of the matrix."""
+    return ca.mtimes(ca.sparsify(ca.DM(matrix)), vector)

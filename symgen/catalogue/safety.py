@@ -1,0 +1,127 @@
+"""Kernels that keep a designed motion safe: torque and its rate, tip, distances, all exact.
+
+Distances exist only where a robot has proxies.
+"""
+
+from typing import Any
+
+import casadi as ca
+
+from symgen import dynamics
+from symgen.catalogue.units import STATE, effort_unit, state_unit
+from symgen.chain import Chain
+from symgen.collision import CollisionModel
+from symgen.collision.distance import clearance, moving, plane_clearance
+from symgen.inertia import N_PARAMETERS
+from symgen.kernel import Argument, Kernel, make_kernel
+
+
+def safety_kernels(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
+    """Everything that limits of a motion ask for beyond positions and their derivatives."""
+    return (*_torques(chain), _tip(chain), *_distances(chain, collision))
+
+
+def _motion(chain: Chain, count: int) -> tuple[list[Argument], list[Any]]:
+    n = len(chain.joints)
+    arguments = [Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(count)]
+    return arguments, [a.symbol() for a in arguments]
+
+
+def _torques(chain: Chain) -> tuple[Kernel, ...]:
+    n, effort = len(chain.joints), effort_unit(chain)
+    arguments, symbols = _motion(chain, 4)
+    q, dq, ddq, dddq = symbols
+    pi_ = Argument("pi", (N_PARAMETERS * n,), "SI", shared=True)
+    pi = pi_.symbol()
+    still = dict(zip(arguments[:3], symbols[:3], strict=True)) | {pi_: pi}
+    moved = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
+    tau = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
+    rate = ca.jtimes(tau, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq))
+    names = ("dtau_dq", "dtau_dv", "dtau_da")
+    together = ca.jacobian(tau, ca.vertcat(q, dq, ddq))  # shares its sweeps
+    slopes = {
+        Argument(name, (n, n), f"d tau / d {STATE[k]}"): together[:, k * n : (k + 1) * n]
+        for k, name in enumerate(names)
+    }
+    rate_ = Argument("tau_rate", (n,), f"({effort})/s")
+    return (
+        make_kernel(
+            "torque_derivatives",
+            still,
+            {Argument("tau", (n,), effort): tau, **slopes},
+            "tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q)",
+        ),
+        make_kernel(
+            "torque_rate",
+            moved,
+            {rate_: rate},
+            "d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq",
+        ),
+        make_kernel(
+            "torque_rate_jacobian",
+            moved,
+            {
+                rate_: rate,
+                Argument("jacobian", (n, 4 * n), "d tau_rate / d (q, dq, ddq, dddq)"): ca.jacobian(
+                    rate, ca.vertcat(*symbols)
+                ),
+            },
+            "d tau / d t and its derivatives by (q, dq, ddq, dddq)",
+            rare=True,
+        ),
+    )
+
+
+def _tip(chain: Chain) -> Kernel:
+    n = len(chain.joints)
+    arguments, (q, dq) = _motion(chain, 2)
+    p = dynamics.end_effector(chain, q)[:3, 3]
+    v = ca.jtimes(p, q, dq)
+    return make_kernel(
+        "tip_motion",
+        dict(zip(arguments, (q, dq), strict=True)),
+        {
+            Argument("p", (3,), "m"): p,
+            Argument("v", (3,), "m/s"): v,
+            Argument("dp_dq", (3, n), "d p / d q"): ca.jacobian(p, q),
+            Argument("dv_dq", (3, n), "d v / d q"): ca.jacobian(v, q),
+        },
+        "place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq",
+    )
+
+
+def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
+    n = len(chain.joints)
+    (q_,), (q,) = _motion(chain, 1)
+    plane_ = Argument("plane", (4,), "1|m", shared=True)
+    plane = plane_.symbol()
+    kernels = []
+    if collision.pairs:
+        distance, jacobian = clearance(chain, collision, q)
+        count = len(collision.pairs)
+        kernels.append(
+            make_kernel(
+                "clearance",
+                {q_: q},
+                {
+                    Argument("distance", (count,), "m"): distance,
+                    Argument("jacobian", (count, n), "d distance / d q"): jacobian,
+                },
+                "distance of the capsules of each pair, negative where they overlap",
+            )
+        )
+    if moving(chain, collision):
+        distance, jacobian = plane_clearance(chain, collision, q, plane)
+        count = len(moving(chain, collision))
+        kernels.append(
+            make_kernel(
+                "plane_clearance",
+                {q_: q, plane_: plane},
+                {
+                    Argument("distance", (count,), "m"): distance,
+                    Argument("jacobian", (count, n), "d distance / d q"): jacobian,
+                },
+                "least n.x - d over each moving capsule, plane = (n, d) with a unit normal n",
+            )
+        )
+    return tuple(kernels)

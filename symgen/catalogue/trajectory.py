@@ -1,0 +1,54 @@
+"""Kernels that design a motion: bases of trajectories, the adjoint of the regressor."""
+
+import casadi as ca
+
+from symgen import excitation
+from symgen.base_parameters import BaseParameters
+from symgen.catalogue.units import STATE, state_unit
+from symgen.chain import Chain
+from symgen.kernel import Argument, Kernel, make_kernel
+
+
+def trajectory_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
+    """Everything that the design of a motion needs beside its limits."""
+    n, b = len(chain.joints), len(base.columns)
+    m_, t_, tf_ = (
+        Argument("m", (1,), "1"),
+        Argument("t", (1,), "s"),
+        Argument("t_f", (1,), "s", shared=True),
+    )
+    m, t, tf = m_.symbol(), t_.symbol(), tf_.symbol()
+    motion = {
+        Argument(STATE[k], (n,), state_unit(chain, k)): ca.SX.sym(STATE[k], n) for k in range(3)
+    }
+    q, dq, ddq = motion.values()
+    seed_ = Argument("seed", (n, b), "d cost / d Y_b")
+    seed = seed_.symbol()
+    return (
+        make_kernel(
+            "harmonic_basis",
+            {m_: m, t_: t, tf_: tf},
+            {Argument("phi", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.harmonic_basis(m, t, tf)},
+            "cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27",
+            "point",
+            rare=True,
+        ),
+        make_kernel(
+            "transfer_basis",
+            {t_: t, tf_: tf},
+            {Argument("S", (4,), "1, 1/s, 1/s^2, 1/s^3"): excitation.transfer_basis(t, tf)},
+            "10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27",
+            "point",
+            rare=True,
+        ),
+        make_kernel(
+            "regressor_adjoint",
+            motion | {seed_: seed},
+            {
+                Argument("gradient", (3, n), "d cost / d (q, dq, ddq)"): (
+                    excitation.regressor_adjoint(chain, q, dq, ddq, base.columns, seed)
+                )
+            },
+            "d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29",
+        ),
+    )

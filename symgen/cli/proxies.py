@@ -1,0 +1,101 @@
+"""`proxies`: capsules around the collision geometry of a URDF, and the pairs to watch."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from symgen.chain import ChainOptions, read_chain
+from symgen.cli.common import Base, Config, Lock, Tip, app, console, read_locks, read_urdf, say
+from symgen.collision import MARGIN, CollisionModel
+from symgen.collision.tables import toml_from_collision
+from symgen.config import RobotConfig, home_of, read_config
+from symgen.errors import BuildError, CollisionError
+
+if TYPE_CHECKING:
+    from symgen.collision.coverage import Coverage
+    from symgen.collision.selection import Selection
+
+
+@app.command("proxies")
+def proxies_command(
+    urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)],
+    out: Annotated[Path, typer.Option(help="TOML to write, for build --config.", dir_okay=False)],
+    packages: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="Where package://… meshes lie; repeatable."),
+    ] = None,
+    base: Base = None,
+    tip: Tip = None,
+    lock: Lock = None,
+    config: Config = None,
+    most: Annotated[int, typer.Option(min=1, max=6, help="Capsules per link at most.")] = 3,
+    margin: Annotated[float, typer.Option(help="Distance that pairs keep, m.")] = MARGIN,
+) -> None:
+    r"""Fit capsules to the collision geometry of a robot and choose the pairs to watch.
+
+    \b
+    python -m symgen proxies my.urdf --out my_proxies.toml --packages ~/ros/src
+    python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
+    """
+    # scipy's optimisers take a while to load, and no other command needs them
+    from symgen.collision.capsules import fit_link
+    from symgen.collision.coverage import coverage
+    from symgen.collision.geometry import read_geometry
+    from symgen.collision.selection import select_pairs
+
+    if out.exists():
+        raise BuildError(f"'{out}' exists already; choose another --out, or delete it first")
+    if not (math.isfinite(margin) and margin >= 0):
+        raise BuildError(f"--margin needs a distance in m, not below 0, got {margin:g}")
+    chain = read_chain(read_urdf(urdf), ChainOptions(base, tip, None, read_locks(lock or [])))
+    known = read_config(*config) if config else RobotConfig()
+    with console.status("fitting capsules"):
+        geometry = read_geometry(chain, packages or [])
+        fitted = tuple(proxy for part in geometry for proxy in fit_link(part, most))
+        covered = [coverage(part, fitted) for part in geometry]
+        home = np.array(home_of(chain, known))
+        chosen = select_pairs(chain, fitted, home, geometry, margin)
+    console.print(_table(covered))
+    for sentence in _sentences(chosen):
+        say(sentence)
+    worst = max(covered, key=lambda c: c.outside)
+    if worst.outside > 0:
+        raise CollisionError(
+            f"the proxies of link '{worst.link}' leave {1e3 * worst.outside:.3g} mm of it outside; "
+            "nothing was written, please report the URDF"
+        )
+    header = f"# Capsules around the collision geometry of {chain.name} and pairs to watch; m.\n"
+    try:
+        out.write_text(
+            header + toml_from_collision(CollisionModel(fitted, chosen.pairs)), encoding="utf-8"
+        )
+    except OSError as error:
+        raise BuildError(f"cannot write '{out}': {error.strerror}") from None
+    say(f"{out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
+
+
+def _table(covered: "list[Coverage]") -> Table:
+    table = Table("link", "capsules", "corners asked", "outside", "volume / hull")
+    for c in covered:
+        ratio = "-" if math.isnan(c.ratio) else f"{c.ratio:.2f}"
+        outside = f"{1e3 * c.outside:.3g} mm"
+        table.add_row(c.link, str(c.proxies), str(c.corners), outside, ratio)
+    return table
+
+
+def _sentences(chosen: "Selection") -> list[str]:
+    sentences = [
+        f"pair {pair.first} - {pair.second}: margin {1e3 * pair.margin:g} mm"
+        for pair in chosen.pairs
+    ]
+    if chosen.apart:
+        sentences.append(f"{len(chosen.apart)} pairs never come close and are left out")
+    sentences += [
+        f"note: {first} and {second} overlap in every posture tried and are not watched"
+        for first, second in chosen.touching
+    ]
+    return sentences

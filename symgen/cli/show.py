@@ -1,0 +1,102 @@
+"""`list` and `describe`: what is there, read from the manifests."""
+
+import json
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from symgen.build import is_current
+from symgen.cli.common import DEFAULT_ROOT, Root, app, console, folders_of
+from symgen.request import bundled_request, bundled_robots
+
+
+@app.command("list")
+def list_command(out: Root = DEFAULT_ROOT) -> None:
+    """Robots that ship with symgen, and robots that have been generated here."""
+    table = Table("robot", "bundled", "generated", "library")
+    built = {folder.name for folder in out.glob("*/") if (folder / "manifest.json").exists()}
+    for name in sorted(built | set(bundled_robots())):
+        folder = out / name
+        library = "-"
+        if name in built:
+            request = bundled_request(name) if name in bundled_robots() else None
+            library = "built" if (folder / f"lib{name}.so").exists() else "not compiled"
+            if request is not None and library == "built" and not is_current(request, folder):
+                library = "stale"
+        table.add_row(
+            name, "yes" if name in bundled_robots() else "", "yes" if name in built else "", library
+        )
+    console.print(table)
+
+
+@app.command()
+def describe(
+    robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3",
+    as_json: Annotated[bool, typer.Option("--json", help="The facts as JSON.")] = False,
+    out: Root = DEFAULT_ROOT,
+) -> None:
+    """Joints, limits, base parameters, and kernels with shapes and operation counts."""
+    (folder,) = folders_of(out, robot)
+    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    if as_json:
+        print(json.dumps(_description(manifest), indent=1))
+        return
+    for table in (_joint_table(manifest), _base_table(manifest), _kernel_table(manifest)):
+        console.print(table)
+
+
+def _description(manifest: dict[str, Any]) -> dict[str, Any]:
+    names = [f"{j['link']}.{p}" for j in manifest["joints"] for p in manifest["pi_names"]]
+    base = manifest["base_parameters"]
+    keys = ("robot", "base", "tip", "gravity", "joints", "home", "lumped", "removed", "kernels")
+    return {key: manifest[key] for key in keys} | {
+        "base_parameters": [_combination(names, row) for row in base["matrix"]],
+        "smallest_kept": base["smallest_kept"],
+        "largest_dropped_below": base["largest_dropped_below"],
+        "model_hash": manifest["model_hash"],
+    }
+
+
+def _combination(names: list[str], row: list[float]) -> str:
+    terms = [(x, name) for x, name in zip(row, names, strict=True) if x]
+    terms.sort(key=lambda term: term[0] != 1.0)
+    text = " ".join(
+        f"{'-' if x < 0 else '+'} {'' if abs(x) == 1 else f'{abs(x):.6g} '}{name}"
+        for x, name in terms
+    )
+    return text.removeprefix("+ ")
+
+
+def _joint_table(manifest: dict[str, Any]) -> Table:
+    table = Table("joint", "kind", "moves", "lower", "upper", "velocity", "effort", "home")
+    table.title = f"{manifest['robot']}: joints (rad or m, N·m or N)"
+    for joint, home in zip(manifest["joints"], manifest["home"], strict=True):
+        limits = [joint[key] for key in ("lower", "upper", "velocity", "effort")]
+        shown = ["none" if x is None else f"{x:g}" for x in limits]
+        table.add_row(joint["name"], joint["kind"], joint["link"], *shown, f"{home:.4f}")
+    return table
+
+
+def _base_table(manifest: dict[str, Any]) -> Table:
+    table = Table("β", "combination")
+    facts = _description(manifest)
+    table.title = (
+        f"{len(facts['base_parameters'])} base parameters "
+        f"(singular values: kept ≥ {facts['smallest_kept']:g}, "
+        f"dropped < {facts['largest_dropped_below']:g})"
+    )
+    for k, text in enumerate(facts["base_parameters"], 1):
+        table.add_row(str(k), text)
+    return table
+
+
+def _kernel_table(manifest: dict[str, Any]) -> Table:
+    table = Table("kernel", "inputs", "outputs", "operations", "equation", title="kernels")
+    for kernel in manifest["kernels"]:
+        shapes = [
+            ", ".join(f"{a['name']} {'×'.join(map(str, a['shape']))}" for a in kernel[side])
+            for side in ("inputs", "outputs")
+        ]
+        table.add_row(kernel["name"], *shapes, str(kernel["operations"]), kernel["equation"])
+    return table

@@ -1,0 +1,192 @@
+"""Capsules of small volume around the triangles of a link: one, two or three of them.
+
+One capsule around points x_i: min log(π r² L + 4/3 π r³) with |x_i − segment| ≤ r, by SLSQP with
+exact gradients from several axes. Several: triangles go to the capsule that they stick out of
+least, and each capsule is fitted anew, until nothing changes (Lloyd). A further capsule is taken
+only where it saves a sixth of the volume, since every capsule makes pairs.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.spatial import ConvexHull, QhullError
+
+from symgen.collision.geometry import LinkGeometry
+from symgen.collision.model import Proxy
+
+Array = NDArray[np.float64]
+
+GRAIN = 1e-4
+"""m; ends are rounded to it and radii up to it."""
+WORTH = 1 / 6
+"""Part of the volume that one more capsule must save."""
+_ROUNDS = 8
+"""Reassignments of triangles at most; they settle after three or four."""
+_CONSTRAINED = 400
+"""Points that SLSQP sees at most; the radius is checked with all of them afterwards."""
+
+
+@dataclass(frozen=True, slots=True)
+class Capsule:
+    """start, end (3,) and radius, m."""
+
+    start: Array
+    end: Array
+    radius: float
+
+    @property
+    def volume(self) -> float:
+        """π r² L + 4/3 π r³, m³."""
+        length = float(np.linalg.norm(self.end - self.start))
+        return float(np.pi * self.radius**2 * (length + 4 / 3 * self.radius))
+
+    def depth(self, points: Array) -> Array:
+        """Distance to the surface, negative inside, for points (…, 3)."""
+        return _to_segment(points, self.start, self.end)[0] - self.radius
+
+
+def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
+    """Proxies that hold every triangle of a link, and its own spheres and capsules.
+
+    Args:
+        geometry: of one link.
+        most: capsules at most around the triangles.
+    """
+    capsules = [Capsule(r.start, r.end, r.radius) for r in geometry.rounds]
+    if len(geometry.triangles):
+        capsules += fit_capsules(geometry.triangles, most)
+    several = len(capsules) > 1
+    return tuple(
+        Proxy(
+            f"{geometry.link}_{k}" if several else geometry.link,
+            geometry.link,
+            _point(c.start),
+            _point(c.end),
+            round(float(c.radius), 9),
+        )
+        for k, c in enumerate(capsules, 1)
+    )
+
+
+def fit_capsules(triangles: Array, most: int) -> list[Capsule]:
+    """As many capsules as pay, each triangle (3, 3) wholly inside one of them."""
+    best = [_rounded(_enclosing(triangles), triangles)]
+    for count in range(2, most + 1):
+        more = _split(triangles, count)
+        if sum(c.volume for c in more) > (1 - WORTH) * sum(c.volume for c in best):
+            break
+        best = more
+    return best
+
+
+def _split(triangles: Array, count: int) -> list[Capsule]:
+    """Lloyd's alternation, from slices of equal number along the longest axis."""
+    centres = triangles.mean(axis=1)
+    _, _, axes = np.linalg.svd(centres - centres.mean(axis=0), full_matrices=False)
+    order = np.argsort(centres @ axes[0], kind="stable")
+    owner = np.empty(len(triangles), dtype=int)
+    owner[order] = np.arange(len(order)) * count // len(order)
+    capsules: list[Capsule] = []
+    for _ in range(_ROUNDS):
+        parts = [triangles[owner == k] for k in range(count)]
+        capsules = [_enclosing(part, starts=1) for part in parts if len(part)]
+        count = len(capsules)
+        outside = np.stack([c.depth(triangles).max(axis=1) for c in capsules])  # (count, T)
+        fresh = outside.argmin(axis=0)
+        if (fresh == owner).all():
+            break
+        owner = fresh
+    parts = [triangles[owner == k] for k in range(count)]
+    return [_rounded(_enclosing(part), part) for part in parts if len(part)]
+
+
+def _enclosing(triangles: Array, starts: int = 5) -> Capsule:
+    """The smallest capsule found around all corners, from axes of inertia and of the frame."""
+    points = _extreme(triangles.reshape(-1, 3))
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    size = float(np.abs(points - centre).max()) or 1.0
+    scaled = (points - centre) / size
+    _, _, axes = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)
+    found = [_minimised(scaled, axis) for axis in [*axes[:2], *np.eye(3)][:starts]]
+    best = min(found, key=lambda c: c.volume)
+    return Capsule(centre + size * best.start, centre + size * best.end, size * best.radius)
+
+
+def _extreme(points: Array) -> Array:
+    """Corners of the convex hull: a capsule that holds them holds everything between."""
+    points = np.unique(points, axis=0)
+    try:
+        points = points[ConvexHull(points).vertices]
+    except (QhullError, ValueError):
+        return points  # flat: no hull
+    if len(points) > _CONSTRAINED:
+        golden = np.pi * (1 + 5**0.5) * np.arange(_CONSTRAINED)
+        height = 1 - (2 * np.arange(_CONSTRAINED) + 1) / _CONSTRAINED
+        around = np.sqrt(1 - height**2)
+        towards = np.stack([around * np.cos(golden), around * np.sin(golden), height])
+        points = points[np.unique((points @ towards).argmax(axis=0))]
+    return points
+
+
+def _minimised(points: Array, axis: Array) -> Capsule:
+    """SLSQP on (start, end, radius) from a capsule along `axis`."""
+    along = points @ axis
+    radius = float(np.linalg.norm(points - np.outer(along, axis), axis=1).max())
+    middle, half = (along.min() + along.max()) / 2, (along.max() - along.min()) / 2
+    half = max(half - radius, 0.1 * half)
+    start = np.concatenate([(middle - half) * axis, (middle + half) * axis, [radius + half]])
+
+    def cost(x: Array) -> tuple[float, Array]:
+        d, r = x[3:6] - x[:3], x[6]
+        length = np.sqrt(d @ d) + 1e-9
+        volume = r * r * (length + 4 / 3 * r)
+        slope = np.concatenate([-r * r * d / length, r * r * d / length, [0.0]])
+        slope[6] = 2 * r * length + 4 * r * r
+        return float(np.log(volume)), slope / volume
+
+    def room(x: Array) -> Array:
+        return x[6] - _to_segment(points, x[:3], x[3:6])[0]
+
+    def room_slope(x: Array) -> Array:
+        distance, s, away = _to_segment(points, x[:3], x[3:6])
+        normal = away / np.maximum(distance, 1e-9)[:, None]
+        ones = np.ones((len(points), 1))
+        return np.hstack([(1 - s)[:, None] * normal, s[:, None] * normal, ones])
+
+    bounds = [(None, None)] * 6 + [(1e-3, None)]
+    constraint = {"type": "ineq", "fun": room, "jac": room_slope}
+    answer = minimize(
+        cost,
+        start,
+        jac=True,
+        method="SLSQP",
+        bounds=bounds,
+        constraints=[constraint],
+        options={"maxiter": 100, "ftol": 1e-7},
+    )
+    x = answer.x if np.isfinite(answer.x).all() else start
+    return Capsule(x[:3], x[3:6], float(_to_segment(points, x[:3], x[3:6])[0].max()))
+
+
+def _to_segment(points: Array, start: Array, end: Array) -> tuple[Array, Array, Array]:
+    """Distance (…), parameter s ∈ [0, 1] (…) and offset (…, 3) of points from a segment."""
+    direction = end - start
+    square = max(float(direction @ direction), 1e-30)
+    s = np.clip((points - start) @ direction / square, 0, 1)
+    away = points - start - s[..., None] * direction
+    return np.linalg.norm(away, axis=-1), s, away
+
+
+def _rounded(capsule: Capsule, triangles: Array) -> Capsule:
+    """Ends on the grain, radius up to it, and every corner inside."""
+    start, end = (np.round(p / GRAIN) * GRAIN for p in (capsule.start, capsule.end))
+    reach = float(_to_segment(triangles, start, end)[0].max())
+    return Capsule(start, end, float(np.ceil(reach / GRAIN + 1e-6) * GRAIN))
+
+
+def _point(x: Array) -> tuple[float, float, float]:
+    """Without the rounding of binary fractions, and without −0."""
+    a, b, c = (round(float(value), 9) + 0.0 for value in x)
+    return a, b, c

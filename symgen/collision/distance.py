@@ -1,0 +1,190 @@
+"""Distances between capsules, and of capsules from a plane, with exact gradients in q.
+
+d = |P − Q| − r₁ − r₂ with P, Q the closest points of two segments. By the envelope theorem the
+gradient is that of |P − Q| with P and Q held in their links: ∂d/∂q_j = n · ż_j(P), n the direction
+from Q to P, for each joint j that moves one of them only. Where the segments cross, n is
+undefined and the gradient is given as zero; where they are parallel, the closest points are not
+unique and one choice of them is taken. Nothing here divides by zero.
+Source: Ericson, Real-Time Collision Detection, 5.1.9; Danskin's theorem for the gradient.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from symgen.chain import Chain
+from symgen.collision.model import CollisionModel, Pair, Proxy
+from symgen.dynamics import joint_pose
+from symgen.spatial import Matrix
+
+_PARALLEL = 1e-12
+"""Sine² of the angle below which two segments count as parallel: rounding of their directions."""
+_CROSSING = 1e-12
+"""m; axes closer than this have no direction from one to the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """Pose of a link in the base frame, its joint's axis and moment z × o, joints that move it."""
+
+    rotation: Matrix
+    origin: Matrix
+    axis: Matrix
+    moment: Matrix
+    slides: bool
+    movers: frozenset[int]
+
+
+@dataclass(frozen=True, slots=True)
+class _Segment:
+    """Axis of a proxy in the base frame; `square` is its constant squared length."""
+
+    start: Matrix
+    direction: Matrix
+    square: float
+    movers: frozenset[int]
+
+
+def clearance(chain: Chain, model: CollisionModel, q: Matrix) -> tuple[Matrix, Matrix]:
+    """Surface distance of every pair, negative inside each other, and its gradient.
+
+    Args:
+        chain: n joints.
+        model: its pairs in their order.
+        q: (n,) rad or m.
+
+    Returns:
+        (n_pairs,) m and (n_pairs, n) m/rad or 1.
+    """
+    frames = _frames(chain, q)
+    segments = {p.name: _segment(chain, model, frames, p) for p in model.proxies}
+    rows = [_pair(model, pair, segments, frames) for pair in model.pairs]
+    return ca.vertcat(*(d for d, _ in rows)), ca.vertcat(*(row for _, row in rows))
+
+
+def plane_clearance(
+    chain: Chain, model: CollisionModel, q: Matrix, plane: Matrix
+) -> tuple[Matrix, Matrix]:
+    """min over a capsule of n·x − d, for every moving proxy, and its gradient.
+
+    Args:
+        chain: n joints.
+        model: its moving proxies in their order.
+        q: (n,) rad or m.
+        plane: (4,) unit normal n and offset d [m] of the plane n·x = d in the base frame.
+
+    Returns:
+        (n_moving,) m and (n_moving, n) m/rad or 1.
+    """
+    frames = _frames(chain, q)
+    normal, offset = plane[:3], plane[3]
+    distances, rows = [], []
+    for proxy in moving(chain, model):
+        segment = _segment(chain, model, frames, proxy)
+        lowest, height = segment.start, ca.dot(normal, segment.start)
+        if segment.square > 0:
+            rise = ca.dot(normal, segment.direction)
+            # one end is lower than the other, or both are as low
+            lowest = lowest + ca.if_else(rise < 0, 1.0, 0.0) * segment.direction
+            height = height + ca.fmin(rise, 0.0)
+        distances.append(height - offset - proxy.radius)
+        moment = ca.cross(lowest, normal)
+        rows.append(_row(frames, normal, moment, segment.movers, frozenset()))
+    return ca.vertcat(*distances), ca.vertcat(*rows)
+
+
+def moving(chain: Chain, model: CollisionModel) -> tuple[Proxy, ...]:
+    """Proxies that some joint moves: those that a plane can meet."""
+    links = [joint.link for joint in chain.joints]
+    return tuple(p for p in model.proxies if model.joint_of(p, links) >= 0)
+
+
+def _frames(chain: Chain, q: Matrix) -> list[_Frame]:
+    frames: list[_Frame] = []
+    for i, joint in enumerate(chain.joints):
+        pose = joint_pose(joint, q[i])
+        rotation, origin, movers = pose.rotation, pose.translation, frozenset([i])
+        if joint.parent >= 0:
+            parent = frames[joint.parent]
+            origin = parent.origin + ca.mtimes(parent.rotation, origin)
+            rotation = ca.mtimes(parent.rotation, rotation)
+            movers |= parent.movers
+        axis = ca.mtimes(rotation, pose.axis)
+        slides = joint.kind == "prismatic"
+        frames.append(_Frame(rotation, origin, axis, ca.cross(axis, origin), slides, movers))
+    return frames
+
+
+def _segment(chain: Chain, model: CollisionModel, frames: list[_Frame], proxy: Proxy) -> _Segment:
+    joint = model.joint_of(proxy, [j.link for j in chain.joints])
+    start = ca.SX(ca.DM(proxy.start))
+    direction = ca.SX(ca.DM(proxy.end) - ca.DM(proxy.start))
+    movers: frozenset[int] = frozenset()
+    if joint >= 0:
+        frame = frames[joint]
+        start = frame.origin + ca.mtimes(frame.rotation, start)
+        direction = ca.mtimes(frame.rotation, direction)
+        movers = frame.movers
+    return _Segment(start, direction, proxy.length**2, movers)
+
+
+def _pair(
+    model: CollisionModel, pair: Pair, segments: dict[str, _Segment], frames: list[_Frame]
+) -> tuple[Matrix, Matrix]:
+    a, b = segments[pair.first], segments[pair.second]
+    s, t = _closest(a, b)
+    p, between = a.start + s * a.direction, a.start - b.start + s * a.direction - t * b.direction
+    length = ca.sqrt(ca.dot(between, between))
+    normal = between / ca.fmax(length, _CROSSING)
+    distance = length - model.named(pair.first).radius - model.named(pair.second).radius
+    return distance, _row(frames, normal, ca.cross(p, normal), a.movers, b.movers)
+
+
+def _closest(a: _Segment, b: _Segment) -> tuple[Matrix, Matrix]:
+    """s, t ∈ [0, 1] of the closest points a.start + s·a.direction and b.start + t·b.direction.
+
+    The minimum over s of the distance to the line of b, clamped; then t for that s; where t had
+    to be clamped, s again for that t. A sphere's parameter is 0.
+    """
+    across = a.start - b.start
+    if not a.square and not b.square:
+        return 0.0, 0.0
+    if not a.square:
+        return 0.0, _clamped(ca.dot(b.direction, across) / b.square)
+    if not b.square:
+        return _clamped(-ca.dot(a.direction, across) / a.square), 0.0
+    along_a, along_b = ca.dot(a.direction, across), ca.dot(b.direction, across)
+    both = ca.dot(a.direction, b.direction)
+    least = _PARALLEL * a.square * b.square
+    determinant = ca.fmax(a.square * b.square - both * both, least)
+    s = _clamped((both * along_b - along_a * b.square) / determinant)
+    t = _clamped((both * s + along_b) / b.square)
+    return _clamped((both * t - along_a) / a.square), t
+
+
+def _clamped(x: Matrix) -> Matrix:
+    return ca.fmin(ca.fmax(x, 0.0), 1.0)
+
+
+def _row(
+    frames: list[_Frame],
+    normal: Matrix,
+    moment: Matrix,
+    first: frozenset[int],
+    second: frozenset[int],
+) -> Matrix:
+    """n · ∂P/∂q_j for the joints of `first` only, −n · ∂Q/∂q_j for those of `second` only.
+
+    n · (z × (P − o)) = z · (P × n) − n · (z × o); the line through P along n is also the one
+    through Q, so that one moment P × n serves both.
+    """
+    row: list[Matrix] = []
+    for j, frame in enumerate(frames):
+        if (j in first) == (j in second):
+            row.append(ca.SX(1, 1))
+            continue
+        lever = ca.dot(frame.axis, normal)
+        if not frame.slides:
+            lever = ca.dot(frame.axis, moment) - ca.dot(normal, frame.moment)
+        row.append(lever if j in first else -lever)
+    return ca.horzcat(*row)

@@ -1,0 +1,150 @@
+"""Collision geometry of a URDF as triangles and round shapes in the frames of the chain's links.
+
+Pinocchio reads the URDF and its meshes through coal. Triangles are cut until their edges are short,
+so that one of them lies in one convex proxy or another as a whole: three corners inside a capsule
+mean that the triangle is inside.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from symgen.chain import Chain
+from symgen.collision.model import BASE
+from symgen.errors import CollisionError
+
+Array = NDArray[np.float64]
+
+EDGE = 0.02
+"""m; longest edge of a triangle after cutting."""
+_CORNERS = 32
+"""Corners of the polygon around a circle."""
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """A sphere or capsule of the URDF itself: needs no fit."""
+
+    start: Array
+    end: Array
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class LinkGeometry:
+    """Shapes rigid in one link.
+
+    Attributes:
+        link: moving link of the chain, or `BASE`.
+        triangles: (T, 3, 3) corners, m, in the link's frame; none longer than `EDGE`.
+        rounds: spheres and capsules.
+        volume: m³ of the convex hulls of the angular shapes.
+    """
+
+    link: str
+    triangles: Array
+    rounds: tuple[Round, ...]
+    volume: float
+
+
+def read_geometry(chain: Chain, packages: list[Path]) -> tuple[LinkGeometry, ...]:
+    """The collision geometry of every link of a chain that has any.
+
+    Args:
+        chain: read from a URDF; its `urdf` keeps the shapes.
+        packages: folders in which `package://…` is looked up.
+
+    Raises:
+        CollisionError: a mesh is missing or damaged, or no link has geometry.
+    """
+    objects = _objects(chain, packages)
+    found = []
+    for joint, link in enumerate((BASE, *(j.link for j in chain.joints))):
+        parts = [o for o in objects if o.parentJoint == joint]
+        if parts:
+            found.append(_link(link, parts))
+    if not found:
+        raise CollisionError(
+            f"no link of '{chain.name}' has a <collision> shape, so there is nothing to enclose; "
+            "take a URDF with collision geometry or write [[proxy]] tables by hand"
+        )
+    return tuple(found)
+
+
+def _objects(chain: Chain, packages: list[Path]) -> list[Any]:
+    try:
+        model = pinocchio.buildModelFromXML(chain.urdf)
+        kind = pinocchio.GeometryType.COLLISION
+        folders = [str(folder.resolve()) for folder in packages]
+        geometry = pinocchio.buildGeomFromUrdfString(model, chain.urdf, kind, package_dirs=folders)
+    except (ValueError, RuntimeError) as error:
+        raise CollisionError(
+            f"the collision geometry of '{chain.name}' cannot be read "
+            f"({' '.join(str(error).split())}); name the folders that hold its packages with "
+            "--packages DIR"
+        ) from None
+    return list(geometry.geometryObjects)
+
+
+def _link(link: str, parts: list[Any]) -> LinkGeometry:
+    triangles, rounds, volume = [], [], 0.0
+    for part in parts:
+        shape, placement = part.geometry, part.placement
+        if isinstance(shape, (coal.Sphere, coal.Capsule)):
+            half = np.array([0.0, 0.0, getattr(shape, "halfLength", 0.0)])
+            rounds.append(Round(placement.act(-half), placement.act(half), float(shape.radius)))
+            continue
+        corners = _corners(part.name, shape)
+        corners = corners @ placement.rotation.T + placement.translation
+        volume += float(ConvexHull(corners.reshape(-1, 3)).volume)
+        triangles.append(cut(corners))
+    joined = np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))
+    return LinkGeometry(link, joined, tuple(rounds), volume)
+
+
+def _corners(name: str, shape: Any) -> Array:
+    """Triangles (T, 3, 3) of a shape in its own frame, or of a polytope around it."""
+    if isinstance(shape, coal.Box):
+        signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+        return _hull(signs * np.asarray(shape.halfSide))
+    if isinstance(shape, (coal.Cylinder, coal.Cone)):
+        angle = 2 * np.pi * np.arange(_CORNERS) / _CORNERS
+        around = shape.radius / np.cos(np.pi / _CORNERS)  # the polygon goes around the circle
+        circle = around * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        ends = [np.column_stack([circle, np.full(_CORNERS, z * shape.halfLength)]) for z in (-1, 1)]
+        return _hull(np.concatenate(ends))
+    if isinstance(shape, coal.BVHModelBase):
+        vertices = np.asarray(shape.vertices())
+        indices = [[t[0], t[1], t[2]] for t in map(shape.tri_indices, range(shape.num_tris))]
+        if indices and np.isfinite(vertices).all():
+            return vertices[np.array(indices)]
+    raise CollisionError(
+        f"the collision shape '{name}' ({type(shape).__name__}) is no mesh with triangles, box, "
+        "cylinder, sphere or capsule; replace it in the URDF"
+    )
+
+
+def _hull(points: Array) -> Array:
+    return points[ConvexHull(points).simplices]
+
+
+def cut(triangles: Array, edge: float = EDGE) -> Array:
+    """The same surface in triangles with no edge above `edge`: the longest one is halved."""
+    done = []
+    while len(triangles):
+        sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)  # (T, 3)
+        longest = sides.argmax(axis=1)
+        fine = sides.max(axis=1) <= edge
+        done.append(triangles[fine])
+        rest, first = triangles[~fine], longest[~fine]
+        rows = np.arange(len(rest))
+        a, b, c = (rest[rows, (first + k) % 3] for k in range(3))
+        middle = (a + b) / 2
+        triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+    return np.concatenate(done)

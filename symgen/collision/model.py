@@ -1,0 +1,104 @@
+"""Capsules rigid in a link, and pairs of them that must keep a distance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symgen.errors import CollisionError
+
+Vector = tuple[float, float, float]
+
+BASE = "base"
+"""How a proxy names the fixed base, whatever the base link is called."""
+
+
+MARGIN = 0.02
+"""m; what two proxies keep where there is room for it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proxy:
+    """All points within `radius` of the segment from `start` to `end`; a sphere where they agree.
+
+    Attributes:
+        name: unique.
+        link: the moving link that carries it, or `BASE`.
+        start, end: m, in the frame of that link (of its joint), or of the base link.
+        radius: m.
+    """
+
+    name: str
+    link: str
+    start: Vector
+    end: Vector
+    radius: float
+
+    @property
+    def length(self) -> float:
+        """|end − start|, m."""
+        return float(np.linalg.norm(np.subtract(self.end, self.start)))
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two proxies by name and the distance that they must keep, m."""
+
+    first: str
+    second: str
+    margin: float
+
+
+@dataclass(frozen=True, slots=True)
+class CollisionModel:
+    """Proxies of a robot and the pairs of them that a motion has to watch.
+
+    Raises:
+        CollisionError: a name twice or unknown, a number that is not finite, a radius ≤ 0.
+    """
+
+    proxies: tuple[Proxy, ...] = ()
+    pairs: tuple[Pair, ...] = ()
+
+    def __post_init__(self) -> None:
+        seen: set[str] = set()
+        for proxy in self.proxies:
+            if proxy.name in seen:
+                raise CollisionError(f"two proxies are called '{proxy.name}'; names must be unique")
+            seen.add(proxy.name)
+            numbers = (*proxy.start, *proxy.end, proxy.radius)
+            if not np.isfinite(numbers).all() or proxy.radius <= 0:
+                raise CollisionError(
+                    f"proxy '{proxy.name}' needs finite ends and a radius above 0 m, got "
+                    f"{numbers[:3]}, {numbers[3:6]} and {proxy.radius:g}"
+                )
+        for pair in self.pairs:
+            for name in (pair.first, pair.second):
+                if name not in seen:
+                    raise CollisionError(
+                        f"a pair names the proxy '{name}', which is not there; "
+                        f"proxies are {', '.join(sorted(seen)) or 'none'}"
+                    )
+            if pair.first == pair.second or not np.isfinite(pair.margin):
+                raise CollisionError(
+                    f"the pair '{pair.first}' and '{pair.second}' needs two proxies and a finite "
+                    f"margin in m, got {pair.margin:g}"
+                )
+
+    def joint_of(self, proxy: Proxy, links: list[str]) -> int:
+        """Index of the joint that moves a proxy, −1 for the base.
+
+        Raises:
+            CollisionError: the chain has no such moving link.
+        """
+        if proxy.link == BASE:
+            return -1
+        if proxy.link not in links:
+            raise CollisionError(
+                f"proxy '{proxy.name}' lies on the link '{proxy.link}', which does not move in "
+                f"this robot; its moving links are {', '.join(links)}, the fixed one is '{BASE}'"
+            )
+        return links.index(proxy.link)
+
+    def named(self, name: str) -> Proxy:
+        """The proxy of this name."""
+        return next(proxy for proxy in self.proxies if proxy.name == name)

@@ -1,0 +1,155 @@
+"""What a URDF cannot say: home, limits of the drives and of the controller, collision proxies.
+
+Read from a TOML beside the URDF and written into the manifest.
+"""
+
+import tomllib
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from symgen.chain import Chain, Joint
+from symgen.collision import CollisionModel
+from symgen.collision.tables import collision_from_tables
+from symgen.errors import BuildError
+
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Braking:
+    """Velocity limits that shrink towards the ends of the range, per joint.
+
+    max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower): what is left of the range
+    suffices to brake. Convex in (q, dq).
+
+    Attributes:
+        k: rad/s² or m/s².
+        c: rad/s or m/s.
+        upper, lower: rad or m, a little outside the position limits.
+    """
+
+    k: Vector
+    c: Vector
+    upper: Vector
+    lower: Vector
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """What a URDF cannot say; None where it is not known.
+
+    Attributes:
+        home: rad or m, per joint.
+        acceleration: limit per joint, rad/s² or m/s².
+        jerk: limit per joint, rad/s³ or m/s³.
+        torque_rate: limit per joint, N·m/s or N/s.
+        tip_speed: limit of the speed of the tip, m/s.
+        braking: velocity limits near the ends of the range.
+        collision: proxies and pairs.
+    """
+
+    home: Vector | None = None
+    acceleration: Vector | None = None
+    jerk: Vector | None = None
+    torque_rate: Vector | None = None
+    tip_speed: float | None = None
+    braking: Braking | None = None
+    collision: CollisionModel = field(default_factory=CollisionModel)
+
+    def vectors(self) -> dict[str, Vector]:
+        """What has one value per joint, by its name in the TOML."""
+        found = {key: getattr(self, key) for key in _VECTORS}
+        if self.braking is not None:
+            found |= {f"braking.{key}": value for key, value in asdict(self.braking).items()}
+        return {key: value for key, value in found.items() if value is not None}
+
+
+_VECTORS = ("home", "acceleration", "jerk", "torque_rate")
+_COLLISION = ("proxy", "pair")
+CONFIG_KEYS = (*_VECTORS, "tip_speed", "braking", *_COLLISION)
+"""Keys of the TOML; the manifest has the same ones, None where nothing is known."""
+
+
+def read_config(*paths: Path) -> RobotConfig:
+    """The configuration of one TOML, or of several with different keys.
+
+    Raises:
+        BuildError: unknown key, the same key twice, or a value that is not what it must be.
+        CollisionError: the proxies or pairs contradict each other.
+    """
+    joined: dict[str, Any] = {}
+    for path in paths:
+        try:
+            table = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
+        table.pop("source", None)
+        twice = sorted(joined.keys() & table.keys())
+        if twice:
+            raise BuildError(f"'{path}' gives {', '.join(twice)} once more; keep one of them")
+        joined |= table
+    return config_from_table(joined, " and ".join(f"'{path}'" for path in paths))
+
+
+def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
+    """The configuration of a table with the keys of the TOML, all of them optional.
+
+    Raises:
+        BuildError: unknown key, or a value that is not what it must be.
+        CollisionError: the proxies or pairs contradict each other.
+    """
+    for key in table:
+        if key not in CONFIG_KEYS:
+            raise BuildError(
+                f"{where} has the unknown key '{key}'; known are {', '.join(CONFIG_KEYS)}"
+            )
+    vectors = {key: _vector(table[key], key, where) for key in _VECTORS if key in table}
+    speed = table.get("tip_speed")
+    if speed is not None and not (_is_number(speed) and speed > 0):
+        raise BuildError(f"{where}: tip_speed needs a number above 0 m/s, got {speed!r}")
+    return RobotConfig(
+        **vectors,
+        tip_speed=None if speed is None else float(speed),
+        braking=_braking(table.get("braking"), where),
+        collision=collision_from_tables(table.get("proxy", []), table.get("pair", []), where),
+    )
+
+
+def home_of(chain: Chain, config: RobotConfig) -> Vector:
+    """The home of the configuration, else zero or the middle of the range of each joint."""
+    return config.home or tuple(_middle(joint) for joint in chain.joints)
+
+
+def _middle(joint: Joint) -> float:
+    """Zero where it lies well inside the limits, else the middle between them."""
+    if joint.lower is None or joint.upper is None:
+        return 0.0
+    margin = 0.1 * (joint.upper - joint.lower)
+    inside = joint.lower + margin <= 0.0 <= joint.upper - margin
+    return 0.0 if inside else (joint.lower + joint.upper) / 2
+
+
+def _braking(table: Any, where: str) -> Braking | None:
+    if table is None:
+        return None
+    keys = tuple(Braking.__dataclass_fields__)
+    if not isinstance(table, dict) or set(table) != set(keys):
+        raise BuildError(f"{where}: braking needs exactly the lists {', '.join(keys)}")
+    found = Braking(**{key: _vector(table[key], f"braking.{key}", where) for key in keys})
+    if min(found.k) <= 0 or min(found.c) < 0:
+        raise BuildError(f"{where}: braking needs k above 0 and c not below 0 for every joint")
+    return found
+
+
+def _vector(value: Any, key: str, where: str) -> Vector:
+    if not isinstance(value, list) or not value or not all(map(_is_number, value)):
+        raise BuildError(f"{where}: {key} needs a list of finite numbers, one per joint")
+    return tuple(float(x) for x in value)
+
+
+def _is_number(value: Any) -> bool:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return number and bool(np.isfinite(value))

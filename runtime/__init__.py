@@ -9,8 +9,9 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 
 from runtime.descent import Preset
 from runtime.fitting import PRESETS
-from runtime.identification import METHODS, Identification, identify
+from runtime.identification import Identification, identify
 from runtime.library import Library, load, to_pinocchio_order
+from runtime.methods import METHODS
 from runtime.recording import Recording, read_recording, write_recording
 
 __all__ = [

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime import friction, metrics
-from runtime.baselines import BASELINES, convex_optimum
+from runtime.baselines import convex_optimum
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
-from runtime.fitting import PRESETS, fit_adam, fit_levenberg
 from runtime.library import Array, Library
 from runtime.loop import Loop
+from runtime.methods import fit_by, require_method
 from runtime.network import FrictionNet
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.optimizers import Trace
@@ -116,18 +116,6 @@ class Identification:
         return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
 
 
-METHODS: dict[str, str] = {
-    "adam": "gradient descent in λ, consistent by construction (document Sec. 4)",
-    "lm": "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
-    "pc-ols": "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
-    "ols": "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
-    "wls": "least squares with every joint weighted by its residual, four passes",
-    "iv": "instrumental variables from a simulation of the closed loop; needs the loop",
-    "didim": "measured torque against the simulated closed loop; needs the loop",
-    "nn": "consistent, with a small net per joint for what linear friction leaves over",
-}
-
-
 @one_blas_thread
 def identify(
     recording: Recording,
@@ -168,10 +156,7 @@ def identify(
     Raises:
         RuntimeFault: the data or options do not make an identification problem.
     """
-    if method not in METHODS:
-        raise IdentificationError(
-            f"there is no method '{method}'; choose one of {', '.join(METHODS)}"
-        )
+    require_method(method)
     require_plausible(recording, lib)
     recipe = recording.recipe
     terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
@@ -195,10 +180,16 @@ def identify(
         start=lib.lam0 if lam0 is None else np.asarray(lam0, dtype=float),
         seed=seed,
         progress=progress,
-        bench=Bench(recording, terms, _aligned(parts[0], lib, preparation, terms), loop),
+        bench=Bench(
+            recording,
+            terms,
+            _aligned(parts[0], lib, preparation, terms),
+            (parts[0].t[0], parts[0].t[-1]),
+            loop,
+        ),
     )
     start = time.perf_counter()
-    fit = _fit(problem, method, preset)
+    fit = fit_by(problem, method, preset)
     seconds = time.perf_counter() - start
     statistics, optimum = problem.statistics(), fit.optimum
     if optimum is None:
@@ -261,20 +252,6 @@ def _aligned(
         return samples_of(done.mapped(at, "Taken at the rows of the training.", t=part.t), lib)
 
     return rows
-
-
-def _fit(problem: Problem, method: str, preset: str | Preset) -> Fit:
-    if method in BASELINES:
-        return BASELINES[method](problem)
-    if method == "lm":
-        return fit_levenberg(problem)
-    if isinstance(preset, str):
-        if preset not in PRESETS:
-            raise IdentificationError(
-                f"there is no preset '{preset}'; choose one of {', '.join(PRESETS)}"
-            )
-        preset = PRESETS[preset]
-    return fit_adam(problem, preset)
 
 
 def _loss(problem: Problem, fit: Fit) -> float:

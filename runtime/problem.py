@@ -24,12 +24,14 @@ class Bench:
         friction: names and width of the friction columns.
         aligned: another recording on the same clock, prepared alike → its rows of the training
             samples.
+        span: first and last instant of the training samples, s.
         loop: under which the recording was made, where it is known.
     """
 
     recording: Recording
     friction: Friction
     aligned: Callable[[Recording], Samples]
+    span: tuple[float, float]
     loop: Loop | None = None
 
 

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 
+from runtime.baselines.ekf import fit_ekf
 from runtime.baselines.neural import fit_neural
 from runtime.baselines.ols import fit_ols
 from runtime.baselines.pc_ols import ConvexOptimum, convex_optimum, fit_pc_ols
 from runtime.baselines.simulated import fit_didim, fit_iv
+from runtime.baselines.ukf import fit_ukf
 from runtime.baselines.wls import fit_wls
 from runtime.problem import Fit, Problem
 
@@ -15,6 +17,8 @@ BASELINES: dict[str, Callable[[Problem], Fit]] = {
     "wls": fit_wls,
     "iv": fit_iv,
     "didim": fit_didim,
+    "ekf": fit_ekf,
+    "ukf": fit_ukf,
     "nn": fit_neural,
 }
 """Method → what solves a problem by it."""
@@ -24,9 +28,11 @@ __all__ = [
     "ConvexOptimum",
     "convex_optimum",
     "fit_didim",
+    "fit_ekf",
     "fit_iv",
     "fit_neural",
     "fit_ols",
     "fit_pc_ols",
+    "fit_ukf",
     "fit_wls",
 ]

@@ -19,8 +19,9 @@ from runtime.cli.common import (
 from runtime.errors import IdentificationError
 from runtime.export import write_urdf
 from runtime.fitting import PRESETS
-from runtime.identification import METHODS, Identification, identify
+from runtime.identification import Identification, identify
 from runtime.library import Library, load
+from runtime.methods import METHODS
 from runtime.recording import Friction, Preparation, Recording, Split, read_recording
 from runtime.results import write_result
 

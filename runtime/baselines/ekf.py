@@ -8,11 +8,11 @@ import numpy as np
 
 from runtime.baselines.ols import fit_of_pi
 from runtime.baselines.stream import (
-    FRICTION_DEVIATION,
-    JITTER,
+    FIRST_FRICTION,
     SPEED_VARIANCE,
     Stream,
     prior_covariance,
+    process_noise,
     stream_of,
 )
 from runtime.errors import IdentificationError
@@ -67,19 +67,19 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
     Raises:
         IdentificationError: the state became infinite.
     """
-    n, n_pi, k = lib.n_joints, lib.pi0.size, len(stream.names)
+    n, n_pi = lib.n_joints, lib.pi0.size
     at = slice(2 * n, None)
-    x = np.concatenate([stream.q[0], stream.first_speed, lib.pi_from_lam(lam), np.zeros(n * k)])
+    x = np.concatenate(
+        [stream.q[0], stream.first_speed, lib.pi_from_lam(lam), stream.first_friction]
+    )
     p = np.zeros((x.size, x.size))
     p[:n, :n] = np.diag(stream.sigma_q**2)
     p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
     p[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi] = prior_covariance(lib, lam)
     tail = np.arange(2 * n + n_pi, x.size)
-    p[tail, tail] = FRICTION_DEVIATION**2
+    p[tail, tail] = FIRST_FRICTION**2
     noise, bad = np.diag(stream.sigma_q**2), 0
     top = np.zeros((2 * n, x.size))
-    top[:n, :n] = np.eye(n)
-    top[:n, n : 2 * n] = stream.dt * np.eye(n)
     for step, (q, tau) in enumerate(zip(stream.q, stream.tau, strict=True)):
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
@@ -95,7 +95,7 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
         p[: 2 * n, 2 * n :] = rows[:, 2 * n :]
         p[2 * n :, : 2 * n] = rows[:, 2 * n :].T
         p[: 2 * n, : 2 * n] = rows @ top.T
-        p[n : 2 * n, n : 2 * n] += spread
+        p[: 2 * n, : 2 * n] += spread
         p = (p + p.T) / 2
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
@@ -106,28 +106,30 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
 
 
 def _advance(lib: Library, stream: Stream, x: Array, tau: Array, top: Array) -> tuple[Array, Array]:
-    """The next [q, dq] and its process noise; the rows of dq in the Jacobian `top` are renewed."""
+    """The next [q, dq] and its process noise; `top` receives its derivative by the state."""
     n, n_pi, dt = lib.n_joints, lib.pi0.size, stream.dt
     q, dq, pi, phi = np.split(x, [n, 2 * n, 2 * n + n_pi])
-    columns, slopes = stream.friction(dq)
-    phi = phi.reshape(n, -1)
-    friction = np.einsum("jk,jk->j", columns, phi)
-    slope = np.einsum("jk,jk->j", slopes, phi)
-    force = tau - friction - lib.bias_forces(q, dq, pi)
+    secants, bends, constants = stream.friction(dq)
+    phi = stream.passive(phi.reshape(n, -1))
+    secant, bend, constant = (np.sum(part * phi, axis=1) for part in (secants, bends, constants))
     mass = lib.mass_matrix(q, pi)
-    implicit = mass + dt * np.diag(np.maximum(slope, 0.0))
+    implicit = mass + dt * np.diag(secant)
+    force = tau - secant * dq - constant - lib.bias_forces(q, dq, pi)
     ddq = np.linalg.solve(implicit, force)
+    after = dq + dt * ddq
     _, by_q, by_dq, _ = lib.torque_derivatives(q, dq, ddq, pi)
-    k = columns.shape[1]
-    right = np.empty((n, 3 * n + n_pi + n * k))
+    k = secants.shape[1]
+    right = np.zeros((n, 3 * n + n_pi + n * k))
     right[:, :n] = -dt * by_q
-    right[:, n : 2 * n] = mass - dt * by_dq - dt * np.diag(np.minimum(slope, 0.0))
+    right[:, n : 2 * n] = mass - dt * by_dq - dt * np.diag(bend * after)
     right[:, 2 * n : 2 * n + n_pi] = -dt * lib.regressor(q, dq, ddq)
-    spread = np.zeros((n, n, k))
-    spread[np.arange(n), np.arange(n)] = -dt * columns
-    right[:, 2 * n + n_pi : -n] = spread.reshape(n, -1)
+    columns = secants * after[:, None] + constants
+    for j in range(n):
+        right[j, 2 * n + n_pi + j * k : 2 * n + n_pi + (j + 1) * k] = -dt * columns[j]
     right[:, -n:] = dt * np.diag(stream.sigma_tau)
     solved = np.linalg.solve(implicit, right)
     top[n:] = solved[:, :-n]
-    noise = solved[:, -n:]
-    return np.concatenate([q + dt * dq, dq + dt * ddq]), noise @ noise.T + JITTER * np.eye(n)
+    top[:n] = dt / 2 * top[n:]
+    top[:n, : 2 * n] += np.concatenate([np.eye(n), dt / 2 * np.eye(n)], axis=1)
+    moved = np.concatenate([q + dt / 2 * (dq + after), after])
+    return moved, process_noise(np.asarray(solved[:, -n:], dtype=float), dt)

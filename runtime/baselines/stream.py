@@ -1,11 +1,12 @@
 """What the filters work on: the recording at its full rate, its noise, the friction in their state.
 
 Measured torque is their input and measured position their output; the state is
-[q, dq, parameters], and one step of dt is semi-implicit in friction,
+[q, dq, parameters], and one step of dt is
 
-    dq⁺ = dq + dt (M + dt D)⁻¹ (τ − h − f),   q⁺ = q + dt dq,   D = ∂f/∂dq,
+    (M + dt S) dq⁺ = M dq + dt (τ − h − offset),   q⁺ = q + dt (dq + dq⁺)/2,   S = f(dq)/dq,
 
-because smooth Coulomb friction on a light wrist is far too fast for an explicit one.
+because smooth Coulomb friction on a light wrist is far too fast for an explicit step. S, the secant
+of friction, keeps its sign: unlike the tangent it cannot push a joint through rest.
 """
 
 from dataclasses import dataclass
@@ -21,8 +22,8 @@ SLOWEST = 200.0
 """Hz below which a step of a filter is too long for the friction of a wrist."""
 LEAST_NOISE = (1e-6, 1e-3)
 """Of position, rad or m, and of torque, N·m: a filter that trusts its data blindly diverges."""
-FRICTION_DEVIATION = 0.3
-"""Of the friction coefficients before the first sample, N·m (s/rad)."""
+FIRST_FRICTION = 0.3
+"""Viscous and Coulomb friction before the first sample, and its deviation, N·m (s/rad)."""
 LAM_FLOOR = np.array([0.3, *(0.02,) * 3, *(0.3,) * 3, *(0.02,) * 3])
 """|λ| is taken to be at least so large where its uncertainty is relative."""
 TRUST = 0.05
@@ -53,20 +54,37 @@ class Stream:
     names: tuple[str, ...]
     speed: float
 
-    def friction(self, dq: Array) -> tuple[Array, Array]:
-        """Friction columns (…, n, k) and their slopes in dq."""
-        soft = np.tanh(dq / self.speed)
-        one = np.ones_like(dq)
+    def friction(self, dq: Array) -> tuple[Array, Array, Array]:
+        """Secants s = column/dq, ds/d(dq), and constant columns; each (…, n, k)."""
+        inside = np.abs(dq) < 1e-3 * self.speed
+        safe = np.where(inside, self.speed, dq)
+        soft = np.tanh(safe / self.speed)
+        secant = np.where(inside, 1 / self.speed, soft / safe)
+        bend = ((1 - soft**2) / self.speed - soft / safe) / safe
+        bend = np.where(inside, -2 / 3 * dq / self.speed**3, bend)
+        one, zero = np.ones_like(dq), np.zeros_like(dq)
         table = {
-            "viscous": (dq, one),
-            "coulomb": (soft, (1 - soft**2) / self.speed),
-            "offset": (one, 0 * one),
+            "viscous": (one, zero, zero),
+            "coulomb": (secant, bend, zero),
+            "offset": (zero, zero, one),
         }
         if not self.names:
             empty = np.zeros((*dq.shape, 0))
-            return empty, empty
-        columns, slopes = zip(*(table[name] for name in self.names), strict=True)
-        return np.stack(columns, axis=-1), np.stack(slopes, axis=-1)
+            return empty, empty, empty
+        parts = zip(*(table[name] for name in self.names), strict=True)
+        secants, bends, constants = (np.stack(part, axis=-1) for part in parts)
+        return secants, bends, constants
+
+    @property
+    def first_friction(self) -> Array:
+        """φ before the first sample, joint by joint, (n k,)."""
+        start = [0.0 if name == "offset" else FIRST_FRICTION for name in self.names]
+        return np.tile(start, self.q.shape[1])
+
+    def passive(self, phi: Array) -> Array:
+        """φ (…, n, k) without what drives the joints: negative friction would run away."""
+        least = [-np.inf if name == "offset" else 0.0 for name in self.names]
+        return np.maximum(phi, least)
 
     @property
     def first_speed(self) -> Array:
@@ -125,3 +143,12 @@ def prior_covariance(lib: Library, lam: Array) -> Array:
         part = slice(k * size, (k + 1) * size)
         whole[part, part] = block @ block.T
     return whole
+
+
+def process_noise(spread: Array, dt: float) -> Array:
+    """Of [q, dq] after a step, (2 n, 2 n), from the effect of the torque's noise on dq, (n, n)."""
+    both = np.concatenate([dt / 2 * spread, spread])
+    noise = np.asarray(both @ both.T)
+    n = len(spread)
+    noise[range(n, 2 * n), range(n, 2 * n)] += JITTER
+    return noise

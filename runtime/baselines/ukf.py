@@ -1,7 +1,9 @@
 """UKF: state [q, dq, β, φ], one sample after the other, covariance from sigma points.
 
-2 L + 1 points x ± √(α² L) columns of the Cholesky factor of P, α = 0.1, β = 2, κ = 0. Base
-parameters, because a direction that the data never see would only make the points wander.
+2 L + 1 points x ± h columns of the Cholesky factor of P, h = α √L, α = 0.1, β = 2, κ = 0. Base
+parameters, because a direction that the data never see would only make the points wander. Points
+whose mass matrix falls below a fifth of the mean's belong to no robot that moves; their pair is
+taken with a smaller h, whose weights 1/(2 h²) keep mean and covariance what they are.
 Source: Julier & Uhlmann 1997; van der Merwe 2004 for the weights.
 """
 
@@ -9,11 +11,11 @@ import numpy as np
 
 from runtime.baselines.ols import fit_of_base
 from runtime.baselines.stream import (
-    FRICTION_DEVIATION,
-    JITTER,
+    FIRST_FRICTION,
     SPEED_VARIANCE,
     Stream,
     prior_covariance,
+    process_noise,
     stream_of,
 )
 from runtime.errors import IdentificationError
@@ -22,6 +24,10 @@ from runtime.problem import Fit, Problem
 
 ALPHA, BETA = 0.1, 2.0
 _LOOK = 100
+_LIGHTEST = 0.2
+"""Smallest M of a sigma point relative to that of the mean."""
+_NEAREST = 1e-3
+"""Smallest h: below, a pair is a difference quotient anyway."""
 _RIDGE = 1e-12
 """Relative addition to the covariance where rounding makes it indefinite."""
 
@@ -50,40 +56,38 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
     Raises:
         IdentificationError: the state became infinite.
     """
-    n, n_b, k = lib.n_joints, len(lib.base_columns), len(stream.names)
+    n, n_b = lib.n_joints, len(lib.base_columns)
     beta = lib.base_matrix @ lib.pi_from_lam(lam)
-    x = np.concatenate([stream.q[0], stream.first_speed, beta, np.zeros(n * k)])
+    x = np.concatenate([stream.q[0], stream.first_speed, beta, stream.first_friction])
     p = np.zeros((x.size, x.size))
     p[:n, :n] = np.diag(stream.sigma_q**2)
     p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
     inside = slice(2 * n, 2 * n + n_b)
     p[inside, inside] = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
     tail = np.arange(2 * n + n_b, x.size)
-    p[tail, tail] = FRICTION_DEVIATION**2
+    p[tail, tail] = FIRST_FRICTION**2
     noise = np.diag(stream.sigma_q**2)
-    scale = ALPHA**2 * x.size
-    weights = np.full(2 * x.size + 1, 1 / (2 * scale))
-    weights[0] = 1 - x.size / scale
-    about = weights.copy()
-    about[0] += 1 - ALPHA**2 + BETA
+    far = np.full(x.size, ALPHA * np.sqrt(x.size))
+    reach = far
     for step, (q, tau) in enumerate(zip(stream.q, stream.tau, strict=True)):
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
         if step == len(stream.q) - 1 or (step % _LOOK == 0 and not np.isfinite(x).all()):
             break
-        root = np.sqrt(scale) * _root(p)
-        points = np.concatenate([x[None], x + root.T, x - root.T])
-        middle = _advance(lib, stream, x[None], tau)[1][0]
-        points[:, : 2 * n], _ = _advance(lib, stream, points, tau)
-        # Differences to the image of the mean: the large negative weight of the centre then
-        # multiplies zero, and nothing cancels.
-        offsets = points - points[0]
+        points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
+        moved, inverse = _advance(lib, stream, points, tau)
+        points[:, : 2 * n] = moved
+        # Offsets from the image of the mean: its own large weight then multiplies zero.
+        offsets = points[1:] - points[0]
+        weights = np.tile(0.5 / reach**2, 2)
         shift = weights @ offsets
         x = points[0] + shift
+        centre = 2 - weights.sum() - ALPHA**2 + BETA
         centred = offsets - shift
-        p = (centred * about[:, None]).T @ centred
-        p[n : 2 * n, n : 2 * n] += middle @ middle.T + JITTER * np.eye(n)
+        p = (centred * weights[:, None]).T @ centred + centre * np.outer(shift, shift)
+        spread = stream.dt * inverse * stream.sigma_tau
+        p[: 2 * n, : 2 * n] += process_noise(spread, stream.dt)
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
             f"the filter diverged after {step * stream.dt:.2f} s; the first guess is too far from "
@@ -103,17 +107,40 @@ def _root(p: Array) -> Array:
         return np.asarray(vectors * np.sqrt(raised))
 
 
+def _points(lib: Library, x: Array, root: Array, reach: Array) -> tuple[Array, Array]:
+    """The mean, x + h L and x − h L as rows, and h, drawn in where the mass matrix gives way."""
+    n, n_b = lib.n_joints, len(lib.base_columns)
+    while True:
+        offsets = (root * reach).T
+        points = np.concatenate([x[None], x + offsets, x - offsets])
+        mass = lib.mass_matrix(points[:, :n], _pi(lib, points[:, 2 * n : 2 * n + n_b]))
+        rest = mass[1:] - _LIGHTEST * mass[0]
+        try:
+            np.linalg.cholesky(rest)
+            return points, reach
+        except np.linalg.LinAlgError:
+            light = np.linalg.eigvalsh(rest)[:, 0] <= 0
+            pairs = light.reshape(2, -1).any(axis=0) & (reach > _NEAREST)
+            if not pairs.any():
+                return points, reach
+            reach = np.where(pairs, reach / 2, reach)
+
+
+def _pi(lib: Library, beta: Array) -> Array:
+    """A π with these base parameters: β in the base columns, zero elsewhere."""
+    pi = np.zeros((len(beta), lib.pi0.size))
+    pi[:, lib.base_columns] = beta
+    return pi
+
+
 def _advance(lib: Library, stream: Stream, points: Array, tau: Array) -> tuple[Array, Array]:
-    """[q, dq] of all points after a step, and dt (M + dt D)⁻¹ σ_τ of the first one."""
+    """[q, dq] of all points after a step, and (M + dt S)⁻¹ of the first one."""
     n, n_b, dt = lib.n_joints, len(lib.base_columns), stream.dt
     q, dq, beta, phi = np.split(points, [n, 2 * n, 2 * n + n_b], axis=1)
-    columns, slopes = stream.friction(dq)
-    phi = phi.reshape(len(points), n, -1)
-    friction = np.einsum("ijk,ijk->ij", columns, phi)
-    damping = dt * np.maximum(np.einsum("ijk,ijk->ij", slopes, phi), 0.0)
-    pi = np.zeros((len(points), lib.pi0.size))
-    pi[:, lib.base_columns] = beta
-    ddq = lib.forward_dynamics(q, dq, tau - friction, pi, damping)
-    inverse = np.linalg.inv(lib.mass_matrix(q[:1], pi[:1]) + np.diag(damping[0]))
-    moved = np.concatenate([q + dt * dq, dq + dt * ddq], axis=1)
-    return moved, dt * inverse * stream.sigma_tau
+    phi = stream.passive(phi.reshape(len(points), n, -1))
+    secant, _, constant = (np.sum(part * phi, axis=2) for part in stream.friction(dq))
+    pi = _pi(lib, beta)
+    free = tau - secant * dq - constant
+    ddq = lib.forward_dynamics(q, dq, free, pi, dt * secant)
+    inverse = np.asarray(np.linalg.inv(lib.mass_matrix(q[0], pi[0]) + dt * np.diag(secant[0])))
+    return np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1), inverse

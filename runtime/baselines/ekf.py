@@ -84,9 +84,9 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
+        if not np.isfinite(x).all():
+            break
         if step % _LOOK == 0:
-            if not np.isfinite(x).all():
-                break
             bad += bool((lib.relative_eigenvalues(x[at][:n_pi]) < 0).any())
         if step == len(stream.q) - 1:
             break

@@ -23,7 +23,6 @@ from runtime.library import Array, Library
 from runtime.problem import Fit, Problem
 
 ALPHA, BETA = 0.1, 2.0
-_LOOK = 100
 _LIGHTEST = 0.2
 """Smallest M of a sigma point relative to that of the mean."""
 _NEAREST = 1e-3
@@ -73,7 +72,7 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
-        if step == len(stream.q) - 1 or (step % _LOOK == 0 and not np.isfinite(x).all()):
+        if step == len(stream.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
             break
         points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
         moved, inverse = _advance(lib, stream, points, tau)

@@ -17,6 +17,15 @@ from runtime.objective import samples_of
 from runtime.statistics import compress
 
 FORMAT = 1
+OWN_WEIGHTS = {
+    "ols": "minimises the unweighted error",
+    "wls": "weights joints by their residuals",
+    "iv": "minimises no loss of the measured motion",
+    "didim": "compares the torque with that of a simulated motion",
+    "ekf": "follows the unfiltered recording",
+    "ukf": "follows the unfiltered recording",
+}
+"""What a method does instead of minimising L."""
 SUSPICIOUSLY_GOOD = 1e-4
 """Overall error in percent below which a real torque sensor is hard to believe."""
 
@@ -184,10 +193,10 @@ def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
         warnings.append(
             "some links are no bodies that can exist; use adam or pc-ols for a model to simulate"
         )
-    if result.method == "ols":
+    if result.method in OWN_WEIGHTS:
         warnings.append(
-            "ols minimises the unweighted error; its gap is measured in the weighted loss of the "
-            "other methods"
+            f"{result.method} {OWN_WEIGHTS[result.method]}; its gap is measured in the weighted "
+            "loss of the other methods"
         )
     if after.overall < SUSPICIOUSLY_GOOD:
         warnings.append(

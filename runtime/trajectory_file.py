@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,17 +14,27 @@ from runtime.library import Library
 
 def write_trajectory(found: Design, lib: Library, path: Path) -> None:
     """Write a design, atomically."""
-    facts = {
-        "robot": lib.name,
-        "joints": list(lib.joint_names),
-        "basis": "q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 s^2 (1-s)^2), s = t/t_f",
-        "duration": found.trajectory.duration,
-        "home": found.trajectory.home.tolist(),
-        "coefficients": found.trajectory.coefficients.tolist(),
+    known = {
         "condition_number": found.condition,
         "condition_numbers_of_starts": list(found.conditions),
         "use_of_limits": found.use,
         "assumptions": list(found.assumptions),
+    }
+    write_motion(found.trajectory, lib, path, known)
+
+
+def write_motion(
+    trajectory: Trajectory, lib: Library, path: Path, known: dict[str, Any] | None = None
+) -> None:
+    """Write a trajectory and what is known of it, atomically."""
+    facts = {
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "basis": "q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 s^2 (1-s)^2), s = t/t_f",
+        "duration": trajectory.duration,
+        "home": trajectory.home.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+        **(known or {}),
     }
     with replacing(path) as file:
         file.write((json.dumps(facts, indent=1) + "\n").encode())

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from runtime.baselines.ekf import fit_ekf
-from runtime.baselines.neural import fit_neural
+from runtime.baselines.neural import INPUTS, fit_neural
 from runtime.baselines.ols import fit_ols
 from runtime.baselines.pc_ols import ConvexOptimum, convex_optimum, fit_pc_ols
 from runtime.baselines.simulated import fit_didim, fit_iv
@@ -25,6 +25,7 @@ BASELINES: dict[str, Callable[[Problem], Fit]] = {
 
 __all__ = [
     "BASELINES",
+    "INPUTS",
     "ConvexOptimum",
     "convex_optimum",
     "fit_didim",

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from runtime.baselines import INPUTS
 from runtime.cli.common import (
     Robot,
     Seed,
@@ -21,6 +22,7 @@ from runtime.export import write_urdf
 from runtime.fitting import PRESETS
 from runtime.identification import Identification, identify
 from runtime.library import Library, load
+from runtime.loop import read_loop
 from runtime.methods import METHODS
 from runtime.recording import Friction, Preparation, Recording, Split, read_recording
 from runtime.results import write_result
@@ -52,7 +54,9 @@ def identify_command(
     run: Annotated[str | None, typer.Option(help="Which run, where a recipe has several.")] = None,
     friction: Annotated[
         str | None,
-        typer.Option(help="none, or a list of viscous,coulomb,offset; default from the recipe."),
+        typer.Option(
+            help="none, or a list of viscous,coulomb,offset,dahl; default from the recipe."
+        ),
     ] = None,
     coulomb_speed: Annotated[
         float | None, typer.Option(help="Width of the smooth Coulomb sign, rad/s.")
@@ -65,6 +69,13 @@ def identify_command(
         str | None,
         typer.Option(metavar="A,B", help="Train up to A, validate up to B of the duration."),
     ] = None,
+    loop: Annotated[
+        Path | None,
+        typer.Option(
+            help="TOML with the controller's gains and the reference motion, for iv and didim; "
+            "simulate writes one."
+        ),
+    ] = None,
     seed: Seed = 0,
 ) -> None:
     r"""Identify a robot from a log: result.json, identified.urdf and report.html.
@@ -73,6 +84,7 @@ def identify_command(
     python -m runtime identify panda_gaz --robot fr3
     python -m runtime identify log.csv --robot my --friction viscous,coulomb --cutoff 10
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
+    python -m runtime identify log.csv --method didim --loop log.loop.toml --friction viscous
 
     A CSV has the header t,q1…,dq1…,ddq1…,tau1… in SI units (dq and ddq optional); anything else
     is described by a recipe. Ctrl-C keeps the best point so far. A report of the same folder is
@@ -81,6 +93,8 @@ def identify_command(
     lib = load(robot)
     recording = read_recording(log, recipe, run)
     terms = _friction(recording, friction, coulomb_speed)
+    if terms is None and method == "nn":
+        terms = Friction(INPUTS)
     result = _with_progress(
         recording,
         lib,
@@ -89,6 +103,7 @@ def identify_command(
         preparation=_preparation(recording, cutoff, rate),
         splitting=_split(split),
         friction_columns=terms,
+        loop=read_loop(loop, lib) if loop else None,
         seed=seed,
     )
     folder = out or Path("results") / f"{Path(log).stem}-{method}"

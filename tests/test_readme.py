@@ -8,9 +8,13 @@ import sys
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from runtime.excitation import Trajectory
+from runtime.loop import read_loop
 from runtime.recording import load_recipe
+from runtime.trajectory_file import write_motion
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -83,10 +87,16 @@ def test_c_block_compiles_and_runs(desk):
     assert abs(torque[1]) > 1.0
 
 
-def test_toml_blocks_are_recipes(tmp_path):
-    """Property: the recipe shown is read without complaint."""
+def test_toml_blocks_are_recipes_and_loops(tmp_path, fr3):
+    """Property: the recipe and the loop shown are read without complaint."""
     for block in blocks("toml"):
-        tomllib.loads(block)
+        if "controller" in tomllib.loads(block):
+            write_motion(
+                Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 5.0), fr3, tmp_path / "motion.json"
+            )
+            (tmp_path / "loop.toml").write_text(block, encoding="utf-8")
+            assert read_loop(tmp_path / "loop.toml", fr3).rotor.shape == (7,)
+            continue
         path = tmp_path / "recipe.toml"
         path.write_text(block, encoding="utf-8")
         assert load_recipe(path).torque is not None

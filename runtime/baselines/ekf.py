@@ -56,6 +56,7 @@ def _fit(problem: Problem, stream: Stream, x: Array, covariance: Array, bad: int
     return fit_of_pi(problem, pi, phi, status, len(stream.q), tuple(notes))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # told as a sentence at the end
 def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int]:
     """State and covariance after the last sample, and how often a look found no bodies.
 

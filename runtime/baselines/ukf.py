@@ -49,6 +49,7 @@ def fit_ukf(problem: Problem) -> Fit:
     return fit_of_base(problem, beta, phi, status, len(stream.q))
 
 
+@np.errstate(over="ignore", invalid="ignore")  # told as a sentence at the end
 def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
     """State and covariance after the last sample.
 

@@ -9,9 +9,10 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 
 from runtime.descent import Preset
 from runtime.fitting import PRESETS
-from runtime.identification import METHODS, Identification, identify
+from runtime.identification import Identification, identify
 from runtime.ladder import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
+from runtime.methods import METHODS
 from runtime.online import OnlineEstimate, OnlineEstimator
 from runtime.payload import Payload, identify_payload
 from runtime.recording import Recording, read_recording, write_recording

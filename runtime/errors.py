@@ -25,5 +25,9 @@ class IdentificationError(RuntimeFault):
     """The data or the options do not determine an identification problem that can be solved."""
 
 
+class SimulationError(IdentificationError):
+    """The simulated robot cannot move like that: its mass matrix is none, or it ran away."""
+
+
 class ExportError(RuntimeFault):
     """The identified model could not be written, or does not reload."""

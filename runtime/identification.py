@@ -8,25 +8,26 @@ samples at once, from compressed statistics, which costs less and stops closer t
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime import friction, metrics
-from runtime.baselines import convex_optimum, fit_ols, fit_pc_ols
+from runtime.baselines import convex_optimum
 from runtime.convex import CAD
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
-from runtime.fitting import PRESETS, fit_adam, fit_levenberg
 from runtime.library import Array, Library
+from runtime.loop import Loop
+from runtime.methods import fit_by, require_method
+from runtime.network import FrictionNet
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.optimizers import Trace
 from runtime.plausibility import require_plausible
-from runtime.posterior import fit_map
 from runtime.preprocessing import prepare, split
 from runtime.prior_file import PriorFile
-from runtime.problem import Fit, Problem
+from runtime.problem import Bench, Fit, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.threads import one_blas_thread
 from runtime.uncertainty import Uncertainty, uncertainty_of
@@ -50,6 +51,7 @@ class Identification:
         train, validation, test: the prepared recordings.
         one_run: True when they are parts of one recording.
         notes: what was done on the way.
+        net: friction beyond φ, learned by "nn".
     """
 
     method: str
@@ -73,20 +75,24 @@ class Identification:
     one_run: bool
     seed: int
     notes: tuple[str, ...] = field(default=())
+    net: FrictionNet | None = None
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """τ̂ = Y π + F(dq) φ, (N, n) or (n,)."""
+        """τ̂ = Y π + F(dq) φ, (N, n) or (n,), and the net's share where there is one."""
         rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
         if not self.phi.size:
             return rigid
         speed, place, push = (np.atleast_2d(np.asarray(a, dtype=float)) for a in (dq, q, ddq))
         motion = friction.Motion(speed, place, push, self.lib)
         columns = friction.columns(motion, self.friction)
-        return rigid + friction.torque(columns, self.phi).reshape(rigid.shape)
+        extra = friction.torque(columns, self.phi)
+        if self.net is not None:
+            extra = extra + self.net.torque(columns)
+        return rigid + extra.reshape(rigid.shape)
 
     def predict_recording(self, recording: Recording) -> Array:
         """τ̂ of a prepared recording, with the friction columns that were filtered with it."""
-        return _predict(self.lib, samples_of(recording, self.lib), self.pi, self.phi)
+        return _predict(self.lib, samples_of(recording, self.lib), self.pi, self.phi, self.net)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the model one starts with: the URDF's π, no friction."""
@@ -116,16 +122,6 @@ class Identification:
         return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
 
 
-METHODS: dict[str, str] = {
-    "map": "most probable consistent model given the URDF as a prior, one convex problem (default)",
-    "adam": "gradient descent in λ, consistent by construction (document Sec. 4)",
-    "lm": "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
-    "log-cholesky": "Levenberg-Marquardt in log-Cholesky coordinates, consistent by construction",
-    "pc-ols": "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
-    "ols": "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
-}
-
-
 @one_blas_thread
 def identify(
     recording: Recording,
@@ -140,6 +136,7 @@ def identify(
     test: Recording | None = None,
     lam0: ArrayLike | None = None,
     prior: PriorFile | None = None,
+    loop: Loop | None = None,
     seed: int = 0,
     certify: bool = True,
     progress: Callable[[int, float], None] | None = None,
@@ -158,6 +155,7 @@ def identify(
         test: likewise; both or neither.
         lam0: first guess, default is the URDF's.
         prior: further knowledge of the bodies, for "map".
+        loop: controller and reference of the recording; "iv" and "didim" simulate them.
         seed: of mini-batches.
         certify: False leaves out the convex optimum and the uncertainty, for thousands of trials;
             the gap is then NaN.
@@ -167,10 +165,7 @@ def identify(
         RuntimeFault: the data or options do not make an identification problem.
     """
     method = method or ("map" if preset is None else "adam")
-    if method not in METHODS:
-        raise IdentificationError(
-            f"there is no method '{method}'; choose one of {', '.join(METHODS)}"
-        )
+    require_method(method)
     if preset is not None and method != "adam":
         raise IdentificationError(
             f"a preset belongs to the method adam, the method is '{method}'; leave one out"
@@ -204,9 +199,16 @@ def identify(
         start=lib.lam0 if lam0 is None else np.asarray(lam0, dtype=float),
         seed=seed,
         progress=progress,
+        bench=Bench(
+            recording,
+            terms,
+            _aligned(parts[0], lib, preparation, terms),
+            (parts[0].t[0], parts[0].t[-1]),
+            loop,
+        ),
     )
     start = time.perf_counter()
-    fit = _fit(problem, method, preset, prior)
+    fit = fit_by(problem, method, preset, prior)
     seconds = time.perf_counter() - start
     statistics, optimum = fit.statistics or problem.statistics(), fit.optimum
     guess = lib.pi_from_lam(problem.start)
@@ -234,7 +236,7 @@ def identify(
         friction=terms,
         weights=problem.weights if fit.weights is None else fit.weights,
         status=fit.status,
-        loss=statistics.value(fit.pi, fit.phi),
+        loss=_loss(problem, fit),
         optimum=optimum,
         uncertainty=sure,
         seconds=seconds,
@@ -246,6 +248,7 @@ def identify(
         one_run=test is None,
         seed=seed,
         notes=fit.notes,
+        net=fit.net,
     )
 
 
@@ -267,28 +270,37 @@ def _prepared(
     return prepare(recording, preparation, terms, lib=lib)
 
 
-def _fit(
-    problem: Problem, method: str, preset: str | Preset | None, prior: PriorFile | None
-) -> Fit:
-    if method == "map":
-        kappa = prior.kappa if prior and prior.kappa else CAD
-        return fit_map(problem, kappa, prior.constraints if prior else None)
-    if method == "ols":
-        return fit_ols(problem)
-    if method == "pc-ols":
-        return fit_pc_ols(problem)
-    if method in {"lm", "log-cholesky"}:
-        return fit_levenberg(problem, cholesky=method == "log-cholesky")
-    preset = preset or "full"
-    if isinstance(preset, str):
-        if preset not in PRESETS:
-            raise IdentificationError(
-                f"there is no preset '{preset}'; choose one of {', '.join(PRESETS)}"
-            )
-        preset = PRESETS[preset]
-    return fit_adam(problem, preset)
+def _aligned(
+    part: Recording, lib: Library, preparation: Preparation | None, terms: Friction
+) -> Callable[[Recording], Samples]:
+    """Prepares another recording of the same clock like the first and takes the rows of `part`."""
+    usual = preparation or (part.recipe.preparation if part.recipe else Preparation())
+    usual = replace(usual, rest_speed=None)
+
+    def rows(other: Recording) -> Samples:
+        done = _prepared(other, usual, terms, lib)
+
+        def at(values: Array) -> Array:
+            flat = values.reshape(len(done), -1).T
+            taken = np.stack([np.interp(part.t, done.t, row) for row in flat], axis=1)
+            return taken.reshape(len(part), *values.shape[1:])
+
+        return samples_of(done.mapped(at, "Taken at the rows of the training.", t=part.t), lib)
+
+    return rows
 
 
-def _predict(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
+def _loss(problem: Problem, fit: Fit) -> float:
+    if fit.net is None:
+        return problem.statistics().value(fit.pi, fit.phi)
+    rest = problem.train.tau - _predict(problem.lib, problem.train, fit.pi, fit.phi, fit.net)
+    return float(np.mean(rest**2 @ problem.weights) / 2)
+
+
+def _predict(
+    lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
+) -> Array:
     rigid = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi)
-    return rigid + friction.torque(samples.columns, phi) if phi.size else rigid
+    if phi.size:
+        rigid = rigid + friction.torque(samples.columns, phi)
+    return rigid if net is None else rigid + net.torque(samples.columns)

@@ -7,9 +7,32 @@ from functools import cached_property
 import numpy as np
 
 from runtime.library import Array, Library
+from runtime.loop import Loop
+from runtime.network import FrictionNet
 from runtime.objective import Samples
 from runtime.optimizers import Trace
+from runtime.recording import Friction, Recording
 from runtime.statistics import Statistics, compress
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """How the samples came about, for methods that simulate or filter.
+
+    Attributes:
+        recording: the training recording before it was prepared and split.
+        friction: names and width of the friction columns.
+        aligned: another recording on the same clock, prepared alike → its rows of the training
+            samples.
+        span: first and last instant of the training samples, s.
+        loop: under which the recording was made, where it is known.
+    """
+
+    recording: Recording
+    friction: Friction
+    aligned: Callable[[Recording], Samples]
+    span: tuple[float, float]
+    loop: Loop | None = None
 
 
 @dataclass(frozen=True)  # no slots: the statistics are computed once and kept
@@ -22,6 +45,7 @@ class Problem:
         start: λ of the first guess, (10 n,).
         seed: of mini-batches.
         progress: called with iteration and best validation loss.
+        bench: how the samples came about.
     """
 
     lib: Library
@@ -31,6 +55,7 @@ class Problem:
     start: Array
     seed: int = 0
     progress: Callable[[int, float], None] | None = None
+    bench: Bench | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training data, with the problem's weights unless others are given."""
@@ -55,6 +80,7 @@ class Fit:
         weights: diagonal of W, where the method has its own.
         statistics: of the training samples with these weights.
         n_eff: independent training samples, where the method has counted them.
+        net: friction beyond φ, where the method learned one.
     """
 
     pi: Array
@@ -68,6 +94,7 @@ class Fit:
     weights: Array | None = None
     statistics: Statistics | None = None
     n_eff: float | None = None
+    net: FrictionNet | None = None
 
 
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:

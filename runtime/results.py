@@ -20,6 +20,15 @@ from runtime.statistics import compress
 from runtime.uncertainty import BAND_SAMPLES
 
 FORMAT = 1
+OWN_WEIGHTS = {
+    "ols": "minimises the unweighted error",
+    "wls": "weights joints by their residuals",
+    "iv": "minimises no loss of the measured motion",
+    "didim": "compares the torque with that of a simulated motion",
+    "ekf": "follows the unfiltered recording",
+    "ukf": "follows the unfiltered recording",
+}
+"""What a method does instead of minimising L."""
 SUSPICIOUSLY_GOOD = 1e-4
 """Overall error in percent below which a real torque sensor is hard to believe."""
 
@@ -193,7 +202,13 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
         **result.friction.facts(),
         "columns": list(names),
         "values": result.phi.tolist(),
-    }
+    } | _net_facts(result)
+
+
+def _net_facts(result: Identification) -> dict[str, Any]:
+    if result.net is None:
+        return {}
+    return {"net": {"theta": result.net.theta.tolist(), "scale": result.net.scale.tolist()}}
 
 
 def _trace_facts(result: Identification) -> dict[str, Any] | None:
@@ -217,10 +232,10 @@ def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
         warnings.append(
             "some links are no bodies that can exist; use adam or pc-ols for a model to simulate"
         )
-    if result.method == "ols":
+    if result.method in OWN_WEIGHTS:
         warnings.append(
-            "ols minimises the unweighted error; its gap is measured in the weighted loss of the "
-            "other methods"
+            f"{result.method} {OWN_WEIGHTS[result.method]}; its gap is measured in the weighted "
+            "loss of the other methods"
         )
     if after.overall < SUSPICIOUSLY_GOOD:
         warnings.append(

@@ -1,29 +1,32 @@
 """Recordings of a robot whose parameters are known: along a trajectory, or closed loop.
 
-`ideal` evaluates τ = Y π along the trajectory (document Sec. 5.1). `closed_loop` integrates our
-own forward dynamics under a computed-torque controller that knows only the URDF, with friction,
-and measures with noise: a log as a bench would give it.
+`ideal` evaluates τ = Y π along the trajectory (document Sec. 5.1). `closed_loop` lets the compiled
+simulator follow it: a computed-torque controller with a given model, a plant with rotors and
+friction, sensors with noise. `follow` is the same without sensors, for whoever needs the states.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from itertools import count
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from runtime import friction
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
-from runtime.library import Array, Library
+from runtime.library import NOT_POSITIVE, Array, Library, LoopBody, LoopLaw
 from runtime.recording import Friction, Recording
 
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """The robot that is simulated.
+    """The robot that is simulated; joints' values are one number for all of them or (n,).
 
     Attributes:
         pi: true standard parameters, (10 n,).
-        viscous, coulomb: friction per joint, N·m·s/rad and N·m.
+        viscous, coulomb: friction, N·m·s/rad and N·m.
+        offset: constant torque, N·m.
         coulomb_speed: width of the smooth sign, rad/s.
         rotor: inertia J of every motor, reflected to its joint, kg·m²; the torque sensor does
             not see it, but without it no controller could hold a wrist.
@@ -31,10 +34,11 @@ class Plant:
     """
 
     pi: Array
-    viscous: float = 0.0
-    coulomb: float = 0.0
+    viscous: ArrayLike = 0.0
+    coulomb: ArrayLike = 0.0
+    offset: ArrayLike = 0.0
     coulomb_speed: float = 0.03
-    rotor: float = 0.1
+    rotor: ArrayLike = 0.1
     position_noise: float = 0.0
     velocity_noise: float = 0.0
     torque_noise: float = 0.0
@@ -45,22 +49,55 @@ class Plant:
                 "the true parameters of the simulated robot are not finite; lower the perturbation"
             )
         for item in fields(self)[1:]:
-            value = getattr(self, item.name)
-            if not (np.isfinite(value) and value >= 0):
+            value = np.asarray(getattr(self, item.name), dtype=float)
+            least = -np.inf if item.name == "offset" else 0.0
+            if not (np.isfinite(value) & (value >= least)).all():
                 raise IdentificationError(
-                    f"the simulated robot's {item.name.replace('_', ' ')} cannot be {value:g}; "
-                    "give a number from 0 up"
+                    f"the simulated robot's {item.name.replace('_', ' ')} cannot be {value}; "
+                    "give a finite number, from 0 up"
                 )
 
 
-STIFFNESS, DAMPING = 225.0, 30.0
-"""Gains of the controller, 1/s² and 1/s: critically damped at 15 rad/s."""
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """Computed torque: τ = ID(q, dq, u; π_c) + J_c u, u = ddq_d + K_d (dq_d − dq) + K_p (q_d − q).
+
+    Attributes:
+        pi: the model it believes in, None for the URDF's.
+        rotor: J_c, None when it knows that of the plant.
+        stiffness, damping: K_p, 1/s², and K_d, 1/s; one number or (n,).
+        feels_noise: it sees the measured q and dq instead of the true ones.
+    """
+
+    pi: Array | None = None
+    rotor: ArrayLike | None = None
+    stiffness: ArrayLike = 225.0
+    damping: ArrayLike = 30.0
+    feels_noise: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """States and torques at the beginning of every period, (N, n) each.
+
+    `motor` is what the controller commands, `link` what is left behind the rotors, τ − J ddq.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    motor: Array
+    link: Array
+
+
+LONGEST_SUBSTEP = 2e-4
+"""Of the plant, s; one step leaves an error of order h³."""
 
 MOST_SAMPLES = 10_000_000
 """More would not fit into the memory of an ordinary computer."""
 
-RESOLVED = 2.0
-"""Largest decay rate times step; the Runge–Kutta step of fourth order is stable up to 2.78."""
+_CHUNK = 500
+"""Periods between two reports of progress, where Ctrl-C is heard too."""
 
 
 def perturbed_lam(lib: Library, p: float, rng: np.random.Generator) -> Array:
@@ -94,46 +131,81 @@ def closed_loop(
     rng: np.random.Generator,
     rate_hz: float = 1000.0,
     progress: Callable[[float], None] | None = None,
+    controller: Controller = Controller(),
 ) -> Recording:
-    """Forward dynamics under computed torque; logs q, dq and the link-side torque.
-
-    The controller evaluates the URDF's model once per sample and knows rotors and friction; the
-    plant, (M + J) ddq + h + f = τ_motor, moves on under the held torque. The sensor sits behind
-    the rotor: τ = τ_motor − J ddq.
+    """A log as a bench would give it: q and dq of the joints, τ behind the rotors, with noise.
 
     Raises:
-        IdentificationError: the motion diverged.
+        SimulationError: the robot cannot move like that, or the motion ran away.
     """
     t = sample_times(trajectory.duration, rate_hz)
-    wanted_q, wanted_dq, wanted_ddq, _ = trajectory.at(lib, t)
-    n, step = lib.n_joints, 1.0 / rate_hz
-    q, dq = wanted_q[0].copy(), wanted_dq[0].copy()
-    log_q, log_dq, log_tau = (np.empty((len(t), n)) for _ in range(3))
-    _require_resolved(lib, plant, step)
-    for k in range(len(t)):
-        command = wanted_ddq[k] + DAMPING * (wanted_dq[k] - dq) + STIFFNESS * (wanted_q[k] - q)
-        motor = lib.inverse_dynamics(q, dq, command, lib.pi0) + plant.rotor * command
-        motor = motor + _friction(plant, wanted_dq[k])
-        log_q[k], log_dq[k] = q, dq
-        log_tau[k] = motor - plant.rotor * _accelerate(lib, plant, q, dq, motor)
-        q, dq = _advance(lib, plant, q, dq, motor, step)
-        if not np.isfinite(q).all() or np.abs(dq).max() > 1e3:
-            raise IdentificationError(
-                f"the simulated motion diverged after {t[k]:.3f} s; the true robot is too far "
-                "from the controller's model: lower the perturbation, or raise the rate"
-            )
-        if progress is not None and k % 100 == 0:
-            progress(k / len(t))
+    reference = np.stack(trajectory.at(lib, t)[:3], axis=1)
+    noise = rng.normal(size=(3, *reference[:, 0].shape))
+    noise[0] *= plant.position_noise
+    noise[1] *= plant.velocity_noise
+    felt = noise[:2].transpose(1, 0, 2) if controller.feels_noise else None
+    motion = follow(lib, reference, plant, controller, rate_hz, felt, progress)
     return Recording(
         t,
-        log_q + plant.position_noise * rng.normal(size=log_q.shape),
-        log_dq + plant.velocity_noise * rng.normal(size=log_dq.shape),
+        motion.q + noise[0],
+        motion.dq + noise[1],
         None,
-        log_tau + plant.torque_noise * rng.normal(size=log_tau.shape),
+        motion.link + plant.torque_noise * noise[2],
         name="closed loop",
         joint_names=lib.joint_names,
         history=(f"Simulated {len(t)} samples at {rate_hz:g} Hz in closed loop.",),
     )
+
+
+def follow(
+    lib: Library,
+    reference: Array,
+    plant: Plant,
+    controller: Controller,
+    rate_hz: float,
+    noise: Array | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Motion:
+    """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period.
+
+    Args:
+        lib: of the robot.
+        reference: q_d, dq_d, ddq_d per period, (N, 3, n).
+        plant: its noise is left aside.
+        controller: with its model.
+        rate_hz: of the controller.
+        noise: of the q and dq that the controller sees, (N, 2, n).
+        progress: called with the part that is done.
+
+    Raises:
+        SimulationError: M + J is not positive definite, or the motion ran away.
+    """
+    period = 1.0 / rate_hz
+    loop = lib.closed_loop(
+        _body(lib, plant),
+        _law(lib, plant, controller),
+        reference,
+        period,
+        substeps=int(np.ceil(period / LONGEST_SUBSTEP * (1 - 1e-9))),
+        noise=noise,
+    )
+    for chunk in count(1):
+        loop.run(_CHUNK)
+        if loop.status or chunk * _CHUNK >= len(reference):
+            break
+        if progress is not None:
+            progress(loop.done / len(reference))
+    if loop.status:
+        why = (
+            "its mass matrix is not positive definite, so no such robot exists"
+            if loop.status == NOT_POSITIVE
+            else "the motion diverged"
+        )
+        raise SimulationError(
+            f"the simulated robot stopped after {loop.done * period:.3f} s: {why}; the plant is "
+            "too far from the controller's model: lower the perturbation, or raise the rate"
+        )
+    return Motion(*(np.ascontiguousarray(loop.log[:, k]) for k in range(5)))
 
 
 def sample_times(duration: float, rate_hz: float) -> Array:
@@ -152,36 +224,45 @@ def sample_times(duration: float, rate_hz: float) -> Array:
 
 
 def _friction(plant: Plant, dq: Array) -> Array:
-    terms = Friction(("viscous", "coulomb"), plant.coulomb_speed)
-    rows = friction.columns(friction.Motion(np.atleast_2d(dq)), terms)
-    phi = np.tile([plant.viscous, plant.coulomb], (rows.shape[1], 1))
-    return friction.torque(rows, phi).reshape(np.shape(dq))
+    names = ("viscous", "coulomb", "offset")
+    phi = np.stack([per_joint(dq.shape[-1], getattr(plant, name), name) for name in names], axis=1)
+    rows = friction.columns(friction.Motion(dq), Friction(names, plant.coulomb_speed))
+    return friction.torque(rows, phi)
 
 
-def _accelerate(lib: Library, plant: Plant, q: Array, dq: Array, motor: Array) -> Array:
-    return lib.forward_dynamics(q, dq, motor - _friction(plant, dq), plant.pi, plant.rotor)
-
-
-def _advance(
-    lib: Library, plant: Plant, q: Array, dq: Array, motor: Array, h: float
-) -> tuple[Array, Array]:
-    """One Runge–Kutta step of fourth order under the held motor torque."""
-    v1, a1 = dq, _accelerate(lib, plant, q, dq, motor)
-    v2 = dq + h / 2 * a1
-    a2 = _accelerate(lib, plant, q + h / 2 * v1, v2, motor)
-    v3 = dq + h / 2 * a2
-    a3 = _accelerate(lib, plant, q + h / 2 * v2, v3, motor)
-    v4 = dq + h * a3
-    a4 = _accelerate(lib, plant, q + h * v3, v4, motor)
-    return q + h / 6 * (v1 + 2 * v2 + 2 * v3 + v4), dq + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-
-
-def _require_resolved(lib: Library, plant: Plant, h: float) -> None:
-    """The stiffest part, smooth Coulomb friction on the lightest joint, must be resolved by h."""
-    inertia = plant.rotor + np.linalg.eigvalsh(lib.mass_matrix(lib.home, plant.pi))[0]
-    rate = (plant.viscous + plant.coulomb / plant.coulomb_speed) / inertia
-    if rate * h > RESOLVED:
+def _body(lib: Library, plant: Plant) -> LoopBody:
+    n = lib.n_joints
+    if plant.pi.shape != lib.pi0.shape:
         raise IdentificationError(
-            f"friction changes the speed of the lightest joint at {rate:.0f} /s, too fast for "
-            f"steps of {h:g} s; raise the rate or the rotor inertia, or lower the friction"
+            f"the simulated robot needs {lib.pi0.size} parameters, got {plant.pi.size}"
         )
+    if not plant.coulomb_speed > 0:
+        raise IdentificationError("the simulated robot's coulomb speed must be above 0 rad/s")
+    parts = ("rotor", "viscous", "coulomb", "offset")
+    values = {name: per_joint(n, getattr(plant, name), name) for name in parts}
+    return LoopBody(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
+
+
+def _law(lib: Library, plant: Plant, controller: Controller) -> LoopLaw:
+    n = lib.n_joints
+    rotor = plant.rotor if controller.rotor is None else controller.rotor
+    return LoopLaw(
+        lib.pi0 if controller.pi is None else controller.pi,
+        per_joint(n, rotor, "rotor of the controller"),
+        per_joint(n, controller.stiffness, "stiffness"),
+        per_joint(n, controller.damping, "damping"),
+    )
+
+
+def per_joint(n: int, value: ArrayLike, name: str) -> Array:
+    """One number for all joints or one for each, as (n,).
+
+    Raises:
+        IdentificationError: another shape.
+    """
+    array = np.asarray(value, dtype=float)
+    if array.shape not in {(), (n,)}:
+        raise IdentificationError(
+            f"{name} needs one number, or one for each of the {n} joints, got {array.size}"
+        )
+    return np.array(np.broadcast_to(array, (n,)))

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,16 +17,7 @@ def write_trajectory(
     found: Design, lib: Library, path: Path, prediction: Prediction | None = None
 ) -> None:
     """Write a design and what it will tell, atomically."""
-    basis = found.trajectory.basis
-    facts = {
-        "robot": lib.name,
-        "joints": list(lib.joint_names),
-        "basis": basis.equation,
-        "basis_name": basis.name,
-        "zero_jerk_at_ends": basis.zero_jerk,
-        "duration": found.trajectory.duration,
-        "home": found.trajectory.home.tolist(),
-        "coefficients": found.trajectory.coefficients.tolist(),
+    known = {
         "condition_number": found.condition,
         "condition_numbers_of_starts": list(found.conditions),
         "criterion": found.criterion,
@@ -34,7 +26,26 @@ def write_trajectory(
         "assumptions": list(found.assumptions),
     }
     if prediction is not None:
-        facts["prediction"] = facts_of(prediction)
+        known["prediction"] = facts_of(prediction)
+    write_motion(found.trajectory, lib, path, known)
+
+
+def write_motion(
+    trajectory: Trajectory, lib: Library, path: Path, known: dict[str, Any] | None = None
+) -> None:
+    """Write a trajectory and what is known of it, atomically."""
+    basis = trajectory.basis
+    facts = {
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "basis": basis.equation,
+        "basis_name": basis.name,
+        "zero_jerk_at_ends": basis.zero_jerk,
+        "duration": trajectory.duration,
+        "home": trajectory.home.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+        **(known or {}),
+    }
     with replacing(path) as file:
         file.write((json.dumps(facts, indent=1) + "\n").encode())
 

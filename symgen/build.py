@@ -25,7 +25,7 @@ from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
 from symgen.request import BuildRequest
 
-ONCE = ("kernels.c", "update.c", "online.c")
+ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
 """Sources of plain C."""
 PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "convex.c", "excitation.c")
 """Sources that are compiled once per instruction set."""

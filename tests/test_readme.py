@@ -7,10 +7,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from runtime.excitation import Trajectory
+from runtime.loop import read_loop
 from runtime.prior_file import read_prior
 from runtime.recording import load_recipe
+from runtime.trajectory_file import write_motion
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -84,12 +88,16 @@ def test_c_block_compiles_and_runs(desk):
     assert abs(torque[1]) > 1.0
 
 
-def test_toml_blocks_are_a_recipe_and_a_prior(tmp_path, fr3):
-    """Property: the recipe and the prior shown are read without complaint."""
-    recipe, prior = blocks("toml")
+def test_toml_blocks_are_read(tmp_path, fr3):
+    """Property: the recipe, the loop and the prior shown are read without complaint."""
+    recipe, loop, prior = blocks("toml")
     path = tmp_path / "shown.toml"
     path.write_text(recipe, encoding="utf-8")
     assert load_recipe(path).torque is not None
+    motion = Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 5.0)
+    write_motion(motion, fr3, tmp_path / "motion.json")
+    path.write_text(loop, encoding="utf-8")
+    assert read_loop(path, fr3).rotor.shape == (7,)
     path.write_text(prior, encoding="utf-8")
     assert len(read_prior(path, fr3).constraints.bounds) > 4
 

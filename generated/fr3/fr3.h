@@ -219,6 +219,30 @@ typedef struct {
     long deficient;
 } fr3_excitation_job;
 
+enum {
+    FR3_NOT_POSITIVE = 1, /* M + J has no positive pivots: no body moves like that */
+    FR3_RAN_AWAY
+};
+
+/* The robot under computed torque, see closed_loop.c. n joints; per period `reference` holds q_d,
+ * dq_d, ddq_d, `noise` what the controller sees too much of q and dq (0: nothing), and `log`
+ * receives q, dq, ddq, the torque of the motors and that behind the rotors, tau - J ddq.
+ * `state` is q, dq at the beginning and goes on; done = status = 0 at the start. Stops with a
+ * status before the period that fails. rotor: J of the plant; model and model_rotor: what the
+ * controller believes. */
+typedef struct {
+    long substeps;
+    double period, coulomb_speed;
+    const double *reference, *noise;
+    const double *pi, *rotor, *viscous, *coulomb, *offset;
+    const double *model, *model_rotor, *stiffness, *damping;
+    double *state, *log;
+    long done, status;
+} fr3_closed_loop_job;
+
+/* Goes on for so many periods. */
+void fr3_closed_loop(fr3_closed_loop_job *job, long periods);
+
 #ifdef __cplusplus
 }
 #endif

@@ -4,14 +4,27 @@ Nothing keeps the result physical. π is the vector nearest to the first guess w
 Source: Gautier 1997; document Sec. 3.1.3.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
 from runtime.problem import Fit, Problem
+from runtime.statistics import Statistics
 
 RANK_TOLERANCE = 1e-9
 """Relative size below which a direction of the normalised columns counts as not excited."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """β, φ (n, k) and the condition number of the normalised columns."""
+
+    beta: Array
+    phi: Array
+    condition: float
 
 
 def fit_ols(problem: Problem) -> Fit:
@@ -20,8 +33,17 @@ def fit_ols(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    lib = problem.lib
-    statistics = problem.statistics(np.ones(lib.n_joints))
+    found = solve(problem.statistics(np.ones(problem.lib.n_joints)), problem.lib)
+    text = f"solved by QR; condition number of the normalised columns {found.condition:.1f}"
+    return fit_of_base(problem, found.beta, found.phi, text)
+
+
+def solve(statistics: Statistics, lib: Library) -> Solution:
+    """Least squares of compressed samples, all columns normalised.
+
+    Raises:
+        IdentificationError: the motion does not excite all of them.
+    """
     matrix, norms = statistics.unit_columns()
     n_b = len(lib.base_columns)
     shown = np.any(matrix != 0, axis=0)
@@ -31,14 +53,42 @@ def fit_ols(problem: Problem) -> Fit:
     if rank < shown.sum():
         raise IdentificationError(
             f"the motion excites {rank} of {shown.sum()} columns (base parameters and friction), "
-            "so ordinary least squares has no unique answer; record a richer trajectory, or use "
-            "a method that keeps to the first guess where the data are silent: adam, pc-ols"
+            "so least squares has no unique answer; record a richer trajectory, or use a method "
+            "that keeps to the first guess where the data are silent: adam, pc-ols"
         )
     solution = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
-    beta, phi = solution[:n_b], solution[n_b:].reshape(problem.train.columns.shape[1:])
-    guess = lib.pi_from_lam(problem.start)
-    k = lib.base_matrix
-    pi = guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0]
-    status = f"solved by QR; condition number of the normalised columns {sigma[0] / sigma[-1]:.1f}"
+    beta, phi = np.split(solution, [statistics.n_base])
+    return Solution(beta, phi.reshape(lib.n_joints, -1), float(sigma[0] / sigma[-1]))
+
+
+def pi_of_beta(problem: Problem, beta: Array) -> Array:
+    """The π nearest to the first guess with K π = β."""
+    guess, k = problem.lib.pi_from_lam(problem.start), problem.lib.base_matrix
+    return np.asarray(guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0])
+
+
+def fit_of_base(
+    problem: Problem,
+    beta: Array,
+    phi: Array,
+    status: str,
+    iterations: int | None = None,
+    notes: tuple[str, ...] = (),
+) -> Fit:
+    """The answer of a method that finds base parameters."""
+    return fit_of_pi(problem, pi_of_beta(problem, beta), phi, status, iterations, notes)
+
+
+def fit_of_pi(
+    problem: Problem,
+    pi: Array,
+    phi: Array,
+    status: str,
+    iterations: int | None = None,
+    notes: tuple[str, ...] = (),
+) -> Fit:
+    """The answer of a method that finds π, with λ where its links can exist."""
+    lib = problem.lib
     possible = bool((lib.relative_eigenvalues(pi) > 0).all() and (pi[:: len(PI_NAMES)] > 0).all())
-    return Fit(pi, phi, lib.lam_from_pi(pi) if possible else None, status)
+    lam = lib.lam_from_pi(pi) if possible else None
+    return Fit(pi, phi, lam, status, iterations, notes=notes)

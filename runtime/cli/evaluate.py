@@ -13,6 +13,7 @@ from runtime.datasets import locate
 from runtime.errors import RecordingError
 from runtime.library import load
 from runtime.library.manifest import PI_NAMES
+from runtime.network import FrictionNet
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
@@ -51,6 +52,8 @@ def evaluate_command(
     after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, facts["pi"])
     if terms.columns:
         after = after + friction.torque(samples.columns, facts["phi"])
+    if facts["net"]:
+        after = after + facts["net"].torque(samples.columns)
     errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]
     figures: dict[str, Any] = {
         "robot": lib.name,
@@ -89,6 +92,8 @@ def _read(folder: Path) -> dict[str, Any]:
         read["pi"] = np.array(facts["pi"], dtype=float)
         read["friction"] = Friction.from_facts(terms)
         read["phi"] = np.array(terms["values"], dtype=float)
+        net = terms.get("net")
+        read["net"] = net and FrictionNet(np.array(net["theta"]), np.array(net["scale"]))
         whole = len(read["units"]) == n and read["pi"].shape == (len(PI_NAMES) * n,)
         if not whole or read["phi"].shape != (n, len(read["friction"].columns)):
             raise ValueError

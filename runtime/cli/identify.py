@@ -8,6 +8,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from runtime.baselines import INPUTS
 from runtime.cli.common import (
     Robot,
     Seed,
@@ -22,9 +23,11 @@ from runtime.errors import IdentificationError
 from runtime.export import write_urdf
 from runtime.fitting import PRESETS
 from runtime.friction import COLUMNS
-from runtime.identification import METHODS, Identification, identify
+from runtime.identification import Identification, identify
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library, load
+from runtime.loop import read_loop
+from runtime.methods import METHODS
 from runtime.prior_file import read_prior
 from runtime.recording import Friction, Recording, Split, read_recording
 from runtime.results import write_result
@@ -82,6 +85,13 @@ def identify_command(
         str | None,
         typer.Option(metavar="A,B", help="Train up to A, validate up to B of the duration."),
     ] = None,
+    loop: Annotated[
+        Path | None,
+        typer.Option(
+            help="TOML with the controller's gains and the reference motion, for iv and didim; "
+            "simulate writes one."
+        ),
+    ] = None,
     seed: Seed = 0,
 ) -> None:
     r"""Identify a robot from a log: result.json, identified.urdf and report.html.
@@ -92,6 +102,7 @@ def identify_command(
     python -m runtime identify log.csv --robot my --friction auto --cutoff 10
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
     python -m runtime identify log.csv --robot my --prior my-arm.toml
+    python -m runtime identify log.csv --method didim --loop log.loop.toml --friction viscous
 
     A CSV has the header t,q1…,dq1…,ddq1…,tau1… in SI units (dq and ddq optional); anything else
     is described by a recipe. Ctrl-C keeps the best point so far. A report of the same folder is
@@ -109,6 +120,8 @@ def identify_command(
             )
         console.print(_ladder_table(choice))
         terms, notes = choice.chosen.terms, (choice.sentence,)
+    if terms is None and method == "nn":
+        terms = Friction(INPUTS)
     result = _with_progress(
         recording,
         lib,
@@ -118,6 +131,7 @@ def identify_command(
         preparation=prepared,
         splitting=parts,
         friction_columns=terms,
+        loop=read_loop(loop, lib) if loop else None,
         seed=seed,
     )
     result = dataclasses.replace(result, notes=(*notes, *result.notes))

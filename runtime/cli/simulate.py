@@ -12,9 +12,10 @@ from runtime.atomic import replacing
 from runtime.cli.common import Robot, Seed, console, say
 from runtime.excitation import design
 from runtime.library import load
+from runtime.loop import Loop, write_loop
 from runtime.recording import write_recording
-from runtime.simulation import Plant, closed_loop, ideal, perturbed_lam
-from runtime.trajectory_file import read_trajectory
+from runtime.simulation import Controller, Plant, closed_loop, ideal, perturbed_lam
+from runtime.trajectory_file import read_trajectory, write_motion
 
 
 def simulate_command(
@@ -44,7 +45,8 @@ def simulate_command(
 ) -> None:
     r"""Record a robot whose parameters are known, to try methods on.
 
-    The true parameters are written beside the recording as NAME.truth.json.
+    The true parameters are written beside the recording as NAME.truth.json, the controller and
+    the motion it was asked for as NAME.loop.toml and NAME.motion.json.
 
     \b
     python -m runtime simulate --robot fr3 --coulomb 0.3 --out results/sim.csv
@@ -87,6 +89,11 @@ def simulate_command(
         rows = np.arange(0, len(recording), keep_every)
         recording = recording.take(rows, f"Kept every {keep_every}. sample.")
     write_recording(recording, path)
+    if not exact:
+        reference = path.with_suffix(".motion.json")
+        write_motion(motion, lib, reference)
+        used = Loop(motion, Controller(), rotor, 1000.0 if rate is None else rate)
+        write_loop(used, reference.name, path.with_suffix(".loop.toml"))
     truth = path.with_suffix(".truth.json")
     facts = {
         "robot": lib.name,
@@ -103,3 +110,5 @@ def simulate_command(
         file.write((json.dumps(facts, indent=1) + "\n").encode())
     say(f"recording: {path} ({len(recording)} samples at {recording.rate_hz:g} Hz)")
     say(f"truth:     {truth}")
+    if not exact:
+        say(f"loop:      {path.with_suffix('.loop.toml')}")

@@ -5,6 +5,7 @@ argument given once, such as π, serves all samples.
 """
 
 from runtime.library.binding import Array
+from runtime.library.closed_loop import NOT_POSITIVE, CompiledLoop, LoopBody, LoopLaw
 from runtime.library.convex import CompiledConvex, ConvexAnswer, ConvexTask
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.library import Library
@@ -19,17 +20,21 @@ from runtime.library.manifest import (
 )
 
 __all__ = [
+    "NOT_POSITIVE",
     "AdamProblem",
     "Array",
     "BrakingFacts",
     "CompiledAdam",
     "CompiledConvex",
     "CompiledLevenberg",
+    "CompiledLoop",
     "ConvexAnswer",
     "ConvexTask",
     "JointFacts",
     "LeastSquares",
     "Library",
+    "LoopBody",
+    "LoopLaw",
     "Manifest",
     "PairFacts",
     "ProxyFacts",

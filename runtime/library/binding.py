@@ -75,9 +75,11 @@ class Binding:
         """Any function of the level, without types; None where there is none."""
         return getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
 
-    def plain(self, name: str) -> Any:
-        """A function that every library has, of no level, without types."""
-        return self._symbol(f"{self._manifest.robot}_{name}")
+    def plain(self, name: str, *types: Any) -> Any:
+        """A function without a result that all levels share; LibraryError where there is none."""
+        function = self._symbol(f"{self._manifest.robot}_{name}")
+        function.argtypes, function.restype = types or None, None
+        return function
 
     def _symbol(self, name: str) -> Any:
         try:

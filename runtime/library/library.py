@@ -3,12 +3,14 @@
 import ctypes
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
 from runtime.library.bodies import BodyKernels
+from runtime.library.closed_loop import CompiledLoop, LoopBody, LoopLaw
 from runtime.library.convex import CompiledConvex, ConvexTask
 from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
 from runtime.library.excitation import CompiledExcitation, ExcitationFunctions
@@ -153,3 +155,10 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         """
         found = self._binding.excitation()
         return CompiledExcitation(ExcitationFunctions(*found), home, basis) if found else None
+
+    def closed_loop(
+        self, body: LoopBody, law: LoopLaw, reference: Array, period: float, **options: Any
+    ) -> CompiledLoop:
+        """The robot under computed torque in C, see `CompiledLoop` and `runtime.simulation`."""
+        function = self._binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
+        return CompiledLoop(function, body, law, reference, period, **options)

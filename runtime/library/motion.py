@@ -50,8 +50,10 @@ class MotionKernels:
     def forward_dynamics(
         self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike, pi: ArrayLike, rotor: ArrayLike = 0.0
     ) -> Array:
-        """ddq = (M + diag(J))⁻¹ (τ − h), (N, n); J (n,) or one number: reflected rotor inertia."""
-        inertia = np.broadcast_to(np.asarray(rotor, dtype=float), (self.n_joints,))
+        """ddq = (M + diag(J))⁻¹ (τ − h), (N, n); J (N, n), (n,) or one number: of the rotors."""
+        inertia = np.asarray(rotor, dtype=float)
+        if inertia.ndim == 0:
+            inertia = np.full(self.n_joints, inertia)
         return self._binding.call("forward_dynamics", q, dq, tau, pi, inertia)[0]
 
     def end_effector(self, q: ArrayLike) -> Array:

@@ -41,6 +41,9 @@ def programs(
         found.append(Program("example_online.c", _example(facts)))
     if by_name.keys() >= _EXCITATION:
         found.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
+    if by_name.keys() >= _CLOSED_LOOP:
+        joints = by_name["bias_forces"].outputs[0].size
+        found.append(Program("closed_loop.c", {"joints": joints}))
     if by_name.keys() >= _EXAMPLE:
         found.append(Program("example.c", _example(facts)))
     return tuple(found)
@@ -57,6 +60,7 @@ _DESCENT = {
 _CONVEX = {"barrier", "base_parameters"}
 _ONLINE = _STATISTICS | _CONVEX | {"base_adjoint", "inverse_dynamics", "nearest_realisable"}
 _EXCITATION = {"base_regressor", "regressor_adjoint"}
+_CLOSED_LOOP = {"inverse_dynamics", "mass_matrix", "bias_forces"}
 _EXAMPLE = {"inverse_dynamics", "regressor", "base_regressor"}
 
 

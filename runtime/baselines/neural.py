@@ -1,0 +1,65 @@
+"""NN-aided friction: linear columns and a small net of them, in turn with the rigid body.
+
+Twice: the net learns τ − Y π − F φ; then π and φ are found anew from τ − net, physically consistent
+each time. Source: the idea of Hu, Xiong et al.; inputs dq, tanh(dq/ε) and the Dahl state.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from runtime import friction
+from runtime.baselines.pc_ols import fit_pc_ols
+from runtime.baselines.wls import with_torque
+from runtime.errors import IdentificationError
+from runtime.library import Array
+from runtime.network import FrictionNet, train
+from runtime.objective import Samples
+from runtime.problem import Fit, Problem
+
+ROUNDS = 2
+INPUTS = ("viscous", "coulomb", "dahl")
+"""Friction columns that feed the nets."""
+
+
+def fit_neural(problem: Problem) -> Fit:
+    """π and φ by convex least squares, the rest of the friction by nets.
+
+    Raises:
+        IdentificationError: there are no friction columns to learn from, or no optimum was found.
+    """
+    if not problem.train.columns.shape[2]:
+        raise IdentificationError(
+            "the nets learn from friction columns, but there are none; name some, for example "
+            f"--friction {','.join(INPUTS)}"
+        )
+    held, data = problem.validation, problem.train
+    fit = fit_pc_ols(problem)
+    for round_ in range(ROUNDS):
+        rng = np.random.default_rng([problem.seed, round_])
+        net = train(
+            data.columns, _rest(problem, data, fit), held.columns, _rest(problem, held, fit), rng
+        )
+        without = with_torque(data, data.tau - net.torque(data.columns))
+        fit = fit_pc_ols(replace(problem, train=without))
+    learned = int(np.sum(np.any(net.theta, axis=1)))
+    error = _error(problem, held, fit, net)
+    status = (
+        f"{ROUNDS} rounds; nets for {learned} of {problem.lib.n_joints} joints, which leave "
+        f"{error:.3g} N·m of the validation torque"
+    )
+    notes = (
+        () if learned else ("linear friction explains the validation data best: no net is kept",)
+    )
+    return replace(fit, status=status, iterations=ROUNDS, optimum=None, net=net, notes=notes)
+
+
+def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
+    """τ − Y π − F φ."""
+    rigid = problem.lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, fit.pi)
+    return samples.tau - rigid - friction.torque(samples.columns, fit.phi)
+
+
+def _error(problem: Problem, samples: Samples, fit: Fit, net: FrictionNet) -> float:
+    rest = _rest(problem, samples, fit) - net.torque(samples.columns)
+    return float(np.sqrt(np.mean(rest**2)))

@@ -1,0 +1,74 @@
+"""IDIM-WLS: least squares with each joint weighted by its own residual, w_j = 1 / var(r_j).
+
+Four passes from equal weights (iteratively reweighted least squares). Source: Gautier 1997,
+Janot, Vandanjon & Gautier 2014.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from runtime import friction
+from runtime.baselines.ols import Solution, fit_of_base, solve
+from runtime.library import Array, Library
+from runtime.objective import Samples
+from runtime.problem import Fit, Problem
+from runtime.statistics import compress
+
+PASSES = 4
+SILENT = 1e-12
+"""Variance, relative to the largest, below which a joint's residual is rounding: a weight that
+counts nothing but rounding would make the other joints meaningless."""
+
+
+def fit_wls(problem: Problem) -> Fit:
+    """Base parameters and friction with weights from the residuals.
+
+    Raises:
+        IdentificationError: the motion does not excite all base parameters.
+    """
+    found, weights, silent = reweighted(problem.lib, problem.train)
+    sigma = ", ".join(f"{1 / np.sqrt(w):.3g}" for w in weights)
+    notes = [f"standard deviations of the residuals, joint by joint: {sigma}"]
+    if silent:
+        notes.append(
+            f"the residual of {silent} is zero to rounding, so its weight was held down; "
+            "check that this torque is measured and not computed"
+        )
+    status = f"{PASSES} passes of weighted least squares; condition number {found.condition:.1f}"
+    return fit_of_base(problem, found.beta, found.phi, status, PASSES, tuple(notes))
+
+
+def reweighted(lib: Library, samples: Samples) -> tuple[Solution, Array, str]:
+    """The solution, the weights that belong to its residuals, and joints without residual.
+
+    Raises:
+        IdentificationError: the motion does not excite all base parameters.
+    """
+    weights, silent = np.ones(lib.n_joints), ""
+    for _ in range(PASSES):
+        found = solve(compress(lib, samples, weights), lib)
+        weights, silent = weights_of(residual(lib, samples, found), lib)
+    return found, weights, silent
+
+
+def residual(lib: Library, samples: Samples, found: Solution) -> Array:
+    """τ − Y_b β − F φ, (N, n)."""
+    rigid = lib.base_inverse_dynamics(samples.q, samples.dq, samples.ddq, found.beta)
+    if found.phi.size:
+        rigid = rigid + friction.torque(samples.columns, found.phi)
+    return samples.tau - rigid
+
+
+def weights_of(residual: Array, lib: Library) -> tuple[Array, str]:
+    """1 / var per joint, and the names of joints whose residual is zero to rounding."""
+    variance = residual.var(axis=0)
+    least = max(SILENT * float(variance.max()), np.finfo(float).tiny ** 0.5)
+    silent = variance < least
+    names = ", ".join(np.array(lib.joint_names)[silent])
+    return 1.0 / np.maximum(variance, least), names
+
+
+def with_torque(samples: Samples, tau: Array) -> Samples:
+    """The same motion with another torque."""
+    return replace(samples, tau=tau)

@@ -1,0 +1,66 @@
+"""Every method by its name: what it is, and what solves a problem by it."""
+
+from runtime.baselines import BASELINES
+from runtime.convex import CAD
+from runtime.descent import Preset
+from runtime.errors import IdentificationError
+from runtime.fitting import PRESETS, fit_adam, fit_levenberg
+from runtime.posterior import fit_map
+from runtime.prior_file import PriorFile
+from runtime.problem import Fit, Problem
+
+METHODS: dict[str, str] = {
+    "map": "most probable consistent model given the URDF as a prior, one convex problem (default)",
+    "adam": "gradient descent in λ, consistent by construction (document Sec. 4)",
+    "lm": "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
+    "log-cholesky": "Levenberg-Marquardt in log-Cholesky coordinates, consistent by construction",
+    "pc-ols": "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
+    "ols": "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
+    "wls": "least squares with every joint weighted by its residual, four passes",
+    "iv": "instrumental variables from a simulation of the closed loop; needs the loop",
+    "didim": "measured torque against the simulated closed loop; needs the loop",
+    "ekf": "extended Kalman filter over q, dq, pi and friction, on the unfiltered recording",
+    "ukf": "unscented Kalman filter over q, dq, beta and friction, on the unfiltered recording",
+    "nn": "consistent, with a small net per joint for what linear friction leaves over",
+}
+
+
+def require_method(method: str) -> None:
+    """Refuse a name that is none.
+
+    Raises:
+        IdentificationError: there is no such method.
+    """
+    if method not in METHODS:
+        raise IdentificationError(
+            f"there is no method '{method}'; choose one of {', '.join(METHODS)}"
+        )
+
+
+def fit_by(
+    problem: Problem,
+    method: str,
+    preset: str | Preset | None = None,
+    prior: PriorFile | None = None,
+) -> Fit:
+    """The answer of one of `METHODS`; the preset is that of "adam", the prior that of "map".
+
+    Raises:
+        IdentificationError: the method or the preset is unknown, or the method failed.
+    """
+    require_method(method)
+    if method in BASELINES:
+        return BASELINES[method](problem)
+    if method == "map":
+        kappa = prior.kappa if prior and prior.kappa else CAD
+        return fit_map(problem, kappa, prior.constraints if prior else None)
+    if method in {"lm", "log-cholesky"}:
+        return fit_levenberg(problem, cholesky=method == "log-cholesky")
+    preset = preset or "full"
+    if isinstance(preset, str):
+        if preset not in PRESETS:
+            raise IdentificationError(
+                f"there is no preset '{preset}'; choose one of {', '.join(PRESETS)}"
+            )
+        preset = PRESETS[preset]
+    return fit_adam(problem, preset)

@@ -1,0 +1,111 @@
+"""The common simulated plant of the method tests: FR3, rotors, friction, noise, 20 Hz filter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime import Identification, Recording, identify
+from runtime.excitation import Trajectory
+from runtime.library import Library
+from runtime.loop import Loop
+from runtime.recording import Friction, Preparation, Split
+from runtime.simulation import Controller, Plant, closed_loop
+
+ROTOR = np.array([0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
+COULOMB = np.array([0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1])
+VISCOUS = np.array([0.5, 0.5, 0.4, 0.4, 0.2, 0.15, 0.1])
+SPEED = 0.03
+FRICTION = Friction(("coulomb", "viscous"), SPEED)
+# Nearly all for training: the methods are judged on another motion, without noise.
+SPLIT = Split((0.0, 0.9), (0.9, 0.95), (0.95, 1.0))
+
+
+def preparation(cutoff: float | None) -> Preparation:
+    """Butterworth of order 4, both directions; 100 Hz; 50 ms off at the ends."""
+    if cutoff is None:
+        return Preparation(trim_s=0.05, rate_hz=100.0)
+    return Preparation(filter="butterworth", cutoff_hz=cutoff, trim_s=0.05, rate_hz=100.0)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A robot that is not the URDF's, its log, and what one knows about it."""
+
+    lib: Library
+    log: Recording
+    lam_cad: np.ndarray
+    pi: np.ndarray
+    loop: Loop
+    test: tuple[np.ndarray, ...]
+
+    def identify(
+        self, method: str, cutoff: float | None = 20.0, **options: object
+    ) -> Identification:
+        """By one method, with everything it may ask for."""
+        return identify(
+            self.log,
+            self.lib,
+            method,
+            preparation=preparation(cutoff),
+            **{
+                "splitting": SPLIT,
+                "friction_columns": FRICTION,
+                "lam0": self.lam_cad,
+                "loop": self.loop,
+                "certify": False,
+                **options,
+            },
+        )
+
+    def errors(self, found: Identification) -> np.ndarray:
+        """Torque error in percent per joint on the clean test motion, friction included."""
+        q, dq, ddq = self.test
+        truth = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
+        truth = truth + COULOMB * np.tanh(dq / SPEED) + VISCOUS * dq
+        wrong = found.predict(q, dq, ddq) - truth
+        return 100 * np.sqrt(np.sum(wrong**2, axis=0) / np.sum(truth**2, axis=0))
+
+    def base_error(self, found: Identification) -> float:
+        """‖β̂ − β‖/‖β‖ in percent."""
+        beta = self.lib.base_matrix @ self.pi
+        return 100 * float(np.linalg.norm(found.beta - beta) / np.linalg.norm(beta))
+
+
+def bench(
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi: np.ndarray,
+    sigma_q: float,
+    seed: int = 0,
+    sigma_tau: float = 0.05,
+    **plant: object,
+) -> Bench:
+    """A log of the plant; the CAD model is 5 % off in λ."""
+    rng = np.random.default_rng(seed)
+    lam = lib.lam_from_pi(pi)
+    cad = lam * (1 + 0.05 * rng.normal(size=lam.size))
+    robot = Plant(
+        pi,
+        **{
+            "viscous": VISCOUS,
+            "coulomb": COULOMB,
+            "coulomb_speed": SPEED,
+            "rotor": ROTOR,
+            "position_noise": sigma_q,
+            # The controller's speed comes from a filter of 30 Hz.
+            "velocity_noise": sigma_q * 2 * np.pi * 30,
+            "torque_noise": sigma_tau,
+            **plant,
+        },
+    )
+    controller = Controller(pi=lib.pi_from_lam(cad), feels_noise=True)
+    log = closed_loop(lib, trajectories[0], robot, rng, controller=controller).replace(dq=None)
+    t = np.arange(0.0, trajectories[2].duration, 0.05)
+    return Bench(
+        lib,
+        log,
+        cad,
+        pi,
+        Loop(trajectories[0], controller, ROTOR),
+        trajectories[2].at(lib, t)[:3],
+    )

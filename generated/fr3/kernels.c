@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 6aabc67a7c0e3c775ae72c099465877af0547347121e112ab604b32e4513b898.
+ * Model 34dd064342548441c61d1519318c938d903a7ba675f9d3f9ba8e187f61f34974.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "6aabc67a7c0e3c775ae72c099465877af0547347121e112ab604b32e4513b898";
+    return "34dd064342548441c61d1519318c938d903a7ba675f9d3f9ba8e187f61f34974";
 }
 
 const char *fr3_level(void)
@@ -36333,6 +36333,15 @@ void fr3_torque_derivatives(const double q[7], const double dq[7], const double 
     dtau_da[48] = pi[66];
 }
 
+/* The same for n of them; each input with its step in doubles from one to the next. */
+void fr3_torque_derivatives_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau, double *dtau_dq, double *dtau_dv, double *dtau_da);
+void fr3_torque_derivatives_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *pi, long pi_step, double *tau, double *dtau_dq, double *dtau_dv, double *dtau_da)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_torque_derivatives(q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, pi + i * pi_step, tau + i * 7, dtau_dq + i * 49, dtau_dv + i * 49, dtau_da + i * 49);
+    }
+}
+
 /* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1707 operations. */
 void fr3_torque_rate(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], double tau_rate[7])
 {
@@ -38050,6 +38059,15 @@ void fr3_torque_rate(const double q[7], const double dq[7], const double ddq[7],
     tau_rate[4] = t1480;
     tau_rate[5] = t1362;
     tau_rate[6] = t1246;
+}
+
+/* The same for n of them; each input with its step in doubles from one to the next. */
+void fr3_torque_rate_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, double *tau_rate);
+void fr3_torque_rate_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, double *tau_rate)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_torque_rate(q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, pi + i * pi_step, tau_rate + i * 7);
+    }
 }
 
 /* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4660 operations. */
@@ -42745,6 +42763,15 @@ void fr3_torque_rate_adjoint(const double q[7], const double dq[7], const double
     gradient[27] = t893;
 }
 
+/* The same for n of them; each input with its step in doubles from one to the next. */
+void fr3_torque_rate_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, const double *seed, long seed_step, double *gradient);
+void fr3_torque_rate_adjoint_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *pi, long pi_step, const double *seed, long seed_step, double *gradient)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_torque_rate_adjoint(q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, pi + i * pi_step, seed + i * seed_step, gradient + i * 28);
+    }
+}
+
 /* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations. */
 void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21])
 {
@@ -43293,6 +43320,15 @@ void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v
     const double t562 = -t561;
     dv_dq[19] = t562;
     dv_dq[20] = 0.0;
+}
+
+/* The same for n of them; each input with its step in doubles from one to the next. */
+void fr3_tip_motion_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *p, double *v, double *dp_dq, double *dv_dq);
+void fr3_tip_motion_batch(long n, const double *q, long q_step, const double *dq, long dq_step, double *p, double *v, double *dp_dq, double *dv_dq)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_tip_motion(q + i * q_step, dq + i * dq_step, p + i * 3, v + i * 3, dp_dq + i * 21, dv_dq + i * 21);
+    }
 }
 
 /* distance of the capsules of each pair, negative where they overlap. 1795 operations. */
@@ -45957,6 +45993,15 @@ void fr3_plane_clearance(const double q[7], const double plane[4], double distan
     const double t817 = t802 + t816;
     const double t818 = -t817;
     jacobian[48] = t818;
+}
+
+/* The same for n of them; each input with its step in doubles from one to the next. */
+void fr3_plane_clearance_batch(long n, const double *q, long q_step, const double *plane, long plane_step, double *distance, double *jacobian);
+void fr3_plane_clearance_batch(long n, const double *q, long q_step, const double *plane, long plane_step, double *distance, double *jacobian)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_plane_clearance(q + i * q_step, plane + i * plane_step, distance + i * 7, jacobian + i * 49);
+    }
 }
 
 /* What tiles.c computes once per batch from the inputs that its samples share. */
@@ -51882,160 +51927,4 @@ void fr3_loss_gradient_prepare(const double *weight, const double *beta, double 
     u[3] = t491;
     u[4] = t528;
     u[5] = t637;
-}
-
-HIDDEN void fr3_torque_derivatives_prepare(const double *pi, double *u);
-void fr3_torque_derivatives_prepare(const double *pi, double *u)
-{
-    const double t120 = pi[66] - pi[65];
-    const double t260 = pi[64] - pi[66];
-    const double t288 = pi[56] - pi[55];
-    const double t311 = pi[54] - pi[56];
-    const double t326 = pi[65] - pi[64];
-    const double t376 = pi[46] - pi[45];
-    const double t404 = pi[44] - pi[46];
-    const double t433 = pi[55] - pi[54];
-    const double t521 = pi[36] - pi[35];
-    const double t546 = pi[45] - pi[44];
-    const double t564 = pi[34] - pi[36];
-    const double t587 = pi[26] - pi[25];
-    const double t610 = pi[24] - pi[26];
-    const double t647 = pi[35] - pi[34];
-    const double t738 = pi[16] - pi[15];
-    const double t757 = pi[14] - pi[16];
-    const double t774 = pi[25] - pi[24];
-    const double t805 = pi[15] - pi[14];
-    const double t2863 = 0.082500000000000004 * pi[30];
-    const double t2893 = 0.082500000000000004 * pi[33];
-    const double t2901 = (-0.082500000000000004) * pi[31];
-    const double t3225 = (-0.082500000000000004) * pi[32];
-    const double t3606 = (-0.082500000000000004) * pi[40];
-    const double t3648 = 0.082500000000000004 * pi[43];
-    const double t3669 = (-0.082500000000000004) * pi[41];
-    const double t3882 = (-0.082500000000000004) * pi[42];
-    const double t4720 = 0.087999999999999995 * pi[60];
-    const double t4782 = 0.087999999999999995 * pi[63];
-    const double t4795 = (-0.087999999999999995) * pi[61];
-    const double t4806 = (-0.087999999999999995) * pi[62];
-    u[0] = t120;
-    u[1] = t260;
-    u[2] = t288;
-    u[3] = t311;
-    u[4] = t326;
-    u[5] = t376;
-    u[6] = t404;
-    u[7] = t433;
-    u[8] = t521;
-    u[9] = t546;
-    u[10] = t564;
-    u[11] = t587;
-    u[12] = t610;
-    u[13] = t647;
-    u[14] = t738;
-    u[15] = t757;
-    u[16] = t774;
-    u[17] = t805;
-    u[18] = t2863;
-    u[19] = t2893;
-    u[20] = t2901;
-    u[21] = t3225;
-    u[22] = t3606;
-    u[23] = t3648;
-    u[24] = t3669;
-    u[25] = t3882;
-    u[26] = t4720;
-    u[27] = t4782;
-    u[28] = t4795;
-    u[29] = t4806;
-}
-
-HIDDEN void fr3_torque_rate_prepare(const double *pi, double *u);
-void fr3_torque_rate_prepare(const double *pi, double *u)
-{
-    const double t121 = pi[66] - pi[65];
-    const double t261 = pi[64] - pi[66];
-    const double t289 = pi[56] - pi[55];
-    const double t312 = pi[54] - pi[56];
-    const double t327 = pi[65] - pi[64];
-    const double t377 = pi[46] - pi[45];
-    const double t405 = pi[44] - pi[46];
-    const double t434 = pi[55] - pi[54];
-    const double t522 = pi[36] - pi[35];
-    const double t547 = pi[45] - pi[44];
-    const double t565 = pi[34] - pi[36];
-    const double t588 = pi[26] - pi[25];
-    const double t611 = pi[24] - pi[26];
-    const double t648 = pi[35] - pi[34];
-    const double t739 = pi[16] - pi[15];
-    const double t1687 = pi[14] - pi[16];
-    const double t1708 = pi[25] - pi[24];
-    const double t1783 = pi[15] - pi[14];
-    u[0] = t121;
-    u[1] = t261;
-    u[2] = t289;
-    u[3] = t312;
-    u[4] = t327;
-    u[5] = t377;
-    u[6] = t405;
-    u[7] = t434;
-    u[8] = t522;
-    u[9] = t547;
-    u[10] = t565;
-    u[11] = t588;
-    u[12] = t611;
-    u[13] = t648;
-    u[14] = t739;
-    u[15] = t1687;
-    u[16] = t1708;
-    u[17] = t1783;
-}
-
-HIDDEN void fr3_torque_rate_adjoint_prepare(const double *pi, double *u);
-void fr3_torque_rate_adjoint_prepare(const double *pi, double *u)
-{
-    const double t16 = pi[14] - pi[16];
-    const double t143 = pi[66] - pi[65];
-    const double t278 = pi[64] - pi[66];
-    const double t306 = pi[56] - pi[55];
-    const double t329 = pi[54] - pi[56];
-    const double t344 = pi[65] - pi[64];
-    const double t394 = pi[46] - pi[45];
-    const double t422 = pi[44] - pi[46];
-    const double t451 = pi[55] - pi[54];
-    const double t539 = pi[36] - pi[35];
-    const double t564 = pi[45] - pi[44];
-    const double t582 = pi[34] - pi[36];
-    const double t617 = pi[25] - pi[24];
-    const double t991 = pi[15] - pi[14];
-    const double t1001 = pi[16] - pi[15];
-    const double t1053 = pi[24] - pi[26];
-    const double t1060 = pi[26] - pi[25];
-    const double t1084 = pi[35] - pi[34];
-    u[0] = t16;
-    u[1] = t143;
-    u[2] = t278;
-    u[3] = t306;
-    u[4] = t329;
-    u[5] = t344;
-    u[6] = t394;
-    u[7] = t422;
-    u[8] = t451;
-    u[9] = t539;
-    u[10] = t564;
-    u[11] = t582;
-    u[12] = t617;
-    u[13] = t991;
-    u[14] = t1001;
-    u[15] = t1053;
-    u[16] = t1060;
-    u[17] = t1084;
-}
-
-HIDDEN void fr3_plane_clearance_prepare(const double *plane, double *u);
-void fr3_plane_clearance_prepare(const double *plane, double *u)
-{
-    const double t13 = 0.19330000000000003 * plane[2];
-    const double t22 = 0.14049999999999999 * plane[2];
-    u[0] = t13;
-    u[1] = t22;
 }

@@ -124,38 +124,9 @@ HIDDEN void OWN(regressor_adjoint_sines)(long tiles, const double *q, double *sc
 HIDDEN void OWN(regressor_adjoint_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *seed, double *gradient);
 
-/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 5568 operations per sample. */
-HIDDEN void OWN(torque_derivatives_sines)(long tiles, const double *q, double *sc);
-HIDDEN void fr3_torque_derivatives_prepare(const double *pi, double *u);
-HIDDEN void OWN(torque_derivatives_tile)(
-const double *sc,const double *q, const double *dq, const double *ddq, const double *pi, const double *u, double *tau, double *dtau_dq, double *dtau_dv, double *dtau_da);
-
-/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1689 operations per sample. */
-HIDDEN void OWN(torque_rate_sines)(long tiles, const double *q, double *sc);
-HIDDEN void fr3_torque_rate_prepare(const double *pi, double *u);
-HIDDEN void OWN(torque_rate_tile)(
-const double *sc,const double *q, const double *dq, const double *ddq, const double *dddq, const double *pi, const double *u, double *tau_rate);
-
-/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4642 operations per sample. */
-HIDDEN void OWN(torque_rate_adjoint_sines)(long tiles, const double *q, double *sc);
-HIDDEN void fr3_torque_rate_adjoint_prepare(const double *pi, double *u);
-HIDDEN void OWN(torque_rate_adjoint_tile)(
-const double *sc,const double *q, const double *dq, const double *ddq, const double *dddq, const double *seed, const double *pi, const double *u, double *gradient);
-
-/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations per sample. */
-HIDDEN void OWN(tip_motion_sines)(long tiles, const double *q, double *sc);
-HIDDEN void OWN(tip_motion_tile)(
-const double *sc,const double *q, const double *dq, double *p, double *v, double *dp_dq, double *dv_dq);
-
 /* distance of the capsules of each pair, negative where they overlap. 1795 operations per sample. */
 HIDDEN void OWN(clearance_sines)(long tiles, const double *q, double *sc);
 HIDDEN void OWN(clearance_tile)(
 const double *sc,const double *q, double *distance, double *jacobian);
-
-/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 705 operations per sample. */
-HIDDEN void OWN(plane_clearance_sines)(long tiles, const double *q, double *sc);
-HIDDEN void fr3_plane_clearance_prepare(const double *plane, double *u);
-HIDDEN void OWN(plane_clearance_tile)(
-const double *sc,const double *q, const double *plane, const double *u, double *distance, double *jacobian);
 
 #endif

@@ -1,6 +1,7 @@
 """Kernels that keep a designed motion safe: torque and its rate, tip, distances, all exact.
 
-Distances exist only where a robot has proxies.
+Distances exist only where a robot has proxies. A design spends its time elsewhere, so that most
+of these kernels go sample by sample: their vectors would double the time of a build.
 """
 
 from typing import Any
@@ -51,12 +52,14 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
             still,
             {Argument("tau", (n,), effort): tau, **slopes},
             "tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q)",
+            rare=True,
         ),
         make_kernel(
             "torque_rate",
             moved,
             {Argument("tau_rate", (n,), f"({effort})/s"): rate},
             "d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq",
+            rare=True,
         ),
         make_kernel(
             "torque_rate_adjoint",
@@ -67,6 +70,7 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
                 ).T
             },
             "d (seed . d tau / d t) / d (q, dq, ddq, dddq)",
+            rare=True,
         ),
     )
 
@@ -86,6 +90,7 @@ def _tip(chain: Chain) -> Kernel:
             Argument("dv_dq", (3, n), "d v / d q"): ca.jacobian(v, q),
         },
         "place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq",
+        rare=True,
     )
 
 
@@ -121,6 +126,7 @@ def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
                     Argument("jacobian", (count, n), "d distance / d q"): jacobian,
                 },
                 "least n.x - d over each moving capsule, plane = (n, d) with a unit normal n",
+                rare=True,
             )
         )
     return tuple(kernels)

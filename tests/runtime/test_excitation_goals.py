@@ -27,6 +27,7 @@ from runtime.excitation.goals import CRITERIA, goal, sizes, unseen_torque
 from runtime.excitation.prediction import FRICTION, SAMPLES, unseen_rows
 from runtime.library import Library
 from runtime.prior import prior_information
+from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
@@ -128,7 +129,7 @@ def pinocchio_rows(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.nd
 
 def with_friction(rows: np.ndarray, dq: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     """[Y F] with every joint's friction columns on its own rows only, (N n, k)."""
-    own = friction.columns(dq, names)
+    own = friction.columns(friction.Motion(dq), Friction(names))
     count, n, k = own.shape
     blocks = np.zeros((count, n, n, k))
     for j in range(n):

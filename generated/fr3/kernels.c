@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 34dd064342548441c61d1519318c938d903a7ba675f9d3f9ba8e187f61f34974.
+ * Model 4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "34dd064342548441c61d1519318c938d903a7ba675f9d3f9ba8e187f61f34974";
+    return "4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e";
 }
 
 const char *fr3_level(void)

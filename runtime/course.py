@@ -40,9 +40,14 @@ class Gap:
     margin: float
 
     @property
+    def least(self) -> float:
+        """The smallest distance, m."""
+        return float(self.values.min())
+
+    @property
     def left(self) -> float:
-        """The least of distance − margin, m."""
-        return float(self.values.min()) - self.margin
+        """The smallest distance − margin, m."""
+        return self.least - self.margin
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +78,7 @@ class Course:
         box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m; None without.
         gaps: between links and above the table.
         envelopes: one per joint.
+        has_friction: the torque counts it.
         proof: the certificate.
     """
 
@@ -88,6 +94,7 @@ class Course:
     box: tuple[float, ...] | None
     gaps: tuple[Gap, ...]
     envelopes: tuple[Envelope, ...]
+    has_friction: bool
     proof: Certificate
 
 
@@ -103,16 +110,19 @@ def course(
     proof = certificate(lib, trajectory, safety)
     t = np.linspace(0.0, trajectory.duration, samples)
     motion = np.array(trajectory.at(lib, t))
-    torque, gaps = _torque(lib, motion, np.full(lib.n_joints, np.inf)), ()
+    gaps: list[Gap] = []
+    free = np.full(lib.n_joints, np.inf)
+    torque_band = Band(-free, free)
+    tau = lib.inverse_dynamics(motion[0], motion[1], motion[2], lib.pi0)
     for law in laws(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
         if isinstance(law, Torque):
-            torque = law.torques(motion), Band(-law.limit, law.limit)
+            tau, torque_band = law.torques(motion), Band(-law.limit, law.limit)
         elif isinstance(law, Clearance | Table):
             margins = np.broadcast_to(law.margin, len(law.labels))
             rows = zip(law.labels, law.distances(motion).T, margins, strict=True)
-            gaps += tuple(Gap(law.kind, label, values, float(m)) for label, values, m in rows)
-    values = dict(zip(KINDS, motion, strict=True)) | {"torque": torque[0]}
-    bands = _bands(lib) | {"torque": torque[1]}
+            gaps += [Gap(law.kind, label, row, float(least)) for label, row, least in rows]
+    values = dict(zip(KINDS, motion, strict=True)) | {"torque": tau}
+    bands = _bands(lib) | {"torque": torque_band}
     return Course(
         robot=lib.name,
         joints=lib.joint_names,
@@ -124,15 +134,11 @@ def course(
         tip=lib.end_effector(motion[0])[:, :3, 3],
         table=safety.table if safety else None,
         box=safety.box if safety else None,
-        gaps=gaps,
+        gaps=tuple(gaps),
         envelopes=_envelopes(lib, bands),
+        has_friction=safety is not None and bool(safety.viscous or safety.coulomb),
         proof=proof,
     )
-
-
-def _torque(lib: Library, motion: Array, limit: Array) -> tuple[Array, Band]:
-    tau = lib.inverse_dynamics(motion[0], motion[1], motion[2], lib.pi0)
-    return tau, Band(-limit, limit)
 
 
 def _bands(lib: Library) -> dict[str, Band]:

@@ -33,9 +33,11 @@ INK, LINE, MEASURED, BEFORE, AFTER = COLOURS
 POINTS = 60_000
 """Vertices in one figure, about 1 MB of SVG."""
 
-_STYLE = settings(
-    *(INK, LINE, LINE), **{"svg.fonttype": "none", "grid.linewidth": 0.4, "lines.linewidth": 0.9}
-)
+_STYLE = settings(INK, LINE, LINE) | {
+    "svg.fonttype": "none",
+    "grid.linewidth": 0.4,
+    "lines.linewidth": 0.9,
+}
 _WIDTH = 10.0  # inches; the page scales it
 
 

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 CLOSEST = 4
 """Gaps that are drawn boldly, those with the least distance − margin."""
+NEAR = 0.3
+"""m: the panel ends here where all of the closest come closer; further away nobody looks."""
 BOLD = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":"))
 TITLES = {
     "self-collision": "distance between links [m]",
@@ -26,7 +28,7 @@ TITLES = {
 def draw_space(figure: Figure, course: Course) -> None:
     """Left the tip's path with table and box; right a panel of distances per kind."""
     kinds = list(dict.fromkeys(gap.kind for gap in course.gaps)) or ["self-collision"]
-    left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15))
+    left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15), squeeze=False)[0]
     _path(left.add_subplot(projection="3d"), course)
     panels = right.subplots(len(kinds), 1, sharex=True, squeeze=False).ravel()
     for kind, axis in zip(kinds, panels, strict=True):
@@ -55,22 +57,27 @@ def _distances(axis: Axes, course: Course, gaps: list[Gap]) -> None:
     for gap in others:
         axis.plot(course.t, gap.values, color=GREY, linewidth=0.6)
     for gap, (colour, dashes) in zip(bold, BOLD, strict=False):
-        least = 1e3 * float(gap.values.min())
-        label = f"{gap.label}: {least:.0f} mm"
+        label = f"{gap.label}: {1e3 * gap.least:.1f} / {1e3 * gap.margin:g} mm"
         axis.plot(course.t, gap.values, color=colour, linestyle=dashes, label=label, zorder=3)
     for margin in sorted({gap.margin for gap in gaps}):
         worst = min(gap.left for gap in gaps if gap.margin == margin)
         axis.axhline(margin, color=VERMILION, linewidth=1.0)
         if worst < 0:
             axis.axhspan(min(0.0, margin + worst), margin, color=VERMILION, alpha=0.12, linewidth=0)
-    top = max(float(gap.values.max()) for gap in bold)
-    low = min(0.0, *(float(gap.values.min()) for gap in gaps))
-    axis.set_ylim(low - 0.03 * (top - low), top + 0.06 * (top - low))
-    margins = ", ".join(f"{1e3 * m:g}" for m in sorted({gap.margin for gap in gaps}))
-    axis.plot([], [], color=VERMILION, linewidth=1.0, label=f"margin: {margins} mm")
+    top = min(max(gap.values.max() for gap in bold), max(NEAR, 2 * bold[-1].least))
+    low = min(0.0, *(gap.least for gap in gaps))
+    axis.set_ylim(low - 0.03 * (top - low), 1.02 * top)
+    axis.plot([], [], color=VERMILION, linewidth=1.0, label="margin")
     if others:
         axis.plot([], [], color=GREY, linewidth=0.6, label=f"{len(others)} others")
-    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7)
+    axis.legend(
+        loc="upper left",
+        bbox_to_anchor=(1.0, 1.0),
+        fontsize=7,
+        title="least / margin",
+        title_fontsize=7,
+        alignment="left",
+    )
 
 
 def _path(axis: Axes3D, course: Course) -> None:

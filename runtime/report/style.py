@@ -13,7 +13,7 @@ PURPLE, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
 INK, GREY, PALE = "#222222", "#BBBBBB", "#E4E4E4"
 
 
-def settings(ink: str = INK, line: str = GREY, grid: str = PALE, **others: Any) -> dict[str, Any]:
+def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, Any]:
     """Matplotlib's settings: text in `ink`, axes in `line`; names of joints are text, not maths."""
     return {
         "font.family": "sans-serif",
@@ -39,7 +39,7 @@ def settings(ink: str = INK, line: str = GREY, grid: str = PALE, **others: Any) 
         "ytick.labelcolor": ink,
         "legend.frameon": False,
         "lines.linewidth": 1.2,
-    } | others
+    }
 
 
 @contextmanager

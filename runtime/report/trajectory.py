@@ -81,8 +81,9 @@ def draw_motion(figure: Figure, course: Course) -> None:
         row[0].set_title(course.joints[j])
         for axis in row:
             axis.margins(x=0)
-    for kind, axis in zip((*kinds, "use of limits"), rows[0], strict=True):
-        axis.set_title(kind, loc="right", color=INK, fontweight="bold")
+    torque = "torque with friction" if course.has_friction else "torque"
+    for head, axis in zip((*PER_SECOND, torque, "use of limits"), rows[0], strict=True):
+        axis.set_title(head, loc="right", fontweight="bold")
     for axis in rows[-1]:
         axis.set_xlabel("time [s]")
     handles, labels = rows[0, -1].get_legend_handles_labels()

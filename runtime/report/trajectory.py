@@ -74,11 +74,12 @@ def draw_motion(figure: Figure, course: Course) -> None:
         for kind, axis in zip(kinds, row, strict=False):
             colour, _ = LINES[kind]
             axis.plot(course.t, course.motion[kind][:, j], color=colour)
-            _limits(axis, course.bands[kind], j)
+            told = _limits(axis, course.bands[kind], j)
+            name = f"{course.joints[j]}   " if kind == "position" else ""
+            axis.set_title(name + told, color=INK if name else VERMILION)
             axis.set_ylabel(_unit(course, kind, j))
         row[0].axhline(course.motion["position"][0, j], color=GREY, linewidth=0.8, zorder=1)
         _shares(row[-1], course, j)
-        row[0].set_title(course.joints[j])
         for axis in row:
             axis.margins(x=0)
     torque = "torque with friction" if course.has_friction else "torque"
@@ -103,8 +104,8 @@ def _unit(course: Course, kind: str, joint: int) -> str:
     return ("N·m" if unit == "rad" else "N") if kind == "torque" else unit + PER_SECOND[kind]
 
 
-def _limits(axis: Axes, band: Band, joint: int) -> None:
-    """Lines at the limits, or a word on them where they are far away."""
+def _limits(axis: Axes, band: Band, joint: int) -> str:
+    """Lines at the limits; the answer is a word on those that are far away."""
     low, high = axis.get_ylim()
     size = max(abs(low), abs(high))
     far = []
@@ -112,12 +113,11 @@ def _limits(axis: Axes, band: Band, joint: int) -> None:
         if np.isfinite(end) and abs(end) <= FAR * size:
             axis.axhline(end, color=VERMILION, linewidth=1.0)
         elif np.isfinite(end):
-            far.append(end)
-    if far:
-        both = len(far) == 2 and far[0] == -far[1]
-        text = f"±{far[1]:.3g}" if both else ", ".join(f"{end:.3g}" for end in far)
-        axis.set_title(f"limit {text}", color=VERMILION, fontsize=7)
+            far.append(float(end))
     axis.margins(y=0.08)
+    if len(far) == 2 and far[0] == -far[1]:
+        return f"limit ±{far[1]:.3g}"
+    return f"limit {', '.join(f'{end:.3g}' for end in far)}" if far else ""
 
 
 def _shares(axis: Axes, course: Course, joint: int) -> None:

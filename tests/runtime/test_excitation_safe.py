@@ -23,7 +23,7 @@ from tests.runtime.test_excitation import closed_form
 
 BOX = (-0.4, 0.4, -0.6, 0.5, 0.2, 0.9)
 TABLE = 0.1
-SHARE, VISCOUS, COULOMB = 0.5, 1.0, 0.5
+SHARE, VISCOUS, COULOMB = 0.5, 1.5, 0.5
 SAFETY = Safety(torque_fraction=SHARE, table=TABLE, box=BOX, viscous=(VISCOUS,), coulomb=(COULOMB,))
 """Tight enough for each of them to stop this motion."""
 TABLE_MARGIN, PAIR_MARGIN = 0.03, 0.02
@@ -35,7 +35,7 @@ Placed = dict[str, tuple[int, coal.CollisionGeometry, pinocchio.SE3]]
 
 @pytest.fixture(scope="module")
 def found(lib: Library) -> Design:
-    return design(lib, DURATION, HARMONICS, starts=2, safety=SAFETY)
+    return design(lib, DURATION, HARMONICS, starts=1, safety=SAFETY)
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +157,6 @@ def test_capsules_keep_apart_by_coal(
     """Oracle: coal's capsules and half-space at every millisecond; only named pairs come closer."""
     margins = {(pair.first, pair.second): pair.margin for pair in lib.pairs}
     lifted = [(name, "table") for name in lib.moving_proxies if name != "link1"]
-    # coal stops at 1e-6 m.
     margins |= dict.fromkeys(lifted, TABLE_MARGIN)
     distances = least(poses, capsules, list(margins))
     short = {pair: distances[pair] - margin for pair, margin in margins.items()}

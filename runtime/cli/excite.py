@@ -12,6 +12,7 @@ from runtime.certificate import certificate, pulled_inside, require_speed, slowe
 from runtime.cli.common import Robot, Seed, console, say
 from runtime.cli.prediction import information_of, tell
 from runtime.cli.safety import certificate_table, safety_of
+from runtime.course import course
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, basis_of, design, predict
 from runtime.excitation.safety import TABLE_MARGIN
@@ -132,7 +133,9 @@ def excite_command(
     plot: Annotated[
         bool,
         typer.Option(
-            "--plot", help="Draw every joint's motion and use of limits: PNG beside the JSON."
+            "--plot",
+            help="PNGs beside the JSON: every joint's motion and torque with limits, velocity over "
+            "position (-speed), the tip's path and distances (-space).",
         ),
     ] = False,
 ) -> None:
@@ -201,11 +204,10 @@ def excite_command(
         write_recording(log, beside)
         written.append(beside)
     if plot:
-        from runtime.report.trajectory import write_picture  # matplotlib loads slowly
+        from runtime.report.trajectory import write_pictures  # matplotlib loads slowly
 
-        picture = path.with_suffix(".png")
-        write_picture(lib, found.trajectory, picture, safety)
-        written.append(picture)
+        shown = course(lib, found.trajectory, safety)
+        written += write_pictures(shown, path.with_suffix(".png"))
     tell(found, expected, len(lib.base_columns))
     if found.trajectory.duration != duration:
         say(f"note: {duration:g} s would break a limit; it takes {found.trajectory.duration:g} s")

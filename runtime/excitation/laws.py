@@ -139,12 +139,14 @@ class Torque:
         """Inertia and gravity are, viscous friction is not."""
         return not self.viscous.any()
 
+    def torques(self, motion: Array) -> Array:
+        """τ + f_v dq, (N, n) N·m, N for a slide."""
+        smooth = self.lib.inverse_dynamics(*_three(motion), self.pi)
+        return smooth + self.viscous * motion[1]
+
     def values(self, motion: Array) -> Array:
         """±(τ + f_v dq) / limit − 1."""
-        share = (
-            self.lib.inverse_dynamics(*_three(motion), self.pi) + self.viscous * motion[1]
-        ) / self.limit
-        return _both(share)
+        return _both(self.torques(motion) / self.limit)
 
     def slopes(self, motion: Array) -> Array:
         """±(∂τ/∂(q, dq, ddq) + f_v) / limit."""

@@ -91,9 +91,13 @@ class Clearance:
         """Both links."""
         return self.pairs
 
+    def distances(self, motion: Array) -> Array:
+        """Of every pair, (N, R) m."""
+        return self.lib.clearance(motion[0])[0]
+
     def values(self, motion: Array) -> Array:
         """margin − distance, in 0.1 m."""
-        return (self.margin - self.lib.clearance(motion[0])[0]) / LENGTH
+        return (self.margin - self.distances(motion)) / LENGTH
 
     def slopes(self, motion: Array) -> Array:
         """−∂distance/∂q."""
@@ -124,9 +128,13 @@ class Table:
         """Proxies."""
         return self.proxies
 
+    def distances(self, motion: Array) -> Array:
+        """Of every proxy above the table, (N, R) m."""
+        return self._heights(motion)[0]
+
     def values(self, motion: Array) -> Array:
         """margin − height, in 0.1 m."""
-        return (self.margin - self._heights(motion)[0]) / LENGTH
+        return (self.margin - self.distances(motion)) / LENGTH
 
     def slopes(self, motion: Array) -> Array:
         """−∂height/∂q."""

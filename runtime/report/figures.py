@@ -12,10 +12,12 @@ from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
-from matplotlib import rc_context, style
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+from runtime.report.style import blank, settings
 
 Array = NDArray[np.float64]
 
@@ -31,30 +33,9 @@ INK, LINE, MEASURED, BEFORE, AFTER = COLOURS
 POINTS = 60_000
 """Vertices in one figure, about 1 MB of SVG."""
 
-_STYLE = {
+_STYLE = settings(INK, LINE, LINE) | {
     "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 8,
-    "text.parse_math": False,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": LINE,
-    "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.titlesize": 8,
-    "axes.titlelocation": "left",
-    "axes.formatter.useoffset": False,
-    "grid.color": LINE,
     "grid.linewidth": 0.4,
-    "xtick.color": LINE,
-    "ytick.color": LINE,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "legend.frameon": False,
     "lines.linewidth": 0.9,
 }
 _WIDTH = 10.0  # inches; the page scales it
@@ -188,11 +169,11 @@ def _logarithmic(axis: Axes, values: Array) -> None:
 
 @contextmanager
 def _figure(height: float) -> Iterator[Figure]:
-    """A figure of its own: no pyplot, none of the user's matplotlib settings."""
-    with warnings.catch_warnings(), style.context(["default", _STYLE]):
+    """A blank figure as wide as the page."""
+    with warnings.catch_warnings(), blank((_WIDTH, height), _STYLE) as figure:
         # The browser has fonts that the layout engine lacks.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        yield Figure(figsize=(_WIDTH, height), layout="constrained")
+        yield figure
 
 
 def _svg(figure: Figure, name: str) -> str:

@@ -234,7 +234,9 @@ def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_pa
     assert "certificate at 100 % speed: holds at every instant" in ran.out
     kinds = ("certificate.json", "libfranka.csv", "ros.yaml")
     expected = {f"{stem}.{kind}" for stem in ("m", "m-speed10") for kind in kinds}
-    assert {path.name for path in tmp_path.iterdir()} == {"m.json", "m.png", *expected}
+    pictures = ("m.png", "m-speed.png", "m-space.png")
+    assert {path.name for path in tmp_path.iterdir()} == {"m.json", *pictures, *expected}
+    assert f"trajectory: m.json, {', '.join(pictures)}" in ran.out
     slow = (tmp_path / "m-speed10.libfranka.csv").read_text()
     assert len(re.findall("^[0-9]", slow, re.MULTILINE)) == 40_001
 

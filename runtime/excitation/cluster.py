@@ -53,7 +53,7 @@ def on_cluster(problem: Problem, starts: int, scheduler: str) -> Generator[Start
             for number in range(starts)
         ]
         _require_workers(client, scheduler)
-        for future in as_completed(futures):
+        for future in as_completed(futures, loop=client.loop):
             if future.cancelled():
                 raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
             failure = future.exception()
@@ -77,6 +77,8 @@ def _connected(scheduler: str) -> Any:
     from distributed import Client
 
     try:
+        if not scheduler:
+            raise ValueError(scheduler)  # Client would start a cluster of its own
         return Client(scheduler, timeout=CONNECTED, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise IdentificationError(

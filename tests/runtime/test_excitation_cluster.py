@@ -31,7 +31,7 @@ def cluster() -> Iterator[Any]:
 
 def test_a_killed_worker_does_not_matter(lib: Library, cluster: Any) -> None:
     """Property: a worker dies by SIGKILL; all starts are told, the design is ours to the bit."""
-    starts = 12
+    starts = 6
     victim = cluster.workers[0]
     pid = victim.pid
     told: list[tuple[int, float, float]] = []

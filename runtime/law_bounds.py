@@ -55,6 +55,8 @@ class LawBound:
 
 def law_bounds(laws: Sequence[Law], trajectory: Trajectory) -> tuple[LawBound, ...]:
     """One bound per row of each law."""
+    if not laws:
+        return ()
     duration, basis = trajectory.duration, trajectory.basis
     a, home = trajectory.coefficients, trajectory.home
     count = max(INTERVALS, int(np.ceil(duration / STEP)))

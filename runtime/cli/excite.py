@@ -11,7 +11,7 @@ from rich.progress import Progress
 from runtime.certificate import certificate, pulled_inside, require_speed, slowed
 from runtime.cli.common import Robot, Seed, console, say
 from runtime.cli.prediction import information_of, tell
-from runtime.cli.safety import certificate_table, safety_of
+from runtime.cli.safety import certificate_table, notes, safety_of
 from runtime.course import course
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, basis_of, design, predict
@@ -48,6 +48,15 @@ def excite_command(
         int | None,
         typer.Option(
             help="Searching side by side; default: one per core, for less than ten starts 1."
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp://HOST:PORT",
+            help="Search on the workers of this dask cluster instead (pip install "
+            "'symgen[cluster]'); they must see the same file system: each loads the robot's "
+            "folder by itself.",
         ),
     ] = None,
     rate: Annotated[float, typer.Option(help="Rate of csv, npz and ros, Hz.")] = 1000.0,
@@ -189,6 +198,7 @@ def excite_command(
             basis=basis_of(basis, zero_jerk),
             information=known,
             safety=safety,
+            scheduler=scheduler,
         )
     found = replace(found, trajectory=pulled_inside(lib, found.trajectory))
     expected = predict(lib, found.trajectory, told)
@@ -209,8 +219,8 @@ def excite_command(
         shown = course(lib, found.trajectory, safety)
         written += write_pictures(shown, path.with_suffix(".png"))
     tell(found, expected, len(lib.base_columns))
-    if found.trajectory.duration != duration:
-        say(f"note: {duration:g} s would break a limit; it takes {found.trajectory.duration:g} s")
+    for note in notes(lib, duration, found.trajectory.duration):
+        say(note)
     stages = {100 * share: slowed(found.trajectory, share) for share in speeds}
     for percent, stage in stages.items():
         console.print(certificate_table(certificate(lib, stage, safety), percent))

@@ -6,6 +6,7 @@ from rich.table import Table
 from runtime.certificate import DISTANCES, Certificate, Use
 from runtime.cli.common import numbers_option
 from runtime.excitation import Safety
+from runtime.excitation.safety import FIT_PROXIES
 from runtime.library import Library
 
 BOX = 6
@@ -35,6 +36,19 @@ def safety_of(
         viscous=viscous,
         coulomb=coulomb,
     )
+
+
+def notes(lib: Library, asked: float, taken: float) -> tuple[str, ...]:
+    """What else must be said: more time than was asked for, s, and a robot without proxies."""
+    found = []
+    if taken != asked:
+        found.append(f"note: {asked:g} s would break a limit; it takes {taken:g} s")
+    if not lib.pairs:
+        found.append(
+            f"note: '{lib.name}' has no collision proxies: nobody looked whether its links meet "
+            f"each other or what is around them; {FIT_PROXIES}"
+        )
+    return tuple(found)
 
 
 def certificate_table(proof: Certificate, percent: float) -> Table:

@@ -1,6 +1,6 @@
 """The best of several starts, inside the limits at 1 kHz."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass
 
@@ -8,10 +8,11 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.basis import COSINE, Basis
+from runtime.excitation.cluster import on_cluster
 from runtime.excitation.cost import ConditionCost
 from runtime.excitation.finish import Finished, finished
 from runtime.excitation.information import Information
-from runtime.excitation.processes import in_turn, side_by_side
+from runtime.excitation.processes import Started, in_turn, side_by_side
 from runtime.excitation.safety import Safety, unchecked
 from runtime.excitation.search import Problem, Search
 from runtime.excitation.trajectory import Trajectory
@@ -64,6 +65,7 @@ def design(
     basis: Basis = COSINE,
     information: Information | None = None,
     safety: Safety | None = None,
+    scheduler: str | None = None,
 ) -> Design:
     """Best of several searches for the best criterion from random admissible starts.
 
@@ -83,10 +85,12 @@ def design(
         information: noise, rate, what is known already and which parameters are not.
         safety: limits beyond position, velocity and acceleration of the joints; None keeps these
             alone, as the document does.
+        scheduler: address of a dask scheduler, as tcp://host:8786, whose workers search instead
+            of `processes`; they need this package and the robot's folder under the same path.
 
     Raises:
         IdentificationError: options or home position make no trajectory, limits leave no room
-            for one; a process died.
+            for one; a process died, or there is no cluster.
     """
     if not 0 < duration <= LONGEST or harmonics < 1 or starts < 1:
         raise IdentificationError(
@@ -102,9 +106,8 @@ def design(
     )
     search = Search(lib, problem)
     search.require_rank()
-    alone = processes == 1 or starts == 1
     found: dict[int, tuple[float, Array]] = {}
-    ended = in_turn(search, starts) if alone else side_by_side(problem, starts, processes)
+    ended = _ended(search, starts, processes, scheduler)
     try:
         with closing(ended):
             for number, value, a in ended:
@@ -132,6 +135,16 @@ def design(
         safety,
         unchecked(lib, safety),
     )
+
+
+def _ended(
+    search: Search, starts: int, processes: int, scheduler: str | None
+) -> Generator[Started, None, None]:
+    if scheduler is not None:
+        return on_cluster(search.problem, starts, scheduler)
+    if processes == 1 or starts == 1:
+        return in_turn(search, starts)
+    return side_by_side(search.problem, starts, processes)
 
 
 def _best(lib: Library, search: Search, found: dict[int, tuple[float, Array]]) -> Finished:

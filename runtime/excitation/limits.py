@@ -11,7 +11,7 @@ LIMIT_STEP = 0.1
 DEFAULT_ACCELERATION = 10.0
 """Used where the robot states none, rad/s² or m/s²."""
 DEFAULT_RANGE = np.pi
-"""± range of a joint without position limits, rad or m."""
+"""A joint without position limits moves this far to both sides of its home, rad or m."""
 
 
 class Limits:
@@ -28,8 +28,9 @@ class Limits:
     ) -> None:
         limits = lib.limits()
         self.assumptions: list[str] = []
-        lower = self._or(limits["lower"], -DEFAULT_RANGE, "lower position", lib)
-        upper = self._or(limits["upper"], DEFAULT_RANGE, "upper position", lib)
+        low, high = (f"{DEFAULT_RANGE:.4g} {side} home" for side in ("below", "above"))
+        lower = self._or(limits["lower"], home - DEFAULT_RANGE, "lower position", lib, low)
+        upper = self._or(limits["upper"], home + DEFAULT_RANGE, "upper position", lib, high)
         speed = self._or(limits["velocity"], np.pi, "velocity", lib)
         accel = self._or(limits["acceleration"], DEFAULT_ACCELERATION, "acceleration", lib)
         outside = (home <= lower) | (home >= upper)
@@ -47,11 +48,14 @@ class Limits:
         self._rows["acceleration"] = phi[..., 2]
         self._bounds = {"velocity": speed, "acceleration": accel}
 
-    def _or(self, values: Array, missing: float, what: str, lib: Library) -> Array:
+    def _or(
+        self, values: Array, missing: float | Array, what: str, lib: Library, told: str = ""
+    ) -> Array:
         unknown = ~np.isfinite(values)
         if unknown.any():
             names = ", ".join(np.array(lib.joint_names)[unknown])
-            self.assumptions.append(f"no {what} limit for {names}: {missing:.4g} assumed")
+            text = told or f"{missing:.4g}"
+            self.assumptions.append(f"no {what} limit for {names}: {text} assumed")
         return np.where(unknown, missing, values)
 
     def use(self, a: Array) -> dict[str, Array]:

@@ -16,6 +16,9 @@ from runtime.library import Array, Library
 
 TABLE_MARGIN = 0.03
 """m between every moving proxy and the table."""
+FIT_PROXIES = (
+    "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
+)
 _PROBES = 32
 """Random poses in which a proxy that can move has moved."""
 
@@ -189,8 +192,7 @@ def _lifted(lib: Library) -> NDArray[np.intp]:
 
 def _no_proxies(lib: Library, what: str) -> IdentificationError:
     return IdentificationError(
-        f"'{lib.name}' has no collision proxies, so {what} cannot be checked; fit them with: "
-        "python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
+        f"'{lib.name}' has no collision proxies, so {what} cannot be checked; {FIT_PROXIES}"
     )
 
 

@@ -121,6 +121,15 @@ def test_matrices_that_are_tridiagonal_or_diagonal_already(solvers: dict[str, Pa
             check(solve, matrix)
 
 
+@pytest.mark.parametrize("size", [1e-150, 1e-139, 1e-120, 1e-76, 1e-74, 1e-20])
+def test_entries_that_only_rounding_made(solvers: dict[str, Pairs], size: float) -> None:
+    """Oracle: numpy.linalg.eigvalsh, where squares and their inverses leave the doubles' range."""
+    matrix = np.eye(43)
+    matrix[20, :10] = matrix[:10, 20] = size
+    for solve in solvers.values():
+        check(solve, matrix)
+
+
 def test_what_is_not_finite_gives_nan(solvers: dict[str, Pairs]) -> None:
     """Property: NaN or infinity anywhere makes both values NaN, and it ends."""
     for solve in solvers.values():

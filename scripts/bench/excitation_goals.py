@@ -1,0 +1,249 @@
+"""Designs of `scripts/bench_excitation --goals`: what they reach, how long they take, certified."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from bench.machine import processor
+from runtime.certificate import certificate, pulled_inside
+from runtime.excitation import design
+from runtime.excitation.information import information
+from runtime.excitation.prediction import predict
+from runtime.excitation.safety import Safety
+from runtime.library import Library
+from runtime.threads import cores
+
+NOISE, RATE = 0.05, 100.0
+"""N·m and Hz, of the errors that are told."""
+SAMPLES = 1000
+"""Of the errors that are told; cond is that of the cost's samples, as the document has it."""
+ALL = Safety(table=0.0)
+"""Every limit of the robot and a table at the height of its base."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A problem and what its design has to reach.
+
+    Attributes:
+        name: for --only and in JSON.
+        label: in tables.
+        duration, harmonics, starts, criterion, safety: of the design.
+        condition: bound of its condition number.
+        seconds: bound of the wall time.
+        relative_error, torque_error: bounds of A, %, and V, N·m.
+    """
+
+    name: str
+    label: str
+    duration: float
+    harmonics: int
+    starts: int
+    criterion: str = "cond"
+    safety: Safety | None = None
+    condition: float | None = None
+    seconds: float | None = None
+    relative_error: float | None = None
+    torque_error: float | None = None
+
+
+GOALS = (
+    Goal("document-24", "document's limits, M 5", 10, 5, 24, condition=4.25, seconds=20),
+    Goal("document-100", "document's limits, M 5", 10, 5, 100, condition=4.0),
+    Goal("document-100-20", "document's limits, M 5", 20, 5, 100, condition=3.4),
+    Goal("document-10", "document's limits, M 10", 10, 10, 24, condition=3.1),
+    Goal("document-10-20", "document's limits, M 10", 20, 10, 24, condition=2.55),
+    Goal("safe", "all limits and a table, M 5", 10, 5, 24, "cond", ALL, 4.9, 60),
+    Goal("safe-20", "all limits and a table, M 5", 20, 5, 24, "cond", ALL, 3.9, 60),
+    Goal(
+        *("default", "all limits and a table, M 8, default criterion", 20, 8, 24, "mixed", ALL),
+        condition=4.0,
+        relative_error=1.5,
+        torque_error=5.5e-3,
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What a design reached.
+
+    Attributes:
+        duration: of the trajectory, s; longer than asked for where it had to be slowed.
+        conditions: of all starts.
+        wall, cpu: seconds of the design, all processes together.
+        relative_error, torque_error: A, % and V, N·m.
+        certified: every limit holds for every instant.
+        unmet: bounds that it missed.
+    """
+
+    goal: Goal
+    duration: float
+    condition: float
+    conditions: tuple[float, ...]
+    wall: float
+    cpu: float
+    processes: int
+    relative_error: float
+    torque_error: float
+    certified: bool
+    unmet: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Everything that one run measured."""
+
+    robot: str
+    processor: str
+    rows: tuple[Row, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def measure(
+    lib: Library, goals: tuple[Goal, ...], seed: int, tell: Callable[[str], None]
+) -> Report:
+    """Design for every goal, on as many processes as there are cores.
+
+    Args:
+        lib: of the robot.
+        goals: of `GOALS`.
+        seed: of all starts.
+        tell: is called with a line of progress.
+    """
+    rows = []
+    for goal in goals:
+        row = _reached(lib, goal, seed, tell)
+        tell(f"{goal.name}: cond {row.condition:.3f} in {row.wall:.0f} s")
+        rows.append(row)
+    return Report(lib.name, processor(), tuple(rows))
+
+
+def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -> Row:
+    def report(done: int, value: float, best: float) -> None:
+        tell(f"{goal.name}: start {done} of {goal.starts}, {value:.4g}, best {best:.4g}")
+
+    told = information(lib, NOISE, RATE)
+    processes = cores()
+    cpu, wall = _cpu(), time.perf_counter()
+    found = design(
+        lib,
+        goal.duration,
+        goal.harmonics,
+        goal.starts,
+        seed,
+        progress=report,
+        processes=processes,
+        criterion=goal.criterion,
+        information=None if goal.criterion == "cond" else told,
+        safety=goal.safety,
+    )
+    cpu, wall = _cpu() - cpu, time.perf_counter() - wall
+    trajectory = pulled_inside(lib, found.trajectory)
+    scores = predict(lib, trajectory, told).scores
+    score = next(s for s in scores if s.samples == SAMPLES and not s.friction)
+    proof = certificate(lib, trajectory, goal.safety)
+    relative, torque = 100 * score.relative_error, score.torque_error
+    bounds = (
+        ("cond", found.condition, goal.condition),
+        ("seconds", wall, goal.seconds),
+        ("A", relative, goal.relative_error),
+        ("V", torque, goal.torque_error),
+    )
+    return Row(
+        goal,
+        trajectory.duration,
+        found.condition,
+        found.conditions,
+        wall,
+        cpu,
+        processes,
+        relative,
+        torque,
+        proof.holds,
+        tuple(name for name, value, bound in bounds if bound is not None and value > bound),
+    )
+
+
+def _cpu() -> float:
+    """Seconds of this process and of those that it has waited for."""
+    times = os.times()
+    return times.user + times.system + times.children_user + times.children_system
+
+
+_HEAD = (
+    "problem",
+    "t_f s",
+    "starts",
+    "cond",
+    "median",
+    "A %",
+    "V mN·m",
+    "wall s",
+    "CPU s",
+    "certified",
+    "goal",
+)
+
+
+def table(report: Report) -> Table:
+    """One line per design."""
+    shown = Table(
+        *_HEAD,
+        title=f"{report.robot}: best of the starts, {report.processor}",
+        caption=(
+            "cond: column-normalised base regressor at 80 samples. A: RMS relative error of the "
+            "base parameters, V: RMS error of the torque on unseen motions, both expected of "
+            f"least squares at {NOISE:g} N·m and {RATE:g} Hz. Wall time on as many processes as "
+            "there are cores, their start included."
+        ),
+    )
+    for column in shown.columns[1:]:
+        column.justify = "right"
+    for cells in _lines(report):
+        shown.add_row(*cells)
+    return shown
+
+
+def markdown(report: Report) -> str:
+    """The same for the README."""
+    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
+    return "\n".join((*lines, *(f"| {' | '.join(cells)} |" for cells in _lines(report))))
+
+
+def _lines(report: Report) -> Iterator[tuple[str, ...]]:
+    for row in report.rows:
+        goal = row.goal
+        bounds = (
+            ("cond", goal.condition, 1.0, ""),
+            ("", goal.seconds, 1.0, " s"),
+            ("A", goal.relative_error, 1.0, " %"),
+            ("V", goal.torque_error, 1e3, " mN·m"),
+        )
+        wanted = [
+            f"{name} ≤ {bound * scale:g}{unit}".strip()
+            for name, bound, scale, unit in bounds
+            if bound is not None
+        ]
+        missed = f" (missed: {', '.join(row.unmet)})" if row.unmet else ""
+        yield (
+            goal.label,
+            f"{row.duration:g}",
+            str(goal.starts),
+            f"{row.condition:.3f}",
+            f"{np.median(row.conditions):.2f}",
+            f"{row.relative_error:.2f}",
+            f"{1e3 * row.torque_error:.2f}",
+            f"{row.wall:.0f}",
+            f"{row.cpu:.0f}",
+            "yes" if row.certified else "NO",
+            f"{', '.join(wanted)}{missed}",
+        )

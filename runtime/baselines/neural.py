@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime import friction
 from runtime.baselines.wls import with_torque
-from runtime.errors import IdentificationError
+from runtime.errors import NeedsError
 from runtime.library import Array
 from runtime.network import FrictionNet, train
 from runtime.objective import Samples
@@ -26,10 +26,10 @@ def fit_neural(problem: Problem) -> Fit:
     """π and φ by the most probable consistent model (`fit_map`), the rest of the friction by nets.
 
     Raises:
-        IdentificationError: there are no friction columns to learn from, or no optimum was found.
+        NeedsError: there are no friction columns to learn from.
     """
     if not problem.train.columns.shape[2]:
-        raise IdentificationError(
+        raise NeedsError(
             "the nets learn from friction columns, but there are none; name some, for example "
             f"--friction {','.join(INPUTS)}"
         )

@@ -9,7 +9,7 @@ import pytest
 from runtime import Identification, Recording, identify
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
-from runtime.friction import DAHL_WAY, dahl_state
+from runtime.friction import Motion, columns
 from runtime.library import Library
 from runtime.network import UNITS, FrictionNet, _forward, _slopes, train
 from runtime.objective import samples_of
@@ -106,12 +106,14 @@ def test_training_fits_a_net_of_its_own_kind() -> None:
 
 def test_the_dahl_state_forgets_over_its_way() -> None:
     """Oracle: after a reversal z = 1 − 2 exp(−x/z_c) along a path x, the closed form."""
-    x = np.linspace(0, 10 * DAHL_WAY, 5001)
+    way = TERMS.dahl_stroke
+    x = np.linspace(0, 10 * way, 5001)
     path = np.concatenate([x, x[::-1][1:]])[:, None]
-    z = dahl_state(path)[:, 0]
+    dahl = Friction(("dahl",))
+    z = columns(Motion(dq=np.zeros_like(path), q=path), dahl)[:, 0, 0]
     assert z[5000] == pytest.approx(1.0, abs=1e-4)  # e^-10 = 5e-5
-    # Implicit Euler with steps of 1/500 of the way: 1/1000.
-    assert z[5000:] == pytest.approx(2 * np.exp(-x / DAHL_WAY) - 1, abs=2e-3)
+    # Each step is exact; e^-10 is what the way there left.
+    assert z[5000:] == pytest.approx(2 * np.exp(-x / way) - 1, abs=1e-4)
 
 
 def test_nets_need_columns(sticky: Recording, lib: Library) -> None:
@@ -134,7 +136,7 @@ def test_results_keep_the_net(
     )
     assert ran.code == 0
     seen = json.loads(ran.out)["torque_error_percent"]["after_overall"]
-    whole = prepare(sticky, None, TERMS.columns, TERMS.coulomb_speed)
+    whole = prepare(sticky, None, TERMS, lib=lib)
     error = learned.predict_recording(whole) - sticky.tau
     percent = 100 * np.linalg.norm(error) / np.linalg.norm(sticky.tau)
     # Numbers pass through JSON and NPZ unrounded.

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.errors import NeedsError
+from runtime.errors import NeedsError, RecordingError
 from runtime.library import Array, Library
 from runtime.preprocessing.segments import segments, uniform_step
 from runtime.problem import Problem
@@ -97,8 +97,7 @@ def stream_of(problem: Problem, method: str) -> Stream:
     """The training part of the recording at its full rate.
 
     Raises:
-        NeedsError: too slow, with holes, or friction that no filter knows.
-        RecordingError: the clock is not uniform.
+        NeedsError: too slow, not uniform, with holes, or friction that no filter knows.
     """
     bench = problem.bench
     if bench is None or bench.recording.tau is None:
@@ -113,7 +112,13 @@ def stream_of(problem: Problem, method: str) -> Stream:
     whole = bench.span
     rows = (log.t >= whole[0]) & (log.t <= whole[1])
     part = log.take(rows, "Took the span of the training samples.")
-    dt = uniform_step(part, f"run the {method}")
+    try:
+        dt = uniform_step(part, f"run the {method}")
+    except RecordingError:
+        raise NeedsError(
+            f"the method {method} follows the robot sample by sample and needs a uniform clock; "
+            "resample the recording (max_gap_s in a recipe), or choose another method"
+        ) from None
     if dt * SLOWEST > 1.0 + 1e-9 or len(segments(part.t)) > 1:
         raise NeedsError(
             f"the method {method} follows the robot sample by sample and needs one stretch "

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
@@ -131,9 +132,10 @@ def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | No
 def _finish(facts: dict[str, Any], folder: Path) -> None:
     from runtime.report import write_report  # matplotlib is slow to import
 
-    table = Table(*HEAD[:1], title=f"{facts['robot']}, {facts['recording']['name']}: every method")
-    for head in HEAD[1:]:
-        table.add_column(head, justify="right")
+    title = f"{facts['robot']}, {facts['recording']['name']}: every method"
+    table = Table(title=title, box=SIMPLE_HEAD, padding=0, title_justify="left")
+    for head in HEAD:
+        table.add_column(head, justify="left" if head == HEAD[0] else "right", no_wrap=True)
     for row in facts["rows"]:
         table.add_row(*cells(row))
     console.print(table)

@@ -45,14 +45,14 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
     ran = {row.method: row.figures for row in rows if row.figures is not None}
     if not ran:
         why = "no method has an answer on these data; the reason of each is in its row"
-        return Advice(None, (why,))
+        return Advice(None, (_capital(why),))
     sound = {name: f for name, f in ran.items() if f.is_consistent}
     if not sound:
         best = _best(ran)
         return Advice(
             None,
             (
-                f"no method that ran is physically consistent ({', '.join(ran)}); {best} predicts "
+                f"No method that ran is physically consistent ({', '.join(ran)}); {best} predicts "
                 "torques best, but take none of them for a simulator or a controller: run map",
             ),
         )
@@ -67,7 +67,7 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
         _truth(ran, take),
         _absent(rows),
     ]
-    return Advice(take, tuple(sentence for sentence in sentences if sentence))
+    return Advice(take, tuple(_capital(sentence) for sentence in sentences if sentence))
 
 
 def better_beyond_chance(a: Array, b: Array) -> bool:
@@ -123,9 +123,9 @@ def _inconsistent(ran: dict[str, Figures], take: str) -> str:
     figures = f"{_percent(bad[best])} against {_percent(ran[take])}"
     if _beats(bad[best], ran[take]):
         return (
-            f"{best}, the best inconsistent one, predicts better beyond chance ({figures}): either "
-            "its freedom stands in for effects the model lacks, mostly friction, or the URDF "
-            "misleads as a prior; use it for torques of similar motions at most"
+            f"the best inconsistent answer, {best}, predicts better beyond chance ({figures}): "
+            "either its freedom stands in for effects the model lacks, mostly friction, or the "
+            "URDF misleads as a prior; use it for torques of similar motions at most"
         )
     return (
         f"being inconsistent buys nothing: {best}, the best of those, does not predict better "
@@ -153,7 +153,7 @@ def _prior(f: Figures, take: str, n_base: int) -> str:
     if f.told < ENOUGH * n_base:
         return (
             f"{told}, the prior tells the rest: {take} is close to the URDF because little speaks "
-            "against it, so record a longer or faster motion, or lower the noise"
+            "against it, so record a longer or faster motion, or model friction better"
         )
     return f"{told}, the prior tells the rest"
 
@@ -163,12 +163,12 @@ def _overfit(ran: dict[str, Figures], take: str) -> str:
         return ""
     growth = {name: _growth(ran[name]) for name in ("ols", take)}
     told = (
-        f"from {ran['ols'].train_percent:.2f} to {_percent(ran['ols'])} between training and test, "
-        f"that of {take} from {ran[take].train_percent:.2f} to {_percent(ran[take])}"
+        f"from {ran['ols'].train_percent:.3g} to {_percent(ran['ols'])} between training and test, "
+        f"that of {take} from {ran[take].train_percent:.3g} to {_percent(ran[take])}"
     )
     if growth["ols"] > OVERFIT * growth[take]:
-        return f"ols over-fits: its error grows {told}"
-    return f"ols does not over-fit: its error goes {told}"
+        return f"unconstrained least squares over-fits: the error of ols grows {told}"
+    return f"least squares does not over-fit: the error of ols goes {told}"
 
 
 def _truth(ran: dict[str, Figures], take: str) -> str:
@@ -203,4 +203,8 @@ def _growth(f: Figures) -> float:
 
 
 def _percent(f: Figures) -> str:
-    return f"{f.test_percent:.2f} %"
+    return f"{f.test_percent:.3g} %"
+
+
+def _capital(sentence: str) -> str:
+    return sentence[:1].upper() + sentence[1:]

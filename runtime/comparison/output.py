@@ -144,7 +144,7 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         return (row["method"], *("–",) * (len(HEAD) - 2), row["outcome"])
     worst = int(np.argmax(row["rms"]))
     base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
-    verdict = row["outcome"] if row["consistent"] else "inconsistent"
+    verdict = row["outcome"] if row["consistent"] else "unphysical"
     return (
         row["method"],
         f"{row['test_percent']:.3f}",

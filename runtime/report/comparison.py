@@ -17,7 +17,7 @@ from runtime.report.layout import Section, Table, Tile
 
 NAME = "compare.json"
 FORMAT = 1
-NOTHING = "–"
+NOTHING, NOT_RUN = "–", "not run"
 _AGAIN = "compare again, or give the folder that a comparison wrote"
 
 GLOSSARY = (
@@ -163,7 +163,7 @@ def method_sections(methods: Methods) -> tuple[Section, ...]:
     """Advice, table, bars, and what every method says of itself."""
     ran = [entry for entry in methods.entries if entry.rms is not None]
     rows = tuple(_cells(entry) for entry in methods.entries)
-    bad = (k for k, e in enumerate(methods.entries) if e.rms is None or not e.consistent)
+    bad = (k for k, e in enumerate(methods.entries) if e.outcome != NOT_RUN and not e.consistent)
     header = (
         *("method", "train", "test", "base error", "time [s]", "iterations", "λ_min(P)/tr P"),
         *("gap", "verdict"),
@@ -222,13 +222,10 @@ def _number(value: object) -> float:
 def _percent(value: float) -> str:
     if not math.isfinite(value):
         return NOTHING
-    return (
-        f"{value:.3g}\N{NO-BREAK SPACE}%"
-        if abs(value) < 1000
-        else f"{value:.1e}\N{NO-BREAK SPACE}%"
-    )
+    digits = "3g" if abs(value) < 1000 else "1e"
+    return f"{value:.{digits}}\N{NO-BREAK SPACE}%"
 
 
 def _sentence(text: str) -> str:
-    """Capital letter and full stop, but for names of methods in small letters."""
+    """With a full stop."""
     return text if text.endswith(".") else f"{text}."

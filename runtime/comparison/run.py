@@ -15,7 +15,7 @@ from runtime.baselines import convex_optimum
 from runtime.baselines.pc_ols import BOUNDARY
 from runtime.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
 from runtime.comparison.truth import Truth
-from runtime.errors import NeedsError, RuntimeFault
+from runtime.errors import IdentificationError, NeedsError, RuntimeFault
 from runtime.identification import Identification, identify_assembled
 from runtime.library import Array
 from runtime.methods import require_method
@@ -37,7 +37,7 @@ class Comparison:
         assembly: problem and recordings of all rows.
         rows: in the order that was asked for.
         before: torque error of the URDF without friction on test, percent.
-        optimum: L*, NaN where no method came to be.
+        optimum: L*, NaN where the convex problem was not solved.
         truth: of a simulated log.
     """
 
@@ -73,7 +73,10 @@ def compare(
         require_method(method)
     problem = assembly.problem
     guess = problem.lib.pi_from_lam(problem.start)
-    optimum = convex_optimum(problem.lib, problem.statistics(), guess).loss
+    try:
+        optimum = convex_optimum(problem.lib, problem.statistics(), guess).loss
+    except IdentificationError:  # pc-ols will say why in its own row
+        optimum = np.nan
     rows: list[Row] = []
     try:
         for method in methods:

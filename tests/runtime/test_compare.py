@@ -151,6 +151,19 @@ def test_what_is_missing_is_a_row(
     assert "Not run: iv, didim, ekf, ukf, nn; failed: adam" in ran.out
 
 
+def test_without_an_optimum_there_is_no_gap(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: a convex problem that was not solved costs the gaps, not the table."""
+
+    def unsolved(*_: object) -> None:
+        raise IdentificationError("no optimum")
+
+    monkeypatch.setattr("runtime.comparison.run.convex_optimum", unsolved)
+    found = compare(assemble(read_recording(EXAMPLE), lib), ("map",))
+    assert found.rows[0].figures is not None
+    assert np.isnan(found.rows[0].figures.gap)
+    assert np.isnan(found.optimum)
+
+
 def test_interrupted_rows_are_kept(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: Ctrl-C in a method keeps the rows before it; later ones say why they are empty."""
 

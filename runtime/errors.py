@@ -25,6 +25,10 @@ class IdentificationError(RuntimeFault):
     """The data or the options do not determine an identification problem that can be solved."""
 
 
+class NeedsError(IdentificationError):
+    """A method was not given what it works on: the loop, a raw log, friction columns."""
+
+
 class SimulationError(IdentificationError):
     """The simulated robot cannot move like that: its mass matrix is none, or it ran away."""
 

@@ -1,6 +1,6 @@
 """A recording and a library in, identified parameters with their certificates out.
 
-`identify` prepares and splits the recording, hands one `Problem` to the chosen method and holds
+`identify` has the recording prepared and split, hands the `Problem` to the chosen method and holds
 the answer against the convex optimum. The document's method is Adam in λ (Sec. 4): its settings
 are the presets "simulation" (Table 5.1) and "real" (Table 5.8); "full" is the same descent on all
 samples at once, from compressed statistics, which costs less and stops closer to the optimum.
@@ -8,12 +8,13 @@ samples at once, from compressed statistics, which costs less and stops closer t
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime import friction, metrics
+from runtime.assembly import Assembly, assemble
 from runtime.baselines import convex_optimum
 from runtime.convex import CAD
 from runtime.descent import Preset
@@ -22,13 +23,12 @@ from runtime.library import Array, Library
 from runtime.loop import Loop
 from runtime.methods import fit_by, require_method
 from runtime.network import FrictionNet
-from runtime.objective import Samples, samples_of, thesis_weights
+from runtime.objective import Samples, samples_of
 from runtime.optimizers import Trace
-from runtime.plausibility import require_plausible
-from runtime.preprocessing import prepare, split
 from runtime.prior_file import PriorFile
-from runtime.problem import Bench, Fit, Problem
+from runtime.problem import Fit, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.statistics import Statistics
 from runtime.threads import one_blas_thread
 from runtime.uncertainty import Uncertainty, uncertainty_of
 
@@ -174,39 +174,38 @@ def identify(
         raise IdentificationError(
             f"a prior is known to the method map only, the method is '{method}'; leave one out"
         )
-    require_plausible(recording, lib)
-    recipe = recording.recipe
-    terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
-    done = [
-        _prepared(r, preparation, terms, lib)
-        for r in (recording, validation, test)
-        if r is not None
-    ]
-    if validation is None or test is None:
-        if (validation is None) != (test is None):
-            raise IdentificationError("give both a validation and a test recording, or neither")
-        parts = split(done[0], splitting or (recipe.split if recipe else None) or Split())
-    else:
-        parts = (done[0], done[1], done[2])
-    train, held = samples_of(parts[0], lib), samples_of(parts[1], lib)
-    samples_of(parts[2], lib)
-    _require_enough(train, lib)
-    problem = Problem(
-        lib=lib,
-        train=train,
-        validation=held,
-        weights=thesis_weights(train.tau),
-        start=lib.lam0 if lam0 is None else np.asarray(lam0, dtype=float),
+    assembly = assemble(
+        recording,
+        lib,
+        preparation=preparation,
+        splitting=splitting,
+        friction_columns=friction_columns,
+        validation=validation,
+        test=test,
+        lam0=lam0,
+        loop=loop,
         seed=seed,
         progress=progress,
-        bench=Bench(
-            recording,
-            terms,
-            _aligned(parts[0], lib, preparation, terms),
-            (parts[0].t[0], parts[0].t[-1]),
-            loop,
-        ),
     )
+    return identify_assembled(assembly, method, preset=preset, prior=prior, certify=certify)
+
+
+@one_blas_thread
+def identify_assembled(
+    assembly: Assembly,
+    method: str,
+    *,
+    preset: str | Preset | None = None,
+    prior: PriorFile | None = None,
+    certify: bool = True,
+) -> Identification:
+    """The same for a problem that is assembled already; arguments as for `identify`.
+
+    Raises:
+        IdentificationError: the method is unknown, lacks what it needs, or failed.
+    """
+    problem, parts = assembly.problem, assembly.parts
+    lib = problem.lib
     start = time.perf_counter()
     fit = fit_by(problem, method, preset, prior)
     seconds = time.perf_counter() - start
@@ -219,7 +218,7 @@ def identify(
         kappa = prior.kappa if prior and prior.kappa else CAD
         sure = uncertainty_of(
             lib,
-            train,
+            problem.train,
             fit.pi,
             fit.phi,
             first_guess=guess,
@@ -233,10 +232,10 @@ def identify(
         lam=fit.lam,
         beta=lib.base_matrix @ fit.pi,
         phi=fit.phi,
-        friction=terms,
+        friction=assembly.friction,
         weights=problem.weights if fit.weights is None else fit.weights,
         status=fit.status,
-        loss=_loss(problem, fit),
+        loss=_loss(problem, fit, statistics),
         optimum=optimum,
         uncertainty=sure,
         seconds=seconds,
@@ -245,54 +244,17 @@ def identify(
         train=parts[0],
         validation=parts[1],
         test=parts[2],
-        one_run=test is None,
-        seed=seed,
+        one_run=assembly.one_run,
+        seed=problem.seed,
         notes=fit.notes,
         net=fit.net,
     )
 
 
-def _require_enough(train: Samples, lib: Library) -> None:
-    """Fewer equations than unknowns determine nothing, whatever the method."""
-    equations, unknowns = train.tau.size, len(lib.base_columns) + train.columns[0].size
-    if equations < unknowns:
-        raise IdentificationError(
-            f"the {len(train)} training samples give {equations} equations for {unknowns} "
-            "unknowns (base parameters and friction); record for longer, or train on more of it"
-        )
-
-
-def _prepared(
-    recording: Recording, preparation: Preparation | None, terms: Friction, lib: Library
-) -> Recording:
-    if recording.columns is not None:
-        return prepare(recording, preparation)
-    return prepare(recording, preparation, terms, lib=lib)
-
-
-def _aligned(
-    part: Recording, lib: Library, preparation: Preparation | None, terms: Friction
-) -> Callable[[Recording], Samples]:
-    """Prepares another recording of the same clock like the first and takes the rows of `part`."""
-    usual = preparation or (part.recipe.preparation if part.recipe else Preparation())
-    usual = replace(usual, rest_speed=None)
-
-    def rows(other: Recording) -> Samples:
-        done = _prepared(other, usual, terms, lib)
-
-        def at(values: Array) -> Array:
-            flat = values.reshape(len(done), -1).T
-            taken = np.stack([np.interp(part.t, done.t, row) for row in flat], axis=1)
-            return taken.reshape(len(part), *values.shape[1:])
-
-        return samples_of(done.mapped(at, "Taken at the rows of the training.", t=part.t), lib)
-
-    return rows
-
-
-def _loss(problem: Problem, fit: Fit) -> float:
+def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
+    """In the weights of `statistics`: those that the optimum is measured in."""
     if fit.net is None:
-        return problem.statistics().value(fit.pi, fit.phi)
+        return statistics.value(fit.pi, fit.phi)
     rest = problem.train.tau - _predict(problem.lib, problem.train, fit.pi, fit.phi, fit.net)
     return float(np.mean(rest**2 @ problem.weights) / 2)
 

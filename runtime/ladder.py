@@ -25,6 +25,7 @@ from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of
 from runtime.preprocessing import prepare
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.residuals import inflation
 from runtime.statistics import Statistics, compress
 from runtime.threads import one_blas_thread
 
@@ -251,7 +252,7 @@ def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
         residuals = [_residual(lib, block, beta, phi) for block in blocks]
         variance = np.mean(np.concatenate(residuals) ** 2, axis=0)
         weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
-    correlation = np.mean([_inflation(r) for r in residuals])
+    correlation = np.mean([inflation(r, weights) for r in residuals])
     return weights, float(correlation)
 
 
@@ -259,15 +260,6 @@ def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:
     rigid = lib.base_inverse_dynamics(block.q, block.dq, block.ddq, beta)
     shape = block.columns.shape[1:]
     return rigid + np.einsum("ijk,jk->ij", block.columns, phi.reshape(shape)) - block.tau
-
-
-def _inflation(residual: Array, lags: int = 24) -> float:
-    """1 + 2 Σ ρ_l over the lags, the mean over joints, at least 1."""
-    centred = residual - residual.mean(axis=0)
-    power = np.sum(centred**2, axis=0) + 1e-300
-    lags = min(lags, len(residual) - 1)
-    sums = [np.sum(centred[:-k] * centred[k:], axis=0) / power for k in range(1, lags + 1)]
-    return max(1.0, float(np.mean(1.0 + 2.0 * np.sum(sums, axis=0))))
 
 
 def _solved(stats: list[Statistics]) -> tuple[Array, int]:

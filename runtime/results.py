@@ -229,9 +229,7 @@ def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
             "record a second trajectory to test on"
         )
     if not result.is_consistent:
-        warnings.append(
-            "some links are no bodies that can exist; use adam or pc-ols for a model to simulate"
-        )
+        warnings.append("some links are no bodies that can exist; use map for a model to simulate")
     if result.method in OWN_WEIGHTS:
         warnings.append(
             f"{result.method} {OWN_WEIGHTS[result.method]}; its gap is measured in the weighted "

@@ -42,6 +42,7 @@ class Uncertainty:
         inflation: 1 + 2 Σ ρ_l over `LAGS` lags.
         white: share of lags, per joint, whose autocorrelation a white residual could have, (n,).
         rank: directions of β that the motion excites, of n_b.
+        told: directions of π of which the data say ten times more than the prior, at most n_b.
         conditioning: weakest over strongest excited direction.
     """
 
@@ -55,6 +56,7 @@ class Uncertainty:
     inflation: float
     white: Array
     rank: int
+    told: int
     conditioning: float
 
     @property
@@ -165,6 +167,7 @@ def uncertainty_of(
         inflation=worth,
         white=_white(rest),
         rank=rank,
+        told=int(np.sum(left**2 < DETERMINED)),
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
     )
 

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from runtime import friction
-from runtime.baselines.pc_ols import fit_pc_ols
 from runtime.baselines.wls import with_torque
-from runtime.errors import IdentificationError
+from runtime.errors import NeedsError
 from runtime.library import Array
 from runtime.network import FrictionNet, train
 from runtime.objective import Samples
+from runtime.posterior import fit_map
 from runtime.problem import Fit, Problem
 
 ROUNDS = 2
@@ -23,25 +23,25 @@ INPUTS = ("viscous", "coulomb", "dahl")
 
 
 def fit_neural(problem: Problem) -> Fit:
-    """π and φ by convex least squares, the rest of the friction by nets.
+    """π and φ by the most probable consistent model (`fit_map`), the rest of the friction by nets.
 
     Raises:
-        IdentificationError: there are no friction columns to learn from, or no optimum was found.
+        NeedsError: there are no friction columns to learn from.
     """
     if not problem.train.columns.shape[2]:
-        raise IdentificationError(
+        raise NeedsError(
             "the nets learn from friction columns, but there are none; name some, for example "
             f"--friction {','.join(INPUTS)}"
         )
     held, data = problem.validation, problem.train
-    fit = fit_pc_ols(problem)
+    fit = fit_map(problem)
     for round_ in range(ROUNDS):
         rng = np.random.default_rng([problem.seed, round_])
         net = train(
             data.columns, _rest(problem, data, fit), held.columns, _rest(problem, held, fit), rng
         )
         without = with_torque(data, data.tau - net.torque(data.columns))
-        fit = fit_pc_ols(replace(problem, train=without))
+        fit = fit_map(replace(problem, train=without))
     learned = int(np.sum(np.any(net.theta, axis=1)))
     error = _error(problem, held, fit, net)
     status = (

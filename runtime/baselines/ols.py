@@ -54,7 +54,7 @@ def solve(statistics: Statistics, lib: Library) -> Solution:
         raise IdentificationError(
             f"the motion excites {rank} of {shown.sum()} columns (base parameters and friction), "
             "so least squares has no unique answer; record a richer trajectory, or use a method "
-            "that keeps to the first guess where the data are silent: adam, pc-ols"
+            "that keeps to the first guess where the data are silent: map, adam, pc-ols"
         )
     solution = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
     beta, phi = np.split(solution, [statistics.n_base])

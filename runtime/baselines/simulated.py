@@ -10,7 +10,7 @@ import numpy as np
 
 from runtime.baselines.ols import RANK_TOLERANCE, Solution, fit_of_base, pi_of_beta, solve
 from runtime.baselines.wls import residual, reweighted, weights_of, with_torque
-from runtime.errors import IdentificationError, SimulationError
+from runtime.errors import IdentificationError, NeedsError, SimulationError
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.problem import Bench, Fit, Problem
@@ -98,13 +98,13 @@ def fit_didim(problem: Problem) -> Fit:
 def _bench(problem: Problem, method: str) -> Bench:
     bench = problem.bench
     if bench is None or bench.loop is None:
-        raise IdentificationError(
+        raise NeedsError(
             f"the method {method} simulates the robot under its controller and needs to know it; "
             "give the controller's gains and the reference motion by --loop FILE.toml"
         )
     foreign = [name for name in bench.friction.columns if name not in _SIMULATED]
     if foreign:
-        raise IdentificationError(
+        raise NeedsError(
             f"the simulator knows the friction columns {', '.join(_SIMULATED)}, not "
             f"{', '.join(foreign)}; choose among them for {method}"
         )

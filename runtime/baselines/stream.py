@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.errors import IdentificationError
+from runtime.errors import NeedsError, RecordingError
 from runtime.library import Array, Library
 from runtime.preprocessing.segments import segments, uniform_step
 from runtime.problem import Problem
@@ -97,25 +97,30 @@ def stream_of(problem: Problem, method: str) -> Stream:
     """The training part of the recording at its full rate.
 
     Raises:
-        IdentificationError: too slow, with holes, or friction that no filter knows.
-        RecordingError: the clock is not uniform.
+        NeedsError: too slow, not uniform, with holes, or friction that no filter knows.
     """
     bench = problem.bench
     if bench is None or bench.recording.tau is None:
-        raise IdentificationError(f"the method {method} needs the recording with its torque")
+        raise NeedsError(f"the method {method} needs the recording with its torque")
     log, columns = bench.recording, bench.friction
     foreign = set(columns.columns) - {"viscous", "coulomb", "offset"}
     if foreign:
-        raise IdentificationError(
+        raise NeedsError(
             f"the method {method} knows the friction columns viscous, coulomb and offset, not "
             f"{', '.join(sorted(foreign))}; leave them out"
         )
     whole = bench.span
     rows = (log.t >= whole[0]) & (log.t <= whole[1])
     part = log.take(rows, "Took the span of the training samples.")
-    dt = uniform_step(part, f"run the {method}")
+    try:
+        dt = uniform_step(part, f"run the {method}")
+    except RecordingError:
+        raise NeedsError(
+            f"the method {method} follows the robot sample by sample and needs a uniform clock; "
+            "resample the recording (max_gap_s in a recipe), or choose another method"
+        ) from None
     if dt * SLOWEST > 1.0 + 1e-9 or len(segments(part.t)) > 1:
-        raise IdentificationError(
+        raise NeedsError(
             f"the method {method} follows the robot sample by sample and needs one stretch "
             f"without holes at {SLOWEST:g} Hz or more, got {len(segments(part.t))} at "
             f"{1 / dt:g} Hz; record at the controller's rate, or choose another method"

@@ -1,10 +1,10 @@
-"""`python -m runtime identify | payload | evaluate | excite | simulate | report`."""
+"""`python -m runtime identify | compare | payload | evaluate | excite | simulate | report`."""
 
 import sys
 
 import typer
 
-from runtime.cli import evaluate, excite, identify, payload, simulate
+from runtime.cli import compare, evaluate, excite, identify, payload, simulate
 from runtime.errors import RuntimeFault
 
 INTERRUPTED = 130
@@ -19,6 +19,7 @@ app = typer.Typer(
     epilog="The robot's library comes from: python -m symgen build",
 )
 app.command("identify")(identify.identify_command)
+app.command("compare")(compare.compare_command)
 app.command("payload")(payload.payload_command)
 app.command("evaluate")(evaluate.evaluate_command)
 app.command("excite")(excite.excite_command)

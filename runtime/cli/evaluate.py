@@ -34,7 +34,7 @@ def evaluate_command(
     r"""Torque errors of an identified model on another recording, before and after.
 
     \b
-    python -m runtime evaluate results/first-adam second.csv --robot my
+    python -m runtime evaluate results/first-map second.csv --robot my
     """
     facts = _read(result)
     lib = load(robot)

@@ -6,44 +6,34 @@ from typing import Annotated
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from runtime.baselines import INPUTS
-from runtime.cli.common import (
-    Robot,
-    Seed,
-    command_line,
-    console,
-    numbers_option,
-    preparation_of,
-    say,
-    torque_table,
+from runtime.cli.common import Robot, Seed, command_line, console, say, torque_table
+from runtime.cli.options import (
+    CoulombSpeed,
+    Cutoff,
+    FrictionNames,
+    Log,
+    LoopFile,
+    Parts,
+    Rate,
+    Recipe,
+    Run,
+    read_data,
 )
-from runtime.errors import IdentificationError
 from runtime.export import write_urdf
 from runtime.fitting import PRESETS
-from runtime.friction import COLUMNS
 from runtime.identification import Identification, identify
-from runtime.ladder import Choice, choose_friction
 from runtime.library import Library, load
 from runtime.loop import read_loop
 from runtime.methods import METHODS
 from runtime.prior_file import read_prior
-from runtime.recording import Friction, Recording, Split, read_recording
+from runtime.recording import Friction, Recording
 from runtime.results import write_result
-
-AUTO = "auto"
-"""Instead of columns: let the ladder choose them."""
 
 
 def identify_command(
-    log: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG",
-            help="CSV, NPZ, a folder with a recipe, or a known data set such as panda_gaz.",
-        ),
-    ],
+    log: Log,
     robot: Robot = "fr3",
     method: Annotated[
         str | None,
@@ -63,35 +53,14 @@ def identify_command(
         Path | None,
         typer.Option(help="TOML: trust in the URDF, masses, centres of mass, symmetries."),
     ] = None,
-    recipe: Annotated[
-        str | None, typer.Option(help="TOML with columns, units, order, sign, gears, filters.")
-    ] = None,
-    run: Annotated[str | None, typer.Option(help="Which run, where a recipe has several.")] = None,
-    friction: Annotated[
-        str | None,
-        typer.Option(
-            help=f"auto (chosen by cross-validation, 'auto,rotor' adds a column), none, or a list "
-            f"of {','.join(COLUMNS)}; default from the recipe."
-        ),
-    ] = None,
-    coulomb_speed: Annotated[
-        float | None, typer.Option(help="Width of the smooth Coulomb sign, rad/s.")
-    ] = None,
-    cutoff: Annotated[
-        float | None, typer.Option(help="Low-pass q, dq, tau at this frequency, Hz.")
-    ] = None,
-    rate: Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")] = None,
-    split: Annotated[
-        str | None,
-        typer.Option(metavar="A,B", help="Train up to A, validate up to B of the duration."),
-    ] = None,
-    loop: Annotated[
-        Path | None,
-        typer.Option(
-            help="TOML with the controller's gains and the reference motion, for iv and didim; "
-            "simulate writes one."
-        ),
-    ] = None,
+    recipe: Recipe = None,
+    run: Run = None,
+    friction: FrictionNames = None,
+    coulomb_speed: CoulombSpeed = None,
+    cutoff: Cutoff = None,
+    rate: Rate = None,
+    split: Parts = None,
+    loop: LoopFile = None,
     seed: Seed = 0,
 ) -> None:
     r"""Identify a robot from a log: result.json, identified.urdf and report.html.
@@ -109,32 +78,33 @@ def identify_command(
     replaced.
     """
     lib = load(robot)
-    recording = read_recording(log, recipe, run)
-    prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
-    terms = _friction(recording, friction, coulomb_speed)
-    notes: tuple[str, ...] = ()
-    if terms is not None and terms.columns[:1] == (AUTO,):
-        with console.status("choosing a friction model"):
-            choice = choose_friction(
-                recording, lib, prepared, parts, coulomb_speed, extra=terms.columns[1:]
-            )
-        console.print(_ladder_table(choice))
-        terms, notes = choice.chosen.terms, (choice.sentence,)
+    data = read_data(
+        lib,
+        log,
+        recipe=recipe,
+        run=run,
+        friction=friction,
+        coulomb_speed=coulomb_speed,
+        cutoff=cutoff,
+        rate=rate,
+        split=split,
+    )
+    terms = data.friction
     if terms is None and method == "nn":
         terms = Friction(INPUTS)
     result = _with_progress(
-        recording,
+        data.recording,
         lib,
         method,
         preset=preset,
         prior=None if prior is None else read_prior(prior, lib),
-        preparation=prepared,
-        splitting=parts,
+        preparation=data.preparation,
+        splitting=data.splitting,
         friction_columns=terms,
         loop=read_loop(loop, lib) if loop else None,
         seed=seed,
     )
-    result = dataclasses.replace(result, notes=(*notes, *result.notes))
+    result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     folder = out or Path("results") / f"{Path(log).stem}-{result.method}"
     _finish(result, folder)
 
@@ -190,38 +160,3 @@ def _finish(result: Identification, folder: Path) -> None:
 
 def _exported(result: Identification, folder: Path) -> str:
     return write_urdf(result.lib, result.pi, folder / "identified.urdf")
-
-
-def _friction(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
-    default = recording.recipe.friction if recording.recipe else None
-    if names is None and speed is None:
-        return default
-    known = default or Friction(columns=())
-    columns, width = known.columns, known.coulomb_speed if speed is None else speed
-    if names is not None:
-        columns = () if names == "none" else tuple(names.split(","))
-    return dataclasses.replace(known, columns=columns, coulomb_speed=width)
-
-
-def _ladder_table(choice: Choice) -> Table:
-    table = Table("friction model", title="Friction ladder: cross-validated error over noise")
-    for head in ("score", "above the best", "AIC", "unknowns"):
-        table.add_column(head, justify="right")
-    for rung in choice.rungs:
-        table.add_row(
-            f"{'→ ' if rung is choice.chosen else ''}{rung.name}: {rung.terms}",
-            f"{rung.score:.3f}",
-            f"{rung.excess:.3f} ± {rung.excess_error:.3f}",
-            f"{rung.aic:.1f}",
-            str(rung.parameters),
-        )
-    return table
-
-
-def _split(text: str | None) -> Split | None:
-    if text is None:
-        return None
-    a, b = numbers_option(text, 2, "--split")
-    if not 0 < a < b < 1:
-        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
-    return Split((0.0, a), (a, b), (b, 1.0))

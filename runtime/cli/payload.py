@@ -62,7 +62,7 @@ def payload_command(
 
     \b
     python -m runtime payload loaded.csv --robot fr3 --link fr3_link7 --empty empty.csv
-    python -m runtime payload loaded.csv --robot fr3 --model results/first-adam --cutoff 10
+    python -m runtime payload loaded.csv --robot fr3 --model results/first-map --cutoff 10
 
     Best: record one motion twice, with and without the payload, and give both (--empty). The wrist
     has to turn the payload against gravity; ten seconds weigh 1 kg to half a gram where the torque

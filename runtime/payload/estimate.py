@@ -25,11 +25,11 @@ from runtime.payload.reading import ArmModel, arm_model
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
 from runtime.recording import Preparation, Recording
+from runtime.residuals import inflation
 from runtime.threads import one_blas_thread
 
 BALL_MASS, BALL_RADIUS = 0.5, 0.06
 """The prior: a ball of 0.5 kg and 6 cm with its centre at the mount."""
-LAGS = 24
 PASSES = 3
 FEWEST = 50
 """Samples below which neither noise nor correlation can be estimated."""
@@ -184,7 +184,7 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
         errors = target - rows @ pi
         variance = np.mean(errors**2, axis=0) * count / max(count - 1 - 10 / n, 1.0)
         noise = np.sqrt(np.maximum(variance, (_PERFECT * spread) ** 2 + 1e-300))
-        n_effective = count / _inflation(errors / noise)
+        n_effective = count / inflation(errors, 1 / noise**2)
     shape = found.hessian() / data.variance
     return _Found(
         pi=pi,
@@ -208,14 +208,6 @@ def _ball(mount: Mount) -> Array:
     size = 0.4 * BALL_MASS * BALL_RADIUS**2
     at_mount = np.array([BALL_MASS, 0, 0, 0, size, size, size, 0, 0, 0])
     return np.asarray(np.linalg.solve(mount.to_frame, at_mount))
-
-
-def _inflation(errors: Array) -> float:
-    """1 + 2 Σ ρ_l over `LAGS`, ρ pooled over the joints in units of their noise; at least 1."""
-    power = float(np.sum(errors**2))
-    lags = range(1, min(LAGS, len(errors) - 1) + 1)
-    total = sum(float(np.sum(errors[:-k] * errors[k:])) for k in lags)
-    return max(1.0, 1.0 + 2.0 * total / power) if power > 0 else 1.0
 
 
 def _told(

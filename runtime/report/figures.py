@@ -126,6 +126,46 @@ def convergence(iteration: Array, training: Array, validation: Array) -> str:
         return _svg(figure, "convergence")
 
 
+def method_bars(
+    joints: Sequence[str],
+    units: Sequence[str],
+    methods: Sequence[str],
+    rms: Array,
+    good: Sequence[bool],
+) -> str:
+    """A panel per joint with a bar of RMS error per method; `good` ones in the colour of after.
+
+    Args:
+        joints: n names.
+        units: n units.
+        methods: m names.
+        rms: (m, n); a bar of more than three medians is cut, and its number says so.
+        good: m claims.
+    """
+    m, n = rms.shape
+    columns = min(n, 4)
+    lines = -(-n // columns)
+    colours = [AFTER if ok else BEFORE for ok in good]
+    with _figure(height=lines * (0.7 + 0.19 * m)) as figure:
+        axes = figure.subplots(lines, columns, squeeze=False, sharey=True).ravel()
+        for j, axis in enumerate(axes[:n]):
+            end = min(3 * float(np.median(rms[:, j])), float(rms[:, j].max())) or 1.0
+            bars = axis.barh(range(m), np.minimum(rms[:, j], end), color=colours, height=0.7)
+            cut = rms[:, j] > end
+            labels = [
+                f"{x:.3g}{' →' if far else ''}" for x, far in zip(rms[:, j], cut, strict=True)
+            ]
+            axis.bar_label(bars, labels, padding=2, color=INK, fontsize=6)
+            axis.set_xlim(0, 1.35 * end)
+            axis.set_title(f"{joints[j]}  [{units[j]}]")
+            axis.set_yticks(range(m), list(methods))
+            axis.grid(visible=False, axis="y")
+        axes[0].invert_yaxis()
+        for axis in axes[n:]:
+            axis.set_visible(False)
+        return _svg(figure, "methods")
+
+
 def thinned(t: Array, y: Array, most: int) -> tuple[Array, Array]:
     """At most about `most` points that keep every peak: smallest and largest of equal bins.
 

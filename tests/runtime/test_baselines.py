@@ -99,7 +99,9 @@ def test_ols_refuses_motion_that_excites_too_little(lib: Library, clean: Problem
     q, dq, ddq = np.tile(lib.home, (len(s), 1)), still.copy(), still.copy()
     q[:, 1], dq[:, 1], ddq[:, 1] = s.q[:, 1], s.dq[:, 1], s.ddq[:, 1]
     samples = Samples(q, dq, ddq, lib.inverse_dynamics(q, dq, ddq, lib.pi0), s.columns)
-    with pytest.raises(IdentificationError, match=r"excites \d+ of 43 columns .* adam, pc-ols"):
+    with pytest.raises(
+        IdentificationError, match=r"excites \d+ of 43 columns .* map, adam, pc-ols"
+    ):
         fit_ols(problem_of(lib, samples))
 
 

@@ -123,7 +123,7 @@ def test_results_keep_the_net(
     )
     assert ran.code == 0
     seen = json.loads(ran.out)["torque_error_percent"]["after_overall"]
-    whole = prepare(sticky, None, TERMS)
+    whole = prepare(sticky, None, TERMS, lib=lib)
     error = learned.predict_recording(whole) - sticky.tau
     percent = 100 * np.linalg.norm(error) / np.linalg.norm(sticky.tau)
     # Numbers pass through JSON and NPZ unrounded.

@@ -1,0 +1,151 @@
+"""`python -m runtime compare`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from runtime.assembly import Assembly, assemble
+from runtime.cli.common import Robot, Seed, command_line, console, say
+from runtime.cli.options import (
+    CoulombSpeed,
+    Cutoff,
+    FrictionNames,
+    Log,
+    LoopFile,
+    Parts,
+    Rate,
+    Recipe,
+    Run,
+    listed,
+    read_data,
+)
+from runtime.comparison import Comparison, Truth, compare, read_truth, write_comparison
+from runtime.comparison.output import HEAD, LEGEND, cells
+from runtime.comparison.truth import beside
+from runtime.library import load
+from runtime.loop import read_loop
+from runtime.methods import METHODS
+
+
+def compare_command(
+    log: Log,
+    robot: Robot = "fr3",
+    methods: Annotated[
+        str | None, typer.Option(metavar="A,B,…", help=f"Some of {', '.join(METHODS)}; else all.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the tables; default results/LOG-compare.")
+    ] = None,
+    recipe: Recipe = None,
+    run: Run = None,
+    friction: FrictionNames = None,
+    coulomb_speed: CoulombSpeed = None,
+    cutoff: Cutoff = None,
+    rate: Rate = None,
+    split: Parts = None,
+    loop: LoopFile = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option(
+            help="JSON with the true pi; default LOG.truth.json, where simulate wrote it."
+        ),
+    ] = None,
+    seed: Seed = 0,
+) -> None:
+    r"""Every method on the same data, split, weights and bandwidth, and which to trust.
+
+    \b
+    python -m runtime compare panda_gaz --robot fr3
+    python -m runtime compare log.csv --methods map,pc-ols,ols --friction auto --cutoff 10
+    python -m runtime compare log.csv --loop log.loop.toml --friction viscous,coulomb
+
+    Writes compare.json, compare.md and report.html. A method that lacks something or fails is a
+    row with its reason; Ctrl-C keeps the rows that are finished.
+    """
+    lib = load(robot)
+    names = listed(methods, tuple(METHODS), "--methods") if methods else tuple(METHODS)
+    place = truth or beside(log)
+    known = read_truth(place, lib) if place else None
+    data = read_data(
+        lib,
+        log,
+        recipe=recipe,
+        run=run,
+        friction=friction,
+        coulomb_speed=coulomb_speed,
+        cutoff=cutoff,
+        rate=rate,
+        split=split,
+    )
+    assembly = assemble(
+        data.recording,
+        lib,
+        preparation=data.preparation,
+        splitting=data.splitting,
+        friction_columns=data.friction,
+        loop=read_loop(loop, lib) if loop else None,
+        seed=seed,
+    )
+    options = {
+        "methods": list(names),
+        "recipe": recipe,
+        "run": run,
+        "friction": friction,
+        "coulomb_speed": coulomb_speed,
+        "cutoff": cutoff,
+        "rate": rate,
+        "split": split,
+        "loop": None if loop is None else loop.name,
+        "truth": None if place is None else place.name,
+        "seed": seed,
+    }
+    found = _with_progress(assembly, names, known)
+    folder = out or Path("results") / f"{Path(log).stem}-compare"
+    _finish(write_comparison(found, folder, command_line(), options, data.notes), folder)
+
+
+def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | None) -> Comparison:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[at]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=console, transient=True) as progress:
+        task = progress.add_task("comparing", total=len(names), at="")
+
+        def started(method: str) -> None:
+            done = names.index(method)
+            progress.update(task, description=f"{method}", completed=done, at="")
+
+        def reported(iteration: int, best: float) -> None:
+            progress.update(task, at=f"iteration {iteration}, best validation loss {best:.6g}")
+
+        return compare(assembly, names, truth=truth, started=started, progress=reported)
+
+
+def _finish(facts: dict[str, Any], folder: Path) -> None:
+    from runtime.report import write_report  # matplotlib is slow to import
+
+    title = f"{facts['robot']}, {facts['recording']['name']}: every method"
+    table = Table(title=title, box=SIMPLE_HEAD, padding=0, title_justify="left")
+    for head in HEAD:
+        table.add_column(head, justify="left" if head == HEAD[0] else "right", no_wrap=True)
+    for row in facts["rows"]:
+        table.add_row(*cells(row))
+    console.print(table)
+    say(f"{LEGEND}\n")
+    for row in facts["rows"]:
+        say(f"{row['method']}: {row['status']}")
+    say("")
+    for sentence in facts["advice"]["sentences"]:
+        say(f"advice: {sentence}")
+    for note in facts["notes"]:
+        say(f"note: {note}")
+    say(f"table:  {folder / 'compare.md'}")
+    say(f"report: {write_report(folder)}")

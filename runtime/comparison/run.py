@@ -1,0 +1,147 @@
+"""Every method, one after the other, on one assembled problem.
+
+All are held against the same convex optimum L* in the same weights, whatever they minimise
+themselves: L = mean ½ rᵀWr of the training samples, the net's share included.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime import metrics
+from runtime.assembly import Assembly
+from runtime.baselines import convex_optimum
+from runtime.baselines.pc_ols import BOUNDARY
+from runtime.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
+from runtime.comparison.truth import Truth
+from runtime.errors import IdentificationError, NeedsError, RuntimeFault
+from runtime.identification import Identification, identify_assembled
+from runtime.library import Array
+from runtime.methods import require_method
+from runtime.objective import samples_of
+from runtime.optimizers import Status
+from runtime.threads import one_blas_thread
+from runtime.uncertainty import uncertainty_of
+
+UNTOUCHED = "interrupted by the user before its turn"
+TINY = 1e-9
+"""Share of the loss of τ̂ = 0 that L* is replaced by where data are explained to rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One table.
+
+    Attributes:
+        assembly: problem and recordings of all rows.
+        rows: in the order that was asked for.
+        before: torque error of the URDF without friction on test, percent.
+        optimum: L*, NaN where the convex problem was not solved.
+        truth: of a simulated log.
+    """
+
+    assembly: Assembly
+    rows: tuple[Row, ...]
+    before: float
+    optimum: float
+    truth: Truth | None
+
+
+@one_blas_thread
+def compare(
+    assembly: Assembly,
+    methods: Sequence[str],
+    *,
+    truth: Truth | None = None,
+    started: Callable[[str], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Comparison:
+    """Run the methods; whatever happens to one of them is a row.
+
+    Args:
+        assembly: what all of them are given.
+        methods: names in `METHODS`.
+        truth: to measure base parameters by.
+        started: called with the name of every method before it begins.
+        progress: called by methods that iterate, with iteration and best validation loss.
+
+    Raises:
+        IdentificationError: a name that is no method.
+    """
+    for method in methods:
+        require_method(method)
+    problem = assembly.problem
+    guess = problem.lib.pi_from_lam(problem.start)
+    try:
+        optimum = convex_optimum(problem.lib, problem.statistics(), guess).loss
+    except IdentificationError:  # pc-ols will say why in its own row
+        optimum = np.nan
+    rows: list[Row] = []
+    try:
+        for method in methods:
+            if started is not None:
+                started(method)
+            # A problem of its own: none profits from what another has compressed before.
+            own = replace(assembly, problem=replace(problem, progress=progress))
+            rows.append(_row(own, method, optimum, truth))
+            if rows[-1].status == Status.INTERRUPTED.value:
+                break
+    except KeyboardInterrupt:
+        pass
+    rows += [Row(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
+    test = samples_of(assembly.parts[2], problem.lib)
+    still = problem.lib.inverse_dynamics(test.q, test.dq, test.ddq, problem.lib.pi0)
+    before = metrics.torque_error(test.tau, still).overall
+    return Comparison(assembly, tuple(rows), before, optimum, truth)
+
+
+def _row(assembly: Assembly, method: str, optimum: float, truth: Truth | None) -> Row:
+    try:
+        found = identify_assembled(assembly, method, certify=False)
+        figures = _figures(assembly, found, optimum, truth)
+    except NeedsError as error:
+        return Row(method, NOT_RUN, str(error))
+    except RuntimeFault as error:
+        return Row(method, FAILED, str(error))
+    except np.linalg.LinAlgError as error:
+        return Row(method, FAILED, f"its linear algebra broke down on these data ({error})")
+    if not np.isfinite([figures.test_percent, figures.train_percent, *figures.rms]).all():
+        return Row(method, FAILED, "its answer predicts no finite torque; do not use it")
+    return Row(method, RAN, found.status, figures)
+
+
+def _figures(
+    assembly: Assembly, found: Identification, optimum: float, truth: Truth | None
+) -> Figures:
+    problem, lib = assembly.problem, found.lib
+    train, test = samples_of(assembly.parts[0], lib), samples_of(assembly.parts[2], lib)
+    own, unseen = found.predict_recording(found.train), found.predict_recording(found.test)
+    error = metrics.torque_error(test.tau, unseen)
+
+    def loss(rest: Array) -> float:
+        return float(np.mean(rest**2 @ problem.weights) / 2)
+
+    sure = uncertainty_of(
+        lib, train, found.pi, found.phi, first_guess=lib.pi_from_lam(problem.start)
+    )
+    smallest = found.relative_eigenvalues
+    wrong = None
+    if truth is not None:
+        distance = np.linalg.norm(found.beta - truth.beta) / np.linalg.norm(truth.beta)
+        wrong = 100 * float(distance)
+    return Figures(
+        train_percent=metrics.torque_error(train.tau, own).overall,
+        test_percent=error.overall,
+        rms=error.rms,
+        squares=np.sum((test.tau - unseen) ** 2, axis=1),
+        base_error=wrong,
+        seconds=found.seconds,
+        iterations=found.iterations,
+        smallest_eigenvalue=float(smallest.min()),
+        is_consistent=found.is_consistent,
+        is_boundary=found.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
+        gap=(loss(train.tau - own) - optimum) / max(optimum, TINY * loss(train.tau)),
+        excited=sure.rank,
+        told=sure.told,
+    )

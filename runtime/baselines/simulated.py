@@ -11,6 +11,7 @@ import numpy as np
 from runtime.baselines.ols import RANK_TOLERANCE, Solution, fit_of_base, pi_of_beta, solve
 from runtime.baselines.wls import residual, reweighted, weights_of, with_torque
 from runtime.errors import IdentificationError, SimulationError
+from runtime.friction import spread
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.problem import Bench, Fit, Problem
@@ -168,12 +169,8 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
 def observations(lib: Library, samples: Samples, part: slice) -> Array:
     """[Y_b F], (N, n, n_b + n k): the columns of β and of φ joint by joint."""
     motion = (samples.q[part], samples.dq[part], samples.ddq[part])
-    columns = samples.columns[part]
-    count, n, k = columns.shape
-    spread = np.zeros((count, n, n * k))
-    for j in range(n):
-        spread[:, j, j * k : (j + 1) * k] = columns[:, j]
-    return np.concatenate([lib.base_regressor(*motion), spread], axis=2)
+    extra = spread(samples.columns[part], samples.coupling)
+    return np.concatenate([lib.base_regressor(*motion), extra], axis=2)
 
 
 def _change(train: Samples, before: Solution, after: Solution, lib: Library) -> tuple[float, float]:

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime import friction
 from runtime.baselines.ols import Solution, fit_of_base, solve
 from runtime.library import Array, Library
 from runtime.objective import Samples
@@ -56,7 +55,7 @@ def residual(lib: Library, samples: Samples, found: Solution) -> Array:
     """τ − Y_b β − F φ, (N, n)."""
     rigid = lib.base_inverse_dynamics(samples.q, samples.dq, samples.ddq, found.beta)
     if found.phi.size:
-        rigid = rigid + friction.torque(samples.columns, found.phi)
+        rigid = rigid + samples.friction(found.phi)
     return samples.tau - rigid
 
 

@@ -56,7 +56,8 @@ def solve(statistics: Statistics, lib: Library) -> Solution:
             "so least squares has no unique answer; record a richer trajectory, or use a method "
             "that keeps to the first guess where the data are silent: adam, pc-ols"
         )
-    solution = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
+    found = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
+    solution = np.where(shown, found, 0.0)  # rounding of a strong weight is no coefficient
     beta, phi = np.split(solution, [statistics.n_base])
     return Solution(beta, phi.reshape(lib.n_joints, -1), float(sigma[0] / sigma[-1]))
 

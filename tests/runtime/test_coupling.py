@@ -83,7 +83,8 @@ def test_coupled_friction_is_recovered(run, fr3, method):
     # PC-OLS stops a hair before the optimum, and LM where the loss falls no more.
     close = {"ols": 1e-7, "wls": 1e-7, "pc-ols": 2e-2, "lm": 1e-4}[method]
     np.testing.assert_allclose(found.phi[5:, 3:], np.tile(TRUE, (2, 1)), atol=close)
-    np.testing.assert_array_equal(found.phi[:5, 3:], 0.0)
+    # Motors with one joint have none: exactly, or to the rounding of a descent.
+    np.testing.assert_allclose(found.phi[:5, 3:], 0.0, atol=1e-12 if method == "lm" else 0.0)
     tau = found.predict(found.test.q, found.test.dq, found.test.ddq)
     np.testing.assert_allclose(tau, found.predict_recording(found.test), atol=1e-9)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
+from runtime.friction import geared
 from runtime.library import Array, Library
 from runtime.loop import Loop
 from runtime.objective import Samples, samples_of, thesis_weights
@@ -59,6 +60,7 @@ def assemble(
     require_plausible(recording, lib)
     recipe = recording.recipe
     terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
+    terms = geared(terms, recording)
     done = [
         _prepared(r, preparation, terms, lib)
         for r in (recording, validation, test)

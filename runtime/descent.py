@@ -101,6 +101,9 @@ def descend_many(
         progress: called with the number of descents that have ended.
     """
     lib, rule, batch = descents[0].problem.lib, preset.rule, preset.batch
+    if batch is not None and any(d.problem.train.coupling is not None for d in descents):
+        # The compiled loop knows columns of one joint each.
+        return [descend_by_steps(d, preset) for d in descents]
     options = {
         "rate": preset.adam.learning_rate,
         "beta1": preset.adam.beta1,

@@ -85,7 +85,7 @@ class Identification:
         speed, place, push = (np.atleast_2d(np.asarray(a, dtype=float)) for a in (dq, q, ddq))
         motion = friction.Motion(speed, place, push, self.lib)
         columns = friction.columns(motion, self.friction)
-        extra = friction.torque(columns, self.phi)
+        extra = friction.torque(columns, self.phi, friction.coupling_of_terms(self.friction))
         if self.net is not None:
             extra = extra + self.net.torque(columns)
         return rigid + extra.reshape(rigid.shape)
@@ -264,5 +264,5 @@ def _predict(
 ) -> Array:
     rigid = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi)
     if phi.size:
-        rigid = rigid + friction.torque(samples.columns, phi)
+        rigid = rigid + samples.friction(phi)
     return rigid if net is None else rigid + net.torque(samples.columns)

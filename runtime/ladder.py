@@ -136,7 +136,7 @@ def choose_friction(
         rows = np.flatnonzero(share < parts.validation[1])
         cuts = np.array_split(rows, BLOCKS)
         whole = samples_of(done, lib)
-        return [_rows(whole, slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]
+        return [whole.rows(slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]
 
     trial = _Trial(lib, blocks)
     terms = _climbed(trial, names, coulomb_speed, extra)
@@ -258,8 +258,10 @@ def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
 
 def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:
     rigid = lib.base_inverse_dynamics(block.q, block.dq, block.ddq, beta)
-    shape = block.columns.shape[1:]
-    return rigid + np.einsum("ijk,jk->ij", block.columns, phi.reshape(shape)) - block.tau
+    phi = phi.reshape(block.columns.shape[1:])
+    if block.coupling is not None:
+        return rigid + block.friction(phi) - block.tau
+    return rigid + np.einsum("ijk,jk->ij", block.columns, phi) - block.tau
 
 
 def _solved(stats: list[Statistics]) -> tuple[Array, int]:
@@ -280,8 +282,3 @@ def _with(terms: Friction, key: str, log_width: float) -> Friction:
 def _misfit(held: Statistics, x: Array) -> float:
     rest = held.factor @ x - held.target
     return float(rest @ rest + held.rest)
-
-
-def _rows(samples: Samples, rows: slice) -> Samples:
-    keys = ("q", "dq", "ddq", "tau", "columns")
-    return Samples(*(np.ascontiguousarray(getattr(samples, key)[rows]) for key in keys))

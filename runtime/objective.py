@@ -5,7 +5,7 @@ The unknowns are x = [λ, ψ]: φ = ψ · unit, where one unit of ψ moves the t
 much as a relative change of one in λ does, so that one step size serves both.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +27,29 @@ def thesis_weights(tau: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Complete motion and torque of a recording, with its friction columns (N, n, k)."""
+    """Complete motion and torque of a recording, with its friction columns (N, n, k).
+
+    A coupling says which columns are of motors that drive several joints.
+    """
 
     q: Array
     dq: Array
     ddq: Array
     tau: Array
     columns: Array
+    coupling: friction.Coupling | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def rows(self, taken: slice | NDArray[np.int64]) -> "Samples":
+        """Some of the samples, contiguous."""
+        arrays = (self.q, self.dq, self.ddq, self.tau, self.columns)
+        return Samples(*(np.ascontiguousarray(a[taken]) for a in arrays), coupling=self.coupling)
+
+    def friction(self, phi: Array) -> Array:
+        """F φ, (N, n)."""
+        return friction.torque(self.columns, phi, self.coupling)
 
 
 def samples_of(recording: Recording, lib: Library) -> Samples:
@@ -67,7 +80,7 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
             f"the recording '{recording.name}' holds NaN or infinite values; "
             "drop those rows before identifying"
         )
-    return Samples(*whole)
+    return Samples(*whole, coupling=friction.coupling_of(recording))
 
 
 class TorqueObjective:
@@ -97,11 +110,11 @@ class TorqueObjective:
         s, lib = self.samples, self.lib
         take = slice(None) if rows is None else rows
         q, dq, ddq, tau, columns = (a[take] for a in (s.q, s.dq, s.ddq, s.tau, s.columns))
-        free = tau - friction.torque(columns, phi) if phi.size else tau
+        free = tau - friction.torque(columns, phi, s.coupling) if phi.size else tau
         pi = lib.pi_from_lam(lam)
         loss, slope, residual = lib.loss_gradient(q, dq, ddq, free, self.weights, pi)
         n_lam = lib.pi_adjoint(lam, slope)
-        n_phi = np.einsum("ijk,ij->jk", columns, residual * self.weights) * self.unit
+        n_phi = _slope(columns, residual * self.weights, s.coupling) * self.unit
         return loss / len(q), np.concatenate([n_lam, n_phi.ravel()]) / len(q)
 
     def value(self, x: Array) -> float:
@@ -110,8 +123,15 @@ class TorqueObjective:
         s = self.samples
         residual = self.lib.torque(s.q, s.dq, s.ddq, lam) - s.tau
         if phi.size:
-            residual = residual + friction.torque(s.columns, phi)
+            residual = residual + s.friction(phi)
         return float(np.mean((residual**2) @ self.weights) / 2)
+
+
+def _slope(columns: Array, weighted: Array, coupling: friction.Coupling | None) -> Array:
+    """Σ_i Cᵀ W r of every coefficient, (n, k)."""
+    if coupling is None:
+        return np.asarray(np.einsum("ijk,ij->jk", columns, weighted))
+    return np.asarray(np.einsum("ijk,ijk->jk", columns, coupling.to_columns(weighted)))
 
 
 def friction_unit(samples: Samples) -> Array:

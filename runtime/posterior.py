@@ -85,8 +85,7 @@ def _fitted(
 
 def _thinned(samples: Samples) -> Samples:
     step = max(1, len(samples) // ENOUGH)
-    s = samples
-    return Samples(*(a[::step] for a in (s.q, s.dq, s.ddq, s.tau, s.columns)))
+    return samples.rows(slice(None, None, step))
 
 
 def _status(found: Minimum) -> str:

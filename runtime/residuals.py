@@ -7,7 +7,6 @@ Source: Bartlett 1946 for the sum.
 
 import numpy as np
 
-from runtime import friction
 from runtime.library import Array, Library
 from runtime.objective import Samples
 
@@ -20,7 +19,7 @@ def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     """r (N, n), N·m or N."""
     rest = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi) - samples.tau
     if phi.size:
-        rest = rest + friction.torque(samples.columns, phi.reshape(samples.columns.shape[1:]))
+        rest = rest + samples.friction(phi.reshape(samples.columns.shape[1:]))
     return rest
 
 

@@ -111,8 +111,11 @@ def write_result(result: Identification, folder: Path, command: str) -> dict[str
 def condition_number(result: Identification) -> float | None:
     """cond of the column-normalised [Y_b F] of the training samples; None when it is singular."""
     lib, train = result.lib, samples_of(result.train, result.lib)
-    matrix, _ = compress(lib, train, np.ones(lib.n_joints)).unit_columns()
-    sigma = np.linalg.svd(matrix, compute_uv=False)
+    statistics = compress(lib, train, np.ones(lib.n_joints))
+    matrix, _ = statistics.unit_columns()
+    # Columns of rotors and motors that do not exist on their own are no unknowns.
+    kept = matrix.any(axis=0) | (np.arange(matrix.shape[1]) < statistics.n_base)
+    sigma = np.linalg.svd(matrix[:, kept], compute_uv=False)
     return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 
 
@@ -198,10 +201,12 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
     if not result.phi.size:
         return None
     names = result.train.column_names or result.friction.columns
+    motors = result.train.motors
     return {
         **result.friction.facts(),
         "columns": list(names),
         "values": result.phi.tolist(),
+        **({} if motors is None else {"gear": motors.tolist()}),
     } | _net_facts(result)
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime import friction
 from runtime.baselines.wls import with_torque
 from runtime.errors import NeedsError
 from runtime.library import Array
@@ -57,7 +56,7 @@ def fit_neural(problem: Problem) -> Fit:
 def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
     """τ − Y π − F φ."""
     rigid = problem.lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, fit.pi)
-    return samples.tau - rigid - friction.torque(samples.columns, fit.phi)
+    return samples.tau - rigid - samples.friction(fit.phi)
 
 
 def _error(problem: Problem, samples: Samples, fit: Fit, net: FrictionNet) -> float:

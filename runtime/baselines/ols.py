@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.friction.motors import PREFIX
 from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
 from runtime.problem import Fit, Problem
@@ -33,21 +34,34 @@ def fit_ols(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    found = solve(problem.statistics(np.ones(problem.lib.n_joints)), problem.lib)
+    found = solve(problem.statistics(np.ones(problem.lib.n_joints)), problem.lib, terms_of(problem))
     text = f"solved by QR; condition number of the normalised columns {found.condition:.1f}"
     return fit_of_base(problem, found.beta, found.phi, text)
 
 
-def solve(statistics: Statistics, lib: Library) -> Solution:
+def terms_of(problem: Problem) -> tuple[str, ...]:
+    """Names of the friction columns; empty where nobody told them."""
+    return problem.bench.friction.columns if problem.bench else ()
+
+
+def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> Solution:
     """Least squares of compressed samples, all columns normalised.
+
+    Args:
+        statistics: of the samples.
+        lib: of the robot.
+        terms: names of each joint's friction columns. Rotors and coupled motors are 0 throughout
+            where others stand for them already, and stay 0.
 
     Raises:
         IdentificationError: the motion does not excite all of them.
     """
     matrix, norms = statistics.unit_columns()
     n_b = len(lib.base_columns)
+    others = [name != "rotor" and not name.startswith(PREFIX) for name in terms]
     shown = np.any(matrix != 0, axis=0)
-    shown[:n_b] = True  # a friction column that is 0 throughout, such as a hidden rotor, stays 0
+    shown[:n_b] = True
+    shown[n_b:] |= np.tile(others, lib.n_joints) if others else True
     sigma = np.linalg.svd(matrix[:, shown], compute_uv=False)
     rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
     if rank < shown.sum():
@@ -56,7 +70,8 @@ def solve(statistics: Statistics, lib: Library) -> Solution:
             "so least squares has no unique answer; record a richer trajectory, or use a method "
             "that keeps to the first guess where the data are silent: map, adam, pc-ols"
         )
-    solution = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
+    found = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
+    solution = np.where(shown, found, 0.0)  # rounding of a strong weight is no coefficient
     beta, phi = np.split(solution, [statistics.n_base])
     return Solution(beta, phi.reshape(lib.n_joints, -1), float(sigma[0] / sigma[-1]))
 

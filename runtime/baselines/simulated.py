@@ -11,6 +11,7 @@ import numpy as np
 from runtime.baselines.ols import RANK_TOLERANCE, Solution, fit_of_base, pi_of_beta, solve
 from runtime.baselines.wls import residual, reweighted, weights_of, with_torque
 from runtime.errors import IdentificationError, NeedsError, SimulationError
+from runtime.friction import spread
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.problem import Bench, Fit, Problem
@@ -35,7 +36,7 @@ def fit_iv(problem: Problem) -> Fit:
     """
     lib, train = problem.lib, problem.train
     bench = _bench(problem, "iv")
-    kept, weights, _ = reweighted(lib, train)
+    kept, weights, _ = reweighted(lib, train, bench.friction.columns)
     now, why = _first(problem), f"the estimate still moves after {IV_ITERATIONS} simulations"
     for iteration in range(1, IV_ITERATIONS + 1):
         try:
@@ -85,7 +86,7 @@ def fit_didim(problem: Problem) -> Fit:
                 raise
             status = f"not converged, the last estimate is kept: {error}"
             break
-        found = solve(compress(lib, motion, weights), lib)
+        found = solve(compress(lib, motion, weights), lib, bench.friction.columns)
         weights, _ = weights_of(residual(lib, motion, found), lib)
         size, step = _change(train, now, found, lib)
         now = found
@@ -168,12 +169,8 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
 def observations(lib: Library, samples: Samples, part: slice) -> Array:
     """[Y_b F], (N, n, n_b + n k): the columns of β and of φ joint by joint."""
     motion = (samples.q[part], samples.dq[part], samples.ddq[part])
-    columns = samples.columns[part]
-    count, n, k = columns.shape
-    spread = np.zeros((count, n, n * k))
-    for j in range(n):
-        spread[:, j, j * k : (j + 1) * k] = columns[:, j]
-    return np.concatenate([lib.base_regressor(*motion), spread], axis=2)
+    extra = spread(samples.columns[part], samples.coupling)
+    return np.concatenate([lib.base_regressor(*motion), extra], axis=2)
 
 
 def _change(train: Samples, before: Solution, after: Solution, lib: Library) -> tuple[float, float]:

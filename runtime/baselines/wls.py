@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from runtime import friction
-from runtime.baselines.ols import Solution, fit_of_base, solve
+from runtime.baselines.ols import Solution, fit_of_base, solve, terms_of
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.problem import Fit, Problem
@@ -27,7 +26,7 @@ def fit_wls(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    found, weights, silent = reweighted(problem.lib, problem.train)
+    found, weights, silent = reweighted(problem.lib, problem.train, terms_of(problem))
     sigma = ", ".join(f"{1 / np.sqrt(w):.3g}" for w in weights)
     notes = [f"standard deviations of the residuals, joint by joint: {sigma}"]
     if silent:
@@ -39,15 +38,19 @@ def fit_wls(problem: Problem) -> Fit:
     return fit_of_base(problem, found.beta, found.phi, status, PASSES, tuple(notes))
 
 
-def reweighted(lib: Library, samples: Samples) -> tuple[Solution, Array, str]:
+def reweighted(
+    lib: Library, samples: Samples, terms: tuple[str, ...]
+) -> tuple[Solution, Array, str]:
     """The solution, the weights that belong to its residuals, and joints without residual.
+
+    `terms` as in `ols.solve`.
 
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
     weights, silent = np.ones(lib.n_joints), ""
     for _ in range(PASSES):
-        found = solve(compress(lib, samples, weights), lib)
+        found = solve(compress(lib, samples, weights), lib, terms)
         weights, silent = weights_of(residual(lib, samples, found), lib)
     return found, weights, silent
 
@@ -56,7 +59,7 @@ def residual(lib: Library, samples: Samples, found: Solution) -> Array:
     """τ − Y_b β − F φ, (N, n)."""
     rigid = lib.base_inverse_dynamics(samples.q, samples.dq, samples.ddq, found.beta)
     if found.phi.size:
-        rigid = rigid + friction.torque(samples.columns, found.phi)
+        rigid = rigid + samples.friction(found.phi)
     return samples.tau - rigid
 
 

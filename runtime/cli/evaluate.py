@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from runtime import friction, metrics
+from runtime import metrics
 from runtime.cli.common import Robot, console, say, torque_table
 from runtime.datasets import locate
 from runtime.errors import RecordingError
@@ -51,7 +51,7 @@ def evaluate_command(
     before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
     after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, facts["pi"])
     if terms.columns:
-        after = after + friction.torque(samples.columns, facts["phi"])
+        after = after + samples.friction(facts["phi"])
     if facts["net"]:
         after = after + facts["net"].torque(samples.columns)
     errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]

@@ -2,14 +2,28 @@
 
 from runtime.friction.columns import COLUMNS, Motion, add_columns, columns, renewed_rotor, torque
 from runtime.friction.mechanics import gravity_load, separate_rotors
+from runtime.friction.motors import (
+    Coupling,
+    coupling_of,
+    coupling_of_terms,
+    directions,
+    geared,
+    spread,
+)
 
 __all__ = [
     "COLUMNS",
+    "Coupling",
     "Motion",
     "add_columns",
     "columns",
+    "coupling_of",
+    "coupling_of_terms",
+    "directions",
+    "geared",
     "gravity_load",
     "renewed_rotor",
     "separate_rotors",
+    "spread",
     "torque",
 ]

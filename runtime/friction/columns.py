@@ -4,6 +4,7 @@
 
     offset 1 · viscous dq · coulomb s · asymmetric dq s · stribeck s exp(−(dq / v_s)²)
     load |τ_g| s · rotor ddq · dahl ζ, the Dahl state of the path: dζ = (dq − |dq| ζ) dt / z_c
+    motor_viscous · motor_coulomb · motor_rotor: of motors that drive several joints (`motors`)
 
 Offset and coulomb together differ between the directions already; asymmetric lets the viscous part
 do so too. ζ ∈ [−1, 1] is the bent state of the contact, z_c the stroke within which it gives way.
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.friction.mechanics import gravity_load, separate_rotors
+from runtime.friction.motors import PREFIX, Coupling, directions, geared
 from runtime.library import Library
 from runtime.recording.recipe import Friction
 from runtime.recording.recording import Recording
@@ -66,6 +68,31 @@ def _rotor(motion: Motion, _: Friction) -> FloatArray:
     return motion.ddq * separate_rotors(motion.lib)
 
 
+def _of_motors(name: str) -> Callable[[Motion, Friction], FloatArray]:
+    """A column of coupled motors: that of joints, at the speed of the motors."""
+
+    def column(motion: Motion, terms: Friction) -> FloatArray:
+        n = motion.dq.shape[-1]
+        if len(terms.gear) != n:
+            raise RecordingError(
+                f"the column '{PREFIX}{name}' needs the gear matrix of {n} motors, got "
+                f"{len(terms.gear)} rows; write [gear] into the recipe"
+            )
+        return COLUMNS[name](Motion(motion.dq @ directions(terms.gear).T, lib=motion.lib), terms)
+
+    return column
+
+
+def _motor_rotor(motion: Motion, terms: Friction) -> FloatArray:
+    speed = _of_motors("viscous")(motion, terms)
+    if motion.lib is None:
+        raise RecordingError("the column 'motor_rotor' needs the library of the robot")
+    if motion.ddq is None:
+        return np.zeros_like(speed)
+    rows = directions(terms.gear)
+    return motion.ddq @ rows.T * separate_rotors(motion.lib, rows)
+
+
 def _dahl(motion: Motion, terms: Friction) -> FloatArray:
     """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c)."""
     if motion.q is None or len(motion.q) < 2:
@@ -89,6 +116,9 @@ COLUMNS: dict[str, Callable[[Motion, Friction], FloatArray]] = {
     "dahl": _dahl,
     "load": _load,
     "rotor": _rotor,
+    "motor_viscous": _of_motors("viscous"),
+    "motor_coulomb": _of_motors("coulomb"),
+    "motor_rotor": _motor_rotor,
 }
 
 
@@ -116,8 +146,10 @@ def columns(motion: Motion, *terms: Friction) -> FloatArray:
     return np.stack(found, axis=-1)
 
 
-def torque(columns: FloatArray, phi: FloatArray) -> FloatArray:
+def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = None) -> FloatArray:
     """τ_f (N, n) [N·m] = Σ_k C[:, :, k] φ[:, k], with φ (n, k) in N·m per unit of the column.
+
+    With a coupling, row m of a motor's column is what motor m does to all its joints: Rᵀ C φ.
 
     Raises:
         RecordingError: φ does not have one row per joint and one entry per column.
@@ -129,7 +161,8 @@ def torque(columns: FloatArray, phi: FloatArray) -> FloatArray:
         )
     total = np.zeros(columns.shape[:-1])
     for k in range(phi.shape[1]):  # ten times faster than einsum over the short axis
-        total += columns[..., k] * phi[:, k]
+        share = columns[..., k] * phi[:, k]
+        total += share if coupling is None else coupling.to_joints(share, k)
     return total
 
 
@@ -142,19 +175,29 @@ def add_columns(recording: Recording, *terms: Friction, lib: Library | None = No
     if recording.dq is None:
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
     motion = Motion(recording.dq, recording.q, recording.ddq, lib)
+    terms = tuple(geared(each, recording) for each in terms)
     values = columns(motion, *terms)
     names = tuple(name for each in terms for name in each.columns)
+    gear = next((each.gear for each in terms if each.gear), None)
     told = "; ".join(str(each) for each in terms)
-    return recording.replace(columns=values, column_names=names).noted(
+    motors = None if gear is None else directions(gear)
+    return recording.replace(columns=values, column_names=names, motors=motors).noted(
         f"Added the friction columns {told}."
     )
 
 
 def renewed_rotor(recording: Recording, lib: Library | None) -> Recording:
     """Rotor columns made from the ddq of the rows: the same linear steps have made both."""
-    if "rotor" not in recording.column_names or lib is None or recording.ddq is None:
+    names = recording.column_names
+    rotors = {"rotor", "motor_rotor"} & set(names)
+    if not rotors or lib is None or recording.ddq is None:
         return recording
     assert recording.columns is not None  # noqa: S101  it has names
     values = recording.columns.copy()
-    values[..., recording.column_names.index("rotor")] = recording.ddq * separate_rotors(lib)
+    if "rotor" in rotors:
+        values[..., names.index("rotor")] = recording.ddq * separate_rotors(lib)
+    if "motor_rotor" in rotors and recording.motors is not None:
+        rows = recording.motors
+        own = recording.ddq @ rows.T * separate_rotors(lib, rows)
+        values[..., names.index("motor_rotor")] = own
     return recording.replace(columns=values)

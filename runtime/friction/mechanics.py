@@ -20,13 +20,17 @@ def gravity_load(lib: Library, q: Array) -> Array:
     return np.abs(lib.inverse_dynamics(q, still, still, lib.pi0))
 
 
-def separate_rotors(lib: Library) -> NDArray[np.bool_]:
-    """(n,): whether a joint's rotor can be told from the links, by the rank at random states."""
+def separate_rotors(lib: Library, directions: Array | None = None) -> NDArray[np.bool_]:
+    """(n,): whether a rotor can be told from the links, by the rank at random states.
+
+    The rotors are those of the joints, or of motors that turn at directions (n, n) · dq; where a
+    row of directions is zero, there is nothing to tell.
+    """
     n = lib.n_joints
+    turns = np.eye(n) if directions is None else directions
     q, dq, ddq = np.random.default_rng(0).uniform(-2.0, 2.0, (3, _STATES, n))
     base = lib.base_regressor(q, dq, ddq).reshape(_STATES * n, -1)
-    columns = np.zeros((_STATES, n, n))
-    columns[:, range(n), range(n)] = ddq
+    columns = (ddq @ turns.T)[:, None, :] * turns.T
     rotors = columns.reshape(_STATES * n, n)
     rest = rotors - base @ np.linalg.lstsq(base, rotors, rcond=None)[0]
     return np.linalg.norm(rest, axis=0) > _SAME * np.linalg.norm(rotors, axis=0)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime import friction
 from runtime.convex import NONE, Reduced, convex_problem, minimise, prior_from
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
@@ -145,7 +144,7 @@ def _rows(
     s = samples_of(prepared, lib)
     residual = s.tau - lib.inverse_dynamics(s.q, s.dq, s.ddq, model.pi)
     if model.phi.size:
-        residual = residual - friction.torque(s.columns, model.phi)
+        residual = residual - s.friction(model.phi)
     columns = [
         lib.regressor(*(a[i : i + _BLOCK] for a in (s.q, s.dq, s.ddq)))[:, :, mount.columns]
         for i in range(0, len(s), _BLOCK)

@@ -83,6 +83,12 @@ class Files:
         values = arrays["columns"].reshape(len(arrays["columns"]), -1).astype(np.float64)
         return tables.Table(values, np.arange(len(values), dtype=np.int64))
 
+    def motors(self) -> NDArray | None:
+        """The directions of coupled motors that an NPZ of our own carries beside its columns."""
+        arrays = next(iter(self._arrays.values()), {}) if self.recipe.position is None else {}
+        found = arrays.get("motors")
+        return None if found is None or found.dtype.kind != "f" else found
+
     def pin_notes(self) -> list[str]:
         """A sentence for every file whose bytes are not those that the recipe pins."""
         pins = self.recipe.source.sha256

@@ -67,6 +67,7 @@ def read_recording(
         t=t,
         **signals,
         column_names=extras.get("column_names", ()) if columns is not None else (),
+        motors=files.motors() if columns is not None else None,
         name=extras.get("name", ("",))[0] or plan.name or place.stem,
         joint_names=plan.joints or extras.get("joint_names", ()),
         source=files.sha256,

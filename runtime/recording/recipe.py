@@ -28,7 +28,7 @@ FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 DERIVATIVES = ("measured", "position")
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
 _WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
-_SIGNED = {"coulomb", "asymmetric", "stribeck", "load"}
+_SIGNED = {"coulomb", "motor_coulomb", "asymmetric", "stribeck", "load"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,12 +190,14 @@ class Friction:
         coulomb_speed: ε, below which the smooth sign of dq gives way [rad/s].
         stribeck_speed: v_s, above which the Stribeck peak is gone [rad/s].
         dahl_stroke: z_c, travel after a reversal within which friction turns round [rad].
+        gear: rows of the gear matrix, for columns of motors; the recipe's [gear] fills it in.
     """
 
     columns: tuple[str, ...] = ("viscous", "coulomb", "offset")
     coulomb_speed: float = COULOMB_SPEED
     stribeck_speed: float = STRIBECK_SPEED
     dahl_stroke: float = DAHL_STROKE
+    gear: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         for key in _WIDTHS:
@@ -205,11 +207,13 @@ class Friction:
     def from_facts(cls, facts: Mapping[str, Any]) -> "Friction":
         """What `facts` said, in a file; widths that it does not name are the usual ones."""
         widths = {key: float(facts[key]) for key in _WIDTHS if key in facts}
-        return cls(tuple(map(str, facts["columns"])), **widths)
+        gear = tuple(tuple(map(float, row)) for row in facts.get("gear", ()))
+        return cls(tuple(map(str, facts["columns"])), **widths, gear=gear)
 
     def facts(self) -> dict[str, Any]:
         """JSON-ready."""
-        return {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
+        told = {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
+        return told | ({"gear": [list(row) for row in self.gear]} if self.gear else {})
 
     def __str__(self) -> str:
         """The columns, and the widths that these have."""

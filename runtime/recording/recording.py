@@ -32,6 +32,7 @@ class Recording:
         tau: (N, n) N·m or N, the torque that the motor applies.
         columns: (N, n, k) friction columns that travel (and are filtered) with the data.
         column_names: k names of them.
+        motors: (n, n) directions of coupled motors, where columns are theirs (`friction.motors`).
         name: what a report calls the recording.
         joint_names: n names, or none.
         history: one sentence per step, from the file on.
@@ -46,6 +47,7 @@ class Recording:
     tau: FloatArray | None = None
     columns: FloatArray | None = None
     column_names: tuple[str, ...] = ()
+    motors: FloatArray | None = None
     name: str = ""
     joint_names: tuple[str, ...] = ()
     history: tuple[str, ...] = ()
@@ -80,6 +82,13 @@ class Recording:
                 raise RecordingError(
                     f"expected columns of shape {expected}, got {self.columns.shape}; "
                     "give one name per column"
+                )
+        if self.motors is not None:
+            put("motors", _locked(self.motors))
+            if self.motors.shape != (self.n_joints,) * 2:
+                raise RecordingError(
+                    f"expected motors of shape {(self.n_joints,) * 2}, got {self.motors.shape}; "
+                    "give one row per motor"
                 )
         if self.joint_names and len(self.joint_names) != self.n_joints:
             raise RecordingError(

@@ -46,7 +46,7 @@ def _write_csv(recording: Recording, file: IO[bytes]) -> None:
 
 
 def _write_npz(recording: Recording, file: IO[bytes]) -> None:
-    arrays = {key: getattr(recording, key) for key in ("t", *SIGNALS, "columns")}
+    arrays = {key: getattr(recording, key) for key in ("t", *SIGNALS, "columns", "motors")}
     present: dict[str, Any] = {key: values for key, values in arrays.items() if values is not None}
     texts: dict[str, tuple[str, ...]] = {
         "column_names": recording.column_names,

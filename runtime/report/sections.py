@@ -177,10 +177,12 @@ def _friction(result: Result) -> Section | None:
         (joint, *(_number(value) for value in values))
         for joint, values in zip(result.joints, friction.values, strict=True)
     )
+    coupled = any(name.startswith("motor_") for name in friction.columns)
+    motors = " Rows of motor_… are motors; each acts on all the joints it drives."
     return Section(
         "Friction",
-        "Coefficients in the unit of the joint, viscous ones per rad/s (m/s); "
-        f"the smooth sign of the speed is tanh(speed / {friction.coulomb_speed:g}).",
+        "Coefficients in the unit of the joint, viscous ones per rad/s (m/s); the smooth sign of "
+        f"the speed is tanh(speed / {friction.coulomb_speed:g}).{motors if coupled else ''}",
         Table(("joint", *map(_unit, friction.columns)), rows),
     )
 

@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from runtime import friction
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import Samples, TorqueObjective
@@ -41,7 +42,9 @@ def compress(
         sample_weights = _weights("sample_weights", sample_weights, len(samples))
         count = float(sample_weights.sum())
     compiled = lib.compiled_statistics
-    of_part: Callable[..., Array] = compiled.triangle if compiled else reference_triangle(lib)
+    of_part: Callable[..., Array] = reference_triangle(lib, samples.coupling)
+    if compiled and samples.coupling is None:  # the C knows columns of one joint each
+        of_part = compiled.triangle
     join: Callable[[Array], Array] = compiled.join if compiled else joined
     arrays = [
         np.ascontiguousarray(a, dtype=float)
@@ -69,7 +72,9 @@ def compress(
     return from_triangle(triangle, count, lib.base_matrix, lib.manifest.model_hash)
 
 
-def reference_triangle(lib: Library) -> Callable[..., Array]:
+def reference_triangle(
+    lib: Library, coupling: friction.Coupling | None = None
+) -> Callable[..., Array]:
     """The triangle of samples by NumPy, from explicit rows [F Y_b τ]: the C is held against it."""
 
     def triangle(
@@ -81,12 +86,10 @@ def reference_triangle(lib: Library) -> Callable[..., Array]:
         weights: Array,
         sample_weights: Array | None,
     ) -> Array:
-        count, n, k = columns.shape
+        count, n, _ = columns.shape
         base = lib.base_regressor(q, dq, ddq)
-        spread = np.zeros((count, n, n * k))
-        for j in range(n):
-            spread[:, j, j * k : (j + 1) * k] = columns[:, j]
-        rows = np.concatenate([spread, base, tau[:, :, None]], axis=2)
+        extra = friction.spread(columns, coupling)
+        rows = np.concatenate([extra, base, tau[:, :, None]], axis=2)
         rows *= np.sqrt(weights)[:, None]
         if sample_weights is not None:
             rows *= np.sqrt(sample_weights)[:, None, None]

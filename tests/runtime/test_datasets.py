@@ -11,7 +11,7 @@ import pytest
 from runtime import datasets
 from runtime.errors import RecordingError
 from runtime.preprocessing import prepare, repair_clock, segments, split
-from runtime.recording import bundled_names, load_recipe, read_recording
+from runtime.recording import Friction, bundled_names, load_recipe, read_recording
 
 
 def real(name: str) -> Path:
@@ -146,7 +146,7 @@ def test_tx40_joint_side():
     assert data.duration == pytest.approx(8.9998)
     assert data.dq is None
     np.testing.assert_allclose(data.q[-1], 0.0, atol=1e-4)
-    prepared = prepare(data, None, data.recipe.friction)
+    prepared = prepare(data, None, Friction())
     assert prepared.rate_hz == pytest.approx(200.0)
     assert prepared.columns.shape == (len(prepared), 6, 3)
     assert np.abs(prepared.dq).max(axis=1).min() >= 0.02

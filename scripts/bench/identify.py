@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from bench import doors
+from bench import doors, estimators
 from bench.clock import interleave, ratio
 from bench.doors import Setting
 from bench.machine import processor
@@ -72,6 +72,36 @@ ENTRIES = (
         "levenberg",
         doors.levenberg,
         doors.numpy_levenberg,
+    ),
+    Entry(
+        "map",
+        "MAP, compressed data",
+        "convex",
+        estimators.most_probable,
+        None,
+    ),
+    Entry(
+        "path",
+        "PC-IDIM-OLS path, compressed data",
+        "convex",
+        estimators.path,
+        None,
+        document=78.0,
+    ),
+    Entry(
+        "log_cholesky",
+        "log-Cholesky–Levenberg, error to 1/1000",
+        "levenberg",
+        estimators.log_cholesky,
+        None,
+    ),
+    Entry(
+        "identified",
+        f"MAP from {estimators.SAMPLES} samples",
+        "convex",
+        estimators.identified,
+        None,
+        document=33.0,
     ),
     Entry(
         "excitation_value",

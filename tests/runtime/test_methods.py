@@ -111,7 +111,7 @@ def test_weights_average_to_the_noise(lib: Library, clean: Recording) -> None:
         noisy = rigid + sigma * rng.normal(size=rigid.shape)
         from runtime.baselines.wls import with_torque
 
-        weights.append(reweighted(lib, with_torque(samples, noisy), FRICTION.columns)[1])
+        weights.append(reweighted(lib, with_torque(samples, noisy), ())[1])
     # One draw of 1000 samples: 4.5 % in 1/σ², 57 unknowns in 7007 rows take 1 % of it away.
     assert np.mean(weights, axis=0) * sigma**2 == pytest.approx(np.ones(7), rel=0.1)
 

@@ -53,6 +53,10 @@ class Goal:
 
 
 GOALS = (
+    Goal("v", "document's limits, M 5, criterion v", 10, 5, 8, "v"),
+    Goal("a", "document's limits, M 5, criterion a", 10, 5, 8, "a"),
+    Goal("d", "document's limits, M 5, criterion d", 10, 5, 8, "d"),
+    Goal("mixed", "document's limits, M 5, criterion mixed", 10, 5, 8, "mixed"),
     Goal("document-24", "document's limits, M 5", 10, 5, 24, condition=4.25, seconds=20),
     Goal("document-100", "document's limits, M 5", 10, 5, 100, condition=4.0),
     Goal("document-100-20", "document's limits, M 5", 20, 5, 100, condition=3.4),

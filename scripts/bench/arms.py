@@ -46,7 +46,7 @@ def build_arm(
 ) -> Arm:
     """Only what is timed, for one level: a whole library of 20 joints takes minutes."""
     from symgen import __version__
-    from symgen.build import PER_LEVEL
+    from symgen.build import ONCE, PER_LEVEL
     from symgen.catalogue import make_catalogue
     from symgen.chain import read_chain
     from symgen.compiler import compile_library, sha256_of
@@ -67,8 +67,9 @@ def build_arm(
     for file, text in (files | {f"{name}.urdf": chain.urdf}).items():
         (folder / file).write_text(text, encoding="utf-8", newline="\n")
     per_level = [folder / file for file in PER_LEVEL if file in files]
+    once = [folder / file for file in ONCE if file in files]
     with _only(level):
-        made = compile_library([folder / "kernels.c"], folder / f"lib{name}.so", per_level)
+        made = compile_library(once, folder / f"lib{name}.so", per_level)
     record = {"sha256": made.sha256, "sources": {f: sha256_of(folder / f) for f in files}}
     (folder / "build.json").write_text(json.dumps(record))
     operations = {kernel.name: facts_of(kernel).operations for kernel in kernels}

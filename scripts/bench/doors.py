@@ -128,7 +128,7 @@ def adam_batch(s: Setting) -> Callable[[], float]:
 
 
 def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], float]:
-    from runtime.identification import fit_adam
+    from runtime.fitting import fit_adam
 
     problem = s.problem()
     problem.statistics()  # kept by the problem

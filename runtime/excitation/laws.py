@@ -114,15 +114,10 @@ class Braking:
 
 
 @dataclass(frozen=True, slots=True)
-class Torque:
-    """|τ + f_v dq| ≤ share · effort − f_c.
+class _OfJoints:
+    """±(smooth part) / limit − 1, row by joint, positive sign first."""
 
-    Coulomb friction may act either way for a moment at every turn, so it lowers the limit; that is
-    smooth and never too little.
-    """
-
-    kind: ClassVar[str] = "torque"
-    orders: ClassVar[int] = 3
+    unit: ClassVar[str]
     lib: Library
     pi: Array
     limit: Array
@@ -136,8 +131,32 @@ class Torque:
 
     @property
     def even(self) -> bool:
-        """Inertia and gravity are, viscous friction is not."""
+        """Inertia and gravity are, and the size of their rate; viscous friction is not."""
         return not self.viscous.any()
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """The size in `unit`, with N instead of N·m for a slide."""
+        limit = float(self.limit[row % len(self.limit)])
+        return (1 + g) * limit, limit, self.unit
+
+    def _signed(self, slope: Array, order: int) -> Array:
+        """Both signs over the limit, with f_v by the derivative `order`."""
+        slope[:, :, order] += np.diag(self.viscous)
+        slope /= self.limit[:, None, None]
+        return np.concatenate([slope, -slope], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Torque(_OfJoints):
+    """|τ + f_v dq| ≤ share · effort − f_c.
+
+    Coulomb friction may act either way for a moment at every turn, so it lowers the limit; that is
+    smooth and never too little.
+    """
+
+    kind: ClassVar[str] = "torque"
+    orders: ClassVar[int] = 3
+    unit: ClassVar[str] = "N·m"
 
     def torques(self, motion: Array) -> Array:
         """τ + f_v dq, (N, n) N·m, N for a slide."""
@@ -151,37 +170,16 @@ class Torque:
     def slopes(self, motion: Array) -> Array:
         """±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
         slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
-        slope[:, :, 1] += np.diag(self.viscous)
-        slope /= self.limit[:, None, None]
-        return np.concatenate([slope, -slope], axis=1)
-
-    def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """|τ| in N·m, N for a slide."""
-        limit = float(self.limit[row % len(self.limit)])
-        return (1 + g) * limit, limit, "N·m"
+        return self._signed(slope, 1)
 
 
 @dataclass(frozen=True, slots=True)
-class TorqueRate:
+class TorqueRate(_OfJoints):
     """|dτ/dt + f_v ddq| ≤ limit; the step of Coulomb friction at a turn is not counted."""
 
     kind: ClassVar[str] = "torque rate"
     orders: ClassVar[int] = 4
-    lib: Library
-    pi: Array
-    limit: Array
-    viscous: Array
-    joints: tuple[str, ...]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Joints, positive sign first."""
-        return (*self.joints, *self.joints)
-
-    @property
-    def even(self) -> bool:
-        """|dτ/dt| is, viscous friction is not."""
-        return not self.viscous.any()
+    unit: ClassVar[str] = "N·m/s"
 
     def values(self, motion: Array) -> Array:
         """±(dτ/dt + f_v ddq) / limit − 1."""
@@ -193,14 +191,7 @@ class TorqueRate:
         """±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
         n = motion.shape[2]
         slope = self.lib.torque_rate_jacobian(*_four(motion), self.pi)[1].reshape(-1, n, 4, n)
-        slope[:, :, 2] += np.diag(self.viscous)
-        slope /= self.limit[:, None, None]
-        return np.concatenate([slope, -slope], axis=1)
-
-    def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """|dτ/dt| in N·m/s."""
-        limit = float(self.limit[row % len(self.limit)])
-        return (1 + g) * limit, limit, "N·m/s"
+        return self._signed(slope, 2)
 
 
 def _three(motion: Array) -> tuple[Array, Array, Array]:

@@ -13,9 +13,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.library.lanes import padded_size
+
 Array = NDArray[np.float64]
 
-LANES = 8
 _DOUBLES, _LONGS = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 
 
@@ -128,7 +129,7 @@ class CompiledConvex:
 
     def _fill(self, job: _Job, task: ConvexTask) -> None:
         rows, size = task.factor.shape
-        width, gammas = -(-size // LANES) * LANES, len(task.gammas)
+        width, gammas = padded_size(size), len(task.gammas)
         job.links, job.width, job.rows, job.gammas = len(task.share), width, rows, gammas
         job.rest, job.count = task.rest, task.count
         spare = width - size

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.library.lanes import LANES, padded_size
+
 Array = NDArray[np.float64]
 
-LANES = 8
-"""Arrays of a job are padded to a multiple of this, whatever the level."""
 PATIENCE, DIVERGED, CONVERGED, STALLED = 1, 2, 3, 4
 _GATHERED = 4
 """Tiles of a mini-batch that are gathered together, BLOCK of descent.c."""
@@ -168,8 +168,8 @@ class CompiledAdam(_Jobs):
 
     def _fill(self, k: int, problem: AdamProblem, options: dict[str, float], batch: int) -> None:
         job, size = self._jobs[k], problem.start.size
-        job.size, job.padded = size, _up(size)
-        job.equations = _up(len(problem.training.target))
+        job.size, job.padded = size, padded_size(size)
+        job.equations = padded_size(len(problem.training.target))
         job.power1 = job.power2 = 1.0
         for name, value in options.items():
             setattr(job, name, value)
@@ -185,7 +185,7 @@ class CompiledAdam(_Jobs):
         if batch and problem.samples is not None:
             job.batch, width = batch, problem.samples.shape[1]
             job.columns_per_joint = width // n - 4
-            room = _up(width) - width
+            room = padded_size(width) - width
             job.samples = self._pointer(np.pad(problem.samples, [(0, 0), (0, room)]))
             job.weight = self._pointer(problem.weights)
         scratch = LANES * (_GATHERED * max(width, 4 * n) + size) + 3 * job.equations + job.padded
@@ -233,7 +233,7 @@ class CompiledLevenberg(_Jobs):
         self.trace = np.zeros((len(problems), traces))
         self._x: list[Array] = []
         for k, (start, problem) in enumerate(zip(starts, problems, strict=True)):
-            job, size, equations = self._jobs[k], start.size, _up(len(problem.target))
+            job, size, equations = self._jobs[k], start.size, padded_size(len(problem.target))
             job.size, job.equations, job.growth = size, equations, _GROWTH
             job.cholesky = int(cholesky)
             for name, value in options.items():
@@ -251,10 +251,6 @@ class CompiledLevenberg(_Jobs):
     def x(self, index: int) -> Array:
         """The current point of a job."""
         return self._x[index].copy()
-
-
-def _up(size: int) -> int:
-    return -(-size // LANES) * LANES
 
 
 def _padded(array: Array, size: int) -> Array:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.library.lanes import LANES, padded_size
+
 Array = NDArray[np.float64]
 
-LANES = 8
-"""Samples of a tile, whatever the level."""
 _LINE = 64
 """Bytes to which work is aligned, so that no vector lies in two cache lines."""
 
@@ -104,10 +104,10 @@ class _Workplace:
 def tiled(basis: Array) -> Array:
     """(N, M, 3) as tiles of 8 samples, (tiles, 3, M, 8), zero beyond the last sample."""
     samples, harmonics, orders = basis.shape
-    tiles = -(-samples // LANES)
+    tiles = padded_size(samples) // LANES
     result = _aligned(tiles * orders * harmonics * LANES)
     result = result.reshape(tiles, orders, harmonics, LANES)
-    padded = np.zeros((tiles * LANES, harmonics, orders))
+    padded = np.zeros((padded_size(samples), harmonics, orders))
     padded[:samples] = basis
     result[...] = padded.reshape(tiles, LANES, harmonics, orders).transpose(0, 3, 2, 1)
     return result

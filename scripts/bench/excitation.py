@@ -8,6 +8,7 @@ import numpy as np
 from rich.table import Table
 
 from bench import excitation_peers as peers
+from bench import grid
 from bench.compiled import BenchError
 from bench.excitation_peers import Start
 from bench.machine import processor
@@ -130,27 +131,21 @@ _HEAD = (
 
 def table(report: Report) -> Table:
     """One line per optimiser and one for the document."""
-    shown = Table(
-        *_HEAD,
-        title=f"{report.robot}: condition numbers, t_f {report.duration:g} s, M "
-        f"{report.harmonics}, {report.level}, {report.processor}",
-        caption=(
-            f"Column-normalised base regressor at {COST_SAMPLES} samples; position, velocity and "
-            "acceleration limits kept at 1 kHz; the same random starts for all, one process. "
-            "Document: five starts of 50 iterations, its own machine, t_f not stated."
-        ),
+    title = (
+        f"{report.robot}: condition numbers, t_f {report.duration:g} s, M "
+        f"{report.harmonics}, {report.level}, {report.processor}"
     )
-    for column in shown.columns[1:]:
-        column.justify = "right"
-    for cells in _lines(report):
-        shown.add_row(*cells)
-    return shown
+    caption = (
+        f"Column-normalised base regressor at {COST_SAMPLES} samples; position, velocity and "
+        "acceleration limits kept at 1 kHz; the same random starts for all, one process. "
+        "Document: five starts of 50 iterations, its own machine, t_f not stated."
+    )
+    return grid.table(_HEAD, _lines(report), title, caption)
 
 
 def markdown(report: Report) -> str:
     """The same for the README."""
-    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
-    return "\n".join((*lines, *(f"| {' | '.join(cells)} |" for cells in _lines(report))))
+    return grid.markdown(_HEAD, _lines(report))
 
 
 def _lines(report: Report) -> Iterator[tuple[str, ...]]:

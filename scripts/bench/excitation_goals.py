@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from bench import grid
 from bench.machine import processor
 from runtime.certificate import certificate, pulled_inside
 from runtime.excitation import design
@@ -200,27 +201,19 @@ _HEAD = (
 
 def table(report: Report) -> Table:
     """One line per design."""
-    shown = Table(
-        *_HEAD,
-        title=f"{report.robot}: best of the starts, {report.processor}",
-        caption=(
-            "cond: column-normalised base regressor at 80 samples. A: RMS relative error of the "
-            "base parameters, V: RMS error of the torque on unseen motions, both expected of "
-            f"least squares at {NOISE:g} N·m and {RATE:g} Hz. Wall time on as many processes as "
-            "there are cores, their start included."
-        ),
+    title = f"{report.robot}: best of the starts, {report.processor}"
+    caption = (
+        "cond: column-normalised base regressor at 80 samples. A: RMS relative error of the "
+        "base parameters, V: RMS error of the torque on unseen motions, both expected of "
+        f"least squares at {NOISE:g} N·m and {RATE:g} Hz. Wall time on as many processes as "
+        "there are cores, their start included."
     )
-    for column in shown.columns[1:]:
-        column.justify = "right"
-    for cells in _lines(report):
-        shown.add_row(*cells)
-    return shown
+    return grid.table(_HEAD, _lines(report), title, caption)
 
 
 def markdown(report: Report) -> str:
     """The same for the README."""
-    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
-    return "\n".join((*lines, *(f"| {' | '.join(cells)} |" for cells in _lines(report))))
+    return grid.markdown(_HEAD, _lines(report))
 
 
 def _lines(report: Report) -> Iterator[tuple[str, ...]]:

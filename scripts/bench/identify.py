@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from bench import doors, estimators
+from bench import doors, estimators, grid
 from bench.clock import interleave, ratio
 from bench.doors import Setting
 from bench.machine import processor
@@ -228,21 +228,14 @@ def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
 
 def table(report: Report) -> Table:
     """One line per entry."""
-    shown = Table(
-        *_HEAD,
-        title=f"{report.robot}: identification and excitation, {report.level}, {report.processor}",
-        caption=(
-            f"Through the functions of runtime, one thread; {report.samples} training samples; the "
-            f"best of each of {report.rounds} interleaved rounds, medians over the rounds, ratios "
-            "within a round; trials once. NumPy: stored Y_b, products and steps in NumPy, "
-            "excitation gradient by differences. Document: its own times on its machine."
-        ),
+    title = f"{report.robot}: identification and excitation, {report.level}, {report.processor}"
+    caption = (
+        f"Through the functions of runtime, one thread; {report.samples} training samples; the "
+        f"best of each of {report.rounds} interleaved rounds, medians over the rounds, ratios "
+        "within a round; trials once. NumPy: stored Y_b, products and steps in NumPy, "
+        "excitation gradient by differences. Document: its own times on its machine."
     )
-    for column in shown.columns[1:]:
-        column.justify = "right"
-    for row in report.rows:
-        shown.add_row(*_cells(row))
-    return shown
+    return grid.table(_HEAD, (_cells(row) for row in report.rows), title, caption)
 
 
 def footnotes(report: Report) -> list[str]:
@@ -252,8 +245,7 @@ def footnotes(report: Report) -> list[str]:
 
 def markdown(report: Report) -> str:
     """The same for the README."""
-    lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
-    return "\n".join((*lines, *(f"| {' | '.join(_cells(row))} |" for row in report.rows)))
+    return grid.markdown(_HEAD, (_cells(row) for row in report.rows))
 
 
 _HEAD = ("work", "time", "NumPy", "NumPy / ours", "document", "document / ours")

@@ -28,7 +28,7 @@ class LevenbergOptions:
     """
 
     max_iterations: int = 200
-    first_damping: float = 1e-6
+    first_damping: float = 1e-8
     step_tolerance: float = 1e-12
     decrease_tolerance: float = 1e-12
 

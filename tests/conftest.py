@@ -38,8 +38,14 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The `generated` folder of this session; tests read it and never write it."""
-    return tmp_path_factory.mktemp("generated")
+    """The `generated` folder of this run; tests read it and never write it.
+
+    The workers of pytest-xdist share it: `build` lets one of them compile and the others wait.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "generated"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")

@@ -63,6 +63,8 @@ def build(
     with _write_errors(folder):
         root.mkdir(parents=True, exist_ok=True)
         with _lock(root, request.name):
+            if not force and is_current(request, folder, levels):  # another process was faster
+                return BuildResult(folder, False, notes)
             staging = Path(tempfile.mkdtemp(prefix=f".{request.name}.", dir=root))
             try:
                 staging.chmod(0o755)

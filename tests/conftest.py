@@ -13,7 +13,7 @@ import pytest
 from hypothesis import settings
 
 from runtime.library import Library, load
-from symgen.build import build
+from symgen.build import build, is_current
 from symgen.compiler import level_names
 from symgen.request import BuildRequest, bundled_request
 from tests.robots import CASES
@@ -38,14 +38,26 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The `generated` folder of this session; tests read it and never write it."""
-    return tmp_path_factory.mktemp("generated")
+    """The `generated` folder of this run; tests read it and never write it.
+
+    The workers of pytest-xdist share it: `build` lets one of them compile and the others wait.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "generated"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")
 def fr3(root: Path) -> Library:
-    """The bundled Franka Research 3, built for this session."""
-    return load(build(bundled_request("fr3"), root).folder)
+    """The bundled Franka Research 3 as the sources of this commit make it.
+
+    A library that `symgen build` has just made of them is taken as it is: it is the very same.
+    """
+    request, made = bundled_request("fr3"), REPOSITORY / "generated" / "fr3"
+    if is_current(request, made, levels=()):
+        return load(made)
+    return load(build(request, root).folder)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from runtime.library import Library
 from runtime.loop import Loop
 from runtime.objective import samples_of
 from runtime.simulation import Controller, Plant, ideal
-from tests.runtime.bench import COULOMB, FRICTION, SPEED, SPLIT, VISCOUS, Bench, bench
+from scripts.bench.plant import COULOMB, FRICTION, SPEED, SPLIT, VISCOUS, Bench, bench
 
 PHI = np.stack([COULOMB, VISCOUS], axis=1)
 
@@ -26,19 +26,19 @@ def clean(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarra
 @pytest.fixture(scope="module")
 def noisy_q(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Bench:
     """σ_q = 1e-4 rad, σ_τ = 0.05 N·m."""
-    return bench(lib, trajectories, pi_true, 1e-4)
+    return bench(lib, trajectories[0], trajectories[2], pi_true, 1e-4)
 
 
 @pytest.fixture(scope="module")
 def good_q(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Bench:
     """σ_q = 1e-5 rad, σ_τ = 0.05 N·m."""
-    return bench(lib, trajectories, pi_true, 1e-5)
+    return bench(lib, trajectories[0], trajectories[2], pi_true, 1e-5)
 
 
 @pytest.fixture(scope="module")
 def quiet(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Bench:
     """No noise at all."""
-    return bench(lib, trajectories, pi_true, 0.0, sigma_tau=0.0)
+    return bench(lib, trajectories[0], trajectories[2], pi_true, 0.0, sigma_tau=0.0)
 
 
 def test_least_squares_recovers_the_truth(

@@ -121,7 +121,7 @@ def test_correlated_residuals_count_less(lib):
 
 
 def test_monte_carlo_of_the_document(lib, trajectories):
-    """Oracle: the document's truth; a short form of `scripts/methods_table --trials 150`.
+    """Oracle: the document's truth; a short form of `scripts/methods_table trials`.
 
     Of 150 trials the mean AIRM is .150 with a spread of .05 over trials: ± .015 for 12 of them.
     """

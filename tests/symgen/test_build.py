@@ -316,6 +316,21 @@ def test_second_build_waits_for_the_first(
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
 
 
+def test_waiting_build_takes_what_the_first_has_built(
+    tiny: Path, tiny_request: BuildRequest, tmp_path: Path
+) -> None:
+    """Property: two processes that want the same robot compile it once."""
+    heavy = tmp_path / "heavy.urdf"
+    heavy.write_text(heavier(tiny_request).urdf)
+    first = child(BUILD_AND_HANG, heavy, tiny.parent, "_write_files", 0.5)
+    assert first.stdout is not None
+    assert first.stdout.readline() == "here\n"
+    assert not build(heavier(tiny_request), tiny.parent).rebuilt
+    _, complaint = first.communicate(timeout=60)
+    assert first.returncode == 0, complaint
+    assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
+
+
 @pytest.mark.parametrize("stage", ["_write_files", "_compile", "replace_folder"])
 def test_killed_build(tiny: Path, tiny_request: BuildRequest, tmp_path: Path, stage: str) -> None:
     """Property: SIGKILL after any stage leaves the old library loadable and the next build free."""

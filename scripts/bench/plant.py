@@ -73,7 +73,8 @@ class Bench:
 
 def bench(
     lib: Library,
-    trajectories: tuple[Trajectory, ...],
+    train: Trajectory,
+    test: Trajectory,
     pi: np.ndarray,
     sigma_q: float,
     seed: int = 0,
@@ -99,13 +100,13 @@ def bench(
         },
     )
     controller = Controller(pi=lib.pi_from_lam(cad), feels_noise=True)
-    log = closed_loop(lib, trajectories[0], robot, rng, controller=controller).replace(dq=None)
-    t = np.arange(0.0, trajectories[2].duration, 0.05)
+    log = closed_loop(lib, train, robot, rng, controller=controller).replace(dq=None)
+    t = np.arange(0.0, test.duration, 0.05)
     return Bench(
         lib,
         log,
         cad,
         pi,
-        Loop(trajectories[0], controller, ROTOR),
-        trajectories[2].at(lib, t)[:3],
+        Loop(train, controller, ROTOR),
+        test.at(lib, t)[:3],
     )

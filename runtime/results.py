@@ -113,8 +113,8 @@ def condition_number(result: Identification) -> float | None:
     lib, train = result.lib, samples_of(result.train, result.lib)
     statistics = compress(lib, train, np.ones(lib.n_joints))
     matrix, _ = statistics.unit_columns()
-    # Columns of rotors and motors that do not exist on their own are no unknowns.
-    kept = matrix.any(axis=0) | (np.arange(matrix.shape[1]) < statistics.n_base)
+    # Rotors and motors that are counted in links are no unknowns of their own.
+    kept = np.concatenate([np.ones(statistics.n_base, dtype=bool), ~statistics.explained()])
     sigma = np.linalg.svd(matrix[:, kept], compute_uv=False)
     return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 

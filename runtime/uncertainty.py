@@ -155,7 +155,10 @@ def uncertainty_of(
         data.factor[:, list(lib.base_columns)] / np.where(lengths > 0, lengths, 1.0)[: len(base)],
         compute_uv=False,
     )
-    rank = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
+    # A rotor that does what a link's inertia does leaves their sum known.
+    shared = int(np.sum(statistics.explained() & (lengths[len(base) :] > 0)))
+    known = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
+    rank = min(known + shared, len(base))
     return Uncertainty(
         root=root,
         share=share,

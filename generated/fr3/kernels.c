@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e.
+ * Model ec8bc10b140cde638d23217bf5843ee84f16e5b4bdbfed4958ef6779f0b0559f.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e";
+    return "ec8bc10b140cde638d23217bf5843ee84f16e5b4bdbfed4958ef6779f0b0559f";
 }
 
 const char *fr3_level(void)

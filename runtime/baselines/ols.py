@@ -7,6 +7,7 @@ Source: Gautier 1997; document Sec. 3.1.3.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.friction.motors import PREFIX
@@ -50,18 +51,15 @@ def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> 
     Args:
         statistics: of the samples.
         lib: of the robot.
-        terms: names of each joint's friction columns. Rotors and coupled motors are 0 throughout
-            where others stand for them already, and stay 0.
+        terms: names of each joint's friction columns. A rotor or coupled motor that does what
+            base parameters do is counted in those, and gets 0.
 
     Raises:
         IdentificationError: the motion does not excite all of them.
     """
     matrix, norms = statistics.unit_columns()
-    n_b = len(lib.base_columns)
-    others = [name != "rotor" and not name.startswith(PREFIX) for name in terms]
-    shown = np.any(matrix != 0, axis=0)
-    shown[:n_b] = True
-    shown[n_b:] |= np.tile(others, lib.n_joints) if others else True
+    shown = np.ones(matrix.shape[1], dtype=bool)
+    shown[statistics.n_base :] = ~counted_in_links(statistics, lib, terms)
     sigma = np.linalg.svd(matrix[:, shown], compute_uv=False)
     rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
     if rank < shown.sum():
@@ -70,10 +68,25 @@ def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> 
             "so least squares has no unique answer; record a richer trajectory, or use a method "
             "that keeps to the first guess where the data are silent: map, adam, pc-ols"
         )
-    found = np.linalg.lstsq(matrix, statistics.target, rcond=None)[0] / norms
-    solution = np.where(shown, found, 0.0)  # rounding of a strong weight is no coefficient
+    solution = np.zeros(len(shown))
+    solution[shown] = np.linalg.lstsq(matrix[:, shown], statistics.target, rcond=None)[0]
+    solution /= norms
     beta, phi = np.split(solution, [statistics.n_base])
     return Solution(beta, phi.reshape(lib.n_joints, -1), float(sigma[0] / sigma[-1]))
+
+
+def counted_in_links(
+    statistics: Statistics, lib: Library, terms: tuple[str, ...]
+) -> NDArray[np.bool_]:
+    """(n k,): columns of rotors and coupled motors that do what base parameters do as well.
+
+    On the first joint of an arm above all, a link's inertia does what the rotor does; a method
+    that asks no prior cannot tell them apart. Source: Gautier's regrouping.
+    """
+    rotors = [name == "rotor" or name.startswith(PREFIX) for name in terms]
+    if not any(rotors):
+        return np.zeros(statistics.factor.shape[1] - statistics.n_base, dtype=bool)
+    return statistics.explained() & np.tile(rotors, lib.n_joints)
 
 
 def pi_of_beta(problem: Problem, beta: Array) -> Array:

@@ -1,7 +1,7 @@
 """Joint friction, linear in its coefficients: columns of the motion times φ."""
 
 from runtime.friction.columns import COLUMNS, Motion, add_columns, columns, renewed_rotor, torque
-from runtime.friction.mechanics import gravity_load, separate_rotors
+from runtime.friction.mechanics import gravity_load
 from runtime.friction.motors import (
     Coupling,
     coupling_of,
@@ -23,7 +23,6 @@ __all__ = [
     "geared",
     "gravity_load",
     "renewed_rotor",
-    "separate_rotors",
     "spread",
     "torque",
 ]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.friction.mechanics import gravity_load, separate_rotors
+from runtime.friction.mechanics import gravity_load
 from runtime.friction.motors import PREFIX, Coupling, directions, geared
 from runtime.library import Library
 from runtime.recording.recipe import Friction
@@ -37,7 +37,7 @@ class Motion:
         dq: rad/s.
         q: rad, of successive instants; for dahl.
         ddq: rad/s²; for rotor.
-        lib: of the robot; for load and rotor.
+        lib: of the robot; for load.
     """
 
     dq: FloatArray
@@ -61,11 +61,9 @@ def _load(motion: Motion, terms: Friction) -> FloatArray:
 
 
 def _rotor(motion: Motion, _: Friction) -> FloatArray:
-    if motion.lib is None:
-        raise RecordingError("the column 'rotor' needs the library of the robot")
     if motion.ddq is None:
         return np.zeros_like(motion.dq)  # `renewed_rotor` follows once ddq is there
-    return motion.ddq * separate_rotors(motion.lib)
+    return motion.ddq
 
 
 def _of_motors(name: str) -> Callable[[Motion, Friction], FloatArray]:
@@ -78,19 +76,17 @@ def _of_motors(name: str) -> Callable[[Motion, Friction], FloatArray]:
                 f"the column '{PREFIX}{name}' needs the gear matrix of {n} motors, got "
                 f"{len(terms.gear)} rows; write [gear] into the recipe"
             )
-        return COLUMNS[name](Motion(motion.dq @ directions(terms.gear).T, lib=motion.lib), terms)
+        return COLUMNS[name](Motion(motion.dq @ directions(terms.gear).T), terms)
 
     return column
 
 
 def _motor_rotor(motion: Motion, terms: Friction) -> FloatArray:
     speed = _of_motors("viscous")(motion, terms)
-    if motion.lib is None:
-        raise RecordingError("the column 'motor_rotor' needs the library of the robot")
     if motion.ddq is None:
         return np.zeros_like(speed)
     rows = directions(terms.gear)
-    return motion.ddq @ rows.T * separate_rotors(motion.lib, rows)
+    return np.asarray(motion.ddq @ rows.T)
 
 
 def _dahl(motion: Motion, terms: Friction) -> FloatArray:
@@ -186,18 +182,16 @@ def add_columns(recording: Recording, *terms: Friction, lib: Library | None = No
     )
 
 
-def renewed_rotor(recording: Recording, lib: Library | None) -> Recording:
+def renewed_rotor(recording: Recording) -> Recording:
     """Rotor columns made from the ddq of the rows: the same linear steps have made both."""
     names = recording.column_names
     rotors = {"rotor", "motor_rotor"} & set(names)
-    if not rotors or lib is None or recording.ddq is None:
+    if not rotors or recording.ddq is None:
         return recording
     assert recording.columns is not None  # noqa: S101  it has names
     values = recording.columns.copy()
     if "rotor" in rotors:
-        values[..., names.index("rotor")] = recording.ddq * separate_rotors(lib)
+        values[..., names.index("rotor")] = recording.ddq
     if "motor_rotor" in rotors and recording.motors is not None:
-        rows = recording.motors
-        own = recording.ddq @ rows.T * separate_rotors(lib, rows)
-        values[..., names.index("motor_rotor")] = own
+        values[..., names.index("motor_rotor")] = recording.ddq @ recording.motors.T
     return recording.replace(columns=values)

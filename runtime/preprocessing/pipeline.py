@@ -52,7 +52,7 @@ def prepare(
     if wanted and data.columns is None:
         data = add_columns(data, *friction, lib=lib)
         data = _filtered(data, preparation, ("columns",))
-    data = renewed_rotor(data, lib)
+    data = renewed_rotor(data)
     if preparation.trim_s is not None:
         data = trim(data, preparation.trim_s)
     if preparation.rate_hz is not None:

@@ -8,11 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.atomic import replacing
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 
+EXPLAINED = 1e-9
+"""Part of a column of length one that others leave, below which they explain it."""
 _ARRAYS = ("factor", "target", "base_matrix")
 _NUMBERS = ("rest", "n_samples", "model_hash")
 
@@ -65,6 +68,20 @@ class Statistics:
         lengths = np.linalg.norm(self.factor, axis=0)
         lengths = np.where(lengths > 0, lengths, 1.0)
         return self.factor / lengths, lengths
+
+    def explained(self) -> NDArray[np.bool_]:
+        """(n k,): the columns of φ that base parameters do as well, silent ones among them."""
+        matrix, _ = self.unit_columns()
+        space, sizes, _ = np.linalg.svd(matrix[:, : self.n_base], full_matrices=False)
+        space = space[:, sizes > EXPLAINED * sizes[0]]
+        others = matrix[:, self.n_base :]
+        rest = others - space @ (space.T @ others)
+        return np.asarray(np.linalg.norm(rest, axis=0) <= EXPLAINED)
+
+    def without(self, columns: NDArray[np.bool_]) -> "Statistics":
+        """With some columns of φ, (n k,), silenced."""
+        kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~columns])
+        return replace(self, factor=np.where(kept, self.factor, 0.0))
 
     def merged(self, *others: "Statistics") -> "Statistics":
         """Statistics of all samples together.

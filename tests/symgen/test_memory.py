@@ -125,8 +125,55 @@ PROGRAMS = """
         good += NAME_online_solve(online, NAME_LEVEL_convex, 50);
         printf("%d %ld %d\\n", good, online->rejected, isfinite(online->pi[0]));
     }
+    {
+        long width = (LAMBDA + 7) / 8 * 8, rows = 5, spent[2][2];
+        double *start = calloc((size_t)width, 8), *slope = calloc((size_t)width, 8);
+        double *factor = calloc((size_t)(rows * width), 8), *gamma = numbers(2);
+        for (int k = 0; k < N; ++k) {
+            start[10 * k] = slope[10 * k] = 1.0;
+            for (int j = 4; j < 7; ++j) {
+                start[10 * k + j] = slope[10 * k + j] = 1.0;
+            }
+        }
+        for (long r = 0; r < rows; ++r) {
+            for (long i = 0; i < LAMBDA; ++i) {
+                factor[r * width + i] = sin((double)(r * LAMBDA + i));
+            }
+        }
+        NAME_convex_job jobs[2];
+        for (int k = 0; k < 2; ++k) {
+            jobs[k] = (NAME_convex_job){.links = N, .width = width, .rows = rows, .factor = factor,
+                .target = numbers(rows), .rest = 1.0, .count = 9.0, .slope = slope,
+                .share = numbers(N), .gamma = gamma, .gammas = 2, .most_steps = 50,
+                .tolerance = 1e-9, .points = numbers(2 * width), .losses = numbers(2),
+                .decrements = numbers(2), .steps = spent[k],
+                .work = numbers(UPPER_CONVEX_WORK(rows, width))};
+            jobs[k].pi = calloc((size_t)width, 8);
+            for (long i = 0; i < width; ++i) {
+                jobs[k].pi[i] = start[i];
+            }
+        }
+        NAME_LEVEL_convex(jobs, 2);
+        printf("%ld %ld\\n", jobs[0].converged, jobs[1].converged);
+    }
+    {
+        double *pi = calloc(LAMBDA, 8);
+        for (int k = 0; k < N; ++k) {
+            pi[10 * k] = pi[10 * k + 4] = pi[10 * k + 5] = pi[10 * k + 6] = 1.0;
+        }
+        for (int noisy = 0; noisy < 2; ++noisy) {
+            NAME_closed_loop_job job = {.substeps = 2, .period = 1e-3, .coulomb_speed = 0.05,
+                .reference = numbers(4 * 3 * N), .noise = noisy ? numbers(4 * 2 * N) : 0, .pi = pi,
+                .rotor = numbers(N), .viscous = numbers(N), .coulomb = numbers(N),
+                .offset = numbers(N), .model = pi, .model_rotor = numbers(N),
+                .stiffness = numbers(N), .damping = numbers(N), .state = numbers(2 * N),
+                .log = numbers(4 * 5 * N)};
+            NAME_closed_loop(&job, 4);
+            printf("%ld %ld\\n", job.done, job.status);
+        }
+    }
 """
-EXPECTED = "1 1 20 1 20 1 5 1 1 42 1 1"
+EXPECTED = "1 1 20 1 20 1 5 1 1 42 1 1 2 2 4 0 4 0"
 """All numbers finite, all iterations made."""
 
 

@@ -139,9 +139,8 @@ def uncertainty_of(
     data, _ = reduce(statistics, lib.n_joints)
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
     inside = bodies.log_det(pi) is not None
-    _, blocks = bodies.curvature(pi if inside else prior.centre)
     # In units of the prior the information is 1 + ÃᵀÃ, whose inverse has no cancellation.
-    shrink = block_diag(*(np.linalg.inv(np.linalg.cholesky(kappa * b)).T for b in blocks))
+    shrink = block_diag(*bodies.spread(pi if inside else prior.centre)) / np.sqrt(kappa)
     noise_free = max(data.variance, np.finfo(float).tiny) * worth
     _, said, turn = np.linalg.svd(data.factor @ shrink / np.sqrt(noise_free))
     left = np.ones(len(turn))

@@ -13,6 +13,15 @@ from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
 
 SIZE = len(PI_NAMES)
+_UNIT = np.eye(4)
+_SYMMETRIC = np.array(
+    [
+        (np.outer(_UNIT[i], _UNIT[j]) + np.outer(_UNIT[j], _UNIT[i])) / (2 if i == j else 2**0.5)
+        for i in range(4)
+        for j in range(i + 1)
+    ]
+)
+"""An orthonormal basis of symmetric matrices, (10, 4, 4)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +62,17 @@ class Bodies:
             np.trace(moved, axis1=2, axis2=3),
             moved.reshape(count, SIZE, 16) @ np.swapaxes(turned, 1, 2),
         )
+
+    def spread(self, pi: Array) -> Array:
+        """(n, 10, 10): R with R Rᵀ the inverse of the second derivative, also beside the boundary.
+
+        With P = C Cᵀ the change C E Cᵀ has the length ‖E‖, whatever the symmetric E; the columns
+        are those of an orthonormal basis of them. Nothing is inverted.
+        """
+        lower = np.linalg.cholesky(self.pseudo_inertia(pi))[:, None]
+        change = lower @ _SYMMETRIC @ np.swapaxes(lower, 2, 3)
+        to_pi = np.linalg.pinv(self.basis.reshape(SIZE, 16))
+        return np.swapaxes(change.reshape(-1, SIZE, 16) @ to_pi, 1, 2)
 
 
 def bodies_of(lib: Library) -> Bodies:

@@ -59,6 +59,15 @@ def test_basis_says_all_about_p(robot):
     along = -np.einsum("kij,kj->ki", blocks, step.reshape(-1, 10))
     np.testing.assert_allclose(turned / 2, along, rtol=1e-5, atol=1e-5 * np.abs(along).max())
     assert bodies.log_det(-pi) is None
+    root = bodies.spread(pi)
+    # Rounding over the condition of a curvature of a small link, 1e8.
+    unit = np.swapaxes(root, 1, 2) @ blocks @ root
+    np.testing.assert_allclose(unit, np.broadcast_to(np.eye(10), unit.shape), atol=1e-7)
+    rod = pi.copy()
+    rod[4:10] = 0.0  # a point mass but for 1e-13, whose curvature cannot be factored
+    rod[4:7] = 1e-13
+    rod[1:4] = 0.0
+    assert np.isfinite(bodies.spread(rod)).all()
 
 
 def test_prior_is_the_minimiser_of_its_own_divergence(fr3):

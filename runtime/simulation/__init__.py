@@ -16,7 +16,7 @@ from runtime.simulation.compiled import (
     perturbed_lam,
     sample_times,
 )
-from runtime.simulation.payload import Box
+from runtime.simulation.payload import Box, read_payload
 from runtime.simulation.settings import Settings, settings_of
 from runtime.simulation.virtual import VirtualLog, record
 
@@ -32,6 +32,7 @@ __all__ = [
     "ideal",
     "per_joint",
     "perturbed_lam",
+    "read_payload",
     "record",
     "sample_times",
     "settings_of",

@@ -1,23 +1,19 @@
-"""The virtual robot as a whole: its drive, its log, its truth, and what can be learnt from it."""
+"""The virtual robot as a whole: its drive, its log and its truth."""
 
 import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from runtime import identify, read_recording
+from runtime import read_recording
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
 from runtime.library import Library
-from runtime.metrics import torque_error
-from runtime.payload import ArmModel, identify_payload
 from runtime.preprocessing import DOCUMENT, prepare
-from runtime.recording import Friction as Terms
 from runtime.recording import Recording
 from runtime.simulation import Box, Settings, VirtualLog, record, settings_of
 from runtime.simulation.settings import Friction, Sensors
@@ -184,29 +180,6 @@ def test_the_documents_preprocessing() -> None:
     assert found.rate_hz == pytest.approx(100)
 
 
-def test_what_can_be_learnt(
-    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
-) -> None:
-    """Oracle: the truth. Friction columns explain what friction is, the arm weighs its payload.
-
-    Bars: a robot of this friction under the prototype's estimator, ‰ of j1 … j7.
-    """
-    robot_: dict[str, Any] = {"truth_seed": 1, "pi": pi_true}
-    logs = [record(lib, trajectories[k], seed=k, **robot_) for k in (0, 2)]
-    options = {"preparation": replace(DOCUMENT, trim_s=0.15), "certify": False}
-    options["lam0"] = lib.lam_from_pi(pi_true)
-    parts = {"validation": logs[1].recording, "test": logs[1].recording}
-    terms = Terms(("viscous", "dahl", "offset"), dahl_stroke=4e-3)
-    found = identify(logs[0].recording, lib, friction_columns=terms, **parts, **options)
-    error = torque_error(found.test.tau, found.predict_recording(found.test)).percent
-    assert (error < [3.1, 0.65, 2.2, 0.75, 11.5, 2.4, 16]).all()
-    assert found.is_consistent
-    loaded = record(lib, trajectories[0], seed=5, payload=BOX, **robot_)
-    arm = ArmModel(found.pi, found.friction, found.phi, "identified")
-    payload = identify_payload(loaded.recording, lib, arm=arm, preparation=options["preparation"])
-    assert payload.pi[0] == pytest.approx(1.8, abs=0.015)
-
-
 @pytest.fixture
 def motion(lib: Library, gentle: Trajectory, tmp_path: Path) -> Path:
     """The gentle trajectory as a file."""
@@ -235,7 +208,8 @@ def test_the_command_writes_a_log_like_a_real_one(
     extra = np.array(truth["pi"]) - np.array(truth["pi_arm"])
     assert extra.reshape(7, 10)[:, 0] == pytest.approx([0, 0, 0, 0, 0, 0, 1.8], abs=1e-12)
     assert truth["beta"] == pytest.approx(lib.base_matrix @ truth["pi"], abs=1e-12)
-    assert (truth["seed"], truth["truth_seed"], truth["engine"]) == (3, 2, "mujoco")
+    assert (truth["seed"], truth["truth_seed"]) == (3, 2)
+    assert truth["engine"].startswith("mujoco ")
     assert truth["settings"]["friction"]["coulomb"][0] == 0.85
     assert (tmp_path / "a.loop.toml").exists()
 

@@ -165,9 +165,8 @@ class _Bench:
     """Plant, friction, drive and controller; everything inside is in the order of MuJoCo."""
 
     def __init__(self, lib: Library, pi: Array, model: Array, settings: Settings) -> None:
-        self._lib, self._settings = lib, settings
-        self._substeps = max(1, round(1 / (settings.rate_hz * settings.step_s)))
-        step = 1 / (settings.rate_hz * self._substeps)
+        self._settings, step = settings, settings.step_s
+        self._substeps = round(1 / (settings.rate_hz * step))
         self._plant = engine(lib, pi, settings.rotor, step)
         self._belief = engine(lib, model, settings.rotor, step, ranges=False)
         self._friction = JointFriction(settings.friction, step, self._plant.places)

@@ -219,6 +219,18 @@ def test_settings_of_any_robot(tiny_built: Path, fr3: Library) -> None:
     assert len(ours.sha256) == 64
 
 
+def test_settings_without_limits(tiny_built: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: a pendulum that nobody told a limit of lifts three times m g √(x² + z²), by hand."""
+    pendulum = load(tiny_built)
+    limits = pendulum.limits() | {"effort": np.array([np.inf]), "velocity": np.array([np.inf])}
+    monkeypatch.setattr(Library, "limits", lambda _: limits)
+    strongest = 3 * 1.5 * 9.81 * np.hypot(0.1, 0.2)
+    friction = settings_of(pendulum).friction
+    # 100 poses of 3 rad: the nearest to the worst one is less than 0.1 rad away.
+    assert friction.coulomb == pytest.approx([0.01 * strongest], rel=0.005)
+    assert friction.viscous == pytest.approx(0.5 * friction.coulomb / np.pi)
+
+
 def test_a_file_replaces_single_entries(fr3: Library, tmp_path: Path) -> None:
     """Property: what the file names changes, nothing else does, and the hash with it."""
     file = tmp_path / "mine.toml"
@@ -242,7 +254,10 @@ def test_a_file_replaces_single_entries(fr3: Library, tmp_path: Path) -> None:
         ("[friction]\ndahl_stroke = 0", "expects one number above 0"),
         ("[inertia]\nspread = [0, 0, 0, 0, 0, 0, 1]", "spread expects one number, got"),
         ("[inertia]\nspread = 5", "spread cannot be 5"),
-        ("[drive]\nstep_s = 1.0", "longer than a period of the controller"),
+        ("[drive]\nstep_s = 1.0", "does not go into a period of the controller"),
+        ("[drive]\nstep_s = 1e9", "does not go into a period of the controller"),
+        ("[drive]\ndelay_s = 1e-4", "does not go into delay_s of 0.0001 s"),
+        ("[controller]\nrate_hz = 300", "into a period of the controller of 0.00333333 s"),
         ("[controller]\nlaw = 'magic'", "one of computed_torque, feedforward, got 'magic'"),
         ("[friction", "is no TOML file"),
     ],

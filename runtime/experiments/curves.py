@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from runtime.errors import IdentificationError
 from runtime.experiments.study import Row
 from runtime.library import Array
 
@@ -19,3 +20,16 @@ def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> 
     name = f"{case}/{method}"
     std = lines.std(axis=0, ddof=1) if len(own) > 1 else np.zeros(grid.size)
     return {f"{name}/iteration": grid, f"{name}/mean": lines.mean(axis=0), f"{name}/std": std}
+
+
+def single(
+    rows: Sequence[Row], case: str, method: str, number: int, every: int
+) -> dict[str, Array]:
+    """`CASE/METHOD/single_iteration` and `…/single_airm` of one trial, up to its answer."""
+    for row in rows:
+        if (row["case"], row["method"], row["trial"]) == (case, method, number):
+            curve = np.array([*row["curve"], row["airm"]])
+            name = f"{case}/{method}/single"
+            grid = np.minimum(np.arange(len(curve)) * every, row["iterations"])
+            return {f"{name}_iteration": grid, f"{name}_airm": curve}
+    raise IdentificationError(f"there is no trial {number} of '{case}' by '{method}'")

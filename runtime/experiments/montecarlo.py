@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.baselines.pc_ols import fit_pc_ols
 from runtime.descent import Preset, Watch
 from runtime.experiments.frozen import fit_frozen
 from runtime.experiments.measure import Judge, judge
@@ -31,6 +32,7 @@ METHODS = {
     "adam": "λ-Adam on mini-batches, exactly as in Table 5.1",
     "map": "most probable consistent model, the trial's own first guess as prior (κ = 16)",
     "lm": "Levenberg–Marquardt in log-Cholesky coordinates from the answer of map",
+    "pc-ols": "the convex program's answer nearest to the first guess (PC-IDIM-OLS, same weights)",
     "adam-frozen": "λ-Adam with link 7 neither perturbed nor updated, and w₇ = 0",
 }
 
@@ -125,6 +127,8 @@ def run_cases(setting: Setting, numbers: range, threads: int) -> list[Row]:
             elif method == "map":
                 found = [_timed(fit_map, problem) for problem in problems]
                 maps = [fit for fit, _, _ in found]
+            elif method == "pc-ols":
+                found = [_timed(fit_pc_ols, problem) for problem in problems]
             else:
                 found = [_timed(_polished, p, fit) for p, fit in zip(problems, maps, strict=True)]
             for number, problem, (fit, seconds, curve) in zip(

@@ -1,14 +1,18 @@
 """Every id of the command line and the study that answers it."""
 
 from runtime.errors import RuntimeFault
-from runtime.experiments.studies import excitation, ideal
+from runtime.experiments.studies import appendix, excitation, ideal, model, noise, sinusoid
 from runtime.experiments.study import Study
 
 STUDIES: dict[str, Study] = {
     study.name: study
     for study in (
+        model.STUDY,
         excitation.STUDY,
         ideal.STUDY,
+        sinusoid.STUDY,
+        noise.STUDY,
+        appendix.STUDY,
     )
 }
 IDS: dict[str, Study] = {view.id: study for study in STUDIES.values() for view in study.views}

@@ -30,21 +30,24 @@ The hash covers config, seed, robot and what was taken from other studies, not t
 trials. Same hash, same digits but for time_s, whatever the chunks, threads or cluster.
 """
 
-from runtime.experiments.outcome import valid_result
+from runtime.experiments.outcome import RESULT, valid_result
 from runtime.experiments.registry import IDS, STUDIES, study_of
-from runtime.experiments.runner import DEFAULT_TRIALS, Request, asked, folder_hash, reproduce
+from runtime.experiments.robot import ROBOT
+from runtime.experiments.runner import DEFAULT_TRIALS, Request, reproduce
+from runtime.experiments.state import state_of
 from runtime.experiments.study import Study, View
 
 __all__ = [
     "DEFAULT_TRIALS",
     "IDS",
+    "RESULT",
+    "ROBOT",
     "STUDIES",
     "Request",
     "Study",
     "View",
-    "asked",
-    "folder_hash",
     "reproduce",
+    "state_of",
     "study_of",
     "valid_result",
 ]

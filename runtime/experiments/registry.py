@@ -7,8 +7,8 @@ from runtime.experiments.study import Study
 STUDIES: dict[str, Study] = {
     study.name: study
     for study in (
-        model.STUDY,
         excitation.STUDY,
+        model.STUDY,
         ideal.STUDY,
         sinusoid.STUDY,
         noise.STUDY,

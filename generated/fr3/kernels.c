@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e.
+ * Model 621215aa6770db43dfd7eb5a327d853004d395423ec3b4e1cef3fe13fd0c9a8e.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e";
+    return "621215aa6770db43dfd7eb5a327d853004d395423ec3b4e1cef3fe13fd0c9a8e";
 }
 
 const char *fr3_level(void)

@@ -1,5 +1,7 @@
 """runtime.law_bounds: what is not linear in the motion, between samples too."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -75,14 +77,19 @@ def test_long_intervals_lose_nothing(
     braking = laws(lib, lib.home, Safety())[:1]
 
     def everything() -> np.ndarray:
-        found = law_bounds(lib, braking, motion)
-        rows = np.array([(one.bound, one.time) for one in found]).T
+        # Joint by joint: long intervals of all rows are divided together.
+        motions = [replace(motion, coefficients=a * row[:, None]) for row in np.eye(7)]
+        found = [bound for one in motions for bound in law_bounds(lib, braking, one)]
+        rows = np.array([(bound.bound, bound.time) for bound in found]).T
         return np.hstack([rows, np.reshape(joint_bounds(lib, motion), (2, -1))])
 
-    few = everything()
-    monkeypatch.setattr("runtime.law_bounds._DIVIDED", 1)
-    monkeypatch.setattr("runtime.joint_bounds.DIVIDED", 1)
-    assert few == pytest.approx(everything(), rel=1e-13)  # the rounding of s
+    usual, found = everything(), []
+    for braking_divided, divided in ((1, 1), (300, 3000)):  # few and very long ones
+        monkeypatch.setattr("runtime.law_bounds._DIVIDED", braking_divided)
+        monkeypatch.setattr("runtime.joint_bounds.DIVIDED", divided)
+        found.append(everything())
+    for other in found:
+        assert usual == pytest.approx(other, rel=1e-13)  # the rounding of s
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -1,32 +1,20 @@
 """A trajectory against the robot's limits for every instant, not only at samples.
 
-On an interval of length δ a function lies below its chord by Taylor: g ≤ max(g_k, g_k+1) + δ²/8
-sup|g''|, and within it |g''| ≤ max(|g''_k|, |g''_k+1|) + δ/2 Σ|a| sup|φ'''| (of g). All derivatives
-are closed forms of the basis, so the bound is proven up to rounding, which is added. The fifth one
-of a spline jumps at knots, from one constant to the next, both of which are among the samples.
-Limits that are not linear in the motion: `law_bounds`, which says what is proven there.
+Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that are not linear in
+the motion: `law_bounds`, which says what is proven there.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation import Safety, Trajectory, basis_of
+from runtime.excitation import Safety, Trajectory
 from runtime.excitation.safety import laws, unchecked
+from runtime.joint_bounds import KINDS, joint_bounds, rooms
 from runtime.law_bounds import law_bounds
 from runtime.library import Array, Library
-
-INTERVALS = 4000
-"""Of the grid over half the duration, at least; over all of it twice as many."""
-INTERVALS_PER_HARMONIC = 3000
-"""Keeps the chords' error δ²/8 (2πM/t_f)² below 2e-7 of the amplitude."""
-ROUNDING = 64 * np.finfo(float).eps
-"""Relative to Σ|a| sup|φ|: the arguments 2πms carry a few ε, and M products are added."""
-KINDS = ("position", "velocity", "acceleration", "jerk")
-
 
 UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
 
@@ -122,16 +110,16 @@ def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = No
             that the robot does not state.
     """
     bounds, times = joint_bounds(lib, trajectory)
-    rooms = _rooms(lib, trajectory.home)
+    limits, (up, down) = lib.limits(), rooms(lib, trajectory.home)
     uses, unlimited = [], []
     for order, kind in enumerate(KINDS):
-        free = _unlimited(lib, kind)
+        free = _unlimited(limits, kind)
         if free.any():
             unlimited.append(f"{kind} of {', '.join(np.array(lib.joint_names)[free])}")
         if not free.all():
             worst = int(np.argmax(bounds[order]))  # the first NaN, where there is one
             bound, time = float(bounds[order, worst]), float(times[order, worst])
-            limit = float(min(room[order, worst] for room in rooms))
+            limit = float(min(up[order, worst], down[order, worst]))
             what = lib.joint_names[worst], time, bound * limit, limit, UNITS[order]
             uses.append(Use(kind, bound, *what))
     rows = [
@@ -140,7 +128,7 @@ def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = No
             *bound.law.measured(bound.row, bound.bound),
             bound.is_proven,
         )
-        for bound in law_bounds(laws(lib, trajectory.home, safety), trajectory)
+        for bound in law_bounds(lib, laws(lib, trajectory.home, safety), trajectory)
     ]
     for kind in dict.fromkeys(row.kind for row in rows):
         uses.append(max((row for row in rows if row.kind == kind), key=lambda row: row.bound))
@@ -167,67 +155,10 @@ def fastest(lib: Library, trajectory: Trajectory, safety: Safety | None = None) 
     return low / 100
 
 
-def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
-    """Proven |value| / limit per kind and joint, (4, n), and the time of each maximum, s.
-
-    Of a motion that is its own mirror image about t_f / 2 half is looked at.
-
-    Raises:
-        IdentificationError: the trajectory is not one of this robot.
-    """
-    a, duration = trajectory.coefficients, trajectory.duration
-    n = lib.n_joints
-    shaped = trajectory.home.shape == (n,) and a.ndim == 2 and len(a) == n and a.size > 0
-    if not shaped or not duration > 0:
-        raise IdentificationError(
-            f"a trajectory of '{lib.name}' needs a home of shape ({n},), coefficients of shape "
-            f"({n}, M) and a positive duration, got {trajectory.home.shape}, {a.shape} and "
-            f"{duration:g} s"
-        )
-    basis, size = trajectory.basis, a.shape[1]
-    count = max(INTERVALS, INTERVALS_PER_HARMONIC * size)
-    end = 0.5 if basis.is_symmetric else 1.0
-    count *= 1 if basis.is_symmetric else 2
-    step = end / count
-    curves = _samples(basis.name, basis.zero_jerk, size, end, count) @ a.T
-    rooms = _rooms(lib, trajectory.home)
-    bounds, times = np.empty((2, len(KINDS), n))
-    up, down = (np.where(room > 0, room, np.nan) for room in rooms)
-    for order in range(len(KINDS)):
-        value, bend = curves[order], np.abs(curves[order + 2])
-        third = np.abs(a) @ basis.bound(order + 3, size)
-        rise = step**2 / 8 * (np.maximum(bend[1:], bend[:-1]) + step / 2 * third)
-        rise += ROUNDING * (np.abs(a) @ basis.bound(order, size))
-        unit = duration**-order
-        high = (np.maximum(value[1:], value[:-1]) + rise) * unit / up[order]
-        low = (np.maximum(-value[1:], -value[:-1]) + rise) * unit / down[order]
-        both = np.maximum(high, low)
-        where = np.argmax(both, axis=0)
-        bounds[order] = np.take_along_axis(both, where[None], axis=0)[0]
-        times[order] = (where + 0.5) * step * duration
-    bounds[np.minimum(*rooms) <= 0] = np.inf  # a NaN stays one
-    return bounds, times
-
-
-@lru_cache(maxsize=4)
-def _samples(name: str, zero_jerk: bool, size: int, end: float, count: int) -> Array:
-    """d^k φ_m/ds^k at count + 1 points from 0 to `end`: the same for all stages of a motion."""
-    s = np.linspace(0.0, end, count + 1)
-    return basis_of(name, zero_jerk).derivatives(len(KINDS) + 2, size, s)
-
-
-def _unlimited(lib: Library, kind: str) -> NDArray[np.bool_]:
-    limits = lib.limits()
+def _unlimited(limits: dict[str, Array], kind: str) -> NDArray[np.bool_]:
     if kind == "position":
         return np.isinf(limits["lower"]) & np.isinf(limits["upper"])
     return ~np.isfinite(limits[kind])
-
-
-def _rooms(lib: Library, home: Array) -> tuple[Array, Array]:
-    """Limits upwards and downwards per kind and joint, (4, n); the position's from home."""
-    limits = lib.limits()
-    same = [limits[kind] for kind in KINDS[1:]]
-    return np.array([limits["upper"] - home, *same]), np.array([home - limits["lower"], *same])
 
 
 def slowed(trajectory: Trajectory, speed: float) -> Trajectory:

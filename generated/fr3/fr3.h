@@ -99,6 +99,9 @@ void fr3_torque_rate(const double q[7], const double dq[7], const double ddq[7],
 /* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4660 operations. */
 void fr3_torque_rate_adjoint(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], const double seed[7], double gradient[28]);
 
+/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 3324 operations. */
+void fr3_torque_course(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double ddddq[7], const double pi[70], double tau[7], double dtau[7], double ddtau[7]);
+
 /* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations. */
 void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21]);
 

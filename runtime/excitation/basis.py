@@ -8,10 +8,12 @@ On request the third derivative vanishes at both ends too; the polynomials gain 
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
 from scipy.interpolate import BSpline
 
 from runtime.errors import IdentificationError
@@ -19,16 +21,45 @@ from runtime.library import Array, Library
 
 DEGREE = 5
 """Of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
+
+
+class _Polynomial:
+    """On 0 ≤ s ≤ 1, with its derivatives and the largest size of each."""
+
+    def __init__(self, polynomial: Polynomial) -> None:
+        every = [polynomial]
+        for _ in range(polynomial.degree() + 1):
+            every.append(every[-1].deriv())
+        self._coefficients = [one.coef for one in every]
+        self._suprema = [_supremum(one) for one in every]
+
+    def derivative(self, order: int, s: Array) -> Array:
+        """d^k p/ds^k."""
+        k = min(order, len(self._coefficients) - 1)
+        return np.asarray(polyval(s, self._coefficients[k]))
+
+    def supremum(self, order: int) -> float:
+        """Max |d^k p/ds^k|."""
+        return self._suprema[min(order, len(self._suprema) - 1)]
+
+
+def _supremum(polynomial: Polynomial) -> float:
+    """Max |p| over 0 ≤ s ≤ 1: at an end or where the slope vanishes."""
+    turns = polynomial.deriv().roots()
+    inside = turns.real[(abs(turns.imag) < 1e-6) & (turns.real > 0) & (turns.real < 1)]
+    return float(np.abs(polynomial(np.concatenate([[0.0, 1.0], inside]))).max() * (1 + 1e-12))
+
+
 _S = Polynomial([0.0, 1.0])
 _U = Polynomial([0.0, 1.0, -1.0])
-_HUMPS = (_U**2, _U**2 + 2 * _U**3)
+_HUMPS = _Polynomial(_U**2), _Polynomial(_U**2 + 2 * _U**3)
 """Rise with curvature 2 from both ends, the second without third derivative there."""
 _RAMPS = (
-    _S - _S**3 * Polynomial([10.0, -15.0, 6.0]),
-    _S - _S**4 * Polynomial([35.0, -84.0, 70.0, -20.0]),
+    _Polynomial(_S - _S**3 * Polynomial([10.0, -15.0, 6.0])),
+    _Polynomial(_S - _S**4 * Polynomial([35.0, -84.0, 70.0, -20.0])),
 )
 """Slope 1 at both ends; the first has the third derivative −60 there, the second none."""
-_JOLT = _U**3 * Polynomial([1.0, -2.0]) / 6
+_JOLT = _Polynomial(_U**3 * Polynomial([1.0, -2.0]) / 6)
 """Third derivative 1 at both ends, nothing below."""
 
 
@@ -94,13 +125,13 @@ class Cosine:
         result = _waves(orders, w, s, 0)
         result[0] -= 1
         for k in range(orders):
-            result[k] += np.multiply.outer(_of(_HUMPS[self.zero_jerk], k)(s), w**2 / 2)
+            result[k] += np.multiply.outer(_HUMPS[self.zero_jerk].derivative(k, s), w**2 / 2)
         return result
 
     def bound(self, order: int, size: int) -> Array:
         """Wave and polynomial apart."""
         w = _frequencies(size)
-        hump = _supremum(_of(_HUMPS[self.zero_jerk], order))
+        hump = _HUMPS[self.zero_jerk].supremum(order)
         return np.asarray(w**order * (2 if order == 0 else 1) + w**2 / 2 * hump)
 
 
@@ -139,18 +170,18 @@ class Fourier:
         w = _frequencies(size // 2)
         sines = _waves(orders, w, s, 1)
         for k in range(orders):
-            sines[k] -= np.multiply.outer(_of(_RAMPS[self.zero_jerk], k)(s), w)
+            sines[k] -= np.multiply.outer(_RAMPS[self.zero_jerk].derivative(k, s), w)
             if self.zero_jerk:
-                sines[k] += np.multiply.outer(_of(_JOLT, k)(s), w**3)
+                sines[k] += np.multiply.outer(_JOLT.derivative(k, s), w**3)
         cosines = Cosine(self.zero_jerk).derivatives(orders, size // 2, s)
         return np.concatenate([cosines, sines], axis=2)
 
     def bound(self, order: int, size: int) -> Array:
         """Wave and polynomial apart."""
         w = _frequencies(size // 2)
-        sines = w**order + w * _supremum(_of(_RAMPS[self.zero_jerk], order))
+        sines = w**order + w * _RAMPS[self.zero_jerk].supremum(order)
         if self.zero_jerk:
-            sines += w**3 * _supremum(_of(_JOLT, order))
+            sines += w**3 * _JOLT.supremum(order)
         return np.concatenate([Cosine(self.zero_jerk).bound(order, size // 2), sines])
 
 
@@ -187,21 +218,24 @@ class Spline:
 
     def derivatives(self, orders: int, size: int, s: Array) -> Array:
         """Piecewise polynomials; the fifth is constant between knots, at a knot the next one."""
-        return np.stack([self._spline(size, k)(s) for k in range(orders)])
+        return np.stack([_spline(size, self._gone, k)(s) for k in range(orders)])
 
     def bound(self, order: int, size: int) -> Array:
         """A spline lies in the convex hull of its coefficients, so does every derivative."""
-        return np.asarray(np.abs(self._spline(size, order).c).max(axis=0))
+        return np.asarray(np.abs(_spline(size, self._gone, order).c).max(axis=0))
 
-    def _spline(self, size: int, order: int) -> BSpline:
-        total = size + 2 * self._gone
-        inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
-        knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
-        unit = np.eye(total)[:, self._gone : total - self._gone]
-        if order > DEGREE:
-            return BSpline(knots, np.zeros_like(unit), DEGREE)
-        spline = BSpline(knots, unit, DEGREE)
-        return spline.derivative(order) if order else spline
+
+@lru_cache(maxsize=32)
+def _spline(size: int, gone: int, order: int) -> BSpline:
+    """d^k/ds^k of all splines but the outermost `gone` at each end."""
+    total = size + 2 * gone
+    inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
+    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+    unit = np.eye(total)[:, gone : total - gone]
+    if order > DEGREE:
+        return BSpline(knots, np.zeros_like(unit), DEGREE)
+    spline = BSpline(knots, unit, DEGREE)
+    return spline.derivative(order) if order else spline
 
 
 COSINE = Cosine()
@@ -240,19 +274,12 @@ def _frequencies(harmonics: int) -> Array:
 def _waves(orders: int, w: Array, s: Array, sine: int) -> Array:
     """d^k/ds^k of cos ws, or of sin ws, (orders, N, M): w^k cos(ws + kπ/2)."""
     angle = np.multiply.outer(s, w)
-    turned = np.cos(angle), -np.sin(angle), -np.cos(angle), np.sin(angle)
-    return np.stack([w**k * turned[(k - sine) % 4] for k in range(orders)])
-
-
-def _of(polynomial: Polynomial, order: int) -> Polynomial:
-    return polynomial.deriv(order) if order else polynomial
-
-
-def _supremum(polynomial: Polynomial) -> float:
-    """Max |p| over 0 ≤ s ≤ 1: at an end or where the slope vanishes."""
-    turns = polynomial.deriv().roots()
-    inside = turns.real[(abs(turns.imag) < 1e-6) & (turns.real > 0) & (turns.real < 1)]
-    return float(np.abs(polynomial(np.concatenate([[0.0, 1.0], inside]))).max() * (1 + 1e-12))
+    waves, signs = (np.cos(angle), np.sin(angle)), (1, -1, -1, 1)
+    result = np.empty((orders, *angle.shape))
+    for k in range(orders):
+        turn = (k - sine) % 4
+        np.multiply(waves[turn % 2], signs[turn] * w**k, out=result[k])
+    return result
 
 
 def _in_time(derivatives: Array, duration: float) -> Array:

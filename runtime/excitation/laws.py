@@ -18,6 +18,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from runtime.excitation.passage import Passage
 from runtime.library import Array, Library
 
 
@@ -44,6 +45,13 @@ class Law(Protocol):
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """The quantity of a row at g, its limit and its unit."""
+
+
+class TimedLaw(Law, Protocol):
+    """A limit that tells its rate in time without slopes."""
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """G and dg/dt, (N, R) each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,6 +153,12 @@ class _OfJoints:
         slope /= self.limit[:, None, None]
         return np.concatenate([slope, -slope], axis=1)
 
+    def _with_rate(self, value: Array, rate: Array, rubbing: Array) -> tuple[Array, Array]:
+        """G and dg/dt of ±(value + f_v rubbing[0]) / limit − 1, with rubbing[1] in the rate."""
+        share = (value + self.viscous * rubbing[0]) / self.limit
+        slope = (rate + self.viscous * rubbing[1]) / self.limit
+        return _both(share), np.concatenate([slope, -slope], axis=1)
+
 
 @dataclass(frozen=True, slots=True)
 class Torque(_OfJoints):
@@ -167,6 +181,11 @@ class Torque(_OfJoints):
         """±(τ + f_v dq) / limit − 1."""
         return _both(self.torques(motion) / self.limit)
 
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With dτ/dt + f_v ddq."""
+        tau, dtau, _ = passage.torques(self.pi)
+        return self._with_rate(tau, dtau, passage.motion[1:3])
+
     def slopes(self, motion: Array) -> Array:
         """±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
         slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
@@ -186,6 +205,11 @@ class TorqueRate(_OfJoints):
         return _both(
             (self.lib.torque_rate(*_four(motion), self.pi) + self.viscous * motion[2]) / self.limit
         )
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With d²τ/dt² + f_v dddq."""
+        _, dtau, ddtau = passage.torques(self.pi)
+        return self._with_rate(dtau, ddtau, passage.motion[2:4])
 
     def slopes(self, motion: Array) -> Array:
         """±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""

@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.excitation.passage import Passage, times
 from runtime.library import Array, Library
 
 LENGTH = 0.1
@@ -42,6 +43,12 @@ class TipBox:
         slope = self.lib.tip_motion(motion[0], motion[1])[2][:, :, None] / LENGTH
         return np.concatenate([slope, -slope], axis=1)
 
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With ±v."""
+        p, v, _ = passage.tip()
+        g = np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
+        return g, np.concatenate([v, -v], axis=1) / LENGTH
+
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """The coordinate in m."""
         end = float(np.concatenate([self.upper, self.lower])[row])
@@ -69,6 +76,12 @@ class TipSpeed:
         _, v, by_speed, by_position = self.lib.tip_motion(motion[0], motion[1])
         slope = np.stack([by_position, by_speed], axis=2)  # ∂v/∂dq = ∂p/∂q
         return np.einsum("ni,nidj->ndj", v, slope)[:, None] / self.limit**2
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With v · dv/dt / v_max²."""
+        _, v, dv = passage.tip()
+        square, rate = (np.einsum("ni,ni->n", v, x)[:, None] / self.limit**2 for x in (v, dv))
+        return (square - 1) / 2, rate
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """v in m/s."""
@@ -102,6 +115,11 @@ class Clearance:
     def slopes(self, motion: Array) -> Array:
         """−∂distance/∂q."""
         return -self.lib.clearance(motion[0])[1][:, :, None] / LENGTH
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With −∂distance/∂q dq."""
+        distance, slope = self.lib.clearance(passage.motion[0])
+        return (self.margin - distance) / LENGTH, times(slope, passage.motion[1]) / -LENGTH
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """The distance in m."""
@@ -140,9 +158,18 @@ class Table:
         """−∂height/∂q."""
         return -self._heights(motion)[1][:, :, None] / LENGTH
 
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With −∂height/∂q dq."""
+        height, slope = self.lib.plane_clearance(passage.motion[0], self._plane)
+        rate = times(slope, passage.motion[1])[:, self.rows]
+        return (self.margin - height[:, self.rows]) / LENGTH, rate / -LENGTH
+
+    @property
+    def _plane(self) -> Array:
+        return np.array([0.0, 0.0, 1.0, self.height])
+
     def _heights(self, motion: Array) -> tuple[Array, Array]:
-        plane = np.array([0.0, 0.0, 1.0, self.height])
-        heights, slopes = self.lib.plane_clearance(motion[0], plane)
+        heights, slopes = self.lib.plane_clearance(motion[0], self._plane)
         return heights[:, self.rows], slopes[:, self.rows]
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.laws import Braking, Law, Side, Torque, TorqueRate
+from runtime.excitation.laws import Braking, Law, Side, TimedLaw, Torque, TorqueRate
 from runtime.excitation.places import Clearance, Table, TipBox, TipSpeed
 from runtime.library import Array, Library
 
@@ -70,7 +70,7 @@ class Safety:
                 )
 
 
-def laws(lib: Library, home: Array, safety: Safety | None) -> tuple[Law, ...]:
+def laws(lib: Library, home: Array, safety: Safety | None) -> tuple[Braking | TimedLaw, ...]:
     """The limits that are not linear; none in the document's mode, `safety` = None.
 
     Raises:
@@ -108,7 +108,7 @@ def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _braking(lib: Library, home: Array) -> tuple[Law, ...]:
+def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
     facts = lib.braking
     if facts is None:
         return ()
@@ -116,10 +116,10 @@ def _braking(lib: Library, home: Array) -> tuple[Law, ...]:
     return (Braking(sides, home, lib.joint_names),)
 
 
-def _torques(lib: Library, safety: Safety) -> tuple[Law, ...]:
+def _torques(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
     limits, n = lib.limits(), lib.n_joints
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
-    found: list[Law] = []
+    found: list[TimedLaw] = []
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
         if not (limit > 0).all():
@@ -146,8 +146,8 @@ def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:
     return np.broadcast_to(np.array(values or (0.0,), dtype=float), (lib.n_joints,)).copy()
 
 
-def _tip(lib: Library, safety: Safety) -> tuple[Law, ...]:
-    found: list[Law] = []
+def _tip(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
+    found: list[TimedLaw] = []
     if safety.box is not None:
         ends = np.array(safety.box, dtype=float)
         found.append(TipBox(lib, ends[::2], ends[1::2]))
@@ -157,12 +157,12 @@ def _tip(lib: Library, safety: Safety) -> tuple[Law, ...]:
     return tuple(found)
 
 
-def _distances(lib: Library, safety: Safety) -> tuple[Law, ...]:
+def _distances(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
     if safety.clearance is not None and not lib.pairs:
         raise _no_proxies(lib, "a clearance between its links")
     if safety.table is not None and not lib.moving_proxies:
         raise _no_proxies(lib, "a table")
-    found: list[Law] = []
+    found: list[TimedLaw] = []
     if lib.pairs:
         names = tuple(f"{pair.first} and {pair.second}" for pair in lib.pairs)
         found.append(Clearance(lib, _margins(lib, safety.clearance), names))

@@ -29,6 +29,19 @@ class SafetyKernels:
         """dτ/dt = ∂τ/∂q dq + ∂τ/∂dq ddq + ∂τ/∂ddq dddq, (N, n) [N·m/s or N/s]."""
         return self._binding.call("torque_rate", q, dq, ddq, dddq, pi)[0]
 
+    def torque_course(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        dddq: ArrayLike,
+        ddddq: ArrayLike,
+        pi: ArrayLike,
+    ) -> tuple[Array, Array, Array]:
+        """τ, dτ/dt and d²τ/dt² along a motion, (N, n) each."""
+        tau, dtau, ddtau = self._binding.call("torque_course", q, dq, ddq, dddq, ddddq, pi)
+        return tau, dtau, ddtau
+
     def torque_rate_adjoint(
         self,
         q: ArrayLike,

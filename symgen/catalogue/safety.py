@@ -30,14 +30,16 @@ def _motion(chain: Chain, count: int) -> tuple[list[Argument], list[Any]]:
 
 def _torques(chain: Chain) -> tuple[Kernel, ...]:
     n, effort = len(chain.joints), effort_unit(chain)
-    arguments, symbols = _motion(chain, 4)
-    q, dq, ddq, dddq = symbols
+    arguments, symbols = _motion(chain, 5)
+    q, dq, ddq, dddq, _ = symbols
     pi_ = Argument("pi", (N_PARAMETERS * n,), "SI", shared=True)
     pi = pi_.symbol()
     still = dict(zip(arguments[:3], symbols[:3], strict=True)) | {pi_: pi}
-    moved = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
+    moved = dict(zip(arguments[:4], symbols[:4], strict=True)) | {pi_: pi}
+    bent = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
     tau = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
     rate = ca.jtimes(tau, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq))
+    bend = ca.jtimes(rate, ca.vertcat(*symbols[:4]), ca.vertcat(*symbols[1:]))
     names = ("dtau_dq", "dtau_dv", "dtau_da")
     together = ca.jacobian(tau, ca.vertcat(q, dq, ddq))  # shares its sweeps
     slopes = {
@@ -66,11 +68,21 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
             moved | {seed_: seed},
             {
                 Argument("gradient", (4, n), "d cost / d (q, dq, ddq, dddq)"): ca.reshape(
-                    ca.jtimes(rate, ca.vertcat(*symbols), seed, True), n, 4
+                    ca.jtimes(rate, ca.vertcat(*symbols[:4]), seed, True), n, 4
                 ).T
             },
             "d (seed . d tau / d t) / d (q, dq, ddq, dddq)",
             rare=True,
+        ),
+        make_kernel(
+            "torque_course",
+            bent,
+            {
+                Argument("tau", (n,), effort): tau,
+                Argument("dtau", (n,), f"({effort})/s"): rate,
+                Argument("ddtau", (n,), f"({effort})/s^2"): bend,
+            },
+            "tau of Eq. 4.3 and its two first derivatives in time along a motion",
         ),
     )
 

@@ -2,14 +2,14 @@
 
 from symgen.chain import Chain
 
-STATE = ("q", "dq", "ddq", "dddq")
+STATE = ("q", "dq", "ddq", "dddq", "ddddq")
 """Positions and their time derivatives."""
 
 
 def state_unit(chain: Chain, power: int) -> str:
-    """Unit of q (0), dq (1), ddq (2), dddq (3) of all joints."""
+    """Unit of q (0) and its time derivatives dq (1), …, ddddq (4) of all joints."""
     kinds = {"m" if j.kind == "prismatic" else "rad" for j in chain.joints}
-    return "|".join(sorted(kinds)) + ("", "/s", "/s^2", "/s^3")[power]
+    return "|".join(sorted(kinds)) + ("", "/s", "/s^2", "/s^3", "/s^4")[power]
 
 
 def effort_unit(chain: Chain) -> str:

@@ -1,13 +1,18 @@
 """runtime.law_bounds: what is not linear in the motion, between samples too."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from runtime.certificate import certificate
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import COSINE, Limits, Safety, Trajectory, basis_of
 from runtime.excitation.laws import Law
+from runtime.excitation.limits import inside
+from runtime.excitation.passage import Passage
 from runtime.excitation.rows import LawRows
 from runtime.excitation.safety import laws
+from runtime.joint_bounds import joint_bounds
 from runtime.law_bounds import law_bounds
 from runtime.library import Library
 
@@ -32,7 +37,7 @@ def test_bounds_are_above_and_close(lib: Library, kind: str) -> None:
     """Oracle: 20 000 samples of a fast motion: above them, by what a millisecond bends at most."""
     motion = fast_motion(lib)
     law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
-    found = law_bounds([law], motion)
+    found = law_bounds(lib, [law], motion)
     bounds = np.array([bound.bound for bound in found])
     largest = brute(law, motion, lib, np.linspace(0, 2, 20_001))
     assert (bounds >= largest - 1e-13).all()  # rounding of two evaluations of the basis
@@ -43,6 +48,48 @@ def test_bounds_are_above_and_close(lib: Library, kind: str) -> None:
     for bound, row in zip(found, range(len(found)), strict=True):
         at = brute(law, motion, lib, np.array([bound.time]))[row]
         assert at == pytest.approx(largest[row], abs=2e-3)  # half a step from there, as above
+
+
+@pytest.mark.parametrize("kind", KINDS[1:])
+def test_rates_are_those_of_the_slopes(lib: Library, kind: str) -> None:
+    """Oracle: the chain rule with the slopes that a design descends along, and their values."""
+    law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
+    basis, motion = COSINE.derivatives(5, 8, np.linspace(0.1, 0.9, 17)), fast_motion(lib)
+    states = basis @ motion.coefficients.T / np.power(2.0, np.arange(5))[:, None, None]
+    states[0] += lib.home
+    g, rate = law.along(Passage(lib, states))
+    assert np.abs(g - law.values(states[:4])).max() < 1e-13  # two orders of the same sums
+    chain = np.einsum("nrdj,dnj->nr", law.slopes(states[:4]), states[1 : law.orders + 1])
+    assert np.abs(rate - chain).max() < 1e-12 * np.abs(chain).max()  # as before, of sums of 28
+
+
+@pytest.mark.parametrize("basis", ["cosine", "fourier", "bspline"])
+def test_long_intervals_lose_nothing(
+    lib: Library, monkeypatch: pytest.MonkeyPatch, basis: str
+) -> None:
+    """Property: the bounds and times of all short intervals, for motions that touch limits."""
+    chosen = basis_of(basis)
+    size = chosen.size(4)
+    a = np.random.default_rng(3).normal(size=(7, size))
+    a[2] = 0  # rests: every interval is the largest one
+    a = inside(Limits(lib, lib.home, size, 3.0, basis=chosen), a)
+    motion = Trajectory(lib.home, a, 3.0, chosen)
+    braking = laws(lib, lib.home, Safety())[:1]
+
+    def everything() -> np.ndarray:
+        # Joint by joint: long intervals of all rows are divided together.
+        motions = [replace(motion, coefficients=a * row[:, None]) for row in np.eye(7)]
+        found = [bound for one in motions for bound in law_bounds(lib, braking, one)]
+        rows = np.array([(bound.bound, bound.time) for bound in found]).T
+        return np.hstack([rows, np.reshape(joint_bounds(lib, motion), (2, -1))])
+
+    usual, found = everything(), []
+    for braking_divided, divided in ((1, 1), (300, 3000)):  # few and very long ones
+        monkeypatch.setattr("runtime.law_bounds._DIVIDED", braking_divided)
+        monkeypatch.setattr("runtime.joint_bounds.DIVIDED", divided)
+        found.append(everything())
+    for other in found:
+        assert usual == pytest.approx(other, rel=1e-13)  # the rounding of s
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -58,7 +105,7 @@ def test_a_violation_between_samples_is_caught(lib: Library, kind: str) -> None:
     raised = _Raised(law, float(seen[row] + true[row]) / 2)
     assert brute(raised, motion, lib, grid)[row] < 0
     assert brute(raised, motion, lib, fine)[row] > 0
-    bound = _bound_of(raised, motion, row)
+    bound = _bound_of(lib, raised, motion, row)
     assert bound > 0
 
 
@@ -74,11 +121,15 @@ class _Raised:
     def values(self, motion: np.ndarray) -> np.ndarray:
         return self._law.values(motion) - self._level
 
+    def along(self, passage: Passage) -> tuple[np.ndarray, np.ndarray]:
+        g, slope = self._law.along(passage)
+        return g - self._level, slope
 
-def _bound_of(raised: _Raised, motion: Trajectory, row: int) -> float:
+
+def _bound_of(lib: Library, raised: _Raised, motion: Trajectory, row: int) -> float:
     if raised.kind == "braking":  # the proof asks for the class
-        return law_bounds([raised._law], motion)[row].bound - raised._level
-    return law_bounds([raised], motion)[row].bound
+        return law_bounds(lib, [raised._law], motion)[row].bound - raised._level
+    return law_bounds(lib, [raised], motion)[row].bound
 
 
 def test_what_is_no_number_never_holds(lib: Library) -> None:

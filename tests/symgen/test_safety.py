@@ -81,6 +81,23 @@ def test_torque_rate(judge: Judge) -> None:
     assert relative(judge.lib.torque_rate(*judge.state, judge.lib.pi0), expected) < ROUNDING
 
 
+def test_torque_course(judge: Judge) -> None:
+    """Oracle: the torque and its rate, which are Pinocchio's; Taylor of the rate along a motion."""
+    lib, snap = judge.lib, np.random.default_rng(6).normal(0, 100, judge.state[0].shape)
+    tau, dtau, ddtau = lib.torque_course(*judge.state, snap, lib.pi0)
+    assert relative(tau, lib.inverse_dynamics(*judge.state[:3], lib.pi0)) < ROUNDING
+    assert relative(dtau, lib.torque_rate(*judge.state, lib.pi0)) < ROUNDING
+    derivatives = [x[0] for x in (*judge.state, snap)]
+    measured = taylor_slope(
+        lambda y: lib.torque_rate(*np.split(y, 4), lib.pi0),
+        np.concatenate(derivatives[:-1]),
+        np.concatenate(derivatives[1:]),
+        ddtau[0],
+        largest=1e-2,
+    )
+    assert_second_order(measured, decades=3)  # a rate of 1e3 N·m/s rounds at 1e-13 of it
+
+
 def test_torque_rate_jacobian(judge: Judge) -> None:
     """Derivative: Taylor in a random direction of all four; oracle: the last block is M."""
     lib, n = judge.lib, judge.lib.n_joints

@@ -1,0 +1,35 @@
+"""A motion at some samples, and what a robot's kernels say there: asked once, for all laws."""
+
+import numpy as np
+
+from runtime.library import Array, Library
+
+
+class Passage:
+    """Five derivatives of a motion, q first, at N samples, (5, N, n)."""
+
+    def __init__(self, lib: Library, motion: Array) -> None:
+        self.lib, self.motion = lib, motion
+        self._torques: dict[bytes, tuple[Array, Array, Array]] = {}
+        self._tip: tuple[Array, Array, Array] | None = None
+
+    def torques(self, pi: Array) -> tuple[Array, Array, Array]:
+        """τ, dτ/dt and d²τ/dt², (N, n)."""
+        key = pi.tobytes()
+        if key not in self._torques:
+            q, dq, ddq, dddq, ddddq = self.motion
+            self._torques[key] = self.lib.torque_course(q, dq, ddq, dddq, ddddq, pi)
+        return self._torques[key]
+
+    def tip(self) -> tuple[Array, Array, Array]:
+        """Place, velocity and acceleration of the tip, (N, 3) m, m/s and m/s²."""
+        if self._tip is None:
+            q, dq, ddq = self.motion[:3]
+            p, v, dp_dq, dv_dq = self.lib.tip_motion(q, dq)
+            self._tip = p, v, times(dv_dq, dq) + times(dp_dq, ddq)
+        return self._tip
+
+
+def times(jacobian: Array, speed: Array) -> Array:
+    """J ẋ at every sample, (N, R), from (N, R, n) and (N, n)."""
+    return np.asarray(np.matmul(jacobian, speed[:, :, None])[:, :, 0])

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e.
+ * Model 5fc8613bcdb270aecae9d91dbedbec734aec6f93c39106f6b296beb26fa1d351.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e";
+    return "5fc8613bcdb270aecae9d91dbedbec734aec6f93c39106f6b296beb26fa1d351";
 }
 
 const char *fr3_level(void)
@@ -20658,6 +20658,283 @@ void fr3_end_effector(const double q[7], double H[16])
     H[13] = 0.0;
     H[14] = 0.0;
     H[15] = 1.0;
+}
+
+/* poses of the links in the base frame, one below the other, Eq. 2.15. 151 operations. */
+void fr3_link_poses(const double q[7], double H[112])
+{
+    const double t1 = cos(q[0]);
+    H[0] = t1;
+    const double t3 = sin(q[0]);
+    const double t4 = -t3;
+    H[1] = t4;
+    H[2] = 0.0;
+    H[3] = 0.0;
+    H[4] = t3;
+    H[5] = t1;
+    H[6] = 0.0;
+    H[7] = 0.0;
+    H[8] = 0.0;
+    H[9] = 0.0;
+    H[10] = 1.0;
+    H[11] = 0.33300000000000002;
+    H[12] = 0.0;
+    H[13] = 0.0;
+    H[14] = 0.0;
+    H[15] = 1.0;
+    const double t24 = cos(q[1]);
+    const double t25 = t1 * t24;
+    H[16] = t25;
+    const double t27 = sin(q[1]);
+    const double t28 = t1 * t27;
+    const double t29 = -t28;
+    H[17] = t29;
+    H[18] = t4;
+    H[19] = 0.0;
+    const double t33 = t3 * t24;
+    H[20] = t33;
+    const double t35 = t3 * t27;
+    const double t36 = -t35;
+    H[21] = t36;
+    H[22] = t1;
+    H[23] = 0.0;
+    const double t40 = -t27;
+    H[24] = t40;
+    const double t42 = -t24;
+    H[25] = t42;
+    H[26] = 0.0;
+    H[27] = 0.33300000000000002;
+    H[28] = 0.0;
+    H[29] = 0.0;
+    H[30] = 0.0;
+    H[31] = 1.0;
+    const double t51 = cos(q[2]);
+    const double t52 = t25 * t51;
+    const double t53 = sin(q[2]);
+    const double t54 = t3 * t53;
+    const double t55 = t52 - t54;
+    H[32] = t55;
+    const double t57 = t25 * t53;
+    const double t58 = t3 * t51;
+    const double t59 = t57 + t58;
+    const double t60 = -t59;
+    H[33] = t60;
+    H[34] = t28;
+    const double t64 = (-0.316) * t28;
+    const double t65 = -t64;
+    H[35] = t65;
+    const double t67 = t33 * t51;
+    const double t68 = t1 * t53;
+    const double t69 = t67 + t68;
+    H[36] = t69;
+    const double t71 = t1 * t51;
+    const double t72 = t33 * t53;
+    const double t73 = t71 - t72;
+    H[37] = t73;
+    H[38] = t35;
+    const double t76 = (-0.316) * t35;
+    const double t77 = -t76;
+    H[39] = t77;
+    const double t79 = t27 * t51;
+    const double t80 = -t79;
+    H[40] = t80;
+    const double t82 = t27 * t53;
+    H[41] = t82;
+    H[42] = t24;
+    const double t85 = (-0.316) * t24;
+    const double t86 = 0.33300000000000002 - t85;
+    H[43] = t86;
+    H[44] = 0.0;
+    H[45] = 0.0;
+    H[46] = 0.0;
+    H[47] = 1.0;
+    const double t93 = cos(q[3]);
+    const double t94 = t55 * t93;
+    const double t95 = sin(q[3]);
+    const double t96 = t28 * t95;
+    const double t97 = t94 + t96;
+    H[48] = t97;
+    const double t99 = t28 * t93;
+    const double t100 = t55 * t95;
+    const double t101 = t99 - t100;
+    H[49] = t101;
+    H[50] = t59;
+    const double t105 = 0.082500000000000004 * t55;
+    const double t106 = t105 - t64;
+    H[51] = t106;
+    const double t108 = t69 * t93;
+    const double t109 = t35 * t95;
+    const double t110 = t108 + t109;
+    H[52] = t110;
+    const double t112 = t35 * t93;
+    const double t113 = t69 * t95;
+    const double t114 = t112 - t113;
+    H[53] = t114;
+    const double t116 = -t73;
+    H[54] = t116;
+    const double t118 = 0.082500000000000004 * t69;
+    const double t119 = t118 - t76;
+    H[55] = t119;
+    const double t121 = t24 * t95;
+    const double t122 = t79 * t93;
+    const double t123 = t121 - t122;
+    H[56] = t123;
+    const double t125 = t79 * t95;
+    const double t126 = t24 * t93;
+    const double t127 = t125 + t126;
+    H[57] = t127;
+    const double t129 = -t82;
+    H[58] = t129;
+    const double t131 = 0.082500000000000004 * t79;
+    const double t132 = t86 - t131;
+    H[59] = t132;
+    H[60] = 0.0;
+    H[61] = 0.0;
+    H[62] = 0.0;
+    H[63] = 1.0;
+    const double t139 = cos(q[4]);
+    const double t140 = t97 * t139;
+    const double t141 = sin(q[4]);
+    const double t142 = t59 * t141;
+    const double t143 = t140 - t142;
+    H[64] = t143;
+    const double t145 = t97 * t141;
+    const double t146 = t59 * t139;
+    const double t147 = t145 + t146;
+    const double t148 = -t147;
+    H[65] = t148;
+    H[66] = t101;
+    const double t152 = (-0.082500000000000004) * t97;
+    const double t154 = 0.38400000000000001 * t101;
+    const double t155 = t152 + t154;
+    const double t156 = t155 + t106;
+    H[67] = t156;
+    const double t158 = t110 * t139;
+    const double t159 = t73 * t141;
+    const double t160 = t158 + t159;
+    H[68] = t160;
+    const double t162 = t73 * t139;
+    const double t163 = t110 * t141;
+    const double t164 = t162 - t163;
+    H[69] = t164;
+    H[70] = t114;
+    const double t167 = (-0.082500000000000004) * t110;
+    const double t168 = 0.38400000000000001 * t114;
+    const double t169 = t167 + t168;
+    const double t170 = t169 + t119;
+    H[71] = t170;
+    const double t172 = t123 * t139;
+    const double t173 = t82 * t141;
+    const double t174 = t172 + t173;
+    H[72] = t174;
+    const double t176 = t82 * t139;
+    const double t177 = t123 * t141;
+    const double t178 = t176 - t177;
+    H[73] = t178;
+    H[74] = t127;
+    const double t181 = (-0.082500000000000004) * t123;
+    const double t182 = 0.38400000000000001 * t127;
+    const double t183 = t181 + t182;
+    const double t184 = t183 + t132;
+    H[75] = t184;
+    H[76] = 0.0;
+    H[77] = 0.0;
+    H[78] = 0.0;
+    H[79] = 1.0;
+    const double t191 = cos(q[5]);
+    const double t192 = t143 * t191;
+    const double t193 = sin(q[5]);
+    const double t194 = t101 * t193;
+    const double t195 = t192 + t194;
+    H[80] = t195;
+    const double t197 = t101 * t191;
+    const double t198 = t143 * t193;
+    const double t199 = t197 - t198;
+    H[81] = t199;
+    H[82] = t147;
+    H[83] = t156;
+    const double t203 = t160 * t191;
+    const double t204 = t114 * t193;
+    const double t205 = t203 + t204;
+    H[84] = t205;
+    const double t207 = t114 * t191;
+    const double t208 = t160 * t193;
+    const double t209 = t207 - t208;
+    H[85] = t209;
+    const double t211 = -t164;
+    H[86] = t211;
+    H[87] = t170;
+    const double t214 = t174 * t191;
+    const double t215 = t127 * t193;
+    const double t216 = t214 + t215;
+    H[88] = t216;
+    const double t218 = t127 * t191;
+    const double t219 = t174 * t193;
+    const double t220 = t218 - t219;
+    H[89] = t220;
+    const double t222 = -t178;
+    H[90] = t222;
+    H[91] = t184;
+    H[92] = 0.0;
+    H[93] = 0.0;
+    H[94] = 0.0;
+    H[95] = 1.0;
+    const double t230 = cos(q[6]);
+    const double t231 = t195 * t230;
+    const double t232 = sin(q[6]);
+    const double t233 = t147 * t232;
+    const double t234 = t231 + t233;
+    H[96] = t234;
+    const double t236 = t147 * t230;
+    const double t237 = t195 * t232;
+    const double t238 = t236 - t237;
+    H[97] = t238;
+    const double t240 = -t199;
+    H[98] = t240;
+    const double t243 = 0.087999999999999995 * t195;
+    const double t244 = t243 + t156;
+    H[99] = t244;
+    const double t246 = t205 * t230;
+    const double t247 = t164 * t232;
+    const double t248 = t246 - t247;
+    H[100] = t248;
+    const double t250 = t205 * t232;
+    const double t251 = t164 * t230;
+    const double t252 = t250 + t251;
+    const double t253 = -t252;
+    H[101] = t253;
+    const double t255 = -t209;
+    H[102] = t255;
+    const double t257 = 0.087999999999999995 * t205;
+    const double t258 = t257 + t170;
+    H[103] = t258;
+    const double t260 = t216 * t230;
+    const double t261 = t178 * t232;
+    const double t262 = t260 - t261;
+    H[104] = t262;
+    const double t264 = t216 * t232;
+    const double t265 = t178 * t230;
+    const double t266 = t264 + t265;
+    const double t267 = -t266;
+    H[105] = t267;
+    const double t269 = -t220;
+    H[106] = t269;
+    const double t271 = 0.087999999999999995 * t216;
+    const double t272 = t271 + t184;
+    H[107] = t272;
+    H[108] = 0.0;
+    H[109] = 0.0;
+    H[110] = 0.0;
+    H[111] = 1.0;
+}
+
+/* The same for n of them; each input with its step in doubles from one to the next. */
+void fr3_link_poses_batch(long n, const double *q, long q_step, double *H);
+void fr3_link_poses_batch(long n, const double *q, long q_step, double *H)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_link_poses(q + i * q_step, H + i * 112);
+    }
 }
 
 /* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 976 operations. */

@@ -21663,8 +21663,293 @@ static int casadi_f11(const casadi_real** arg, casadi_real** res, casadi_int* iw
   return 0;
 }
 
-/* loss_gradient: sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. */
+/* link_poses: poses of the links in the base frame, one below the other, Eq. 2.15. */
 static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+  casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
+  casadi_real a12, a13, a14, a15, a16, a17, a18, a19;
+  a00=arg[0]? arg[0][0] : 0;
+  a01=cos(a00);
+  if (res[0]!=0) res[0][0]=a01;
+  a00=sin(a00);
+  a02=(-a00);
+  if (res[0]!=0) res[0][1]=a02;
+  a03=0.;
+  if (res[0]!=0) res[0][2]=a03;
+  if (res[0]!=0) res[0][3]=a03;
+  if (res[0]!=0) res[0][4]=a00;
+  if (res[0]!=0) res[0][5]=a01;
+  if (res[0]!=0) res[0][6]=a03;
+  if (res[0]!=0) res[0][7]=a03;
+  if (res[0]!=0) res[0][8]=a03;
+  if (res[0]!=0) res[0][9]=a03;
+  a04=1.;
+  if (res[0]!=0) res[0][10]=a04;
+  a05=3.3300000000000002e-01;
+  if (res[0]!=0) res[0][11]=a05;
+  if (res[0]!=0) res[0][12]=a03;
+  if (res[0]!=0) res[0][13]=a03;
+  if (res[0]!=0) res[0][14]=a03;
+  if (res[0]!=0) res[0][15]=a04;
+  a06=arg[0]? arg[0][1] : 0;
+  a07=cos(a06);
+  a08=(a01*a07);
+  if (res[0]!=0) res[0][16]=a08;
+  a06=sin(a06);
+  a09=(a01*a06);
+  a10=(-a09);
+  if (res[0]!=0) res[0][17]=a10;
+  if (res[0]!=0) res[0][18]=a02;
+  if (res[0]!=0) res[0][19]=a03;
+  a02=(a00*a07);
+  if (res[0]!=0) res[0][20]=a02;
+  a10=(a00*a06);
+  a11=(-a10);
+  if (res[0]!=0) res[0][21]=a11;
+  if (res[0]!=0) res[0][22]=a01;
+  if (res[0]!=0) res[0][23]=a03;
+  a11=(-a06);
+  if (res[0]!=0) res[0][24]=a11;
+  a11=(-a07);
+  if (res[0]!=0) res[0][25]=a11;
+  if (res[0]!=0) res[0][26]=a03;
+  if (res[0]!=0) res[0][27]=a05;
+  if (res[0]!=0) res[0][28]=a03;
+  if (res[0]!=0) res[0][29]=a03;
+  if (res[0]!=0) res[0][30]=a03;
+  if (res[0]!=0) res[0][31]=a04;
+  a11=arg[0]? arg[0][2] : 0;
+  a12=cos(a11);
+  a13=(a08*a12);
+  a11=sin(a11);
+  a14=(a00*a11);
+  a13=(a13-a14);
+  if (res[0]!=0) res[0][32]=a13;
+  a08=(a08*a11);
+  a00=(a00*a12);
+  a08=(a08+a00);
+  a00=(-a08);
+  if (res[0]!=0) res[0][33]=a00;
+  if (res[0]!=0) res[0][34]=a09;
+  a00=-3.1600000000000000e-01;
+  a14=(a00*a09);
+  a15=(-a14);
+  if (res[0]!=0) res[0][35]=a15;
+  a15=(a02*a12);
+  a16=(a01*a11);
+  a15=(a15+a16);
+  if (res[0]!=0) res[0][36]=a15;
+  a01=(a01*a12);
+  a02=(a02*a11);
+  a01=(a01-a02);
+  if (res[0]!=0) res[0][37]=a01;
+  if (res[0]!=0) res[0][38]=a10;
+  a02=(a00*a10);
+  a16=(-a02);
+  if (res[0]!=0) res[0][39]=a16;
+  a12=(a06*a12);
+  a16=(-a12);
+  if (res[0]!=0) res[0][40]=a16;
+  a06=(a06*a11);
+  if (res[0]!=0) res[0][41]=a06;
+  if (res[0]!=0) res[0][42]=a07;
+  a00=(a00*a07);
+  a05=(a05-a00);
+  if (res[0]!=0) res[0][43]=a05;
+  if (res[0]!=0) res[0][44]=a03;
+  if (res[0]!=0) res[0][45]=a03;
+  if (res[0]!=0) res[0][46]=a03;
+  if (res[0]!=0) res[0][47]=a04;
+  a00=arg[0]? arg[0][3] : 0;
+  a11=cos(a00);
+  a16=(a13*a11);
+  a00=sin(a00);
+  a17=(a09*a00);
+  a16=(a16+a17);
+  if (res[0]!=0) res[0][48]=a16;
+  a09=(a09*a11);
+  a17=(a13*a00);
+  a09=(a09-a17);
+  if (res[0]!=0) res[0][49]=a09;
+  if (res[0]!=0) res[0][50]=a08;
+  a17=8.2500000000000004e-02;
+  a13=(a17*a13);
+  a13=(a13-a14);
+  if (res[0]!=0) res[0][51]=a13;
+  a14=(a15*a11);
+  a18=(a10*a00);
+  a14=(a14+a18);
+  if (res[0]!=0) res[0][52]=a14;
+  a10=(a10*a11);
+  a18=(a15*a00);
+  a10=(a10-a18);
+  if (res[0]!=0) res[0][53]=a10;
+  a18=(-a01);
+  if (res[0]!=0) res[0][54]=a18;
+  a15=(a17*a15);
+  a15=(a15-a02);
+  if (res[0]!=0) res[0][55]=a15;
+  a02=(a07*a00);
+  a18=(a12*a11);
+  a02=(a02-a18);
+  if (res[0]!=0) res[0][56]=a02;
+  a00=(a12*a00);
+  a07=(a07*a11);
+  a00=(a00+a07);
+  if (res[0]!=0) res[0][57]=a00;
+  a07=(-a06);
+  if (res[0]!=0) res[0][58]=a07;
+  a17=(a17*a12);
+  a05=(a05-a17);
+  if (res[0]!=0) res[0][59]=a05;
+  if (res[0]!=0) res[0][60]=a03;
+  if (res[0]!=0) res[0][61]=a03;
+  if (res[0]!=0) res[0][62]=a03;
+  if (res[0]!=0) res[0][63]=a04;
+  a17=arg[0]? arg[0][4] : 0;
+  a12=cos(a17);
+  a07=(a16*a12);
+  a17=sin(a17);
+  a11=(a08*a17);
+  a07=(a07-a11);
+  if (res[0]!=0) res[0][64]=a07;
+  a11=(a16*a17);
+  a08=(a08*a12);
+  a11=(a11+a08);
+  a08=(-a11);
+  if (res[0]!=0) res[0][65]=a08;
+  if (res[0]!=0) res[0][66]=a09;
+  a08=-8.2500000000000004e-02;
+  a16=(a08*a16);
+  a18=3.8400000000000001e-01;
+  a19=(a18*a09);
+  a16=(a16+a19);
+  a16=(a16+a13);
+  if (res[0]!=0) res[0][67]=a16;
+  a13=(a14*a12);
+  a19=(a01*a17);
+  a13=(a13+a19);
+  if (res[0]!=0) res[0][68]=a13;
+  a01=(a01*a12);
+  a19=(a14*a17);
+  a01=(a01-a19);
+  if (res[0]!=0) res[0][69]=a01;
+  if (res[0]!=0) res[0][70]=a10;
+  a14=(a08*a14);
+  a19=(a18*a10);
+  a14=(a14+a19);
+  a14=(a14+a15);
+  if (res[0]!=0) res[0][71]=a14;
+  a15=(a02*a12);
+  a19=(a06*a17);
+  a15=(a15+a19);
+  if (res[0]!=0) res[0][72]=a15;
+  a06=(a06*a12);
+  a17=(a02*a17);
+  a06=(a06-a17);
+  if (res[0]!=0) res[0][73]=a06;
+  if (res[0]!=0) res[0][74]=a00;
+  a08=(a08*a02);
+  a18=(a18*a00);
+  a08=(a08+a18);
+  a08=(a08+a05);
+  if (res[0]!=0) res[0][75]=a08;
+  if (res[0]!=0) res[0][76]=a03;
+  if (res[0]!=0) res[0][77]=a03;
+  if (res[0]!=0) res[0][78]=a03;
+  if (res[0]!=0) res[0][79]=a04;
+  a05=arg[0]? arg[0][5] : 0;
+  a18=cos(a05);
+  a02=(a07*a18);
+  a05=sin(a05);
+  a17=(a09*a05);
+  a02=(a02+a17);
+  if (res[0]!=0) res[0][80]=a02;
+  a09=(a09*a18);
+  a07=(a07*a05);
+  a09=(a09-a07);
+  if (res[0]!=0) res[0][81]=a09;
+  if (res[0]!=0) res[0][82]=a11;
+  if (res[0]!=0) res[0][83]=a16;
+  a07=(a13*a18);
+  a17=(a10*a05);
+  a07=(a07+a17);
+  if (res[0]!=0) res[0][84]=a07;
+  a10=(a10*a18);
+  a13=(a13*a05);
+  a10=(a10-a13);
+  if (res[0]!=0) res[0][85]=a10;
+  a13=(-a01);
+  if (res[0]!=0) res[0][86]=a13;
+  if (res[0]!=0) res[0][87]=a14;
+  a13=(a15*a18);
+  a17=(a00*a05);
+  a13=(a13+a17);
+  if (res[0]!=0) res[0][88]=a13;
+  a00=(a00*a18);
+  a15=(a15*a05);
+  a00=(a00-a15);
+  if (res[0]!=0) res[0][89]=a00;
+  a15=(-a06);
+  if (res[0]!=0) res[0][90]=a15;
+  if (res[0]!=0) res[0][91]=a08;
+  if (res[0]!=0) res[0][92]=a03;
+  if (res[0]!=0) res[0][93]=a03;
+  if (res[0]!=0) res[0][94]=a03;
+  if (res[0]!=0) res[0][95]=a04;
+  a15=arg[0]? arg[0][6] : 0;
+  a05=cos(a15);
+  a18=(a02*a05);
+  a15=sin(a15);
+  a17=(a11*a15);
+  a18=(a18+a17);
+  if (res[0]!=0) res[0][96]=a18;
+  a11=(a11*a05);
+  a18=(a02*a15);
+  a11=(a11-a18);
+  if (res[0]!=0) res[0][97]=a11;
+  a09=(-a09);
+  if (res[0]!=0) res[0][98]=a09;
+  a09=8.7999999999999995e-02;
+  a02=(a09*a02);
+  a02=(a02+a16);
+  if (res[0]!=0) res[0][99]=a02;
+  a02=(a07*a05);
+  a16=(a01*a15);
+  a02=(a02-a16);
+  if (res[0]!=0) res[0][100]=a02;
+  a02=(a07*a15);
+  a01=(a01*a05);
+  a02=(a02+a01);
+  a02=(-a02);
+  if (res[0]!=0) res[0][101]=a02;
+  a10=(-a10);
+  if (res[0]!=0) res[0][102]=a10;
+  a07=(a09*a07);
+  a07=(a07+a14);
+  if (res[0]!=0) res[0][103]=a07;
+  a07=(a13*a05);
+  a14=(a06*a15);
+  a07=(a07-a14);
+  if (res[0]!=0) res[0][104]=a07;
+  a15=(a13*a15);
+  a06=(a06*a05);
+  a15=(a15+a06);
+  a15=(-a15);
+  if (res[0]!=0) res[0][105]=a15;
+  a00=(-a00);
+  if (res[0]!=0) res[0][106]=a00;
+  a09=(a09*a13);
+  a09=(a09+a08);
+  if (res[0]!=0) res[0][107]=a09;
+  if (res[0]!=0) res[0][108]=a03;
+  if (res[0]!=0) res[0][109]=a03;
+  if (res[0]!=0) res[0][110]=a03;
+  if (res[0]!=0) res[0][111]=a04;
+  return 0;
+}
+
+/* loss_gradient: sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. */
+static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -22794,7 +23079,7 @@ static int casadi_f12(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pi_from_lam: Eqs. 4.25-4.31. */
-static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28;
@@ -22980,7 +23265,7 @@ static int casadi_f13(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pi_jacobian: pi and d pi / d lam of one link. */
-static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -23840,7 +24125,7 @@ static int casadi_f14(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pi_adjoint: (d pi / d lam)' slope of one link, Eq. 4.32. */
-static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -24304,7 +24589,7 @@ static int casadi_f15(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* cholesky_jacobian: pi and d pi / d theta of one link, P = U(theta) U(theta)'. */
-static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25;
@@ -24531,7 +24816,7 @@ static int casadi_f16(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* barrier: smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. */
-static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -25225,7 +25510,7 @@ static int casadi_f17(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* cholesky_from_pi: theta with U(theta) U(theta)' = P; NaN unless P is positive definite. */
-static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   a00=arg[0]? arg[0][0] : 0;
   a01=log(a00);
@@ -25310,7 +25595,7 @@ static int casadi_f18(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* lam_from_pi: Eqs. 4.18-4.23. */
-static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -26838,7 +27123,7 @@ static int casadi_f19(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* nearest_realisable: pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. */
-static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -28272,7 +28557,7 @@ static int casadi_f20(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* inertia_matrix: M(lam), Eq. 4.14 (linear part first). */
-static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30;
@@ -28488,7 +28773,7 @@ static int casadi_f21(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* pseudo_inertia: P(pi), Eqs. 3.9, 3.10. */
-static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5;
   a0=arg[0]? arg[0][4] : 0;
   a1=arg[0]? arg[0][5] : 0;
@@ -28530,7 +28815,7 @@ static int casadi_f22(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* harmonic_basis: cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. */
-static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10;
   a00=6.2831853071795862e+00;
   a01=arg[0]? arg[0][0] : 0;
@@ -28601,7 +28886,7 @@ static int casadi_f23(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* transfer_basis: 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. */
-static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a0, a1, a2, a3, a4, a5, a6, a7, a8, a9;
   a0=arg[0]? arg[0][0] : 0;
   a1=arg[1]? arg[1][0] : 0;
@@ -28664,7 +28949,7 @@ static int casadi_f24(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* regressor_adjoint: d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. */
-static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -32131,7 +32416,7 @@ static int casadi_f25(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* torque_derivatives: tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). */
-static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -38004,7 +38289,7 @@ static int casadi_f26(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* torque_rate: d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. */
-static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -39837,7 +40122,7 @@ static int casadi_f27(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* torque_rate_adjoint: d (seed . d tau / d t) / d (q, dq, ddq, dddq). */
-static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -44675,7 +44960,7 @@ static int casadi_f28(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* tip_motion: place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. */
-static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -45252,7 +45537,7 @@ static int casadi_f29(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* clearance: distance of the capsules of each pair, negative where they overlap. */
-static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a000, a001, a002, a003, a004, a005, a006, a007, a008, a009, a010, a011;
   casadi_real a012, a013, a014, a015, a016, a017, a018, a019, a020, a021, a022, a023;
   casadi_real a024, a025, a026, a027, a028, a029, a030, a031, a032, a033, a034, a035;
@@ -47252,7 +47537,7 @@ static int casadi_f30(const casadi_real** arg, casadi_real** res, casadi_int* iw
 }
 
 /* plane_clearance: least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. */
-static int casadi_f31(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
+static int casadi_f32(const casadi_real** arg, casadi_real** res, casadi_int* iw, casadi_real* w, int mem) {
   casadi_real a00, a01, a02, a03, a04, a05, a06, a07, a08, a09, a10, a11;
   casadi_real a12, a13, a14, a15, a16, a17, a18, a19, a20, a21, a22, a23;
   casadi_real a24, a25, a26, a27, a28, a29, a30, a31, a32, a33, a34, a35;
@@ -48206,6 +48491,16 @@ void fr3_casadi_end_effector_batch(long n, const double *q, long q_step, double 
     }
 }
 
+void fr3_casadi_link_poses_batch(long n, const double *q, long q_step, double *H);
+void fr3_casadi_link_poses_batch(long n, const double *q, long q_step, double *H)
+{
+    for (long i = 0; i < n; ++i) {
+        const double *arg[] = {q + i * q_step};
+        double *res[] = {H + i * 112};
+        casadi_f12(arg, res, 0, 0, 0);
+    }
+}
+
 void fr3_casadi_loss_gradient_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *beta, long beta_step, double *loss, double *gradient, double *residual);
 void fr3_casadi_loss_gradient_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *tau, long tau_step, const double *weight, long weight_step, const double *beta, long beta_step, double *loss, double *gradient, double *residual)
 {
@@ -48220,7 +48515,7 @@ void fr3_casadi_loss_gradient_batch(long n, const double *q, long q_step, const 
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, tau + i * tau_step, weight + i * weight_step, beta + i * beta_step};
         double *res[] = {loss_one, gradient_one, residual + i * 7};
-        casadi_f12(arg, res, 0, 0, 0);
+        casadi_f13(arg, res, 0, 0, 0);
         for (int k = 0; k < 1; ++k) {
             loss[k] += loss_one[k];
         }
@@ -48236,7 +48531,7 @@ void fr3_casadi_pi_from_lam_batch(long n, const double *lam, long lam_step, doub
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step};
         double *res[] = {pi + i * 10};
-        casadi_f13(arg, res, 0, 0, 0);
+        casadi_f14(arg, res, 0, 0, 0);
     }
 }
 
@@ -48246,7 +48541,7 @@ void fr3_casadi_pi_jacobian_batch(long n, const double *lam, long lam_step, doub
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step};
         double *res[] = {pi + i * 10, jacobian + i * 100};
-        casadi_f14(arg, res, 0, 0, 0);
+        casadi_f15(arg, res, 0, 0, 0);
     }
 }
 
@@ -48256,7 +48551,7 @@ void fr3_casadi_pi_adjoint_batch(long n, const double *lam, long lam_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step, slope + i * slope_step};
         double *res[] = {gradient + i * 10};
-        casadi_f15(arg, res, 0, 0, 0);
+        casadi_f16(arg, res, 0, 0, 0);
     }
 }
 
@@ -48266,7 +48561,7 @@ void fr3_casadi_cholesky_jacobian_batch(long n, const double *theta, long theta_
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {theta + i * theta_step};
         double *res[] = {pi + i * 10, jacobian + i * 100};
-        casadi_f16(arg, res, 0, 0, 0);
+        casadi_f17(arg, res, 0, 0, 0);
     }
 }
 
@@ -48276,7 +48571,7 @@ void fr3_casadi_barrier_batch(long n, const double *pi, long pi_step, double *pi
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {pivot + i * 1, log_det + i * 1, traces + i * 10, curvature + i * 100};
-        casadi_f17(arg, res, 0, 0, 0);
+        casadi_f18(arg, res, 0, 0, 0);
     }
 }
 
@@ -48286,7 +48581,7 @@ void fr3_casadi_cholesky_from_pi_batch(long n, const double *pi, long pi_step, d
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {theta + i * 10};
-        casadi_f18(arg, res, 0, 0, 0);
+        casadi_f19(arg, res, 0, 0, 0);
     }
 }
 
@@ -48296,7 +48591,7 @@ void fr3_casadi_lam_from_pi_batch(long n, const double *pi, long pi_step, double
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {lam + i * 10};
-        casadi_f19(arg, res, 0, 0, 0);
+        casadi_f20(arg, res, 0, 0, 0);
     }
 }
 
@@ -48306,7 +48601,7 @@ void fr3_casadi_nearest_realisable_batch(long n, const double *pi, long pi_step,
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step, floor + i * floor_step};
         double *res[] = {realisable + i * 10};
-        casadi_f20(arg, res, 0, 0, 0);
+        casadi_f21(arg, res, 0, 0, 0);
     }
 }
 
@@ -48316,7 +48611,7 @@ void fr3_casadi_inertia_matrix_batch(long n, const double *lam, long lam_step, d
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {lam + i * lam_step};
         double *res[] = {M + i * 36};
-        casadi_f21(arg, res, 0, 0, 0);
+        casadi_f22(arg, res, 0, 0, 0);
     }
 }
 
@@ -48326,7 +48621,7 @@ void fr3_casadi_pseudo_inertia_batch(long n, const double *pi, long pi_step, dou
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {pi + i * pi_step};
         double *res[] = {P + i * 16};
-        casadi_f22(arg, res, 0, 0, 0);
+        casadi_f23(arg, res, 0, 0, 0);
     }
 }
 
@@ -48336,7 +48631,7 @@ void fr3_casadi_harmonic_basis_batch(long n, const double *m, long m_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {m + i * m_step, t + i * t_step, t_f + i * t_f_step};
         double *res[] = {phi + i * 4};
-        casadi_f23(arg, res, 0, 0, 0);
+        casadi_f24(arg, res, 0, 0, 0);
     }
 }
 
@@ -48346,7 +48641,7 @@ void fr3_casadi_transfer_basis_batch(long n, const double *t, long t_step, const
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {t + i * t_step, t_f + i * t_f_step};
         double *res[] = {S + i * 4};
-        casadi_f24(arg, res, 0, 0, 0);
+        casadi_f25(arg, res, 0, 0, 0);
     }
 }
 
@@ -48356,7 +48651,7 @@ void fr3_casadi_regressor_adjoint_batch(long n, const double *q, long q_step, co
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, seed + i * seed_step};
         double *res[] = {gradient + i * 21};
-        casadi_f25(arg, res, 0, 0, 0);
+        casadi_f26(arg, res, 0, 0, 0);
     }
 }
 
@@ -48366,7 +48661,7 @@ void fr3_casadi_torque_derivatives_batch(long n, const double *q, long q_step, c
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, pi + i * pi_step};
         double *res[] = {tau + i * 7, dtau_dq + i * 49, dtau_dv + i * 49, dtau_da + i * 49};
-        casadi_f26(arg, res, 0, 0, 0);
+        casadi_f27(arg, res, 0, 0, 0);
     }
 }
 
@@ -48376,7 +48671,7 @@ void fr3_casadi_torque_rate_batch(long n, const double *q, long q_step, const do
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, pi + i * pi_step};
         double *res[] = {tau_rate + i * 7};
-        casadi_f27(arg, res, 0, 0, 0);
+        casadi_f28(arg, res, 0, 0, 0);
     }
 }
 
@@ -48386,7 +48681,7 @@ void fr3_casadi_torque_rate_adjoint_batch(long n, const double *q, long q_step, 
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, pi + i * pi_step, seed + i * seed_step};
         double *res[] = {gradient + i * 28};
-        casadi_f28(arg, res, 0, 0, 0);
+        casadi_f29(arg, res, 0, 0, 0);
     }
 }
 
@@ -48396,7 +48691,7 @@ void fr3_casadi_tip_motion_batch(long n, const double *q, long q_step, const dou
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, dq + i * dq_step};
         double *res[] = {p + i * 3, v + i * 3, dp_dq + i * 21, dv_dq + i * 21};
-        casadi_f29(arg, res, 0, 0, 0);
+        casadi_f30(arg, res, 0, 0, 0);
     }
 }
 
@@ -48406,7 +48701,7 @@ void fr3_casadi_clearance_batch(long n, const double *q, long q_step, double *di
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step};
         double *res[] = {distance + i * 12, jacobian + i * 84};
-        casadi_f30(arg, res, 0, 0, 0);
+        casadi_f31(arg, res, 0, 0, 0);
     }
 }
 
@@ -48416,6 +48711,6 @@ void fr3_casadi_plane_clearance_batch(long n, const double *q, long q_step, cons
     for (long i = 0; i < n; ++i) {
         const double *arg[] = {q + i * q_step, plane + i * plane_step};
         double *res[] = {distance + i * 7, jacobian + i * 49};
-        casadi_f31(arg, res, 0, 0, 0);
+        casadi_f32(arg, res, 0, 0, 0);
     }
 }

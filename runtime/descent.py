@@ -48,6 +48,20 @@ class Preset:
 
 
 @dataclass(frozen=True, slots=True)
+class Watch:
+    """A look at descents on their way.
+
+    Attributes:
+        every: iterations between two looks.
+        seen: called with the iterations done and the current x of every descent; where one has
+            ended it stays at its last iterate.
+    """
+
+    every: int
+    seen: Callable[[int, list[Array]], None]
+
+
+@dataclass(frozen=True, slots=True)
 class Descent:
     """A problem with its objective, its compressed training and held-out data, and a start.
 
@@ -91,6 +105,7 @@ def descend_many(
     preset: Preset,
     threads: int = 1,
     progress: Callable[[int], None] | None = None,
+    watch: Watch | None = None,
 ) -> list[Outcome]:
     """Adam on many problems of one robot, spread over threads; each as `descend` would do it.
 
@@ -99,6 +114,7 @@ def descend_many(
         preset: of all.
         threads: the answers do not depend on it.
         progress: called with the number of descents that have ended.
+        watch: sees where the descents are on their way; the compiled loop alone knows.
     """
     lib, rule, batch = descents[0].problem.lib, preset.rule, preset.batch
     if batch is not None and any(d.problem.train.coupling is not None for d in descents):
@@ -120,7 +136,7 @@ def descend_many(
     done, interrupted = 0, False
     try:
         while done < rule.max_iterations and any(job.finished == 0 for job in jobs):
-            count = min(CHUNK, rule.max_iterations - done)
+            count = min(watch.every if watch else CHUNK, rule.max_iterations - done)
             rows = None
             if batch is not None:
                 rows = [
@@ -129,6 +145,8 @@ def descend_many(
                 ]
             jobs.run(count, rows, threads)
             done += count
+            if watch is not None:
+                watch.seen(done, [jobs.x(k) for k in range(len(jobs))])
             if len(jobs) == 1 and descents[0].problem.progress is not None:
                 descents[0].problem.progress(jobs[0].step, jobs[0].best)
             if progress is not None:

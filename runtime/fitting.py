@@ -8,6 +8,7 @@ import numpy as np
 from runtime.descent import (
     Descent,
     Preset,
+    Watch,
     descend,
     descend_many,
     descent_of,
@@ -48,6 +49,7 @@ def fit_many(
     preset: Preset,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
+    watch: Watch | None = None,
 ) -> list[Fit]:
     """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo.
 
@@ -56,6 +58,7 @@ def fit_many(
         preset: of all.
         threads: default is one per core; the answers do not depend on it.
         progress: called with the number of descents that have ended.
+        watch: see `descend_many`.
     """
     count = threads or cores()
     if not problems:
@@ -64,7 +67,7 @@ def fit_many(
         return [fit_adam(problem, preset) for problem in problems]
     with ThreadPoolExecutor(count) as pool:
         descents = list(pool.map(start_of, problems))
-    outcomes = descend_many(descents, preset, count, progress)
+    outcomes = descend_many(descents, preset, count, progress, watch)
     return [fit_of(d, o) for d, o in zip(descents, outcomes, strict=True)]
 
 

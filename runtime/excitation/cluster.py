@@ -1,111 +1,28 @@
-"""The starts of a search on a dask cluster, with the same results as here.
-
-A worker loads the library from the robot's folder by itself, so it must see the same files. What a
-lost worker had begun dask gives to another one. On other processors than ours sums may round
-differently, and so may a design.
-"""
+"""The starts of a search on a dask cluster, with the same results as here."""
 
 import threading
-import uuid
 from collections.abc import Generator
-from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from runtime.errors import IdentificationError, RuntimeFault
+from runtime.cluster import on_cluster
 from runtime.excitation.processes import Started
 from runtime.excitation.search import Problem, Search
-
-PATIENCE = 30.0
-"""s that a cluster may take to get its first worker."""
-CONNECTED = 5.0
-"""s that a scheduler may take to answer."""
 
 _here = threading.local()
 """The last search of a worker's thread and its key: a library is loaded once per thread."""
 
 
-def on_cluster(problem: Problem, starts: int, scheduler: str) -> Generator[Started, None, None]:
+def on_workers(problem: Problem, starts: int, scheduler: str) -> Generator[Started, None, None]:
     """The starts as they end.
 
-    Closing the iterator cancels those that wait and drops those under way.
-
     Raises:
-        IdentificationError: no dask here, no scheduler or worker there, a worker without the
-            robot's files, or a start that took several workers down.
+        IdentificationError: see `runtime.cluster.on_cluster`.
     """
-    try:
-        from distributed import KilledWorker, as_completed
-    except ImportError:
-        raise IdentificationError(
-            "a search on a cluster needs dask.distributed here and on every worker; "
-            "install it with: pip install 'symgen[cluster]'"
-        ) from None
-    client = _connected(scheduler)
     # On a worker the working directory is another one.
-    sent, key = replace(problem, folder=problem.folder.resolve()), f"excitation-{uuid.uuid4().hex}"
-    futures = []
-    try:
-        futures = [
-            client.submit(_start, sent, key, number, key=f"{key}-{number}", pure=False)
-            for number in range(starts)
-        ]
-        _require_workers(client, scheduler)
-        for future in as_completed(futures, loop=client.loop):
-            if future.cancelled():
-                raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
-            failure = future.exception()
-            if failure is None:
-                yield future.result()
-            elif isinstance(failure, KilledWorker):
-                raise IdentificationError(
-                    "a start of the search took several workers of the cluster down; give them "
-                    "more memory, or leave --scheduler out"
-                )
-            else:
-                raise _told(failure) from None
-    finally:
-        # The scheduler may be the one that is lost.
-        with suppress(Exception):
-            client.cancel(futures)
-        client.close()
-
-
-def _connected(scheduler: str) -> Any:
-    from distributed import Client
-
-    try:
-        if not scheduler:
-            raise ValueError(scheduler)  # Client would start a cluster of its own
-        return Client(scheduler, timeout=CONNECTED, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
-        raise IdentificationError(
-            f"there is no dask scheduler at '{scheduler}' ({type(error).__name__}); start one "
-            "with: dask scheduler, and give its address as tcp://host:8786"
-        ) from None
-
-
-def _require_workers(client: Any, scheduler: str) -> None:
-    try:
-        client.wait_for_workers(1, timeout=PATIENCE)
-    except TimeoutError:
-        raise IdentificationError(
-            f"the scheduler at '{scheduler}' has no worker after {PATIENCE:g} s; start some with: "
-            f"dask worker {scheduler}"
-        ) from None
-
-
-def _told(failure: BaseException) -> IdentificationError:
-    if isinstance(failure, RuntimeFault):
-        sentence = str(failure)
-    else:
-        sentence = f"{type(failure).__name__}: {failure}"
-    return IdentificationError(
-        f"on a worker of the cluster: {sentence}; every worker needs this version of symgen and "
-        "must see the same files"
-    )
+    sent = replace(problem, folder=problem.folder.resolve())
+    return on_cluster(_start, sent, range(starts), scheduler, "a start of the search")
 
 
 def _start(problem: Problem, key: str, number: int) -> Started:

@@ -8,7 +8,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.excitation.basis import COSINE, Basis
-from runtime.excitation.cluster import on_cluster
+from runtime.excitation.cluster import on_workers
 from runtime.excitation.cost import ConditionCost
 from runtime.excitation.finish import Finished, finished
 from runtime.excitation.information import Information
@@ -141,7 +141,7 @@ def _ended(
     search: Search, starts: int, processes: int, scheduler: str | None
 ) -> Generator[Started, None, None]:
     if scheduler is not None:
-        return on_cluster(search.problem, starts, scheduler)
+        return on_workers(search.problem, starts, scheduler)
     if processes == 1 or starts == 1:
         return in_turn(search, starts)
     return side_by_side(search.problem, starts, processes)

@@ -111,13 +111,17 @@ class Search:
         a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
         return self.value(a), a
 
+    def guess(self, number: int) -> Array:
+        """Where a start begins, coefficients (n, M)."""
+        return self.coefficients(self._random(number)[None])[0]
+
     def require_rank(self) -> None:
         """Random motions tell all unknowns apart.
 
         Raises:
             IdentificationError: they do not, and no other motion of this basis will.
         """
-        gram = self.cost.correlations(self.coefficients(self._random(0)[None]))[0]
+        gram = self.cost.correlations(self.guess(0)[None])[0]
         found = rank(gram)
         if found < len(gram):
             raise IdentificationError(too_many(found, len(gram), self._shape[1]))

@@ -203,6 +203,10 @@ class CompiledAdam(_Jobs):
             job.rows = named.ctypes.data_as(ctypes.POINTER(ctypes.c_long))
         self._run(iterations, threads)
 
+    def x(self, index: int) -> Array:
+        """The current point of a job."""
+        return self._x[index][: self._jobs[index].size].copy()
+
     def best_x(self, index: int) -> Array:
         """The best validated point of a job."""
         return self._best[index][: self._jobs[index].size].copy()

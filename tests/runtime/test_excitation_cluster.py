@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from runtime import cluster as room
 from runtime.errors import IdentificationError
-from runtime.excitation import cluster as room
+from runtime.excitation import cluster as own
 from runtime.excitation import design
 from runtime.library import Library
 from tests.runtime.conftest import Command
@@ -81,7 +82,7 @@ def test_errors_of_a_cluster_are_one_sentence(
     for address in ("tcp://127.0.0.1:9", "nonsense://x", ""):
         with pytest.raises(IdentificationError, match="there is no dask scheduler at"):
             design(lib, *SMALL, scheduler=address)
-    monkeypatch.setattr(room, "_start", os.listdir)  # on a worker: too many arguments
+    monkeypatch.setattr(own, "_start", os.listdir)  # on a worker: too many arguments
     with pytest.raises(IdentificationError, match=r"on a worker of the cluster: TypeError: .*see"):
         design(lib, *SMALL, scheduler=cluster.scheduler_address)
     monkeypatch.setitem(sys.modules, "distributed", None)

@@ -1,0 +1,109 @@
+"""Pieces of work on a dask cluster, with the same results as here.
+
+A worker loads the library from the robot's folder by itself, so it must see the same files. What a
+lost worker had begun dask gives to another one. On other processors than ours sums may round
+differently, and so may a result.
+"""
+
+import uuid
+from collections.abc import Callable, Generator, Iterable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+from runtime.errors import IdentificationError, RuntimeFault
+
+PATIENCE = 30.0
+"""s that a cluster may take to get its first worker."""
+CONNECTED = 5.0
+"""s that a scheduler may take to answer."""
+
+T = TypeVar("T")
+
+
+def on_cluster(
+    work: Callable[[Any, str, Any], T], sent: object, pieces: Iterable[Any], scheduler: str, of: str
+) -> Generator[T, None, None]:
+    """`work(sent, key, piece)` of every piece, as they end; the key is new for every call.
+
+    Closing the iterator cancels those that wait and drops those under way.
+
+    Args:
+        work: a function of a module.
+        sent: what all pieces share.
+        pieces: one task each.
+        scheduler: address as tcp://host:8786.
+        of: what a piece is, for messages.
+
+    Raises:
+        IdentificationError: no dask here, no scheduler or worker there, a worker without the
+            robot's files, or a piece that took several workers down.
+    """
+    try:
+        from distributed import KilledWorker, as_completed
+    except ImportError:
+        raise IdentificationError(
+            "work on a cluster needs dask.distributed here and on every worker; "
+            "install it with: pip install 'symgen[cluster]'"
+        ) from None
+    client = _connected(scheduler)
+    key = f"symgen-{uuid.uuid4().hex}"
+    futures = []
+    try:
+        futures = [
+            client.submit(work, sent, key, piece, key=f"{key}-{number}", pure=False)
+            for number, piece in enumerate(pieces)
+        ]
+        _require_workers(client, scheduler)
+        for future in as_completed(futures, loop=client.loop):
+            if future.cancelled():
+                raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
+            failure = future.exception()
+            if failure is None:
+                yield future.result()
+            elif isinstance(failure, KilledWorker):
+                raise IdentificationError(
+                    f"{of} took several workers of the cluster down; give them "
+                    "more memory, or leave --scheduler out"
+                )
+            else:
+                raise _told(failure) from None
+    finally:
+        # The scheduler may be the one that is lost.
+        with suppress(Exception):
+            client.cancel(futures)
+        client.close()
+
+
+def _connected(scheduler: str) -> Any:
+    from distributed import Client
+
+    try:
+        if not scheduler:
+            raise ValueError(scheduler)  # Client would start a cluster of its own
+        return Client(scheduler, timeout=CONNECTED, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise IdentificationError(
+            f"there is no dask scheduler at '{scheduler}' ({type(error).__name__}); start one "
+            "with: dask scheduler, and give its address as tcp://host:8786"
+        ) from None
+
+
+def _require_workers(client: Any, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise IdentificationError(
+            f"the scheduler at '{scheduler}' has no worker after {PATIENCE:g} s; start some with: "
+            f"dask worker {scheduler}"
+        ) from None
+
+
+def _told(failure: BaseException) -> IdentificationError:
+    if isinstance(failure, RuntimeFault):
+        sentence = str(failure)
+    else:
+        sentence = f"{type(failure).__name__}: {failure}"
+    return IdentificationError(
+        f"on a worker of the cluster: {sentence}; every worker needs this version of symgen and "
+        "must see the same files"
+    )

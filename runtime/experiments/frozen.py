@@ -1,0 +1,45 @@
+"""λ-Adam with link 7 left out (Fig. 5.4): its λ stays, the torque of joint 7 weighs nothing.
+
+The text keeps "the gradient-based update associated with link 7" off; what it started from it does
+not say. Here it is the truth: neither perturbed nor updated, as Table 5.9 suggests (errata).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.descent import Preset
+from runtime.fitting import fit_of, start_of
+from runtime.library import Array
+from runtime.objective import TorqueObjective
+from runtime.optimizers import minimise
+from runtime.problem import Fit, Problem
+
+LINK = 6
+"""From 0."""
+
+
+def fit_frozen(problem: Problem, truth: Array, preset: Preset) -> tuple[Fit, list[Array]]:
+    """The reference loop in NumPy, as the compiled one updates every link; and all its λ.
+
+    Args:
+        problem: with all links perturbed.
+        truth: true λ, (10 n,).
+        preset: of the document.
+    """
+    lib, batch = problem.lib, preset.batch or len(problem.train)
+    own = np.arange(truth.size) // (truth.size // lib.n_joints) == LINK
+    weights = np.where(np.arange(lib.n_joints) == LINK, 0.0, problem.weights)
+    start = np.where(own, truth, problem.start)
+    descent = start_of(replace(problem, weights=weights, start=start))
+    objective, size = descent.objective, len(problem.train)
+    held = TorqueObjective(lib, problem.validation, weights, objective.unit)
+    rng, places = np.random.default_rng(problem.seed), list[Array]()
+
+    def value_gradient(x: Array) -> tuple[float, Array]:
+        places.append(x)
+        loss, slope = objective.value_gradient(x, rng.integers(0, size, batch))
+        return loss, np.where(own, 0.0, slope)
+
+    outcome = minimise(descent.x0, value_gradient, held.value, preset.adam, preset.rule)
+    return fit_of(descent, outcome), places

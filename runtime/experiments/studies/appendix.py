@@ -1,0 +1,79 @@
+"""Tables B.4 to B.6: π of the document's robot, its λ and its base parameters."""
+
+from dataclasses import dataclass
+
+from runtime.experiments.robot import document_robot
+from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.library import Library
+from runtime.library.manifest import PI_NAMES
+
+LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
+LINKS, BASE = 7, 43
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Nothing is random."""
+
+    seed: int = 0
+
+
+def prepare(lib: Library, config: Config, needed: Arrays) -> Library:
+    """The library alone."""
+    del config, needed
+    return lib
+
+
+def run(lib: Library, numbers: range, threads: int) -> list[Row]:
+    """Π and λ of every link, and β = K π."""
+    del numbers, threads
+    pi = document_robot(lib)
+    bodies, lam = pi.reshape(LINKS, -1), lib.lam_from_pi(pi).reshape(LINKS, -1)
+    rows: list[Row] = []
+    for link in range(LINKS):
+        for method, names, values in (("pi", PI_NAMES, bodies), ("lam", LAM_NAMES, lam)):
+            head = {"case": f"link {link + 1}", "method": method, "trial": 0}
+            rows.append(head | dict(zip(names, values[link].tolist(), strict=True)))
+    beta = (lib.base_matrix @ pi).tolist()
+    head = {"case": "base", "method": "beta", "trial": 0}
+    return [*rows, head | {f"b_{k}": value for k, value in enumerate(beta, start=1)}]
+
+
+def finish(lib: Library, rows: list[Row]) -> Finished:
+    """No curves."""
+    del rows
+    return Finished(
+        facts={
+            "robot": "the URDF's inertials at full precision, link 7 with twice the mass and "
+            "I_com = 2 I_com,URDF + 1e-4; Table B.4 is these, rounded twice",
+            "lambda": "eigenvalues of I_com ascending, axes 1 and 2 signed by their largest "
+            "entries, axis 3 = axis 1 x axis 2, quaternion logarithm",
+            "base_columns": list(lib.manifest.base_columns),
+        }
+    )
+
+
+STUDY = Study(
+    name="appendix",
+    title="Parameters of the FR3: π, λ and base",
+    config=Config(),
+    prepare=prepare,
+    run=run,
+    finish=finish,
+    cases={**{f"link {k}": f"link {k}" for k in range(1, LINKS + 1)}, "base": "all links"},
+    methods={
+        "pi": "standard parameters, Table B.4: kg, kg·m, kg·m² about the link origin",
+        "lam": "λ, Table B.5: ln kg, m, rad, kg^½·m",
+        "beta": "base parameters, Table B.6",
+    },
+    trials=1,
+    views=(
+        View(
+            "tables-B",
+            "table",
+            "Tables B.4 to B.6 from the generated manifest",
+            cases=(*(f"link {k}" for k in range(1, LINKS + 1)), "base"),
+            metrics=(*PI_NAMES, *LAM_NAMES, *(f"b_{k}" for k in range(1, BASE + 1))),
+        ),
+    ),
+)

@@ -1,0 +1,185 @@
+"""Secs. 3.1.2, 3.2 and 4.5: the model against itself, along the best exciting trajectory.
+
+Fig. 3.1 compares Y π of the regressor with the recursive Newton–Euler torque τ(q, dq, ddq, π) and
+with τ of λ (Eq. 4.3), which are kernels of their own; Fig. 3.2 compares Y π with Y_b β; Fig. 4.1 is
+the Taylor remainder of the loss (Eqs. 4.38–4.41).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.experiments.motions import designed
+from runtime.experiments.robot import document_robot
+from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.library import Array, Library
+from runtime.objective import Samples, TorqueObjective, samples_of, thesis_weights
+from runtime.recording import Recording
+from runtime.simulation import Plant, ideal
+
+JOINT = 4
+"""Of Fig. 3.2, from 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """Steps of the Taylor test, and where it is made.
+
+    Attributes:
+        perturbation: of λ̄ from the truth, relative; Δ ~ N(0, 1) per entry.
+        steps: exponents of the largest and smallest ε, and how many.
+        straight: exponents between which the slope is fitted, above rounding.
+    """
+
+    seed: int = 0
+    rate_hz: float = 100.0
+    perturbation: float = 0.15
+    steps: tuple[float, float, int] = (-1.0, -7.0, 25)
+    straight: tuple[float, float] = (-5.0, -2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """The best trajectory with the torque of the document's robot."""
+
+    lib: Library
+    config: Config
+    pi: Array
+    recording: Recording
+    samples: Samples
+
+
+def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+    """Exact motion and torque."""
+    pi = document_robot(lib)
+    recording = ideal(lib, designed(lib, needed)[0], Plant(pi), config.rate_hz)
+    return Setting(lib, config, pi, recording, samples_of(recording, lib))
+
+
+def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
+    """The largest differences and the slope of the remainder."""
+    del numbers, threads
+    tau = _torques(setting)
+    steps, remainders = _taylor(setting)
+    kept = _straight(setting.config, steps)
+    slope = np.polyfit(np.log(steps[kept]), np.log(remainders[kept]), 1)[0]
+
+    def row(case: str, **figures: float) -> Row:
+        return {"case": case, "method": "check", "trial": 0} | figures
+
+    def apart(one: str, other: str) -> float:
+        return float(np.abs(tau[one] - tau[other]).max())
+
+    return [
+        row("regressor", difference=apart("idm", "regressor")),
+        row("lambda", difference=apart("idm", "lambda")),
+        row("base regressor", difference=apart("regressor", "base")),
+        row("taylor", slope=float(slope)),
+    ]
+
+
+def finish(setting: Setting, rows: list[Row]) -> Finished:
+    """The curves of the three figures."""
+    del rows
+    tau, (steps, remainders) = _torques(setting), _taylor(setting)
+    middle = int(np.flatnonzero(_straight(setting.config, steps))[0])
+    reference = remainders[middle] * (steps / steps[middle]) ** 2
+    series = {
+        "t": np.asarray(setting.recording.t),
+        "tau_idm": tau["idm"],
+        "tau_regressor": tau["regressor"],
+        "tau_5_full": tau["regressor"][:, JOINT],
+        "tau_5_base": tau["base"][:, JOINT],
+        "step": steps,
+        "remainder": remainders,
+        "slope_two": reference,
+    }
+    facts = {
+        "rate_hz": setting.config.rate_hz,
+        "samples": len(setting.samples),
+        "motion": "the best trajectory of the excitation study",
+        "compared": "Y pi of the generated regressor against the generated recursive Newton-Euler "
+        "torque in pi and in lambda; Y pi against Y_b beta",
+        "loss": "Eq. 4.5 on all samples, weights of Eq. 4.8",
+        "seed": setting.config.seed,
+    }
+    return Finished(series, facts)
+
+
+def _torques(setting: Setting) -> dict[str, Array]:
+    lib, pi = setting.lib, setting.pi
+    motion = setting.samples.q, setting.samples.dq, setting.samples.ddq
+    return {
+        "idm": lib.inverse_dynamics(*motion, pi),
+        "lambda": lib.torque(*motion, lib.lam_from_pi(pi)),
+        "regressor": np.asarray(lib.regressor(*motion) @ pi),
+        "base": np.asarray(lib.base_regressor(*motion) @ (lib.base_matrix @ pi)),
+    }
+
+
+def _taylor(setting: Setting) -> tuple[Array, Array]:
+    """ε and |R(ε)| = |L(λ̄ + εΔ) − L(λ̄) − ε ∇Lᵀ Δ|."""
+    lib, config, samples = setting.lib, setting.config, setting.samples
+    rng = np.random.default_rng(config.seed)
+    lam = lib.lam_from_pi(setting.pi)
+    point = lam * (1 + config.perturbation * rng.normal(size=lam.size))
+    direction = rng.normal(size=lam.size)
+    objective = TorqueObjective(lib, samples, thesis_weights(samples.tau))
+    value, gradient = objective.value_gradient(point)
+    first, last, count = config.steps
+    steps = np.logspace(first, last, count)
+    values = np.array([objective.value_gradient(point + e * direction)[0] for e in steps])
+    return steps, np.abs(values - value - steps * (gradient @ direction))
+
+
+def _straight(config: Config, steps: Array) -> Array:
+    low, high = config.straight
+    return np.asarray((np.log10(steps) >= low - 1e-9) & (np.log10(steps) <= high + 1e-9))
+
+
+STUDY = Study(
+    name="model",
+    title="The model against itself: regressors and gradient",
+    config=Config(),
+    prepare=prepare,
+    run=run,
+    finish=finish,
+    cases={
+        "regressor": "Y π against Newton–Euler in π, all joints, N·m",
+        "lambda": "Newton–Euler in λ against the same in π, all joints, N·m",
+        "base regressor": "Y_b β against Y π, all joints, N·m",
+        "taylor": "slope of log |R| over log ε",
+    },
+    methods={"check": "largest difference over the trajectory, or slope"},
+    trials=1,
+    needs=("excitation",),
+    views=(
+        View(
+            "fig-3.1",
+            "lines",
+            "Torque of regressor and inverse dynamics",
+            cases=("regressor", "lambda"),
+            metrics=("difference",),
+            series=("t", "tau_idm", "tau_regressor"),
+            axes=("time [s]", "torque [N·m]"),
+        ),
+        View(
+            "fig-3.2",
+            "lines",
+            "Torque of joint 5 by the full and the base regressor",
+            cases=("base regressor",),
+            metrics=("difference",),
+            series=("t", "tau_5_full", "tau_5_base"),
+            axes=("time [s]", "torque [N·m]"),
+        ),
+        View(
+            "fig-4.1",
+            "loglog",
+            "Taylor remainder of the loss",
+            cases=("taylor",),
+            metrics=("slope",),
+            series=("step", "remainder", "slope_two"),
+            axes=("ε", "|R(ε)|"),
+        ),
+    ),
+)

@@ -1,0 +1,56 @@
+"""Trials of a study on the workers of a dask cluster."""
+
+import threading
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from threadpoolctl import threadpool_limits
+
+from runtime.cluster import on_cluster
+from runtime.experiments.study import Arrays, Config, Row, Study
+from runtime.library import Library, load
+
+_here = threading.local()
+"""What a worker's thread has prepared last, and its key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A study, small enough to be sent: a worker finds its functions by the name."""
+
+    study: str
+    config: Config
+    needed: Arrays
+    folder: Path
+    level: str
+
+
+def on_workers(
+    study: Study,
+    lib: Library,
+    config: Config,
+    needed: Arrays,
+    runs: Sequence[range],
+    scheduler: str,
+) -> Generator[tuple[range, list[Row]], None, None]:
+    """Rows of every run of trials, as they end.
+
+    Raises:
+        IdentificationError: see `runtime.cluster.on_cluster`.
+    """
+    sent = Sent(study.name, config, dict(needed), lib.folder.resolve(), lib.level)
+    return on_cluster(_rows, sent, runs, scheduler, f"a chunk of '{study.name}'")
+
+
+def _rows(sent: Sent, key: str, numbers: range) -> tuple[range, list[Row]]:
+    from runtime.experiments.registry import STUDIES
+
+    study = STUDIES[sent.study]
+    known: tuple[str, Any] | None = getattr(_here, "prepared", None)
+    if known is None or known[0] != key:
+        threadpool_limits(limits=1, user_api="blas")
+        lib = load(sent.folder, sent.level)
+        known = _here.prepared = key, study.prepare(lib, sent.config, sent.needed)
+    return numbers, study.run(known[1], numbers, 1)

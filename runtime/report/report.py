@@ -14,12 +14,13 @@ from runtime.report.result import Result, read_result
 from runtime.report.sections import GLOSSARY, headline, sections, tiles
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, out: Path | None = None) -> Path:
     """Write `report.html` into a results folder from the files in it.
 
     Args:
         folder: what an identification wrote (`result.json` and `predictions.npz`), or a
             comparison (`compare.json`), or both.
+        out: of the page; default `report.html` in the folder.
 
     Returns:
         Path of the report.
@@ -35,7 +36,7 @@ def write_report(folder: Path) -> Path:
         shown = _page(read_result(folder))
         if methods is not None:
             shown = replace(shown, sections=(*shown.sections, *method_sections(methods)))
-    return write_page(shown, folder / "report.html")
+    return write_page(shown, out or folder / "report.html")
 
 
 def _page(result: Result) -> Page:

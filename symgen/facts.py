@@ -77,6 +77,10 @@ def model_facts(
                 "upper": j.upper,
                 "velocity": j.velocity,
                 "effort": j.effort,
+                "parent": j.parent,
+                "rotation": [list(row) for row in j.rotation],
+                "translation": list(j.translation),
+                "axis": list(j.axis),
             }
             for j in chain.joints
         ],

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 5fc8613bcdb270aecae9d91dbedbec734aec6f93c39106f6b296beb26fa1d351.
+ * Model a679abafb031177c2101c3cf7500448dc5a8e1b2082b7d3719c3ac2828fd4ae7.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "5fc8613bcdb270aecae9d91dbedbec734aec6f93c39106f6b296beb26fa1d351";
+    return "a679abafb031177c2101c3cf7500448dc5a8e1b2082b7d3719c3ac2828fd4ae7";
 }
 
 const char *fr3_level(void)

@@ -1,8 +1,11 @@
 """`python -m runtime simulate`."""
 
+import hashlib
 import json
+from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
@@ -10,15 +13,43 @@ from rich.progress import Progress
 
 from runtime.atomic import replacing
 from runtime.cli.common import Robot, Seed, console, say
-from runtime.excitation import design
-from runtime.library import load
+from runtime.errors import IdentificationError
+from runtime.excitation import Trajectory, design
+from runtime.library import Library, load
 from runtime.loop import Loop, write_loop
-from runtime.recording import write_recording
-from runtime.simulation import Controller, Plant, closed_loop, ideal, perturbed_lam
+from runtime.recording import Recording, write_recording
+from runtime.simulation import (
+    Controller,
+    Plant,
+    closed_loop,
+    ideal,
+    perturbed_lam,
+    read_payload,
+    record,
+    settings_of,
+)
 from runtime.trajectory_file import read_trajectory, write_motion
 
 
+class Engine(StrEnum):
+    """Who moves the robot."""
+
+    compiled = "compiled"
+    mujoco = "mujoco"
+
+
+_ONLY_COMPILED = (
+    *("exact", "perturb", "rate", "torque_noise", "position_noise", "velocity_noise"),
+    *("viscous", "coulomb", "rotor"),
+)
+_ONLY_MUJOCO = ("payload", "config", "truth_seed")
+
+Made = tuple[Recording, dict[str, Any], Loop | None]
+"""A log, its truth, and the loop it came from."""
+
+
 def simulate_command(
+    context: typer.Context,
     robot: Robot = "fr3",
     trajectory: Annotated[
         Path | None, typer.Option(help="JSON of excite; default: one quick design.")
@@ -26,6 +57,29 @@ def simulate_command(
     out: Annotated[
         Path | None, typer.Option(help="CSV or NPZ; default results/ROBOT-simulated.csv")
     ] = None,
+    engine: Annotated[
+        Engine | None,
+        typer.Option(
+            help="compiled: our own physics, simple friction, white noise. mujoco: like a real "
+            "log, see below; the default with --payload, --config or --truth-seed."
+        ),
+    ] = None,
+    keep_every: Annotated[int, typer.Option(help="Log every n-th sample only.", min=1)] = 1,
+    seed: Seed = 0,
+    payload: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MASS,CX,CY,CZ[,LX,LY,LZ]",
+            help="mujoco: a box in the hand, kg and m in the frame of the last link; or a TOML.",
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="mujoco: TOML that replaces entries of the robot's friction, sensors …"),
+    ] = None,
+    truth_seed: Annotated[
+        int, typer.Option(help="mujoco: which robot; --seed is the noise of one log.", min=0)
+    ] = 0,
     exact: Annotated[
         bool,
         typer.Option("--ideal", help="Exact motion along the trajectory instead of closed loop."),
@@ -34,16 +88,18 @@ def simulate_command(
         float, typer.Option(help="True robot: each lambda of the URDF changed by this fraction.")
     ] = 0.05,
     rate: Annotated[float | None, typer.Option(help="Hz; default 1000, with --ideal 100.")] = None,
-    keep_every: Annotated[int, typer.Option(help="Log every n-th sample only.", min=1)] = 1,
     torque_noise: Annotated[float, typer.Option(help="Standard deviation, N·m.")] = 0.05,
     position_noise: Annotated[float, typer.Option(help="Standard deviation, rad.")] = 1e-5,
     velocity_noise: Annotated[float, typer.Option(help="Standard deviation, rad/s.")] = 1e-3,
     viscous: Annotated[float, typer.Option(help="Friction of every joint, N·m·s/rad.")] = 0.0,
     coulomb: Annotated[float, typer.Option(help="Friction of every joint, N·m.")] = 0.0,
     rotor: Annotated[float, typer.Option(help="Reflected motor inertia, kg·m².")] = 0.1,
-    seed: Seed = 0,
 ) -> None:
     r"""Record a robot whose parameters are known, to try methods on.
+
+    With --engine mujoco the log is like a real one: physics of MuJoCo, a robot that differs from
+    its model as manufacturing makes it, friction with memory, quantised sensors with bias, a
+    controller whose torque arrives late.
 
     The true parameters are written beside the recording as NAME.truth.json, the controller and
     the motion it was asked for as NAME.loop.toml and NAME.motion.json.
@@ -51,20 +107,11 @@ def simulate_command(
     \b
     python -m runtime simulate --robot fr3 --coulomb 0.3 --out results/sim.csv
     python -m runtime simulate --robot my --ideal --torque-noise 0
+    python -m runtime simulate --robot fr3 --engine mujoco --seed 1 --out results/empty.csv
+    python -m runtime simulate --robot fr3 --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1
     """
+    virtual = _is_virtual(context, engine)
     lib = load(robot)
-    rng = np.random.default_rng(seed)
-    lam = perturbed_lam(lib, perturb, rng)
-    pi = lib.pi_from_lam(lam)
-    plant = Plant(
-        pi,
-        viscous=viscous,
-        coulomb=coulomb,
-        rotor=rotor,
-        position_noise=position_noise,
-        velocity_noise=velocity_noise,
-        torque_noise=torque_noise,
-    )
     path = out or Path("results") / f"{lib.name}-simulated.csv"
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("designing a trajectory", total=1.0)
@@ -74,41 +121,121 @@ def simulate_command(
             else design(lib, starts=1, seed=seed).trajectory
         )
         progress.update(task, description="simulating")
-        if exact:
-            recording = ideal(lib, motion, plant, 100.0 if rate is None else rate, rng)
+
+        def tell(part: float) -> None:
+            progress.update(task, completed=part)
+
+        if virtual:
+            made = _virtual(lib, motion, config, payload, seed, truth_seed, tell)
         else:
-            recording = closed_loop(
-                lib,
-                motion,
-                plant,
-                rng,
-                1000.0 if rate is None else rate,
-                lambda x: progress.update(task, completed=x),
-            )
-    if keep_every > 1:
-        rows = np.arange(0, len(recording), keep_every)
-        recording = recording.take(rows, f"Kept every {keep_every}. sample.")
-    write_recording(recording, path)
-    if not exact:
-        reference = path.with_suffix(".motion.json")
-        write_motion(motion, lib, reference)
-        used = Loop(motion, Controller(), rotor, 1000.0 if rate is None else rate)
-        write_loop(used, reference.name, path.with_suffix(".loop.toml"))
-    truth = path.with_suffix(".truth.json")
-    facts = {
+            noise = {
+                "position_noise": position_noise,
+                "velocity_noise": velocity_noise,
+                "torque_noise": torque_noise,
+            }
+            parts = {"viscous": viscous, "coulomb": coulomb, "rotor": rotor}
+            usual = 100.0 if exact else 1000.0
+            rate = usual if rate is None else rate
+            made = _compiled(lib, motion, perturb, parts, noise, rate, exact, seed, tell)
+    _write(lib, motion, made, path, keep_every)
+
+
+def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
+    """Whether MuJoCo is asked for.
+
+    Raises:
+        IdentificationError: so is something that only the other engine has.
+    """
+    given = {
+        name
+        for name in (*_ONLY_COMPILED, *_ONLY_MUJOCO)
+        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT"
+    }
+    virtual = bool(given & {*_ONLY_MUJOCO}) if engine is None else engine is Engine.mujoco
+    foreign = [name for name in (_ONLY_COMPILED if virtual else _ONLY_MUJOCO) if name in given]
+    if foreign:
+        options = {"exact": "--ideal"}
+        named = ", ".join(options.get(name, f"--{name.replace('_', '-')}") for name in foreign)
+        used, other = ("mujoco", "compiled") if virtual else ("compiled", "mujoco")
+        raise IdentificationError(
+            f"{named} belongs to the engine '{other}', this is a log of '{used}'; "
+            f"leave it out, or take --engine {other}"
+        )
+    return virtual
+
+
+def _virtual(
+    lib: Library,
+    motion: Trajectory,
+    config: Path | None,
+    payload: str | None,
+    seed: int,
+    truth_seed: int,
+    tell: Callable[[float], None],
+) -> Made:
+    settings = settings_of(lib, config)
+    box = None if payload is None else read_payload(payload)
+    log = record(
+        lib,
+        motion,
+        settings,
+        seed=seed,
+        truth_seed=truth_seed,
+        payload=box,
+        progress=tell,
+    )
+    controller = Controller(stiffness=settings.stiffness, damping=settings.damping)
+    loop = Loop(motion, controller, settings.rotor, settings.rate_hz)
+    known = loop if settings.law == "computed_torque" else None
+    return log.recording, log.truth.facts(lib), known
+
+
+def _compiled(
+    lib: Library,
+    motion: Trajectory,
+    perturb: float,
+    parts: dict[str, float],
+    noise: dict[str, float],
+    rate: float,
+    exact: bool,
+    seed: int,
+    tell: Callable[[float], None],
+) -> Made:
+    rng = np.random.default_rng(seed)
+    lam = perturbed_lam(lib, perturb, rng)
+    pi = lib.pi_from_lam(lam)
+    plant = Plant(pi, **parts, **noise)
+    truth = {
         "robot": lib.name,
         "seed": seed,
         "perturb": perturb,
         "pi": pi.tolist(),
         "lam": lam.tolist(),
-        "viscous": viscous,
-        "coulomb": coulomb,
-        "rotor": rotor,
+        **parts,
         "coulomb_speed": plant.coulomb_speed,
     }
+    if exact:
+        return ideal(lib, motion, plant, rate, rng), truth, None
+    recording = closed_loop(lib, motion, plant, rng, rate, tell)
+    return recording, truth, Loop(motion, Controller(), parts["rotor"], rate)
+
+
+def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every: int) -> None:
+    """The log, and beside it what it is of: truth, motion and loop."""
+    recording, facts, loop = made
+    if keep_every > 1:
+        rows = np.arange(0, len(recording), keep_every)
+        recording = recording.take(rows, f"Kept every {keep_every}. sample.")
+    write_recording(recording, path)
+    truth, reference = path.with_suffix(".truth.json"), path.with_suffix(".motion.json")
+    if loop is not None:
+        write_motion(motion, lib, reference)
+        write_loop(loop, reference.name, path.with_suffix(".loop.toml"))
+        facts["motion_sha256"] = hashlib.sha256(reference.read_bytes()).hexdigest()
+    facts["log_sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     with replacing(truth) as file:
         file.write((json.dumps(facts, indent=1) + "\n").encode())
     say(f"recording: {path} ({len(recording)} samples at {recording.rate_hz:g} Hz)")
     say(f"truth:     {truth}")
-    if not exact:
+    if loop is not None:
         say(f"loop:      {path.with_suffix('.loop.toml')}")

@@ -19,13 +19,14 @@ LINK = 6
 """From 0."""
 
 
-def fit_frozen(problem: Problem, truth: Array, preset: Preset) -> tuple[Fit, list[Array]]:
-    """The reference loop in NumPy, as the compiled one updates every link; and all its λ.
+def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Array]) -> Fit:
+    """The reference loop in NumPy, as the compiled one updates every link.
 
     Args:
         problem: with all links perturbed.
         truth: true λ, (10 n,).
         preset: of the document.
+        places: every λ on the way is appended.
     """
     lib, batch = problem.lib, preset.batch or len(problem.train)
     own = np.arange(truth.size) // (truth.size // lib.n_joints) == LINK
@@ -34,7 +35,7 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset) -> tuple[Fit, lis
     descent = start_of(replace(problem, weights=weights, start=start))
     objective, size = descent.objective, len(problem.train)
     held = TorqueObjective(lib, problem.validation, weights, objective.unit)
-    rng, places = np.random.default_rng(problem.seed), list[Array]()
+    rng = np.random.default_rng(problem.seed)
 
     def value_gradient(x: Array) -> tuple[float, Array]:
         places.append(x)
@@ -42,4 +43,4 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset) -> tuple[Fit, lis
         return loss, np.where(own, 0.0, slope)
 
     outcome = minimise(descent.x0, value_gradient, held.value, preset.adam, preset.rule)
-    return fit_of(descent, outcome), places
+    return fit_of(descent, outcome)

@@ -5,11 +5,8 @@ trial. Every trial has three streams of random numbers of its own (guess, noise,
 same in all cases and for all methods.
 """
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from runtime.baselines.pc_ols import fit_pc_ols
 from runtime.descent import Preset, Watch
@@ -17,11 +14,11 @@ from runtime.experiments.frozen import fit_frozen
 from runtime.experiments.measure import Judge, judge
 from runtime.experiments.motions import designed
 from runtime.experiments.robot import document_robot
+from runtime.experiments.solving import adam_of_all, stream, timed
 from runtime.experiments.study import Arrays, Row
-from runtime.fitting import PRESETS, fit_levenberg, fit_many
+from runtime.fitting import PRESETS, fit_levenberg
 from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of, thesis_weights
-from runtime.optimizers import Status
 from runtime.posterior import fit_map
 from runtime.problem import Fit, Problem
 from runtime.simulation import Plant, ideal
@@ -125,12 +122,12 @@ def run_cases(setting: Setting, numbers: range, threads: int) -> list[Row]:
             elif method == "adam-frozen":
                 found = [_frozen(setting, problem) for problem in problems]
             elif method == "map":
-                found = [_timed(fit_map, problem) for problem in problems]
+                found = _each(fit_map, problems)
                 maps = [fit for fit, _, _ in found]
             elif method == "pc-ols":
-                found = [_timed(fit_pc_ols, problem) for problem in problems]
+                found = _each(fit_pc_ols, problems)
             else:
-                found = [_timed(_polished, p, fit) for p, fit in zip(problems, maps, strict=True)]
+                found = _each(_polished, _from(maps, problems))
             for number, problem, (fit, seconds, curve) in zip(
                 numbers, problems, found, strict=True
             ):
@@ -152,11 +149,6 @@ def problem_of(setting: Setting, case: Case, number: int) -> Problem:
     return Problem(lib, train, held, thesis_weights(train.tau), start, seed=batches)
 
 
-def stream(seed: int, number: int, which: int) -> np.random.Generator:
-    """Random numbers of one trial, independent of all other trials."""
-    return np.random.default_rng((seed, number, which))
-
-
 def _noisy(samples: Samples, sigma: float, seed: int, number: int, which: int) -> Samples:
     noise = stream(seed, number, which).normal(size=samples.tau.shape)
     return replace(samples, tau=samples.tau + sigma * noise)
@@ -168,7 +160,6 @@ Found = tuple[Fit, float, list[float]]
 
 def _adam(setting: Setting, problems: Sequence[Problem], threads: int) -> list[Found]:
     config, lib = setting.config, setting.lib
-    curves = [[setting.judge.airm(lib.pi_from_lam(problem.start))] for problem in problems]
     places: list[list[Array]] = [[] for _ in problems]
 
     def seen(done: int, points: list[Array]) -> None:
@@ -176,50 +167,36 @@ def _adam(setting: Setting, problems: Sequence[Problem], threads: int) -> list[F
         for place, x in zip(places, points, strict=True):
             place.append(x)
 
-    start = time.perf_counter()
-    fits = fit_many(problems, config.adam, threads, watch=Watch(config.curve_every, seen))
-    seconds = time.perf_counter() - start
-    require_uninterrupted(fits)
-    total = sum(fit.iterations or 0 for fit in fits)
-    found = []
-    for fit, curve, place in zip(fits, curves, places, strict=True):
-        steps = fit.iterations or 0
-        for x in place[: steps // config.curve_every]:
-            curve.append(setting.judge.airm(lib.pi_from_lam(x)))
-        found.append((fit, seconds * steps / max(total, 1), curve))
-    return found
+    found = adam_of_all(problems, config.adam, threads, Watch(config.curve_every, seen))
+    ended = []
+    for problem, (fit, seconds), place in zip(problems, found, places, strict=True):
+        points = [problem.start, *place[: (fit.iterations or 0) // config.curve_every]]
+        curve = [setting.judge.airm(lib.pi_from_lam(x)) for x in points]
+        ended.append((fit, seconds, curve))
+    return ended
 
 
-def require_uninterrupted(fits: Sequence[Fit]) -> None:
-    """A half-finished descent is no trial.
-
-    Raises:
-        KeyboardInterrupt: a descent was interrupted and has kept its best point.
-    """
-    if any(fit.status == Status.INTERRUPTED.value for fit in fits):
-        raise KeyboardInterrupt
-
-
-def _timed(method: Callable[..., Fit], *given: object) -> Found:
-    start = time.perf_counter()
-    fit = method(*given)
-    seconds = time.perf_counter() - start
-    require_uninterrupted([fit])
-    return fit, seconds, []
+def _each(method: Callable[[Problem], Fit], problems: Sequence[Problem]) -> list[Found]:
+    return [(*timed(method, problem), []) for problem in problems]
 
 
 def _frozen(setting: Setting, problem: Problem) -> Found:
-    start = time.perf_counter()
-    fit, places = fit_frozen(problem, setting.lam, setting.config.adam)
-    seconds = time.perf_counter() - start
-    require_uninterrupted([fit])
+    places: list[Array] = []
+    fit, seconds = timed(
+        lambda each: fit_frozen(each, setting.lam, setting.config.adam, places), problem
+    )
     seen = places[:: setting.config.curve_every]
     return fit, seconds, [setting.judge.airm(setting.lib.pi_from_lam(x)) for x in seen]
 
 
-def _polished(problem: Problem, fit: Fit) -> Fit:
+def _from(fits: Sequence[Fit], problems: Sequence[Problem]) -> list[Problem]:
+    pairs = zip(problems, fits, strict=True)
+    return [replace(p, start=p.lib.lam_from_pi(fit.pi)) for p, fit in pairs]
+
+
+def _polished(problem: Problem) -> Fit:
     """The prior's last trace removed: without noise the data alone decide."""
-    return fit_levenberg(replace(problem, start=problem.lib.lam_from_pi(fit.pi)), cholesky=True)
+    return fit_levenberg(problem, cholesky=True)
 
 
 def _row(setting: Setting, case: Case, method: str, number: int, problem: Problem, fit: Fit) -> Row:

@@ -1,7 +1,17 @@
 """Every id of the command line and the study that answers it."""
 
 from runtime.errors import RuntimeFault
-from runtime.experiments.studies import appendix, excitation, ideal, model, noise, sinusoid
+from runtime.experiments.studies import (
+    appendix,
+    bench,
+    excitation,
+    ideal,
+    logs,
+    methods,
+    model,
+    noise,
+    sinusoid,
+)
 from runtime.experiments.study import Study
 
 STUDIES: dict[str, Study] = {
@@ -12,6 +22,9 @@ STUDIES: dict[str, Study] = {
         ideal.STUDY,
         sinusoid.STUDY,
         noise.STUDY,
+        logs.STUDY,
+        bench.STUDY,
+        methods.STUDY,
         appendix.STUDY,
     )
 }

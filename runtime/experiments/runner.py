@@ -77,7 +77,7 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
         reproduce(lib, STUDIES[name], whole)
         needed = {**needed, **read_series(request.out / name)}
     config, trials = asked(study, request)
-    facts = config_facts(study, config)
+    facts = config_facts(study, config, lib)
     mark = config_hash(facts, lib.manifest.model_hash, needed)
     folder = request.out / study.name
     with locked(folder):

@@ -44,7 +44,7 @@ def state_of(lib: Library, study: Study, request: Request) -> State:
         if valid_result(request.out / STUDIES[name].name) is None:
             return State(DIFFERS, 0, trials)
         needed = {**needed, **read_series(request.out / name)}
-    mark = config_hash(config_facts(study, config), lib.manifest.model_hash, needed)
+    mark = config_hash(config_facts(study, config, lib), lib.manifest.model_hash, needed)
     if found != mark:
         return State(DIFFERS, 0, trials)
     result = valid_result(folder, mark)

@@ -82,6 +82,7 @@ class Study:
         run: (prepared, numbers, threads) → rows; a row depends on its number alone.
         finish: (prepared, all rows) → curves and facts.
         cases, methods: name → a sentence.
+        told: what else of the library's robot belongs to the config.
         trials: number of them where that is fixed, None where it is asked for.
         takes_seed: False where another seed would be another experiment for the others.
         needs: studies whose series come first.
@@ -97,6 +98,7 @@ class Study:
     views: tuple[View, ...]
     cases: Mapping[str, str] = field(default_factory=dict)
     methods: Mapping[str, str] = field(default_factory=dict)
+    told: Callable[[Library], Mapping[str, Any]] | None = None
     trials: int | None = None
     takes_seed: bool = True
     needs: tuple[str, ...] = ()
@@ -108,10 +110,11 @@ def canonical(value: object) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
-def config_facts(study: Study, config: Config) -> dict[str, Any]:
+def config_facts(study: Study, config: Config, lib: Library) -> dict[str, Any]:
     """A config as plain data, with its study and the format."""
     plain = json.loads(canonical(asdict(config)))  # type: ignore[call-overload]
-    return {"format": FORMAT, "study": study.name, **plain}
+    told = study.told(lib) if study.told else {}
+    return {"format": FORMAT, "study": study.name, **plain, **told}
 
 
 def config_hash(facts: Mapping[str, Any], model_hash: str, needed: Arrays) -> str:

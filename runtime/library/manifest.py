@@ -13,7 +13,7 @@ from runtime.errors import LibraryError, ShapeError
 
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
-FORMAT = 3
+FORMAT = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,11 @@ class KernelFacts:
 
 @dataclass(frozen=True, slots=True)
 class JointFacts:
-    """Name, kind, moved link, unit and limits of a joint; None where there is no limit."""
+    """Name, kind, moved link, unit and limits of a joint (None without), and where it stands.
+
+    Its frame, that of the link it moves, lies in the frame of joint `parent` (−1: the base) with
+    the axes R = `rotation` and the origin `translation` [m] at q = 0; `axis` is in its own frame.
+    """
 
     name: str
     kind: str
@@ -56,6 +60,10 @@ class JointFacts:
     upper: float | None
     velocity: float | None
     effort: float | None
+    parent: int
+    rotation: tuple[tuple[float, ...], ...]
+    translation: tuple[float, ...]
+    axis: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +167,7 @@ def read_manifest(path: Path) -> Manifest:
             tip=raw["tip"],
             tip_frame=_frame(raw["tip_frame"]),
             gravity=tuple(raw["gravity"]),
-            joints=tuple(JointFacts(**joint) for joint in raw["joints"]),
+            joints=tuple(_joint(joint) for joint in raw["joints"]),
             home=tuple(raw["home"]),
             acceleration=tuple(raw["acceleration"]) if raw["acceleration"] else None,
             jerk=tuple(raw["jerk"]) if raw["jerk"] else None,
@@ -178,6 +186,12 @@ def read_manifest(path: Path) -> Manifest:
         )
     except (KeyError, TypeError) as error:
         raise LibraryError(f"'{path}' is damaged (no valid {error}); {again}") from None
+
+
+def _joint(entry: dict[str, Any]) -> JointFacts:
+    rows = tuple(tuple(row) for row in entry["rotation"])
+    place = {key: tuple(entry[key]) for key in ("translation", "axis")}
+    return JointFacts(**entry | {"rotation": rows} | place)
 
 
 def _frame(entry: dict[str, Any]) -> FrameFacts:

@@ -45,7 +45,7 @@ def emit(
     tiles = {kernel.name: tile_program(kernel) for kernel in kernels if not kernel.rare}
     reference = reference_code(kernels)
     manifest = {
-        "format": 3,
+        "format": 4,
         "robot": name,
         "versions": versions,
         **facts,

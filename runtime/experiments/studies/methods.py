@@ -1,0 +1,189 @@
+"""Table 3.1, measured: every method on one log of the common simulated plant.
+
+The plant has rotors, viscous and Coulomb friction; a computed-torque controller believes in a CAD
+model that is 5 % off. Judged on another motion, closed loop without noise.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from runtime.assembly import Assembly, assemble
+from runtime.comparison import Figures, Truth, compare
+from runtime.experiments.motions import designed
+from runtime.experiments.robot import document_robot
+from runtime.experiments.solving import stream
+from runtime.experiments.studies.ideal import TORQUE
+from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.library import Array, Library
+from runtime.loop import Loop
+from runtime.methods import METHODS
+from runtime.recording import Friction, Preparation, Recording
+from runtime.simulation import Controller, Plant, closed_loop
+
+CAD, TRAINING, VALIDATION = range(3)
+"""Streams."""
+FRICTION = Friction(("coulomb", "viscous"), 0.03)
+PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, trim_s=0.05, rate_hz=100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """The common plant.
+
+    Attributes:
+        methods: each is one trial.
+        cad: relative error of the CAD model's λ.
+        sigma_q, sigma_tau: noise of positions and torques, rad and N·m.
+        speed_hz: of the filter behind the controller's speed: σ_dq = 2π f σ_q.
+    """
+
+    seed: int = 0
+    methods: tuple[str, ...] = tuple(METHODS)
+    cad: float = 0.05
+    sigma_q: float = 1e-4
+    sigma_tau: float = 0.05
+    speed_hz: float = 30.0
+    rotor: tuple[float, ...] = (0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1)
+    coulomb: tuple[float, ...] = (0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1)
+    viscous: tuple[float, ...] = (0.5, 0.5, 0.4, 0.4, 0.2, 0.15, 0.1)
+    friction: Friction = FRICTION
+    preparation: Preparation = PREPARATION
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """The problem that all methods share, and the truth."""
+
+    lib: Library
+    config: Config
+    assembly: Assembly
+    truth: Truth
+    test: Array
+
+
+def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+    """Three logs of the plant."""
+    pi = document_robot(lib)
+    lam = lib.lam_from_pi(pi)
+    cad = lam * (1 + config.cad * stream(config.seed, 0, CAD).normal(size=lam.size))
+    clean = Plant(
+        pi,
+        viscous=config.viscous,
+        coulomb=config.coulomb,
+        coulomb_speed=config.friction.coulomb_speed,
+        rotor=config.rotor,
+    )
+    noisy = replace(
+        clean,
+        position_noise=config.sigma_q,
+        velocity_noise=2 * np.pi * config.speed_hz * config.sigma_q,
+        torque_noise=config.sigma_tau,
+    )
+    law = Controller(pi=lib.pi_from_lam(cad), feels_noise=True)
+    designs = designed(lib, needed)
+
+    def log(number: int, plant: Plant) -> Recording:
+        rng = stream(config.seed, 0, TRAINING + number)
+        found = closed_loop(lib, designs[number], plant, rng, controller=law)
+        return found.replace(dq=None)
+
+    assembly = assemble(
+        log(0, noisy),
+        lib,
+        preparation=config.preparation,
+        friction_columns=config.friction,
+        validation=log(1, noisy),
+        test=log(2, clean),
+        lam0=cad,
+        loop=Loop(designs[0], law, np.array(config.rotor)),
+    )
+    tau = assembly.parts[2].tau
+    assert tau is not None  # noqa: S101  simulated with torque
+    return Setting(lib, config, assembly, Truth(lib.base_matrix @ pi, "plant", ""), tau)
+
+
+def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
+    """One method per trial.
+
+    Raises:
+        KeyboardInterrupt: a method was interrupted and has kept its best point.
+    """
+    del threads
+    return [_row(setting, number) for number in numbers]
+
+
+def _row(setting: Setting, number: int) -> Row:
+    method = setting.config.methods[number]
+    found = compare(setting.assembly, [method], truth=setting.truth).rows[0]
+    if "interrupted by the user" in found.status:
+        raise KeyboardInterrupt
+    row: Row = {"case": "plant", "method": method, "trial": number, "status": found.status}
+    return row if found.figures is None else row | _figures(setting, found.figures)
+
+
+def _figures(setting: Setting, f: Figures) -> Row:
+    percent = 100 * f.rms / np.sqrt(np.mean(setting.test**2, axis=0))
+    row: Row = {
+        "tau_error": f.test_percent,
+        "base_error": f.base_error,
+        "smallest_eigenvalue": f.smallest_eigenvalue,
+        "consistent": f.is_consistent,
+        "time_s": f.seconds,
+    }
+    if f.iterations is not None:
+        row["iterations"] = f.iterations
+    if np.isfinite(f.gap):
+        row["gap"] = f.gap
+    row |= {f"tau_error_{j}": float(x) for j, x in enumerate(percent, start=1)}
+    return row | {f"tau_rms_{j}": float(x) for j, x in enumerate(f.rms, start=1)}
+
+
+def finish(setting: Setting, rows: list[Row]) -> Finished:
+    """What must be told of the data; no curves."""
+    del rows
+    config, parts = setting.config, setting.assembly.parts
+    facts: dict[str, Any] = {
+        "plant": "closed loop of the compiled simulator: rotors, friction, computed torque with "
+        f"a CAD model {100 * config.cad:g} % off in lambda",
+        "preparation": list(parts[0].history),
+        "samples": {
+            name: len(part)
+            for name, part in zip(("train", "validation", "test"), parts, strict=True)
+        },
+        "friction_columns": config.friction.facts(),
+        "weights": setting.assembly.problem.weights.tolist(),
+        "test": "another motion in closed loop, without noise, filtered alike",
+        "torque_rms": {"test": np.sqrt(np.mean(setting.test**2, axis=0)).tolist()},
+        "seed": config.seed,
+    }
+    return Finished(facts=facts)
+
+
+STUDY = Study(
+    name="methods",
+    title="Every method side by side",
+    config=Config(),
+    prepare=prepare,
+    run=run,
+    finish=finish,
+    cases={"plant": "FR3 with rotors and friction, σ_q = 1e-4 rad, σ_τ = 0.05 N·m, 20 Hz"},
+    methods=METHODS,
+    trials=len(METHODS),
+    needs=("excitation",),
+    per_chunk=1,
+    views=(
+        View(
+            "table-3.1",
+            "table",
+            "Every method on the same log",
+            ("plant",),
+            (
+                *("tau_error", "base_error", "consistent", "smallest_eigenvalue", "gap"),
+                *("iterations", "time_s"),
+                *TORQUE,
+            ),
+        ),
+    ),
+)

@@ -1,0 +1,39 @@
+"""Robots whose parameters are known, at two distances from reality.
+
+`ideal` and `closed_loop` are quick and clean: physics of our own compiled library, white noise.
+`virtual.record` is the bench: MuJoCo's physics, friction that no model of ours contains, sensors
+and a drive with the faults of real ones.
+"""
+
+from runtime.simulation.compiled import (
+    Controller,
+    Motion,
+    Plant,
+    closed_loop,
+    follow,
+    ideal,
+    per_joint,
+    perturbed_lam,
+    sample_times,
+)
+from runtime.simulation.payload import Box, read_payload
+from runtime.simulation.settings import Settings, settings_of
+from runtime.simulation.virtual import VirtualLog, record
+
+__all__ = [
+    "Box",
+    "Controller",
+    "Motion",
+    "Plant",
+    "Settings",
+    "VirtualLog",
+    "closed_loop",
+    "follow",
+    "ideal",
+    "per_joint",
+    "perturbed_lam",
+    "read_payload",
+    "record",
+    "sample_times",
+    "settings_of",
+]

@@ -1,0 +1,140 @@
+"""An engine that shares no code with ours: MuJoCo, given the tree of the manifest.
+
+    (M(q) + diag J) ddq + h(q, dq) = τ,   implicit in the velocity ("implicitfast")
+
+Bodies have the mass, centre of mass and principal inertia of a given π, joints their armature J and
+their range; there are no shapes, no actuators, no compensation of gravity. MuJoCo sorts joints
+depth first: `Engine.places` says where ours are.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from runtime.errors import SimulationError
+from runtime.library import Array, Library
+from runtime.library.manifest import JointFacts
+
+
+@dataclass(frozen=True, slots=True)
+class Engine:
+    """MuJoCo's model and state of one robot.
+
+    Attributes:
+        mujoco: the library.
+        model, data: of MuJoCo.
+        places: index in MuJoCo's q and dq of each of our joints, (n,).
+    """
+
+    mujoco: Any
+    model: Any
+    data: Any
+    places: Array
+
+    def sorted(self, values: Array) -> Array:
+        """(…, n) in our order → in MuJoCo's."""
+        return np.ascontiguousarray(values[..., np.argsort(self.places)])
+
+    def restored(self, values: Array) -> Array:
+        """(…, n) in MuJoCo's order → in ours."""
+        return np.ascontiguousarray(values[..., self.places])
+
+
+def engine(
+    lib: Library, pi: Array, rotor: ArrayLike = 0.0, step: float = 2.5e-4, ranges: bool = True
+) -> Engine:
+    """Build MuJoCo's model of a robot with these parameters.
+
+    Args:
+        lib: of the robot.
+        pi: standard parameters, (10 n,); every body must be able to exist.
+        rotor: inertia of the motors, reflected to the joints, (n,) or one number, kg·m² or kg.
+        step: of the integrator, s.
+        ranges: joints stop at the ends of their range.
+
+    Raises:
+        SimulationError: MuJoCo is not installed, or refuses the robot.
+        NotRealisableError: a body of π cannot exist.
+    """
+    mujoco = _mujoco()
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep = step
+    spec.option.gravity = lib.manifest.gravity
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    # A robot that runs away is told by us; MuJoCo would start it anew, silently.
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    inertia = np.broadcast_to(np.asarray(rotor, dtype=float), (lib.n_joints,))
+    bodies: list[Any] = []
+    for joint, lam, armature in zip(
+        lib.manifest.joints, lib.lam_from_pi(pi).reshape(lib.n_joints, -1), inertia, strict=True
+    ):
+        parent = spec.worldbody if joint.parent < 0 else bodies[joint.parent]
+        quaternion = np.zeros(4)
+        mujoco.mju_mat2Quat(quaternion, np.ravel(joint.rotation))
+        body = parent.add_body(pos=joint.translation, quat=quaternion)
+        bodies.append(body)
+        _add_joint(mujoco, body, joint, float(armature), ranges)
+        _set_inertia(mujoco, body, lam)
+    try:
+        model = spec.compile()
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise SimulationError(f"MuJoCo refuses the robot '{lib.name}': {reason}") from None
+    places = np.array([model.joint(name).dofadr[0] for name in lib.joint_names])
+    return Engine(mujoco, model, mujoco.MjData(model), places)
+
+
+def inverse_dynamics(robot: Engine, q: Array, dq: Array, ddq: Array) -> Array:
+    """τ of one state by MuJoCo, (n,), rotors included, all in MuJoCo's order."""
+    data = robot.data
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+    robot.mujoco.mj_inverse(robot.model, data)
+    return np.array(data.qfrc_inverse)
+
+
+def mass_diagonal(robot: Engine, q: Array) -> Array:
+    """The diagonal of M(q) with the rotors, (n,), in MuJoCo's order."""
+    data, n = robot.data, robot.model.nv
+    data.qpos[:], data.qvel[:] = q, 0.0
+    robot.mujoco.mj_forward(robot.model, data)
+    columns = np.zeros((n, n))
+    for unit, column in zip(np.eye(n), columns, strict=True):
+        robot.mujoco.mj_mulM(robot.model, data, column, unit)
+    return np.array(np.diagonal(columns))
+
+
+def _mujoco() -> Any:
+    try:
+        import mujoco
+    except ImportError:
+        raise SimulationError(
+            "the virtual robot lives in MuJoCo, which is not installed; "
+            "run: pip install 'symgen[simulation]'"
+        ) from None
+    return mujoco
+
+
+def _add_joint(mujoco: Any, body: Any, joint: JointFacts, armature: float, ranges: bool) -> None:
+    prismatic = joint.kind == "prismatic"
+    kind = mujoco.mjtJoint.mjJNT_SLIDE if prismatic else mujoco.mjtJoint.mjJNT_HINGE
+    made = body.add_joint(name=joint.name, type=kind, axis=joint.axis, armature=armature)
+    made.limited = int(ranges and joint.lower is not None and joint.upper is not None)
+    if made.limited:
+        made.range = (joint.lower, joint.upper)
+
+
+def _set_inertia(mujoco: Any, body: Any, lam: Array) -> None:
+    """λ = (μ, c, ω, a, b, c̄) is what MuJoCo asks for: m = e^μ, c, and R diag(…) Rᵀ about c."""
+    a, b, c = lam[7:] ** 2
+    angle = float(np.linalg.norm(lam[4:7]))
+    quaternion = np.array([1.0, 0.0, 0.0, 0.0])
+    if angle > 0:
+        mujoco.mju_axisAngle2Quat(quaternion, lam[4:7] / angle, angle)
+    body.mass = float(np.exp(lam[0]))
+    body.ipos = lam[1:4]
+    body.iquat = quaternion
+    body.inertia = (b + c, c + a, a + b)
+    body.explicitinertial = True

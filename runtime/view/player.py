@@ -1,7 +1,6 @@
 """Play, pause, speed, scrub; bars of position, velocity and torque against their limits."""
 
 import time
-from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -65,23 +64,20 @@ class Player:
 
 
 def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
-    """Per joint a bar in its range, and shares of the limits of velocity and torque, as HTML."""
-    joints = lib.manifest.joints
-    blocks = []
-    for j, joint in enumerate(joints):
-        rows = [_row(f"q {q[j]:+.2f} {joint.unit}", _place(q[j], joint.lower, joint.upper))]
-        kinds: Sequence[tuple[str, Array | None, float | None, str]] = (
-            ("dq", dq, joint.velocity, f"{joint.unit}/s"),
-            ("τ", tau, joint.effort, "N·m" if joint.unit == "rad" else "N"),
-        )
-        for symbol, values, limit, unit in kinds:
-            if values is not None:
-                share = None if not limit else abs(values[j]) / limit
-                rows.append(_row(f"{symbol} {values[j]:+.2f} {unit}", share))
-        blocks.append(f"<b>{escape(joint.name)}</b>{''.join(rows)}")
+    """A line per joint: position in its range, velocity and torque, as shares of limits; HTML."""
+    lines = []
+    for j, joint in enumerate(lib.manifest.joints):
+        cells = [_cell(q[j], _place(q[j], joint.lower, joint.upper))]
+        for values, limit in ((dq, joint.velocity), (tau, joint.effort)):
+            known = None if values is None else float(values[j])
+            cells.append(_cell(known, None if known is None or not limit else abs(known) / limit))
+        lines.append(f'<tr title="{escape(joint.name)}"><th>{j + 1}</th>{"".join(cells)}</tr>')
+    turning = all(joint.unit == "rad" for joint in lib.manifest.joints)
+    units = ("rad", "rad/s", "N·m") if turning else ("rad|m", "rad|m /s", "N·m|N")
+    heads = (f"<td>{name} {unit}</td>" for name, unit in zip(("q", "dq", "τ"), units, strict=True))
     return (
-        '<div style="font:12px sans-serif;padding:0 1em;line-height:1.5">'
-        f"{'<br>'.join(blocks)}</div>"
+        '<table style="font:12px sans-serif;width:100%;padding:0 .8em;border-spacing:.5em .25em">'
+        f'<tr style="opacity:.6"><th></th>{"".join(heads)}</tr>{"".join(lines)}</table>'
     )
 
 
@@ -92,17 +88,16 @@ def _place(value: float, lower: float | None, upper: float | None) -> float | No
     return abs(2 * value - lower - upper) / (upper - lower)
 
 
-def _row(text: str, share: float | None) -> str:
-    """A bar of a share; without a limit the number alone."""
-    label = f'<span style="display:inline-block;width:9.5em">{text}</span>'
+def _cell(value: float | None, share: float | None) -> str:
+    """A number above the bar of its share; without a limit the number alone."""
+    if value is None:
+        return "<td>–</td>"
     if share is None:
-        return f"<div>{label}no limit</div>"
+        return f"<td>{value:+.2f}</td>"
     colour = _FULL if share > NEAR else _GOOD
-    width = f"{100 * min(share, 1.0):.0f}%"
     return (
-        f'<div style="display:flex;align-items:center">{label}'
-        '<span style="flex:1;height:6px;background:#8883;border-radius:3px">'
-        f'<span style="display:block;width:{width};height:6px;background:{colour};'
-        f'border-radius:3px"></span></span><span style="width:3.2em;text-align:right">'
-        f"{100 * share:.0f} %</span></div>"
+        f'<td>{value:+.2f} <span style="float:right;opacity:.6">{100 * share:.0f} %</span>'
+        '<div style="clear:both;height:5px;background:#8883;border-radius:3px">'
+        f'<div style="width:{100 * min(share, 1.0):.0f}%;height:5px;background:{colour};'
+        'border-radius:3px"></div></div></td>'
     )

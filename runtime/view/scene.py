@@ -12,6 +12,7 @@ from runtime.view.shapes import BASE, Look
 ROOT = "/robot"
 HOST = "127.0.0.1"
 PATH_POINTS = 400
+PATH_COLOUR = (213, 94, 0)
 FRAME_S = 0.04
 """Of an exported film."""
 
@@ -80,7 +81,7 @@ class Scene:
         points = self._lib.end_effector(kept)[:, :3, 3]
         if len(points) > 1:
             pairs = np.stack([points[:-1], points[1:]], axis=1)
-            self.server.scene.add_line_segments("/path", pairs, colors=(213, 94, 0), line_width=2.0)
+            self.server.scene.add_line_segments("/path", pairs, colors=PATH_COLOUR, line_width=2.0)
 
     def film(self, positions: Array) -> str:
         """One HTML file that plays positions (N, n), a frame every `FRAME_S`."""

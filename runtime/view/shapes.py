@@ -22,7 +22,8 @@ from runtime.library import Array, Library
 BASE = "base"
 LINE_RADIUS = 0.012
 """m, of what stands for a link where nothing is known of its shape."""
-BODY, PLAIN = (222, 225, 230, 255), (90, 140, 190, 255)
+COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
+"""Of links without a colour of their own, in turn."""
 _MISSING = "the viewer is not installed; install it with: pip install 'symgen[view]'"
 
 
@@ -172,7 +173,7 @@ def _shape(
             float(kind.get("radius", "")), float(kind.get("length", ""))
         ),
     }[kind.tag]()
-    mesh.visual.face_colors = BODY
+    mesh.visual.face_colors = COLOURS[number % len(COLOURS)]
     return Shape(link, f"visual{number}", mesh, pose)
 
 
@@ -196,28 +197,28 @@ def _found(name: str, places: Iterable[Path], home: Path) -> Path:
 def _capsules(lib: Library) -> Iterator[Shape]:
     for proxy in lib.manifest.proxies:
         ends = np.array([proxy.start, proxy.end])
-        yield _capsule(proxy.link, proxy.name, ends, proxy.radius, BODY)
+        yield _capsule(proxy.link, proxy.name, ends, proxy.radius, proxy.joint)
 
 
 def _lines(lib: Library) -> Iterator[Shape]:
-    """From each link's origin to those that follow it in a chain, at the home pose."""
-    poses = lib.link_poses(lib.home)
-    origins = [np.zeros(3), *poses[:, :3, 3]]
-    tip = lib.end_effector(lib.home)[:3, 3]
-    frames = [np.eye(4), *poses]
-    names = [BASE, *lib.link_names]
-    for k, (name, end) in enumerate(zip(names, [*origins[1:], tip], strict=True)):
-        inverse = np.linalg.inv(frames[k])
-        ends = np.array([np.zeros(3), inverse[:3, :3] @ end + inverse[:3, 3]])
-        yield _capsule(name, f"line{k}", ends, LINE_RADIUS, PLAIN)
+    """From the frame of every link to those that it carries, and to the tip."""
+    carried: list[tuple[str, Array, int]] = [
+        (BASE if j.parent < 0 else lib.link_names[j.parent], np.array(j.translation), k)
+        for k, j in enumerate(lib.manifest.joints)
+    ]
+    tip = lib.manifest.tip_frame
+    carried.append((tip.link, np.array(tip.translation), lib.n_joints))
+    for link, end, number in carried:
+        ends = np.array([np.zeros(3), end])
+        yield _capsule(link, f"line{number}", ends, LINE_RADIUS, number)
 
 
-def _capsule(link: str, name: str, ends: Array, radius: float, colour: tuple[int, ...]) -> Shape:
+def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> Shape:
     trimesh = geometry_library()
     axis = ends[1] - ends[0]
     length = float(np.linalg.norm(axis))
     mesh = trimesh.creation.capsule(length, radius)
-    mesh.visual.face_colors = colour
+    mesh.visual.face_colors = COLOURS[number % len(COLOURS)]
     pose = np.eye(4)
     if length > 0:
         pose[:3, :3] = Rotation.align_vectors([axis / length], [[0, 0, 1]])[0].as_matrix()

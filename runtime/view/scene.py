@@ -81,7 +81,7 @@ class Scene:
         points = self._lib.end_effector(kept)[:, :3, 3]
         if len(points) > 1:
             pairs = np.stack([points[:-1], points[1:]], axis=1)
-            self.server.scene.add_line_segments("/path", pairs, colors=PATH_COLOUR, line_width=2.0)
+            self.server.scene.add_line_segments("/path", pairs, colors=PATH_COLOUR, thickness=0.006)
 
     def film(self, positions: Array) -> str:
         """One HTML file that plays positions (N, n), a frame every `FRAME_S`."""

@@ -222,5 +222,5 @@ def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> S
     pose = np.eye(4)
     if length > 0:
         pose[:3, :3] = Rotation.align_vectors([axis / length], [[0, 0, 1]])[0].as_matrix()
-    pose[:3, 3] = ends[0]
+    pose[:3, 3] = ends.mean(axis=0)  # the mesh lies about its centre
     return Shape(link, name, mesh, pose)

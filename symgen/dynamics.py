@@ -240,3 +240,14 @@ def end_effector(chain: Chain, q: Matrix) -> Matrix:
         index = chain.joints[index].parent
     bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
     return ca.vertcat(ca.horzcat(rotation, translation), bottom)
+
+
+def link_poses(chain: Chain, q: Matrix) -> Matrix:
+    """[R p; 0 1] of every joint's frame in the base frame, one below the other, 4n×4."""
+    poses: list[Matrix] = []
+    bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
+    for i, joint in enumerate(chain.joints):
+        pose = joint_pose(joint, q[i])
+        own = ca.vertcat(ca.horzcat(pose.rotation, pose.translation), bottom)
+        poses.append(own if joint.parent < 0 else ca.mtimes(poses[joint.parent], own))
+    return ca.vertcat(*poses)

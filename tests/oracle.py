@@ -25,6 +25,7 @@ class Answers:
     regressor: Array
     mass: Array
     pose: Array
+    links: Array
 
 
 def pinocchio_model(urdf: str, gravity: Array | None = None) -> pinocchio.Model:
@@ -67,7 +68,7 @@ def ask_pinocchio(model: pinocchio.Model, lib: Library, count: int, seed: int = 
     frame = model.getFrameId(lib.manifest.tip, pinocchio.BODY)
     data = model.createData()
     q, dq, ddq = random_states(lib.n_joints, count, seed)
-    tau, bias, rows, mass, pose = [], [], [], [], []
+    tau, bias, rows, mass, pose, links = [], [], [], [], [], []
     for state in zip(q, dq, ddq, strict=True):
         x, v, a = (np.empty(len(columns)) for _ in range(3))
         x[columns], v[columns], a[columns] = state
@@ -80,4 +81,6 @@ def ask_pinocchio(model: pinocchio.Model, lib: Library, count: int, seed: int = 
         mass.append(full[np.ix_(columns, columns)])
         pinocchio.framesForwardKinematics(model, data, x)
         pose.append(data.oMf[frame].homogeneous.copy())
-    return Answers(q, dq, ddq, *(np.array(part) for part in (tau, bias, rows, mass, pose)))
+        links.append([data.oMi[i].homogeneous.copy() for i in ids])
+    known = (tau, bias, rows, mass, pose, links)
+    return Answers(q, dq, ddq, *map(np.array, known))

@@ -48,6 +48,9 @@ void fr3_forward_dynamics(const double q[7], const double dq[7], const double ta
 /* pose of the tip in the base frame, Eq. 2.15. 141 operations. */
 void fr3_end_effector(const double q[7], double H[16]);
 
+/* poses of the links in the base frame, one below the other, Eq. 2.15. 151 operations. */
+void fr3_link_poses(const double q[7], double H[112]);
+
 /* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 976 operations. */
 void fr3_loss_gradient(const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7], const double beta[43], double loss[1], double gradient[43], double residual[7]);
 

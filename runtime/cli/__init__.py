@@ -4,7 +4,17 @@ import sys
 
 import typer
 
-from runtime.cli import compare, evaluate, excite, identify, payload, reproduce, simulate
+from runtime.cli import (
+    compare,
+    evaluate,
+    excite,
+    identify,
+    payload,
+    report,
+    reproduce,
+    simulate,
+    view,
+)
 from runtime.errors import RuntimeFault
 
 INTERRUPTED = 130
@@ -25,7 +35,8 @@ app.command("evaluate")(evaluate.evaluate_command)
 app.command("excite")(excite.excite_command)
 app.command("simulate")(simulate.simulate_command)
 app.command("reproduce")(reproduce.reproduce_command)
-app.command("report")(evaluate.report_command)
+app.command("report")(report.report_command)
+app.command("view")(view.view_command)
 app.command("locate")(evaluate.locate_command)
 
 

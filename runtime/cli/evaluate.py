@@ -1,4 +1,4 @@
-"""`python -m runtime evaluate`, `report` and `locate`."""
+"""`python -m runtime evaluate` and `locate`."""
 
 import json
 from pathlib import Path
@@ -66,13 +66,6 @@ def evaluate_command(
         print(json.dumps(figures, indent=1))
     else:
         console.print(torque_table(figures))
-
-
-def report_command(result: Result) -> None:
-    """Write report.html again from result.json and predictions.npz."""
-    from runtime.report import write_report  # matplotlib is slow to import
-
-    say(f"report: {write_report(result)}")
 
 
 def locate_command(

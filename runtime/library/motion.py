@@ -60,6 +60,11 @@ class MotionKernels:
         """Pose of the tip in the base frame, (N, 4, 4)."""
         return self._binding.call("end_effector", q)[0]
 
+    def link_poses(self, q: ArrayLike) -> Array:
+        """Poses of the links' frames in the base frame, (N, n, 4, 4)."""
+        poses = self._binding.call("link_poses", q)[0]
+        return poses.reshape(*np.shape(q), 4, 4)
+
     def loss_gradient(
         self,
         q: ArrayLike,

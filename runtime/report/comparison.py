@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RuntimeFault
 from runtime.report import figures
-from runtime.report.layout import Section, Table, Tile
+from runtime.report.layout import Page, Section, Table, Tile
 
 NAME = "compare.json"
 FORMAT = 1
@@ -131,19 +131,19 @@ def _entry(row: Mapping[str, Any], n: int) -> Entry:
     )
 
 
-def page(methods: Methods) -> dict[str, Any]:
-    """What the template shows where a folder holds nothing but a comparison."""
+def comparison_page(methods: Methods) -> Page:
+    """What is shown where a folder holds nothing but a comparison."""
     facts = Table(("what", "value"), methods.provenance, kind="facts")
-    return {
-        "title": f"{methods.robot}: comparison of methods",
-        "subtitle": f"{methods.robot} · every method on the same data · {methods.recording}",
-        "headline": _sentence(methods.sentences[0]) if methods.sentences else "No advice.",
-        "status": "",
-        "warnings": methods.notes,
-        "tiles": _tiles(methods),
-        "sections": (*method_sections(methods), Section("Provenance", table=facts)),
-        "glossary": GLOSSARY,
-    }
+    return Page(
+        title=f"{methods.robot}: comparison of methods",
+        subtitle=f"{methods.robot} · every method on the same data · {methods.recording}",
+        headline=_sentence(methods.sentences[0]) if methods.sentences else "No advice.",
+        status="",
+        warnings=methods.notes,
+        tiles=_tiles(methods),
+        sections=(*method_sections(methods), Section("Provenance", table=facts)),
+        glossary=GLOSSARY,
+    )
 
 
 def _tiles(methods: Methods) -> tuple[Tile, ...]:
@@ -163,6 +163,7 @@ def method_sections(methods: Methods) -> tuple[Section, ...]:
     """Advice, table, bars, and what every method says of itself."""
     ran = [entry for entry in methods.entries if entry.rms is not None]
     rows = tuple(_cells(entry) for entry in methods.entries)
+    names = tuple(entry.method for entry in methods.entries)
     bad = (k for k, e in enumerate(methods.entries) if e.outcome != NOT_RUN and not e.consistent)
     header = (
         *("method", "train", "test", "base error", "time [s]", "iterations", "λ_min(P)/tr P"),
@@ -172,7 +173,7 @@ def method_sections(methods: Methods) -> tuple[Section, ...]:
         "Methods side by side",
         f"Same samples, weights and bandwidth. The URDF without friction has "
         f"{_percent(methods.before)} on test.",
-        Table(header, rows, flagged=frozenset(bad)),
+        Table(header, rows, flagged=frozenset(bad), row_methods=names),
     )
     said = Section(
         "What every method says",

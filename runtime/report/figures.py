@@ -1,44 +1,18 @@
-"""Arrays → inline SVG that takes its colours from the page, so that it follows light and dark.
+"""The figures of an identification and of a comparison: arrays → inline SVG."""
 
-Matplotlib draws in placeholder colours; each becomes a CSS variable. Same input, same bytes: no
-date, salted ids, no state shared with other plots. Names of joints and links are text, not maths.
-"""
-
-import io
-import re
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from runtime.report.style import blank, settings
+from runtime.report.svg import AFTER, BEFORE, INK, MEASURED, page_figure, svg
 
 Array = NDArray[np.float64]
 
-COLOURS = {
-    "#010203": "var(--ink)",
-    "#010204": "var(--line)",
-    "#010205": "var(--measured)",
-    "#010206": "var(--before)",
-    "#010207": "var(--after)",
-}
-INK, LINE, MEASURED, BEFORE, AFTER = COLOURS
-
 POINTS = 60_000
 """Vertices in one figure, about 1 MB of SVG."""
-
-_STYLE = settings(INK, LINE, LINE) | {
-    "svg.fonttype": "none",
-    "grid.linewidth": 0.4,
-    "lines.linewidth": 0.9,
-}
-_WIDTH = 10.0  # inches; the page scales it
 
 
 def torques(
@@ -61,7 +35,7 @@ def torques(
     """
     n = len(joints)
     most = max(50, POINTS // (5 * n))
-    with _figure(height=0.6 + 1.15 * n) as figure:
+    with page_figure(height=0.6 + 1.15 * n) as figure:
         axes = figure.subplots(n, 2, sharex=True, squeeze=False, width_ratios=(3, 2))
         for j, (left, right) in enumerate(axes):
             for values, colour, label in (
@@ -79,14 +53,14 @@ def torques(
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-        return _svg(figure, "torques")
+        return svg(figure, "torques")
 
 
 def mass_change(links: Sequence[str], before: Array, after: Array) -> str:
     """Bars of m_after − m_before per link, kg, labelled with the two masses."""
     n = len(links)
     change = after - before
-    with _figure(height=0.7 + 0.28 * n) as figure:
+    with page_figure(height=0.7 + 0.28 * n) as figure:
         axis = figure.subplots()
         bars = axis.barh(range(n), np.nan_to_num(change), color=AFTER, height=0.6)
         labels = [f"{b:.3g} → {a:.3g}" for b, a in zip(before, after, strict=True)]
@@ -97,12 +71,12 @@ def mass_change(links: Sequence[str], before: Array, after: Array) -> str:
         axis.grid(visible=False, axis="y")
         axis.margins(x=0.2)
         axis.set_xlabel("change of mass [kg]")
-        return _svg(figure, "mass")
+        return svg(figure, "mass")
 
 
 def convergence(iteration: Array, training: Array, validation: Array) -> str:
     """Training and validation loss over iterations, logarithmic."""
-    with _figure(height=2.6) as figure:
+    with page_figure(height=2.6) as figure:
         axis = figure.subplots()
         most = POINTS // 10
         for values, colour, label in (
@@ -123,7 +97,7 @@ def convergence(iteration: Array, training: Array, validation: Array) -> str:
         axis.set_ylabel("loss")
         if axis.has_data():
             axis.legend()
-        return _svg(figure, "convergence")
+        return svg(figure, "convergence")
 
 
 def method_bars(
@@ -146,7 +120,7 @@ def method_bars(
     columns = min(n, 4)
     lines = -(-n // columns)
     colours = [AFTER if ok else BEFORE for ok in good]
-    with _figure(height=lines * (0.7 + 0.19 * m)) as figure:
+    with page_figure(height=lines * (0.7 + 0.19 * m)) as figure:
         axes = figure.subplots(lines, columns, squeeze=False, sharey=True).ravel()
         for j, axis in enumerate(axes[:n]):
             end = min(3 * float(np.median(rms[:, j])), float(rms[:, j].max())) or 1.0
@@ -163,7 +137,7 @@ def method_bars(
         axes[0].invert_yaxis()
         for axis in axes[n:]:
             axis.set_visible(False)
-        return _svg(figure, "methods")
+        return svg(figure, "methods")
 
 
 def thinned(t: Array, y: Array, most: int) -> tuple[Array, Array]:
@@ -205,38 +179,3 @@ def _logarithmic(axis: Axes, values: Array) -> None:
     decades = np.log10(positive.max() / positive.min())
     axis.yaxis.set_major_formatter(lambda value, _: f"{value:.3g}")
     axis.yaxis.set_minor_formatter(lambda value, _: f"{value:.3g}" if decades < 1 else "")
-
-
-@contextmanager
-def _figure(height: float) -> Iterator[Figure]:
-    """A blank figure as wide as the page."""
-    with warnings.catch_warnings(), blank((_WIDTH, height), _STYLE) as figure:
-        # The browser has fonts that the layout engine lacks.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        yield figure
-
-
-def _svg(figure: Figure, name: str) -> str:
-    """The bare <svg> element: page colours, short numbers, ids that no other figure has."""
-    buffer = io.StringIO()
-    with rc_context({"svg.hashsalt": name}):
-        figure.savefig(
-            buffer,
-            format="svg",
-            transparent=True,
-            metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
-        )
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
-    for colour, variable in COLOURS.items():
-        text = text.replace(f": {colour}", f": {variable}")
-    text = re.sub(r'(\bid="|href="#|url\(#)', rf"\g<1>{name}-", text)
-    text = re.sub(r'\sd="[^"]*"', lambda m: re.sub(r"\d+\.\d{3,}", _short, m.group()), text)
-    width, height = figure.get_size_inches() * 72
-    head = f'<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{name}">'
-    return re.sub(r"<svg[^>]*>", head, text, count=1)
-
-
-def _short(match: re.Match[str]) -> str:
-    return f"{float(match.group()):.2f}"

@@ -1,26 +1,26 @@
 """Results folder → `report.html`: one file, no network, the same bytes for the same results.
 
-`result` reads and checks, `sections` words and rounds, `figures` draws, the template only loops.
-A comparison of methods in the folder is shown too, as the page itself where there is nothing else.
+`result` reads and checks, `sections` words and rounds, `figures` draws, `page` renders. A
+comparison of methods in the folder is shown too, as the page itself where there is nothing else.
 """
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
-from runtime.atomic import replacing
-from runtime.report.comparison import method_sections, page, read_methods
+from runtime.report.comparison import comparison_page, method_sections, read_methods
+from runtime.report.layout import Page
+from runtime.report.page import write_page
 from runtime.report.result import Result, read_result
 from runtime.report.sections import GLOSSARY, headline, sections, tiles
 
 
-def write_report(folder: Path) -> Path:
+def write_report(folder: Path, out: Path | None = None) -> Path:
     """Write `report.html` into a results folder from the files in it.
 
     Args:
         folder: what an identification wrote (`result.json` and `predictions.npz`), or a
             comparison (`compare.json`), or both.
+        out: of the page; default `report.html` in the folder.
 
     Returns:
         Path of the report.
@@ -31,37 +31,22 @@ def write_report(folder: Path) -> Path:
     folder = Path(folder)
     methods = read_methods(folder)
     if methods is not None and not (folder / "result.json").exists():
-        shown = page(methods)
+        shown = comparison_page(methods)
     else:
         shown = _page(read_result(folder))
         if methods is not None:
-            shown["sections"] += method_sections(methods)
-    html = _render(shown)
-    path = folder / "report.html"
-    with replacing(path) as file:
-        file.write(html.encode("utf-8", "replace"))
-    return path
+            shown = replace(shown, sections=(*shown.sections, *method_sections(methods)))
+    return write_page(shown, out or folder / "report.html")
 
 
-def _page(result: Result) -> dict[str, Any]:
-    return {
-        "title": f"{result.robot}, {result.method}: identification report",
-        "subtitle": f"{result.robot} · method {result.method} · {result.recording.name}",
-        "headline": headline(result),
-        "status": result.status,
-        "warnings": result.warnings,
-        "tiles": tiles(result),
-        "sections": sections(result),
-        "glossary": GLOSSARY,
-    }
-
-
-def _render(shown: dict[str, Any]) -> str:
-    environment = Environment(
-        loader=PackageLoader("runtime.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+def _page(result: Result) -> Page:
+    return Page(
+        title=f"{result.robot}, {result.method}: identification report",
+        subtitle=f"{result.robot} · method {result.method} · {result.recording.name}",
+        headline=headline(result),
+        status=result.status,
+        warnings=result.warnings,
+        tiles=tiles(result),
+        sections=sections(result),
+        glossary=GLOSSARY,
     )
-    return environment.get_template("report.html.jinja2").render(**shown)

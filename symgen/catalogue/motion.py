@@ -109,6 +109,13 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
             "pose of the tip in the base frame, Eq. 2.15",
         ),
         make_kernel(
+            "link_poses",
+            {q_: q},
+            {Argument("H", (4 * n, 4), "1|m"): dynamics.link_poses(chain, q)},
+            "poses of the links in the base frame, one below the other, Eq. 2.15",
+            rare=True,
+        ),
+        make_kernel(
             "loss_gradient",
             motion | {tau_: tau, weight_: weight, beta_: beta},
             {

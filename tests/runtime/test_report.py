@@ -1,5 +1,7 @@
 """runtime.report: results files in, one self-contained HTML file out."""
 
+import base64
+import hashlib
 import json
 import re
 from collections.abc import Callable
@@ -90,13 +92,13 @@ def predictions(samples: int = 400, joints: int = 2) -> dict[str, np.ndarray]:
     return {"t": np.arange(samples) * 0.01, **arrays}
 
 
-def write(folder: Path, change: Change | None = None, samples: int = 400) -> Path:
+def write(folder: Path, change: Change | None = None, samples: int = 400, joints: int = 2) -> Path:
     raw = result()
     if change:
         change(raw)
     folder.mkdir(exist_ok=True)
     (folder / "result.json").write_text(json.dumps(raw))
-    np.savez(folder / "predictions.npz", **predictions(samples))
+    np.savez(folder / "predictions.npz", **predictions(samples, joints))
     return folder
 
 
@@ -213,8 +215,16 @@ def test_the_page_needs_nothing_from_outside(tmp_path: Path) -> None:
     assert re.findall(r"url\((?!#)", text) == []
     page = Reader(text)
     assert all(address.startswith("#") for address in page.addresses)
-    assert not {"script", "iframe", "img", "link"} & set(page.tags)
+    assert not {"iframe", "img", "link"} & set(page.tags)
     assert "default-src 'none'" in text
+
+
+def test_only_our_own_script_may_run(tmp_path: Path) -> None:
+    """Property: the policy's one hash is the SHA-256 of the page's one script."""
+    text = write_report(write(tmp_path)).read_text(encoding="utf-8")
+    (script,) = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert re.findall(r"script-src '([^']*)'\"", text) == [f"sha256-{digest}"]
 
 
 def test_ids_are_unique_and_references_resolve(tmp_path: Path) -> None:
@@ -246,7 +256,7 @@ def test_hostile_names_are_text(tmp_path: Path) -> None:
         raw["provenance"].update(command=bad, files={bad: bad})
 
     page = read(write(tmp_path, hostile))
-    assert "script" not in page.tags
+    assert page.tags.count("script") == 1
     assert page.text.count("<script>alert(1)</script>$\\frac{&\"' 手") > 8
     assert "$x$ " in page.text
 

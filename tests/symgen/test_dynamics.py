@@ -114,6 +114,14 @@ def test_end_effector(judged: Judged) -> None:
     np.testing.assert_allclose(lib.end_effector(a.q), a.pose, rtol=0, atol=ROUNDING)
 
 
+def test_link_poses(judged: Judged) -> None:
+    """Oracle: pose of every joint's frame in the base frame."""
+    lib, a = judged.lib, judged.answers
+    # Lengths of order one.
+    np.testing.assert_allclose(lib.link_poses(a.q), a.links, rtol=0, atol=ROUNDING)
+    np.testing.assert_array_equal(lib.link_poses(a.q[3]), lib.link_poses(a.q)[3])
+
+
 def test_parameters_are_those_of_the_urdf(judged: Judged) -> None:
     """Oracle: π0, with fixed links counted in, is what Pinocchio reads from the file."""
     lib, model = judged.lib, pinocchio_model(judged.lib.urdf())

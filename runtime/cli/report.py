@@ -1,0 +1,62 @@
+"""`python -m runtime report`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.common import command_line, say
+from runtime.errors import IdentificationError
+
+
+def report_command(
+    results: Annotated[
+        Path,
+        typer.Argument(metavar="RESULTS", help="Folder of identify, of compare or of reproduce."),
+    ],
+    out: Annotated[Path | None, typer.Option(help="The page; default RESULTS/report.html.")] = None,
+    markdown: Annotated[
+        Path | None, typer.Option(help="All tables of the experiments as Markdown.")
+    ] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Folder for all figures of the experiments as PNG.")
+    ] = None,
+    readme: Annotated[
+        bool,
+        typer.Option(
+            "--readme",
+            help="Write the experiments between the markers <!-- reproduce --> of ./README.md, "
+            "with three pictures in ./.gallery.",
+        ),
+    ] = False,
+) -> None:
+    r"""One HTML file from results: tables that sort, figures that zoom, no network.
+
+    \b
+    python -m runtime report results/first-map
+    python -m runtime report results/experiments --markdown tables.md --figures figures
+    """
+    # matplotlib is slow to import
+    from runtime.report import write_report
+    from runtime.report.experiments import is_experiments, write_experiments
+
+    page = out or results / "report.html"
+    if is_experiments(results):
+        place = Path("README.md") if readme else None
+        written = write_experiments(
+            results,
+            page,
+            tables_to=markdown,
+            figures_to=figures,
+            readme=place,
+            command=command_line(),
+        )
+    elif markdown or figures or readme:
+        raise IdentificationError(
+            f"--markdown, --figures and --readme are for experiments, and '{results}' holds none; "
+            "give the folder that reproduce wrote"
+        )
+    else:
+        written = (write_report(results, page),)
+    for path in written:
+        say(f"report: {path}" if path == page else f"wrote:  {path}")

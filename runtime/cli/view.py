@@ -1,0 +1,67 @@
+"""`python -m runtime view`."""
+
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from runtime.atomic import replacing
+from runtime.cli.common import Robot, say
+from runtime.library import load
+from runtime.view import Player, Scene, look_of, read_motion
+from runtime.view.scene import FRAME_S
+
+
+def view_command(
+    motion: Annotated[
+        str, typer.Argument(metavar="TRAJECTORY|LOG", help="A file of excite, or a recording.")
+    ],
+    robot: Robot = "fr3",
+    recipe: Annotated[str | None, typer.Option(help="How to read the log.")] = None,
+    run: Annotated[str | None, typer.Option(help="Which run of the recipe.")] = None,
+    urdf: Annotated[
+        Path | None, typer.Option(help="A URDF with visual meshes; default the generated one.")
+    ] = None,
+    package_dir: Annotated[
+        list[Path] | None,
+        typer.Option(help="Folder that holds the packages of the meshes; repeatable."),
+    ] = None,
+    port: Annotated[int, typer.Option(help="Of the server; the next free one is taken.")] = 8080,
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False,
+    export: Annotated[
+        Path | None, typer.Option(help="Write the film as one HTML file instead, and end.")
+    ] = None,
+) -> None:
+    r"""The moving robot in the browser: playback, limits of position, velocity and torque.
+
+    \b
+    python -m runtime view motion.json --robot fr3
+    python -m runtime view log.csv --urdf fr3.urdf --package-dir ~/franka_description
+
+    Visual meshes are drawn where the URDF names them and they are found, else the collision
+    capsules, else plain lines. Ctrl-C ends it.
+    """
+    lib = load(robot)
+    played = read_motion(motion, lib, recipe, run)
+    look = look_of(lib, urdf, package_dir or ())
+    scene = Scene(lib, look, port)
+    try:
+        scene.trace(played.q)
+        say(f"drawn:  {look.told}")
+        if export is not None:
+            times = np.arange(0.0, played.duration + FRAME_S / 2, FRAME_S)
+            film = scene.film(np.array([played.at(float(t))[0] for t in times]))
+            with replacing(export) as file:
+                file.write(film.encode())
+            say(f"film:   {export}")
+            return
+        say(f"viewer: {scene.url} (Ctrl-C ends it)")
+        if not no_open:
+            webbrowser.open(scene.url)
+        Player(lib, scene, played).run()
+    except KeyboardInterrupt:
+        say("ended")
+    finally:
+        scene.close()

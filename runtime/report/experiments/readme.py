@@ -1,0 +1,94 @@
+"""The result section of a README and its three pictures, from the experiments alone.
+
+What depends on the machine (times) stays out: the same results give the same text and pictures.
+"""
+
+from pathlib import Path
+
+from runtime.atomic import replacing
+from runtime.errors import RuntimeFault
+from runtime.report.experiments.page import caption
+from runtime.report.experiments.pictures import write_picture
+from runtime.report.experiments.reading import Experiment, View
+from runtime.report.experiments.words import (
+    AIRM,
+    case_name,
+    measured,
+    printed,
+    short_hash,
+)
+
+BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
+GALLERY = ".gallery"
+PICTURES = 3
+CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig-A.2")
+"""The first of these that there are."""
+LARGEST = 60_000
+"""Bytes of a picture."""
+SHOWN = (AIRM, "tau_error_2", "tau_error_5", "tau_error_7")
+_NAMES = {AIRM: "AIRM"}
+_SIZE, _DPI = (5.6, 3.4), 90
+
+
+def write_readme(experiments: tuple[Experiment, ...], path: Path, command: str) -> tuple[Path, ...]:
+    """Replace what stands between the markers; the pictures go beside, into `.gallery`.
+
+    Raises:
+        RuntimeFault: no such file, no markers in it, or a picture that grew too large.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise RuntimeFault(f"cannot read '{path}' ({error.strerror}); name a README") from None
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise RuntimeFault(f"'{path}' has no place for results; put {BEGIN} and {END} into it")
+    pictures = _pictures(experiments, path.parent / GALLERY)
+    gallery = [f"![{title}]({GALLERY}/{file.name})" for title, file in pictures]
+    body = ["", f"`{command}` wrote this section.", "", *_table(experiments)]
+    body += ["", " ".join(gallery), ""] if gallery else [""]
+    with replacing(path) as file:
+        file.write(f"{before}{BEGIN}{chr(10).join(body)}{END}{after}".encode())
+    return (path, *(file for _, file in pictures))
+
+
+def _pictures(experiments: tuple[Experiment, ...], folder: Path) -> list[tuple[str, Path]]:
+    there = {view.id: (e, view) for e in experiments for view in e.views}
+    written = []
+    for name in [name for name in CHOICE if name in there][:PICTURES]:
+        experiment, view = there[name]
+        path = folder / f"{name}.png"
+        write_picture(experiment, view, path, _SIZE, _DPI)
+        if path.stat().st_size > LARGEST:
+            raise RuntimeFault(f"'{path}' has {path.stat().st_size} bytes, allowed are {LARGEST}")
+        written.append((f"{caption(view)}: {view.title}", path))
+    return written
+
+
+def _table(experiments: tuple[Experiment, ...]) -> list[str]:
+    lines = [
+        "| document | case | figure | document's | λ-Adam as there | MAP | config |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for experiment in experiments:
+        for view in experiment.views:
+            if view.kind == "table":
+                lines += _lines(experiment, view)
+    return lines
+
+
+def _lines(experiment: Experiment, view: View) -> list[str]:
+    told = experiment.document.get(view.document, {})
+    lines = []
+    for case in view.cases:
+        for metric in (m for m in view.metrics if m in SHOWN):
+            key = (case, "adam", metric)
+            if key not in told or key not in experiment.values:
+                continue
+            name = _NAMES.get(metric, f"torque error j{metric[-1]} %")
+            best = measured(experiment.values.get((case, "map", metric)), metric)
+            ours = measured(experiment.values[key], metric)
+            cells = (caption(view), case_name(case), name, printed(told[key], metric), ours, best)
+            lines.append(f"| {' | '.join(cells)} | `{short_hash(experiment)}` |")
+    return lines

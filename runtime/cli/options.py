@@ -23,7 +23,8 @@ Log = Annotated[
     str,
     typer.Argument(
         metavar="LOG",
-        help="CSV, NPZ, a folder with a recipe, or a known data set such as panda_gaz.",
+        help="CSV, NPZ, Parquet, MCAP, a ROS bag, a folder with a recipe, or a known data set "
+        "such as panda_gaz.",
     ),
 ]
 Recipe = Annotated[
@@ -87,7 +88,7 @@ def read_data(
     Raises:
         RuntimeFault: the log or an option is none.
     """
-    recording = read_recording(log, recipe, run)
+    recording = read_recording(log, recipe, run, lib.joint_names)
     prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
     terms = _friction(recording, friction, coulomb_speed)
     if terms is None or terms.columns[:1] != (AUTO,):

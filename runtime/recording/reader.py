@@ -4,6 +4,7 @@ Corrupt rows are dropped, counted and told; whatever cannot be a recording is on
 `RecordingError`. `recipe` says the order of the steps from a number in a file to a joint angle.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from runtime import datasets
 from runtime.errors import RecordingError
 from runtime.recording.consistency import check_consistency, unwrap
-from runtime.recording.files import Files, parts_of
+from runtime.recording.files import Files, is_bag, parts_of
 from runtime.recording.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recipe_file import bundled_names, load_recipe
 from runtime.recording.recording import FloatArray, Recording
@@ -25,19 +26,24 @@ HUGE_TIME = 1e20  # nanoseconds since 1970 are 2e18
 
 
 def read_recording(
-    path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
+    path: str | Path,
+    recipe: str | Path | Recipe | None = None,
+    run: str | None = None,
+    joints: Sequence[str] = (),
 ) -> Recording:
-    """A recording from a file, a folder of raw files, or the name of a known data set.
+    """A recording from a file, a folder of raw files, a bag, or the name of a known data set.
 
     Without a recipe a CSV has the header `t,q1…qn` with optional `dq1…`, `ddq1…`, `tau1…`, and an
     NPZ the arrays `t, q, dq, ddq, tau` with one row per instant; both in SI units, joint side,
-    τ with the sign of the inverse dynamics. A folder is read with the recipe given, else with its
-    own recipe.toml, else with the bundled recipe of the folder's name.
+    τ with the sign of the inverse dynamics. A Parquet file has the columns of either; an MCAP file
+    or a ROS bag tells `sensor_msgs/JointState`; `convention` has the details. A folder is read with
+    the recipe given, else with its own recipe.toml, else with the bundled one of its name.
 
     Args:
-        path: CSV, NPZ, folder, or a name such as "panda_gaz".
+        path: CSV, NPZ, Parquet, MCAP, bag, folder, or a name such as "panda_gaz".
         recipe: TOML file, name of a bundled recipe, or a `Recipe`.
         run: which run, where the recipe knows several.
+        joints: names in the order of the robot, which pick joints of a bag where no recipe does.
 
     Raises:
         RecordingError: in one sentence what was expected, what came and what to do.
@@ -46,9 +52,9 @@ def read_recording(
     chosen = _choose_recipe(place, recipe)
     if chosen is not None and run is not None:
         chosen = chosen.replace(run=run)
-    files = Files(place, chosen or Recipe())
+    files = Files(place, chosen or Recipe(), tuple(joints))
     plan = files.plan()
-    raw = {kind: files.table(part) for kind, part in parts_of(plan).items()}
+    raw = {kind: files.table(kind, part) for kind, part in parts_of(plan).items()}
     extras = files.extras()
     if (columns := files.columns()) is not None:
         raw["columns"] = columns
@@ -97,7 +103,7 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
     """The recipe asked for; a folder also has its own recipe.toml, or the bundled one."""
     if recipe is not None:
         return load_recipe(recipe)
-    if not place.is_dir():
+    if not place.is_dir() or is_bag(place):
         return None
     if (place / "recipe.toml").is_file():
         return load_recipe(place / "recipe.toml")

@@ -34,6 +34,22 @@ from runtime.uncertainty import Uncertainty, uncertainty_of
 
 
 @dataclass(frozen=True, slots=True)
+class Streamed:
+    """What was computed over all rows of a log of which a result holds only windows.
+
+    Attributes:
+        samples: rows of the parts, as prepared.
+        spans: their first and last instant [s].
+        before, after: torque errors on the whole test part, first guess and answer.
+    """
+
+    samples: dict[str, int]
+    spans: dict[str, tuple[float, float]]
+    before: metrics.TorqueError
+    after: metrics.TorqueError
+
+
+@dataclass(frozen=True, slots=True)
 class Identification:
     """Identified parameters and what vouches for them.
 
@@ -52,6 +68,7 @@ class Identification:
         one_run: True when they are parts of one recording.
         notes: what was done on the way.
         net: friction beyond φ, learned by "nn".
+        streamed: where train, validation and test are windows of a longer log.
     """
 
     method: str
@@ -76,6 +93,7 @@ class Identification:
     seed: int
     notes: tuple[str, ...] = field(default=())
     net: FrictionNet | None = None
+    streamed: Streamed | None = None
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """τ̂ = Y π + F(dq) φ, (N, n) or (n,), and the net's share where there is one."""

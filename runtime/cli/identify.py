@@ -12,6 +12,7 @@ from runtime.cli.common import Robot, Seed, command_line, console, say, torque_t
 from runtime.cli.options import (
     CoulombSpeed,
     Cutoff,
+    Data,
     FrictionNames,
     Log,
     LoopFile,
@@ -19,8 +20,10 @@ from runtime.cli.options import (
     Rate,
     Recipe,
     Run,
+    Stream,
     read_data,
 )
+from runtime.errors import IdentificationError
 from runtime.export import write_urdf
 from runtime.fitting import PRESETS
 from runtime.identification import Identification, identify
@@ -28,8 +31,9 @@ from runtime.library import Library, load
 from runtime.loop import read_loop
 from runtime.methods import METHODS
 from runtime.prior_file import read_prior
-from runtime.recording import Friction, Recording
+from runtime.recording import Friction, Recording, StreamedRecording
 from runtime.results import write_result
+from runtime.streaming import identify_streamed
 
 
 def identify_command(
@@ -61,6 +65,7 @@ def identify_command(
     rate: Rate = None,
     split: Parts = None,
     loop: LoopFile = None,
+    stream: Stream = None,
     seed: Seed = 0,
 ) -> None:
     r"""Identify a robot from a log: result.json, identified.urdf and report.html.
@@ -88,7 +93,16 @@ def identify_command(
         cutoff=cutoff,
         rate=rate,
         split=split,
+        stream=stream,
     )
+    if data.streamed is not None:
+        if method not in {None, "map"} or preset is not None or loop is not None:
+            raise IdentificationError(
+                "a streamed log is identified by the method map alone, without preset or loop; "
+                "leave them out, or use --no-stream"
+            )
+        _finish(_streamed(data.streamed, data, lib, prior), out or _folder(log, "map"))
+        return
     terms = data.friction
     if terms is None and method == "nn":
         terms = Friction(INPUTS)
@@ -105,8 +119,27 @@ def identify_command(
         seed=seed,
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-    folder = out or Path("results") / f"{Path(log).stem}-{result.method}"
-    _finish(result, folder)
+    _finish(result, out or _folder(log, result.method))
+
+
+def _folder(log: str, method: str) -> Path:
+    return Path("results") / f"{Path(log).stem}-{method}"
+
+
+def _streamed(
+    log: StreamedRecording, data: Data, lib: Library, prior: Path | None
+) -> Identification:
+    say(f"streaming {log.rows} rows of {log.name}; --no-stream reads them as a whole")
+    with console.status("streaming") as status:
+        return identify_streamed(
+            log,
+            lib,
+            preparation=data.preparation,
+            splitting=data.splitting,
+            friction_columns=data.friction,
+            prior=None if prior is None else read_prior(prior, lib),
+            progress=status.update,
+        )
 
 
 def _with_progress(

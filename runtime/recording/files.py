@@ -21,6 +21,7 @@ from runtime.recording.convention import (
     npz_convention,
     parquet_convention,
 )
+from runtime.recording.in_place import NpzRows
 from runtime.recording.joint_states import JointLog, read_joint_states
 from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.recipe import Recipe, Signal, Time
@@ -55,6 +56,7 @@ class Files:
     place: Path
     recipe: Recipe
     joints: tuple[str, ...] = ()
+    in_place: bool = False
     sha256: dict[str, str] = field(default_factory=dict)
     _data: dict[str, bytes] = field(default_factory=dict)
     _arrays: dict[str, dict[str, NDArray]] = field(default_factory=dict)
@@ -64,12 +66,12 @@ class Files:
         """The recipe with its signals: its own, or those of the default convention."""
         if self.recipe.position is not None:
             return self.recipe
-        name = self._name("")
-        layout = self._layout(name, "")
+        name = self.file_of("")
+        layout = self.layout_of(name, "")
         if layout == "npz":
-            default = npz_convention(tuple(self._npz(name)))
+            default = npz_convention(self._keys(name))
         elif layout == "parquet":
-            with closing(ParquetLog(self._hashed(name))) as log:
+            with closing(ParquetLog(self.hashed(name))) as log:
                 default = parquet_convention(log.columns, name)
         elif layout == "bag":
             default = bag_convention(self._messages(name))
@@ -84,13 +86,13 @@ class Files:
 
     def table(self, kind: str, part: Signal | Time) -> tables.Table:
         """The numbers that one part of the recipe asks for."""
-        name = self._name(part.file)
-        layout = self._layout(name, part.layout)
+        name = self.file_of(part.file)
+        layout = self.layout_of(name, part.layout)
         if layout == "bag":
             usual = {"time": "", "torque": "effort"}.get(kind, kind)
             return self._messages(name).table(part.key or usual, name)
         if layout == "parquet":
-            with closing(ParquetLog(self._hashed(name))) as log:
+            with closing(ParquetLog(self.hashed(name))) as log:
                 columns = part.columns if isinstance(part, Signal) else (part.column,)
                 return log.table(parquet_columns(columns, part.key, log.columns))
         if layout == "npz":
@@ -137,7 +139,7 @@ class Files:
             if name in pins and pins[name] != digest
         ]
 
-    def _name(self, name: str) -> str:
+    def file_of(self, name: str) -> str:
         """The file that a part means: in a file path with a one-file recipe, that path."""
         if self.place.is_dir() and not is_bag(self.place):
             if not name:
@@ -154,21 +156,22 @@ class Files:
             )
         return self.place.name
 
-    def _path(self, name: str) -> Path:
+    def path(self, name: str) -> Path:
+        """Where a file of the recording lies."""
         inside = self.place.is_dir() and not is_bag(self.place)
         return self.place / name if inside else self.place
 
     def _bytes(self, name: str) -> bytes:
         if name not in self._data:
-            with _reading(self._path(name)):
-                data = self._path(name).read_bytes()
+            with _reading(self.path(name)):
+                data = self.path(name).read_bytes()
             self._data[name] = data
             self.sha256[name] = hashlib.sha256(data).hexdigest()
         return self._data[name]
 
-    def _hashed(self, name: str) -> Path:
+    def hashed(self, name: str) -> Path:
         """The path of a file that is too large to be held, hashed piece by piece."""
-        path = self._path(name)
+        path = self.path(name)
         files = sorted(path.iterdir()) if path.is_dir() else [path]
         for each in files:
             key = name if each == path else f"{name}/{each.name}"
@@ -180,15 +183,20 @@ class Files:
     def _messages(self, name: str) -> JointLog:
         if self._bag is None:
             wanted = self.recipe.joints or self.joints
-            self._bag = read_joint_states(self._hashed(name), self.recipe.topic, wanted)
+            self._bag = read_joint_states(self.hashed(name), self.recipe.topic, wanted)
         return self._bag
+
+    def _keys(self, name: str) -> tuple[str, ...]:
+        """The arrays of an NPZ, which stay in their file where they are read row by row."""
+        return tuple(NpzRows(self.path(name)).keys if self.in_place else self._npz(name))
 
     def _npz(self, name: str) -> dict[str, NDArray]:
         if name not in self._arrays:
             self._arrays[name] = tables.open_npz(self._bytes(name), name)
         return self._arrays[name]
 
-    def _layout(self, name: str, layout: str) -> str:
+    def layout_of(self, name: str, layout: str) -> str:
+        """The layout that a recipe states, or that of the file's suffix."""
         if not layout and is_bag(self.place):
             return "bag"
         suffix = Path(name).suffix.lower()

@@ -6,6 +6,7 @@ cell of q is a list of n numbers. Nothing but numbers is decoded.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
@@ -18,6 +19,8 @@ from runtime.recording.tables import Columns, Table
 
 FloatArray = NDArray[np.float64]
 BATCH = 65536
+BUFFER = 2**20
+"""Bytes of a column that are read at once; without it pyarrow holds whole row groups."""
 EXPANSION, SLACK = 200, 2**26
 """Decoded bytes per byte of the file, and bytes besides, beyond which a file is no log."""
 
@@ -34,7 +37,7 @@ class ParquetLog:
         pq = imported("pyarrow.parquet", "Parquet")
         size = path.stat().st_size
         with _sentences(self.name):
-            self._file = pq.ParquetFile(path)
+            self._file = pq.ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)
             self.rows = int(self._file.metadata.num_rows)
             self.columns = tuple(self._file.schema_arrow.names)
         if self.rows < 1:
@@ -54,45 +57,40 @@ class ParquetLog:
         """Close the file."""
         self._file.close()
 
-    def read(self, columns: tuple[str, ...], start: int = 0, stop: int | None = None) -> FloatArray:
-        """Rows start … stop of some columns, side by side; lists give several numbers each.
+    def group_start(self, row: int) -> int:
+        """The first row of the row group that holds a row: where decoding can begin."""
+        return int(self._starts[np.searchsorted(self._starts, row, side="right") - 1])
+
+    def table(self, columns: tuple[str, ...]) -> Table:
+        """All rows of some columns, side by side; lists give several numbers each.
 
         Raises:
             RecordingError: no such column, no numbers, or a damaged page.
         """
-        stop = self.rows if stop is None else min(stop, self.rows)
-        self._require(columns)
-        groups = [
-            i
-            for i, first in enumerate(self._starts[:-1])
-            if first < stop and self._starts[i + 1] > start
-        ]
-        if not groups:
-            return np.zeros((0, len(columns)))
-        done = int(self._starts[groups[0]])
-        parts = []
-        with _sentences(self.name):
-            for batch in self._batches(groups, columns):
-                first, last = max(start - done, 0), min(stop - done, batch.num_rows)
-                if first < last:
-                    parts.append(self._numbers(batch.slice(first, last - first), columns))
-                done += batch.num_rows
-        if sum(map(len, parts)) != stop - start or len({part.shape[1] for part in parts}) != 1:
+        parts = [batch.numbers(columns) for batch in self.batches(columns)]
+        if sum(map(len, parts)) != self.rows or len({part.shape[1] for part in parts}) != 1:
             raise RecordingError(
-                f"{self.name} is expected to have {stop - start} rows of one width here, but the "
-                "pages hold others; export the log again"
+                f"{self.name} is expected to have {self.rows} rows of one width, but its pages "
+                "hold others; export the log again"
             )
-        return np.concatenate(parts)
+        return Table(np.concatenate(parts), np.arange(self.rows, dtype=np.int64))
 
-    def table(self, columns: tuple[str, ...]) -> Table:
-        """All rows of some columns."""
-        values = self.read(columns)
-        return Table(values, np.arange(len(values), dtype=np.int64))
+    def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
+        """Batches of rows from a row group's first row on.
 
-    def _batches(self, groups: list[int], columns: tuple[str, ...]) -> Iterator[Any]:
-        yield from self._file.iter_batches(
-            BATCH, row_groups=groups, columns=list(dict.fromkeys(columns)), use_threads=False
-        )
+        Raises:
+            RecordingError: as for `table`.
+        """
+        self._require(columns)
+        with _sentences(self.name):
+            groups = range(int(np.searchsorted(self._starts, first_row)), len(self._starts) - 1)
+            for batch in self._file.iter_batches(
+                BATCH,
+                row_groups=list(groups),
+                columns=list(dict.fromkeys(columns)),
+                use_threads=False,
+            ):
+                yield Batch(batch, self.name)
 
     def _require(self, columns: tuple[str, ...]) -> None:
         missing = [column for column in columns if column not in self.columns]
@@ -112,23 +110,36 @@ class ParquetLog:
                     f"but is of type {kind}; convert it to double"
                 )
 
-    def _numbers(self, batch: Any, columns: tuple[str, ...]) -> FloatArray:
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Some rows of an open file."""
+
+    cells: Any
+    name: str
+
+    def numbers(self, columns: tuple[str, ...]) -> FloatArray:
+        """Columns side by side, (N, m); null is NaN.
+
+        Raises:
+            RecordingError: lists of several lengths, or a damaged page.
+        """
+        with _sentences(self.name):
+            return np.hstack([self._block(column) for column in columns])
+
+    def _block(self, column: str) -> FloatArray:
         types = imported("pyarrow.types", "Parquet")
-        blocks = []
-        for column in columns:
-            cells = batch.column(column)
-            if not _is_list(cells.type, types):
-                blocks.append(_floats(cells).reshape(-1, 1))
-                continue
-            flat, count = _floats(cells.flatten()), len(cells)
-            width, rest = divmod(len(flat), count)
-            if rest or cells.null_count or not _is_even(cells, width, types):
-                raise RecordingError(
-                    f"{self.name}: the lists of the column {column!r} are expected to be of one "
-                    "length, but are not; write one number per joint and instant"
-                )
-            blocks.append(flat.reshape(count, width))
-        return np.hstack(blocks)
+        cells = self.cells.column(column)
+        if not _is_list(cells.type, types):
+            return _floats(cells).reshape(-1, 1)
+        flat, count = _floats(cells.flatten()), len(cells)
+        width, rest = divmod(len(flat), count)
+        if rest or cells.null_count or not _is_even(cells, width, types):
+            raise RecordingError(
+                f"{self.name}: the lists of the column {column!r} are expected to be of one "
+                "length, but are not; write one number per joint and instant"
+            )
+        return flat.reshape(count, width)
 
 
 def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> None:

@@ -100,9 +100,14 @@ def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict
     }
 
 
-def write_result(result: Identification, folder: Path, command: str) -> dict[str, Any]:
-    """Write result.json and predictions.npz into a folder; returns the facts."""
-    facts = result_facts(result, command)
+def write_result(
+    result: Identification, folder: Path, command: str, study: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write result.json and predictions.npz into a folder; returns the facts.
+
+    `study` is what several logs say about each other.
+    """
+    facts = result_facts(result, command) | ({"sessions": study} if study else {})
     test = samples_of(result.test, result.lib)
     arrays = {
         "t": np.asarray(result.test.t),
@@ -215,11 +220,13 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
     if not result.phi.size:
         return None
     names = result.train.column_names or result.friction.columns
+    if result.sessions:
+        names = result.friction.columns
     motors = result.train.motors
     return {
         **result.friction.facts(),
         "columns": list(names),
-        "values": result.phi.tolist(),
+        "values": result.usual_phi.tolist(),
         **({} if motors is None else {"gear": motors.tolist()}),
     } | _net_facts(result)
 

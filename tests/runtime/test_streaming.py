@@ -18,27 +18,12 @@ from runtime.statistics import Statistics
 from runtime.streaming import blocks, blocks_of, identify_streamed
 from runtime.streaming import identify as passes
 from tests.runtime.conftest import Command
+from tests.runtime.motions import moving
 
 PREPARATION = Preparation(
     filter="butterworth", cutoff_hz=20.0, max_gap_s=6e-3, rate_hz=100.0, trim_s=0.1, rest_speed=0.02
 )
 FRICTION = Friction()
-
-
-def moving(lib: Library, rows: int, rate: float = 500.0) -> Recording:
-    """Sums of sines at the robot's middle, with friction and noise."""
-    rng = np.random.default_rng(5)
-    limits = lib.limits()
-    middle, half = (limits["lower"] + limits["upper"]) / 2, (limits["upper"] - limits["lower"]) / 2
-    t = np.arange(rows) / rate
-    speed = 2 * np.pi * rng.uniform(0.1, 0.5, (lib.n_joints, 4))
-    phase = t[:, None, None] * speed + rng.uniform(0, 6, speed.shape)
-    size = half[:, None] * 0.2
-    q = middle + np.sum(size * np.sin(phase), axis=2)
-    dq = np.sum(size * speed * np.cos(phase), axis=2)
-    ddq = -np.sum(size * speed**2 * np.sin(phase), axis=2)
-    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + 0.5 * dq + 0.3 * np.tanh(dq / 0.02)
-    return Recording(t=t, q=q, dq=dq, tau=tau + rng.normal(0, 0.05, q.shape), name="x")
 
 
 @pytest.fixture(scope="module")

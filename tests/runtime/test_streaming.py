@@ -28,7 +28,8 @@ FRICTION = Friction()
 
 @pytest.fixture(scope="module")
 def log(lib: Library) -> Recording:
-    return moving(lib, 20_000)
+    """The robot is a tenth heavier than its URDF."""
+    return moving(lib, 20_000, payload=0.1 * lib.pi0)
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.conversion import converted
-from runtime.recording.files import Files, parts_of
+from runtime.recording.files import Files, columns_of, parts_of
 from runtime.recording.in_place import NpzRows, ParquetRows, Rows
 from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.reader import place_and_recipe
@@ -146,6 +146,11 @@ def _rows(files: Files, name: str, parts: dict[str, Signal | Time]) -> Rows:
     layout = files.layout_of(name, next(iter(parts.values())).layout)
     path = files.hashed(name)
     if layout == "npz":
+        if "columns" in NpzRows(path).keys:
+            raise RecordingError(
+                f"{name} holds friction columns of a prepared recording, which is not streamed; "
+                "read it as a whole with --no-stream"
+            )
         return NpzRows(path, {kind: part.key for kind, part in parts.items()})
     if layout != "parquet":
         raise RecordingError(
@@ -156,9 +161,7 @@ def _rows(files: Files, name: str, parts: dict[str, Signal | Time]) -> Rows:
     return ParquetRows(
         log,
         {
-            kind: parquet_columns(
-                part.columns if isinstance(part, Signal) else (part.column,), part.key, log.columns
-            )
+            kind: parquet_columns(columns_of(part), part.key, log.columns)
             for kind, part in parts.items()
         },
     )

@@ -62,8 +62,8 @@ Stream = Annotated[
     bool | None,
     typer.Option(
         "--stream/--no-stream",
-        help="Leave the log in its file and pass over it block by block; default for NPZ and "
-        "Parquet above 200 MB.",
+        help="Leave the log in its file and pass over it block by block; default for NPZ, "
+        "Parquet and CSV above 200 MB.",
     ),
 ]
 LoopFile = Annotated[

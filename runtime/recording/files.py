@@ -25,6 +25,7 @@ from runtime.recording.in_place import NpzRows
 from runtime.recording.joint_states import JointLog, read_joint_states
 from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.recipe import Recipe, Signal, Time
+from runtime.recording.spool import head_of_text
 
 SUFFIXES = {
     ".npz": "npz",
@@ -62,7 +63,7 @@ class Files:
         place: file, folder of raw files, or bag.
         recipe: what is asked for.
         joints: names that pick joints of a bag where the recipe does not.
-        in_place: arrays of an NPZ stay in their file.
+        in_place: large files are not held.
         sha256: file name → digest of what was read.
     """
 
@@ -90,7 +91,7 @@ class Files:
         elif layout == "bag":
             default = bag_convention(self._messages(name))
         else:
-            default = csv_convention(tables.decode(self._bytes(name), name), name)
+            default = csv_convention(self._text(name), name)
         return default.replace(
             time=self.recipe.time or default.time,
             joints=self.recipe.joints or default.joints,
@@ -110,7 +111,7 @@ class Files:
                 return log.table(parquet_columns(columns_of(part), part.key, log.columns))
         if layout == "npz":
             return tables.npz_table(self._npz(name), part.key, name)
-        text = tables.decode(self._bytes(name), name)
+        text = self._text(name)
         if layout == "flat":
             return tables.flat_table(text, part.width if isinstance(part, Signal) else 1, name)
         columns = columns_of(part)
@@ -204,6 +205,12 @@ class Files:
             wanted = self.recipe.joints or self.joints
             self._bag = read_joint_states(self.hashed(name), self.recipe.topic, wanted)
         return self._bag
+
+    def _text(self, name: str) -> str:
+        """A text, or the head of one that stays in its file."""
+        if self.in_place:
+            return head_of_text(self.hashed(name))
+        return tables.decode(self._bytes(name), name)
 
     def _keys(self, name: str) -> tuple[str, ...]:
         """The arrays of an NPZ, which stay in their file where they are read row by row."""

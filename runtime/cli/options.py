@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,11 +11,21 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import console, numbers_option, preparation_of
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, RecordingError
 from runtime.friction import COLUMNS
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, Recording, Split, read_recording
+from runtime.recording import (
+    Friction,
+    Preparation,
+    Recording,
+    Split,
+    StreamedRecording,
+    is_large,
+    open_streamed,
+    read_recording,
+)
+from runtime.streaming import head_of
 
 AUTO = "auto"
 """Instead of columns: let the ladder choose them."""
@@ -23,7 +34,8 @@ Log = Annotated[
     str,
     typer.Argument(
         metavar="LOG",
-        help="CSV, NPZ, a folder with a recipe, or a known data set such as panda_gaz.",
+        help="CSV, NPZ, Parquet, MCAP, a ROS bag, a folder with a recipe, or a known data set "
+        "such as panda_gaz.",
     ),
 ]
 Recipe = Annotated[
@@ -46,6 +58,14 @@ Parts = Annotated[
     str | None,
     typer.Option("--split", metavar="A,B", help="Train up to A, validate up to B of the duration."),
 ]
+Stream = Annotated[
+    bool | None,
+    typer.Option(
+        "--stream/--no-stream",
+        help="Leave the log in its file and pass over it block by block; default for NPZ, "
+        "Parquet and CSV above 200 MB.",
+    ),
+]
 LoopFile = Annotated[
     Path | None,
     typer.Option(
@@ -61,6 +81,7 @@ class Data:
 
     Attributes:
         notes: sentences about what was chosen.
+        streamed: the log in its file, of which `recording` is the head.
     """
 
     recording: Recording
@@ -68,6 +89,7 @@ class Data:
     splitting: Split | None
     friction: Friction | None
     notes: tuple[str, ...] = ()
+    streamed: StreamedRecording | None = None
 
 
 def read_data(
@@ -81,23 +103,47 @@ def read_data(
     cutoff: float | None,
     rate: float | None,
     split: str | None,
+    stream: bool | None = False,
 ) -> Data:
     """Read the log, and climb the ladder of friction where that is asked for.
+
+    `stream` leaves it in its file; None does so where it is large.
 
     Raises:
         RuntimeFault: the log or an option is none.
     """
-    recording = read_recording(log, recipe, run)
+    streamed = _streamed(log, recipe, run, stream)
+    if streamed is not None:
+        recording = head_of(streamed)
+    else:
+        recording = read_recording(log, recipe, run, lib.joint_names)
     prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
     terms = _friction(recording, friction, coulomb_speed)
     if terms is None or terms.columns[:1] != (AUTO,):
-        return Data(recording, prepared, parts, terms)
+        return Data(recording, prepared, parts, terms, streamed=streamed)
+    if streamed is not None:
+        raise IdentificationError(
+            "a friction model is chosen on a log that is read as a whole, but this one is "
+            "streamed; name the columns with --friction, or use --no-stream"
+        )
     with console.status("choosing a friction model"):
         choice = choose_friction(
             recording, lib, prepared, parts, coulomb_speed, extra=terms.columns[1:]
         )
     console.print(_ladder_table(choice))
     return Data(recording, prepared, parts, choice.chosen.terms, (choice.sentence,))
+
+
+def _streamed(
+    log: str, recipe: str | None, run: str | None, stream: bool | None
+) -> StreamedRecording | None:
+    """The log in its file, where that was asked for, or is possible and worth while."""
+    if stream:
+        return open_streamed(log, recipe, run)
+    if stream is None and is_large(log):
+        with suppress(RecordingError):  # compressed, or no log at all, as reading it will tell
+            return open_streamed(log, recipe, run)
+    return None
 
 
 def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ Corrupt rows are dropped, counted and told; whatever cannot be a recording is on
 `RecordingError`. `recipe` says the order of the steps from a number in a file to a joint angle.
 """
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -42,46 +43,111 @@ def read_recording(
     Raises:
         RecordingError: in one sentence what was expected, what came and what to do.
     """
-    place = _locate(path)
+    return check_consistency(settled(read_raw(path, recipe, run)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raw:
+    """What the files hold before anything is converted; only corrupt rows are gone.
+
+    Attributes:
+        plan: which part of which file is what, in which unit, sign, order and gear.
+        recipe: as chosen, None by the default convention.
+        values: kind of signal ("time", "position", …) → (N, m), in the units of the files.
+        rows: place of each row among all rows, (N,).
+        remarks: what the files' form asked for, a sentence each.
+        dropped: what is said about corrupt rows, a sentence each.
+        names: texts that an NPZ of our own carries.
+        motors: directions of coupled motors, likewise.
+        name: of the recording.
+        source: file name → sha256.
+        pins: sentences about files that are not the published ones.
+    """
+
+    plan: Recipe
+    recipe: Recipe | None
+    values: dict[str, FloatArray]
+    rows: NDArray[np.int64]
+    remarks: tuple[str, ...]
+    dropped: tuple[str, ...]
+    names: dict[str, tuple[str, ...]]
+    motors: NDArray | None
+    name: str
+    source: dict[str, str]
+    pins: tuple[str, ...]
+
+
+def read_raw(
+    path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
+) -> Raw:
+    """The rows that are whole, as they lie in the files; arguments of `read_recording`.
+
+    Raises:
+        RecordingError: no such file, no recipe for a folder, or too few whole rows.
+    """
+    place = locate(path)
     chosen = _choose_recipe(place, recipe)
     if chosen is not None and run is not None:
         chosen = chosen.replace(run=run)
     files = Files(place, chosen or Recipe())
     plan = files.plan()
     raw = {kind: files.table(part) for kind, part in parts_of(plan).items()}
-    extras = files.extras()
-    if (columns := files.columns()) is not None:
+    names = files.extras()
+    columns = files.columns()
+    if columns is not None:
         raw["columns"] = columns
     keep, dropped = _usable_rows(raw)
-    t, clock_notes = _time(plan.time, raw, keep)
+    return Raw(
+        plan=plan,
+        recipe=chosen,
+        values={kind: table.values[keep] for kind, table in raw.items()},
+        rows=keep,
+        remarks=tuple(dict.fromkeys(remark for t in raw.values() for remark in t.remarks)),
+        dropped=tuple(dropped),
+        names=names,
+        motors=files.motors() if columns is not None else None,
+        name=names.get("name", ("",))[0] or plan.name or place.stem,
+        source=files.sha256,
+        pins=tuple(files.pin_notes()),
+    )
+
+
+def settled(raw: Raw) -> Recording:
+    """Units, signs, order and gear as the plan says; nothing is checked against anything.
+
+    Raises:
+        RecordingError: the plan does not fit the files, or time does not increase.
+    """
+    plan, names = raw.plan, raw.names
+    t, clock_notes = _time(plan.time, raw.values, raw.rows)
     signals: dict[str, Any] = {}
     notes: list[str] = []
     for kind, signal in plan.signals().items():
-        signals[FIELDS[kind]], told = _joint_side(kind, signal, raw[kind].values[keep], plan)
+        signals[FIELDS[kind]], told = _joint_side(kind, signal, raw.values[kind], plan)
         notes += told
-    if columns is not None:
-        names = extras.get("column_names", ())
-        signals["columns"] = columns.values[keep].reshape(len(t), -1, max(len(names), 1))
+    column_names = names.get("column_names", ())
+    if "columns" in raw.values:
+        columns = raw.values["columns"]
+        signals["columns"] = columns.reshape(len(t), -1, max(len(column_names), 1))
     t, signals, repeated = _without_repeats(t, signals)
     recording = Recording(
         t=t,
         **signals,
-        column_names=extras.get("column_names", ()) if columns is not None else (),
-        motors=files.motors() if columns is not None else None,
-        name=extras.get("name", ("",))[0] or plan.name or place.stem,
-        joint_names=plan.joints or extras.get("joint_names", ()),
-        source=files.sha256,
-        recipe=chosen,
+        column_names=column_names if "columns" in raw.values else (),
+        motors=raw.motors,
+        name=raw.name,
+        joint_names=plan.joints or names.get("joint_names", ()),
+        source=raw.source,
+        recipe=raw.recipe,
     )
     rate = f" at {recording.rate_hz:.6g} Hz (median)" if len(recording) > 1 else ""
     size = f"{len(recording)} rows of {recording.n_joints} joints{rate}"
-    remarks = dict.fromkeys(remark for table in raw.values() for remark in table.remarks)
-    history = (*extras.get("history", ()), f"Read {size} from {', '.join(files.sha256)}.")
-    history += (*remarks, *dropped, *clock_notes, *notes, *repeated, *files.pin_notes())
-    return check_consistency(recording.replace(history=history))
+    history = (*names.get("history", ()), f"Read {size} from {', '.join(raw.source)}.")
+    history += (*raw.remarks, *raw.dropped, *clock_notes, *notes, *repeated, *raw.pins)
+    return recording.replace(history=history)
 
 
-def _locate(path: str | Path) -> Path:
+def locate(path: str | Path) -> Path:
     """The existing path, or the folder of the known data set of that name."""
     if Path(path).exists():
         return Path(path)
@@ -144,13 +210,13 @@ def _usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
 
 
 def _time(
-    plan: Time | None, raw: dict[str, Table], keep: NDArray[np.int64]
+    plan: Time | None, values: dict[str, FloatArray], keep: NDArray[np.int64]
 ) -> tuple[FloatArray, list[str]]:
     """Seconds of the usable rows; a constant rate counts the dropped rows too."""
     if plan is None or plan.rate_hz is not None:
         rate = plan.rate_hz if plan is not None and plan.rate_hz is not None else 1.0
         return keep / rate, [f"Time was made from a constant rate of {rate:g} Hz."]
-    t = raw["time"].values[keep]
+    t = values["time"]
     if t.shape[1] != 1:
         raise RecordingError(f"expected one column of time, got {t.shape[1]}; correct the recipe")
     t = t[:, 0]

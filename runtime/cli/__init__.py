@@ -1,10 +1,10 @@
-"""`python -m runtime identify | compare | payload | evaluate | excite | simulate | report`."""
+"""`python -m runtime inspect | identify | compare | payload | evaluate | excite | simulate | report`."""
 
 import sys
 
 import typer
 
-from runtime.cli import compare, evaluate, excite, identify, payload, simulate
+from runtime.cli import compare, evaluate, excite, identify, inspect, payload, simulate
 from runtime.errors import RuntimeFault
 
 INTERRUPTED = 130
@@ -18,6 +18,7 @@ app = typer.Typer(
     help="Find the true inertial parameters of a robot arm from measured motion.",
     epilog="The robot's library comes from: python -m symgen build",
 )
+app.command("inspect")(inspect.inspect_command)
 app.command("identify")(identify.identify_command)
 app.command("compare")(compare.compare_command)
 app.command("payload")(payload.payload_command)

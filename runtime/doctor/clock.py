@@ -57,16 +57,17 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     ]
 
 
-def clock(recording: Recording, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Finding]]:
     """Repeats, ticks, jitter and holes; with the preparation that settles them."""
+    logged = raw.values["position"]
+    preparation, findings = _stale(recording, plan, logged if len(logged) == len(recording) else None)
     if len(recording) < 10 or plan.time is None or plan.time.rate_hz is not None:
-        return plan, _stale(recording, plan)[1]
-    preparation, findings = _stale(recording, plan)
+        return plan, findings
     ticking = preparation.clock_tick is not None
     steps = np.diff(recording.t)
     median = float(np.median(steps))
     holes = np.flatnonzero(steps > max(HOLE_S, _GAP_STEPS * median))
-    spread = np.quantile(steps, [0.01, 0.99]) / median
+    spread = np.quantile(steps, [0.001, 0.999]) / median
     skipped = int(np.sum((steps > HOLE * median) & (steps <= max(HOLE_S, _GAP_STEPS * median))))
     handled = plan.preparation.max_gap_s is not None
     level = INFO if handled else WARNING
@@ -103,7 +104,7 @@ def clock(recording: Recording, plan: Recipe) -> tuple[Recipe, list[Finding]]:
                 "jitter",
                 level,
                 f"steps of time go from {spread[0] * median:.4g} to {spread[1] * median:.4g} s "
-                f"(1 % to 99 %) around {median:.4g} s; derivatives need the uniform grid that "
+                f"(99.8 % of them) around {median:.4g} s; derivatives need the uniform grid that "
                 "max_gap_s and grid_hz under [preparation] make",
                 {"steps_s": [float(s * median) for s in spread], "median_s": median},
                 trap=2,
@@ -117,7 +118,9 @@ def clock(recording: Recording, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     return plan.replace(preparation=preparation), findings
 
 
-def _stale(recording: Recording, plan: Recipe) -> tuple[Preparation, list[Finding]]:
+def _stale(
+    recording: Recording, plan: Recipe, logged: FloatArray | None
+) -> tuple[Preparation, list[Finding]]:
     """States logged twice, and the clock rebuilt from dq = v dt where it fits better."""
     preparation = plan.preparation
     same = np.all(np.diff(recording.q, axis=0) == 0.0, axis=1)
@@ -126,10 +129,10 @@ def _stale(recording: Recording, plan: Recipe) -> tuple[Preparation, list[Findin
         same &= np.abs(recording.dq[1:]).max(axis=1) > MOVING
     else:
         # An encoder repeats its count where the arm is slow: only steps of many counts tell.
-        moved = np.abs(np.diff(recording.q, axis=0))
-        count_of = np.array([column[column > 0].min(initial=np.inf) for column in moved.T])
+        values = recording.q if logged is None else logged
+        moved = np.abs(np.diff(values, axis=0))
         around = np.minimum(np.roll(moved, 1, axis=0), np.roll(moved, -1, axis=0))
-        same &= np.any(around > _COUNTS * count_of, axis=1)
+        same &= np.any(around > _COUNTS * _counts(values)[1:], axis=1)
     count = int(same.sum())
     if count <= REPEATED * len(same):
         return preparation, []
@@ -161,6 +164,18 @@ def _repeated(level: str, count: int, share: float, told: str, evidence: dict) -
         f"the logger read faster than the robot answered; {told}"
     )
     return Finding("repeated_rows", level, sentence, evidence, trap=2)
+
+
+def _counts(q: FloatArray) -> FloatArray:
+    """The smallest step that q (N, n) can take at each row: of the encoder, or of the digits."""
+    steps = np.abs(np.diff(q, axis=0))
+    least = np.array([column[column > 0].min(initial=np.inf) for column in steps.T])
+    scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(q), 1e-12)))
+    for digits in range(3, 10):
+        unit = scale * 10.0 ** (1 - digits)
+        if np.abs(q / unit - np.round(q / unit)).max() < 1e-5:
+            return np.asarray(np.maximum(unit, least))
+    return np.broadcast_to(least, q.shape)
 
 
 def _tick(recording: Recording) -> float | None:

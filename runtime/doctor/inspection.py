@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runtime.cutoff import choose_cutoff
+from runtime.cutoff import CutoffChoice, choose_cutoff
 from runtime.doctor import clock, effort, gravity, model, motion, order, signals
 from runtime.doctor.bench import Bench, bench_of, rough
 from runtime.doctor.finding import ERROR, INFO, WARNING, Finding
@@ -17,13 +17,15 @@ from runtime.doctor.names import meaning
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.library import Library
 from runtime.plausibility import require_joints
-from runtime.recording import Friction, Recipe, Recording, load_recipe
+from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
 from runtime.recording.reader import Raw, locate, read_raw, settled
 from runtime.threads import one_blas_thread
 
 REST_SPEED = 0.02
 ROWS_PER_CUTOFF = 10.0
 """Rate of the proposed rows over the cut-off."""
+_STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
+"""One row of so many is kept."""
 _BASE = ("viscous", "coulomb", "offset")
 _MOTORS = ("rotor", "motor_viscous", "motor_coulomb", "motor_rotor")
 
@@ -84,15 +86,17 @@ def inspect_log(
     require_joints(asked.recording, lib)
     asked.ask(lambda r, p: motion.velocity_pairs(r, p, lib))
     asked.ask(lambda r, p: motion.units(r, p, lib))
+    blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
     asked.ask(lambda r, p: order.joint_order(r, p, lib))
-    asked.ask(clock.clock)
+    asked.ask(lambda r, p: clock.clock(r, p, raw))
     recording = asked.recording
     findings += motion.wraps(recording)
-    findings += signals.saturation(recording, lib) + signals.rest(recording, asked.plan)
+    if not blind:
+        findings += signals.saturation(recording, lib) + signals.rest(recording, asked.plan)
     if recording.tau is None:
         said = "the log has no torque, without which nothing can be identified; log it"
         findings.append(Finding("no_torque", ERROR, said))
-    elif any(f.kind in {"position_range", "missing_clock"} and f.level == ERROR for f in findings):
+    elif blind or any(f.kind == "position_range" for f in findings):
         said = "the torque was not judged, because the motion is not that of this robot yet"
         findings.append(Finding("not_judged", INFO, said))
     else:
@@ -188,14 +192,7 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
         preparation = asked.plan.preparation
         if propose and preparation.filter == "none":
             choice = choose_cutoff(asked.recording, lib, preparation, asked.plan.split, terms)
-            rate = ROWS_PER_CUTOFF * choice.chosen.cutoff_hz
-            step = max(1, round(asked.recording.rate_hz / rate))
-            ready = replace(
-                choice.preparation,
-                rate_hz=float(f"{asked.recording.rate_hz / step:.3g}") if step > 1 else None,
-                rest_speed=preparation.rest_speed or REST_SPEED,
-            )
-            asked.plan = asked.plan.replace(preparation=ready)
+            asked.plan = asked.plan.replace(preparation=_thinned(choice, asked.recording))
             asked.findings.append(Finding("cutoff", INFO, choice.sentence))
         bench = asked.bench(lib, terms)
         matrix = model.fit_rows(bench)
@@ -213,6 +210,20 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
     except RuntimeFault as fault:
         said = f"the torque could not be judged: {fault}"
         asked.findings.append(Finding("not_judged", WARNING, said))
+
+
+def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
+    """The chosen preparation with the rows that its band needs, and without rest."""
+    ready = choice.preparation
+    grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
+    most = grid / (ROWS_PER_CUTOFF * choice.chosen.cutoff_hz)
+    step = max(k for k in _STEPS if k <= max(most, 1.0))
+    return replace(
+        ready,
+        trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
+        rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
+        rest_speed=ready.rest_speed or REST_SPEED,
+    )
 
 
 def _terms(plan: Recipe) -> Friction:

@@ -162,7 +162,10 @@ def _recipe(
     chosen: dict[str, Signal] = {}
     run = ""
     for kind, parts in found.items():
-        if kind == "time":
+        if kind == "time" or not parts:
+            continue
+        if kind == "acceleration":
+            findings.append(_computed(parts))
             continue
         where, many = _run_of(parts)
         run = run or many
@@ -204,11 +207,20 @@ def _run_of(parts: list[dict]) -> tuple[dict, str]:
 
 def _left_aside(kind: str, parts: list[dict], run: str) -> list[Finding]:
     others = [p["title"] for p in parts[1:] if not (run and p["measured"])]
+    others = list(dict.fromkeys(others))
     if not others:
         return []
     told = f"{kind} is read from '{parts[0]['title']}'; left aside: {', '.join(others[:6])}"
     evidence = {"kind": kind, "chosen": parts[0]["title"], "others": others}
     return [Finding("left_aside", INFO, told, evidence, trap=4)]
+
+
+def _computed(parts: list[dict]) -> Finding:
+    told = (
+        f"the accelerations '{parts[0]['title']}' are left aside: loggers compute them, with a "
+        "filter that nobody knows; they are computed anew, with the filter of the other signals"
+    )
+    return Finding("left_aside", INFO, told, {"kind": "acceleration"})
 
 
 def _is_number(cell: str) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from runtime.doctor.finding import ERROR, INFO, WARNING, Finding, joints_told
+from runtime.doctor.limits import BEYOND, ROWS, beyond_limits, mismatches
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import slopes_of, unwrap
@@ -20,10 +21,10 @@ from runtime.recording.recipe import UNITS, Signal
 
 ALIKE = 0.8
 """Correlation of dq with the derivative of q that speaks for a pair."""
-BEYOND = 0.2
-"""rad or m beyond its limits that a position may be: offsets and soft limits."""
 TINY = 0.06
 """Span in rad below which a motion may be degrees taken for radians."""
+DOUBT = 0.8
+"""Mismatch of τ with gravity above which degrees are not believed, though the limits allow them."""
 SLOPE = 0.15
 USUAL_RATES = (2.0, 2e4)
 _ANGULAR = {"position": ("rad", "deg"), "velocity": ("rad/s", "deg/s", "rpm")}
@@ -81,8 +82,17 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
     """Units of q by the limits, then of dq and t by the slope."""
     findings: list[Finding] = []
     factor = _position_factor(recording.q, lib)
+    doubt = ""
+    if factor not in {None, 1.0} and recording.tau is not None:
+        mismatch = gravity_mismatch(recording.q * factor, recording.tau, lib)
+        if mismatch > DOUBT:
+            doubt = (
+                f" (as degrees they would lie within, but then τ is nothing like the torque of "
+                f"gravity, mismatch {mismatch:.2f})"
+            )
+            factor = None
     if factor is None:
-        findings.append(_out_of_reach(recording.q, plan, lib))
+        findings.append(_out_of_reach(recording.q, plan, lib, doubt))
         factor = 1.0
     if abs(factor - 1.0) > 1e-9:
         assert plan.position is not None  # noqa: S101  a plan has one
@@ -100,7 +110,7 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
             )
         )
     if recording.dq is None or plan.velocity is None:
-        return plan, findings + _rate_only(recording)
+        return plan, findings + _rate_only(recording, plan)
     slopes = slopes_of(recording.replace(q=unwrap(recording.q * factor)[0]))
     if not np.isfinite(slopes).any():
         return plan, findings
@@ -187,9 +197,10 @@ def _in_units(
     return plan, findings
 
 
-def _rate_only(recording: Recording) -> list[Finding]:
+def _rate_only(recording: Recording, plan: Recipe) -> list[Finding]:
     """Without dq the unit of time can only be doubted."""
-    if USUAL_RATES[0] <= recording.rate_hz <= USUAL_RATES[1]:
+    given = recording.rate_hz if plan.time and plan.time.unit else USUAL_RATES[0]
+    if USUAL_RATES[0] <= given <= USUAL_RATES[1]:
         return []
     told = f"a rate of {recording.rate_hz:.4g} Hz is unusual and there is no dq to measure it by"
     return [
@@ -221,16 +232,7 @@ def _misplaced(q: Array, lib: Library) -> float:
     return float(beyond[rows, order].max())
 
 
-def beyond_limits(q: Array, lib: Library) -> Array:
-    """How far column i leaves the limits of joint j, (columns, joints), rad or m."""
-    limits = lib.limits()
-    low, high = q.min(axis=0)[:, None], q.max(axis=0)[:, None]
-    upper = np.where(np.isfinite(limits["upper"]), limits["upper"], 4 * np.pi)
-    lower = np.where(np.isfinite(limits["lower"]), limits["lower"], -4 * np.pi)
-    return np.asarray(np.maximum(np.maximum(lower - low, high - upper), 0.0))
-
-
-def _out_of_reach(q: Array, plan: Recipe, lib: Library) -> Finding:
+def _out_of_reach(q: Array, plan: Recipe, lib: Library, doubt: str) -> Finding:
     beyond = np.diag(beyond_limits(q, lib))
     worst = int(np.argmax(beyond))
     ratio = np.abs(q).max(axis=0)
@@ -245,7 +247,7 @@ def _out_of_reach(q: Array, plan: Recipe, lib: Library) -> Finding:
         "position_range",
         ERROR,
         f"positions fit the robot in no unit: {lib.joint_names[worst]} goes {beyond[worst]:.3g} "
-        f"beyond its limits, the joints reach {', '.join(f'{x:.3g}' for x in ratio)}; {what}",
+        f"beyond its limits, the joints reach {', '.join(f'{x:.3g}' for x in ratio)}{doubt}; {what}",
         {"reach": _list(ratio), "beyond": _list(beyond)},
         trap=6,
     )
@@ -259,6 +261,12 @@ def wraps(recording: Recording) -> list[Finding]:
                 "of the robot's own", trap=10)
         for said in told
     ]  # fmt: skip
+
+
+def gravity_mismatch(q: Array, tau: Array, lib: Library) -> float:
+    """E of `runtime.doctor.order` for the joints as they stand."""
+    take = np.linspace(0, len(q) - 1, ROWS).astype(int)
+    return float(mismatches(q[take], tau[take], np.arange(lib.n_joints)[None], lib)[0])
 
 
 def correlation(a: Array, b: Array) -> Array:

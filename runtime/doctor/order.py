@@ -12,11 +12,10 @@ from math import factorial
 import numpy as np
 
 from runtime.doctor.finding import WARNING, Finding
-from runtime.doctor.motion import BEYOND, beyond_limits
-from runtime.library import Array, Library
+from runtime.doctor.limits import BEYOND, ROWS, beyond_limits, mismatches
+from runtime.library import Library
 from runtime.recording import Recipe, Recording
 
-ROWS = 60
 MOST = 5040
 GOOD, BETTER = 0.5, 0.6
 """E of the best order, and that over E as it stands, that speak for it."""
@@ -28,14 +27,16 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
     beyond = beyond_limits(recording.q, lib)
     fits = float(np.diag(beyond).max()) <= BEYOND
     take = np.linspace(0, len(recording) - 1, ROWS).astype(int)
-    q, tau = recording.q[take], None if recording.tau is None else recording.tau[take]
-    stands = _error(q, tau, np.arange(n)[None], lib)[0]
-    if tau is None or (fits and stands < GOOD):
+    if recording.tau is None:
+        return plan, []
+    q, tau = recording.q[take], recording.tau[take]
+    stands = mismatches(q, tau, np.arange(n)[None], lib)[0]
+    if fits and stands < GOOD:
         return plan, []
     orders = np.array([p for p in _orders(n) if beyond[p, np.arange(n)].max() <= BEYOND])
     if not len(orders):
         return plan, []
-    errors = _error(q, tau, orders, lib)
+    errors = mismatches(q, tau, orders, lib)
     best, least = orders[int(np.argmin(errors))], float(errors.min())
     same = np.array_equal(best, np.arange(n))
     if same or least > GOOD or (fits and least > BETTER * stands):
@@ -70,17 +71,3 @@ def _orders(n: int) -> itertools.chain | itertools.permutations:
         for a, b in itertools.combinations(range(n), 2)
     )
     return itertools.chain(turned, [tuple(reversed(base))], swapped)
-
-
-def _error(q: Array, tau: Array | None, orders: Array, lib: Library) -> Array:
-    """E of each permutation (P, n), (P,)."""
-    if tau is None:
-        return np.zeros(len(orders))
-    placed = np.moveaxis(q[:, orders], 1, 0)  # (P, N, n)
-    still = np.zeros_like(placed).reshape(-1, lib.n_joints)
-    gravity = lib.inverse_dynamics(placed.reshape(still.shape), still, still, lib.pi0)
-    measured = np.moveaxis(tau[:, orders], 1, 0).reshape(len(orders), -1)
-    model = gravity.reshape(len(orders), -1)
-    size = np.linalg.norm(model, axis=1) * np.linalg.norm(measured, axis=1)
-    cosine = np.sum(model * measured, axis=1) / np.where(size > 0, size, np.inf)
-    return np.asarray(np.sqrt(np.maximum(1.0 - cosine**2, 0.0)))

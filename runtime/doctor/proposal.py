@@ -22,6 +22,7 @@ _KEYS = ("description", "robot", "run", "joints")
 def recipe_text(inspection: Inspection) -> str:
     """The proposed recipe of an inspection, to be read before it is used."""
     plan = inspection.plan
+    blind = any(f.kind == "missing_clock" and f.level == ERROR for f in inspection.findings)
     lines = ["# Proposed by python -m runtime inspect; what it saw:"]
     for finding in inspection.of_level(ERROR, WARNING):
         said = f"{finding.level}: {finding.sentence}"
@@ -30,6 +31,9 @@ def recipe_text(inspection: Inspection) -> str:
     lines += [f"{key} = {_value(getattr(plan, key))}" for key in _KEYS if getattr(plan, key)]
     for name in _TABLES:
         table = _table(plan, name)
+        if name == "time" and blind:
+            lines += ["", "[time]", "# The rate of the logger, which the files do not tell:", "# rate_hz ="]
+            continue
         if table:
             lines += ["", f"[{name}]", *(f"{key} = {value}" for key, value in table.items())]
     if any(f.kind == "position_range" for f in inspection.findings) and not plan.gear:

@@ -118,10 +118,8 @@ def _chosen(tried: dict[tuple[float, str], tuple[Array, float]], base: Preparati
     alike = [c for c in found if c.excess <= max(c.excess_error, WORTH * least)]
     measured = [c for c in alike if c.derivative == base.derivative]
     chosen = max(measured or alike, key=lambda c: c.n_eff)
-    told = ", ".join(
-        f"{c.cutoff_hz:g} Hz{' (velocity from q)' * (c.derivative != base.derivative)} {c.score:.3f}"
-        for c in found
-    )
+    other = {c.derivative: " (velocity from q)" * (c.derivative != base.derivative) for c in found}
+    told = ", ".join(f"{c.cutoff_hz:g} Hz{other[c.derivative]} {c.score:.3f}" for c in found)
     aside = " Velocities from q predict better than the measured ones, which are set aside."
     sentence = (
         f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {BLOCKS} blocks, the "

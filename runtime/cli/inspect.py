@@ -88,7 +88,11 @@ def _show(found: Inspection) -> None:
     names = recording.joint_names or [str(j + 1) for j in range(recording.n_joints)]
     for j, name in enumerate(names):
         cells = [f"{recording.q[:, j].min():.4g}", f"{recording.q[:, j].max():.4g}"]
-        for values, largest in ((recording.dq, False), (recording.tau, False), (recording.tau, True)):
+        for values, largest in (
+            (recording.dq, False),
+            (recording.tau, False),
+            (recording.tau, True),
+        ):
             if values is None:
                 cells.append("-")
             else:

@@ -6,7 +6,9 @@ Only what holds for every sample is here; `effort`, `gravity` and `model` ask th
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from runtime import friction
 from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of
 from runtime.preprocessing import prepare
@@ -32,7 +34,7 @@ class Bench:
 
     lib: Library
     whole: Recording
-    rows: Array
+    rows: NDArray[np.int64]
     samples: Samples
 
     def model_torque(self) -> tuple[Array, Array]:
@@ -44,18 +46,7 @@ class Bench:
     def friction_rows(self) -> Array:
         """F over [φ] as equations, (N n, n k): one block of columns per joint."""
         s = self.samples
-        count, n, k = s.columns.shape
-        rows = np.zeros((count, n, n, k))
-        rows[:, np.arange(n), np.arange(n)] = s.columns
-        if s.coupling is not None:
-            from runtime import friction
-
-            return friction.spread(s.columns, s.coupling).reshape(count * n, -1)
-        return rows.reshape(count * n, n * k)
-
-    def with_torque(self, tau: Array) -> Samples:
-        """The same rows with another torque."""
-        return replace(self.samples, tau=np.ascontiguousarray(tau))
+        return friction.spread(s.columns, s.coupling).reshape(len(s) * self.lib.n_joints, -1)
 
 
 def bench_of(

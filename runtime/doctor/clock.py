@@ -60,7 +60,9 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
 def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Finding]]:
     """Repeats, ticks, jitter and holes; with the preparation that settles them."""
     logged = raw.values["position"]
-    preparation, findings = _stale(recording, plan, logged if len(logged) == len(recording) else None)
+    preparation, findings = _stale(
+        recording, plan, logged if len(logged) == len(recording) else None
+    )
     if len(recording) < 10 or plan.time is None or plan.time.rate_hz is not None:
         return plan, findings
     ticking = preparation.clock_tick is not None
@@ -112,7 +114,9 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
         )
     uniform = float(np.abs(steps / median - 1.0).max()) <= JITTER
     if not uniform and not handled:
-        gap = max(4.0 * median, 0.02) if not ticking else max(20.0 * (preparation.clock_tick or 0), 0)
+        gap = (
+            max(4.0 * median, 0.02) if not ticking else max(20.0 * (preparation.clock_tick or 0), 0)
+        )
         rate = None if ticking else _nice_rate(1.0 / median)
         preparation = replace(preparation, max_gap_s=float(f"{gap:.3g}"), grid_hz=rate)
     return plan.replace(preparation=preparation), findings
@@ -144,15 +148,15 @@ def _stale(
     tick = _tick(recording)
     told = "write clock_tick under [preparation] if the controller's period is known"
     if tick is not None:
-        logged, rebuilt, skipped = _fit_of_clocks(recording, tick)
-        evidence |= {"misfit_logged": logged, "misfit_rebuilt": rebuilt, "tick_s": tick}
-        if rebuilt < BETTER * logged:
+        before, rebuilt, skipped = _fit_of_clocks(recording, tick)
+        evidence |= {"misfit_logged": before, "misfit_rebuilt": rebuilt, "tick_s": tick}
+        if rebuilt < BETTER * before:
             preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
             evidence["skipped_ticks"] = skipped
             told = (
                 f"with them dropped and the clock rebuilt in ticks of {1e3 * tick:g} ms from "
                 f"Δq = v Δt ({skipped} ticks were skipped), velocities explain the steps of q "
-                f"to {100 * rebuilt:.2g} % instead of {100 * logged:.2g} %; clock_tick = {tick:g} "
+                f"to {100 * rebuilt:.2g} % instead of {100 * before:.2g} %; clock_tick = {tick:g} "
                 "under [preparation] does that"
             )
     return preparation, [_repeated(WARNING, count, share, told, evidence)]

@@ -10,6 +10,7 @@ yardstick of 10 to 20 %: gains read off it are a start, no calibration.
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from runtime.doctor.bench import Bench, least_squares
@@ -29,7 +30,8 @@ EPSILON = 0.05
 
 def torque_order(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     """The columns of τ, where they belong to other joints than those of q."""
-    model = sum(bench.model_torque())
+    inertial, falls = bench.model_torque()
+    model = inertial + falls
     tau, n = bench.samples.tau, bench.lib.n_joints
     share = np.array([[_regressed(bench, model, i, j)[1] for j in range(n)] for i in range(n)])
     columns, joints = linear_sum_assignment(-(share**2))
@@ -38,7 +40,11 @@ def torque_order(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     moved = np.flatnonzero(order != np.arange(n))
     if plan.torque is None or not moved.size:
         return plan, []
-    if np.median(best[moved]) < NEW or np.median(best[moved] - own[moved]) < GAINED or not tau.any():
+    if (
+        np.median(best[moved]) < NEW
+        or np.median(best[moved] - own[moved]) < GAINED
+        or not tau.any()
+    ):
         return plan, []
     told = ", ".join(map(str, order))
     base = plan.torque.order or tuple(range(n))
@@ -64,11 +70,9 @@ def scale(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     size = np.abs(slopes)
     middle = float(np.median(size[sure]))
     evidence = {"slopes": [float(s) if k else None for s, k in zip(slopes, sure, strict=True)]}
-    told = ", ".join(
-        f"{s:.3g}" if k else "?" for s, k in zip(slopes, sure, strict=True)
-    )
+    told = ", ".join(f"{s:.3g}" if k else "?" for s, k in zip(slopes, sure, strict=True))
     spread = float(size[sure].max() / size[sure].min())
-    if USUAL[0] <= middle <= USUAL[1] and spread < 4.0 and plan.torque.unit != "A":
+    if USUAL[0] <= middle <= USUAL[1] and spread < 4.0 and not _unscaled(plan):
         return plan, []
     if 400.0 <= middle <= 2500.0 and spread < 3.0 and plan.torque.unit == "N*m":
         sentence = (
@@ -80,11 +84,15 @@ def scale(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
             Finding("torque_unit", ERROR, sentence, evidence, trap=11)
         ]
     known = [float(s) for s, k in zip(size, sure, strict=True) if k]
-    gains = [1.0 / s if k else 1.0 / float(np.median(known)) for s, k in zip(size, sure, strict=True)]
+    gains = [
+        1.0 / s if k else 1.0 / float(np.median(known)) for s, k in zip(size, sure, strict=True)
+    ]
     evidence["gains"] = [float(f"{g:.4g}") for g in gains]
     before = np.broadcast_to(np.asarray(plan.torque.gain or 1.0, dtype=float), size.shape)
     torque = replace(
-        plan.torque, unit="A", gain=tuple(float(f"{g * b:.4g}") for g, b in zip(gains, before, strict=True))
+        plan.torque,
+        unit="A",
+        gain=tuple(float(f"{g * b:.4g}") for g, b in zip(gains, before, strict=True)),
     )
     sentence = (
         f"τ is no torque at the joints in N·m: it is {told} times the model's, joint by joint, so "
@@ -93,9 +101,12 @@ def scale(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
         f"{', '.join(f'{g:.3g}' for g in gains)}, make the URDF's masses right and are no "
         "calibration: identified masses inherit their error"
     )
-    return plan.replace(torque=torque), [
-        Finding("torque_unit", ERROR, sentence, evidence, trap=11)
-    ]
+    return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence, trap=11)]
+
+
+def _unscaled(plan: Recipe) -> bool:
+    """Amperes by the title, without a gain that anybody has given."""
+    return plan.torque is not None and plan.torque.unit == "A" and plan.torque.gain == 1.0
 
 
 def joint_signs(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
@@ -124,13 +135,14 @@ def joint_signs(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     ]
 
 
-def slopes_to_model(bench: Bench) -> tuple[Array, Array]:
+def slopes_to_model(bench: Bench) -> tuple[Array, NDArray[np.bool_]]:
     """s per joint, and which of them are believed."""
-    model = sum(bench.model_torque())
+    inertial, falls = bench.model_torque()
+    model = inertial + falls
     found = [_regressed(bench, model, j, j) for j in range(bench.lib.n_joints)]
     slopes, partial = np.array(found).T
     power = np.sqrt(np.mean(np.square(model), axis=0))
-    return slopes, (np.abs(partial) > SURE) & (power > LOADED * power.max())
+    return slopes, np.asarray((np.abs(partial) > SURE) & (power > LOADED * power.max()))
 
 
 def _regressed(bench: Bench, model: Array, i: int, j: int) -> tuple[float, float]:

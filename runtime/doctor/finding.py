@@ -6,6 +6,9 @@ Trap numbers are those of the list in `runtime.doctor`.
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 ERROR, WARNING, INFO = "error", "warning", "info"
 LEVELS = (ERROR, WARNING, INFO)
 
@@ -34,3 +37,8 @@ def joints_told(names: tuple[str, ...], index: list[int]) -> str:
     if len(index) == len(names) and len(names) > 1:
         return "every joint"
     return ", ".join(names[j] for j in index)
+
+
+def numbers(values: NDArray[np.float64]) -> list[float | None]:
+    """For JSON: None where there is no number."""
+    return [float(x) if np.isfinite(x) else None for x in np.ravel(values)]

@@ -2,15 +2,15 @@
 
     τ = ± [Y₀(q, dq, ddq) + s Y_g(q)] π + F φ,   s ∈ {1, 0, −1}
 
-with Y_g = Y(q, 0, 0) and Y₀ = Y − Y_g. Least squares turns every mass negative and fits −g nearly as
-well as g; under P(π) ≻ 0 (maximum a posteriori, a weak prior) only one of them fits. An arm on a
+with Y_g = Y(q, 0, 0) and Y₀ = Y − Y_g. Least squares turns every mass negative and fits −g nearly
+as well as g; under P(π) ≻ 0 (maximum a posteriori, a weak prior) only one of them fits. An arm on a
 wall is another matter: gravity then loads joint 1, which no sign explains. Its columns come from
 the poses of the tip with the outer joints at zero, unit masses in a frame of each link:
 
     τ_d = ∂/∂q [e_d · (p_k, R_k)] θ_k,   d = x, y, z in the base frame
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,9 +59,7 @@ def _turned(
     plan: Recipe, own: Trial, best: Trial, trials: list[Trial], evidence: dict
 ) -> tuple[Recipe, list[Finding]]:
     rivals = [t for t in trials if t is not best and t.consistent < ALIKE * best.consistent]
-    doubt = (
-        f" (the motion is too slow to tell this from {_told(rivals[0])})" if rivals else ""
-    )
+    doubt = f" (the motion is too slow to tell this from {_told(rivals[0])})" if rivals else ""
     found = (
         f"with {_told(best)} bodies that can exist explain the torque to "
         f"{100 * best.consistent:.2g} %, as it stands only to {100 * own.consistent:.2g} % "
@@ -70,9 +68,8 @@ def _turned(
     if best.sign < 0 and best.gravity > 0 and plan.torque is not None:
         before = np.atleast_1d(np.asarray(plan.torque.sign, dtype=float))
         sign = tuple(float(-s) for s in before) if before.size > 1 else float(-before[0])
-        torque = plan.replace(torque=_with_sign(plan, sign))
         told = "the log counts the torque that the robot feels, not the one it applies"
-        return torque, [
+        return plan.replace(torque=replace(plan.torque, sign=sign)), [
             Finding(
                 "torque_sign",
                 ERROR,
@@ -92,13 +89,6 @@ def _turned(
             "symgen build --gravity X,Y,Z in the frame of the base"
         )
     return plan, [Finding("gravity", ERROR, f"{found}: {what}", evidence, trap=5)]
-
-
-def _with_sign(plan: Recipe, sign: float | tuple[float, ...]):  # type: ignore[no-untyped-def]  # noqa: ANN202
-    from dataclasses import replace
-
-    assert plan.torque is not None  # noqa: S101  asked for by the caller
-    return replace(plan.torque, sign=sign)
 
 
 def _told(trial: Trial) -> str:
@@ -125,7 +115,7 @@ def _trial(bench: Bench, sign: float, scale: float) -> Trial:
     rows, target = rows - basis @ (basis.T @ rows), target - basis @ (basis.T @ target)
     _, rest = least_squares(rows, target)
     free = float(np.linalg.norm(rest)) / size
-    triangle = np.linalg.qr(np.column_stack([rows, target]), mode="r")
+    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
     width = rows.shape[1]
     data = Reduced(
         np.ascontiguousarray(triangle[:width, :width]),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.cutoff import CutoffChoice, choose_cutoff
-from runtime.doctor import clock, effort, gravity, model, motion, order, signals
+from runtime.doctor import clock, effort, gravity, model, motion, order, signals, units
 from runtime.doctor.bench import Bench, bench_of, rough
 from runtime.doctor.finding import ERROR, INFO, WARNING, Finding
 from runtime.doctor.layout import draft
@@ -85,7 +85,7 @@ def inspect_log(
     asked = _Asked(raw, plan, findings)
     require_joints(asked.recording, lib)
     asked.ask(lambda r, p: motion.velocity_pairs(r, p, lib))
-    asked.ask(lambda r, p: motion.units(r, p, lib))
+    asked.ask(lambda r, p: units.units(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
     asked.ask(lambda r, p: order.joint_order(r, p, lib))
     asked.ask(lambda r, p: clock.clock(r, p, raw))
@@ -120,9 +120,7 @@ class _Asked:
         self._raw, self.plan, self.findings = raw, plan, findings
         self.recording = settled(replace(raw, plan=plan))
 
-    def ask(
-        self, question: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]
-    ) -> None:
+    def ask(self, question: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
         """Ask, and read anew where the answer changes the plan."""
         plan, told = question(self.recording, self.plan)
         self.findings += told
@@ -130,12 +128,20 @@ class _Asked:
             self.plan = plan
             self.recording = settled(replace(self._raw, plan=plan))
 
-    @property
-    def bench(self) -> Callable[[Library, Friction], Bench]:
+    def ask_torque(
+        self,
+        question: Callable[[Bench, Recipe], tuple[Recipe, list[Finding]]],
+        lib: Library,
+        terms: Friction,
+    ) -> None:
+        """Ask the prepared rows."""
+        bench = self.bench(lib, terms)
+        self.ask(lambda _, plan: question(bench, plan))
+
+    def bench(self, lib: Library, terms: Friction) -> Bench:
         """The bench of the recording as it stands."""
-        return lambda lib, terms: bench_of(
-            self.recording, lib, rough(self.recording, self.plan.preparation), terms
-        )
+        usual = rough(self.recording, self.plan.preparation)
+        return bench_of(self.recording, lib, usual, terms)
 
 
 def _read(
@@ -187,8 +193,7 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
     terms = asked.plan.friction or _terms(asked.plan)
     try:
         for question in (effort.torque_order, effort.joint_signs, effort.scale, gravity.gravity):
-            bench = asked.bench(lib, terms)
-            asked.ask(lambda _, plan, q=question, b=bench: q(b, plan))
+            asked.ask_torque(question, lib, terms)
         preparation = asked.plan.preparation
         if propose and preparation.filter == "none":
             choice = choose_cutoff(asked.recording, lib, preparation, asked.plan.split, terms)
@@ -202,10 +207,14 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
                 asked.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
             )
             asked.plan = asked.plan.replace(preparation=shifted)
+            bench = asked.bench(lib, terms)
+            matrix = model.fit_rows(bench)
         tau = asked.recording.tau
         assert tau is not None  # noqa: S101  asked for by the caller
         asked.findings += late + model.too_good(bench, matrix, tau)
-        asked.findings += model.tool(bench) + model.coupling(bench, matrix, terms)
+        guessed = asked.plan.torque is not None and asked.plan.torque.unit == "A"
+        if not (guessed and any(f.kind == "torque_unit" for f in asked.findings)):
+            asked.findings += model.tool(bench) + model.coupling(bench, matrix, terms)
         asked.findings.append(model.one_run(bench))
     except RuntimeFault as fault:
         said = f"the torque could not be judged: {fault}"

@@ -24,7 +24,9 @@ HEAD = 200
 _UNTOLD = Time(rate_hz=1.0)
 
 
-def draft(place: Path, joints: int, rate_hz: float | None = None) -> tuple[Recipe | None, list[Finding]]:
+def draft(
+    place: Path, joints: int, rate_hz: float | None = None
+) -> tuple[Recipe | None, list[Finding]]:
     """A recipe for the bare files (None: the default convention), and what is missing.
 
     Args:

@@ -1,9 +1,10 @@
 """Positions against the limits of the joints, torques against gravity: no unit, no sign is needed.
 
-    E(P) = (1 − c²)^½,  c the cosine between τ_P and the model's gravity torque at q_P
+E(P) = (1 − c²)^½,  c the cosine between τ_P and the model's gravity torque at q_P
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.library import Array, Library
 
@@ -22,7 +23,7 @@ def beyond_limits(q: Array, lib: Library) -> Array:
     return np.asarray(np.maximum(np.maximum(lower - low, high - upper), 0.0))
 
 
-def mismatches(q: Array, tau: Array, orders: Array, lib: Library) -> Array:
+def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) -> Array:
     """E of each permutation (P, n), (P,)."""
     placed = np.moveaxis(q[:, orders], 1, 0)  # (P, N, n)
     still = np.zeros_like(placed).reshape(-1, lib.n_joints)

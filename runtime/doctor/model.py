@@ -36,13 +36,15 @@ def fit_rows(bench: Bench) -> Array:
 
 
 def delay(bench: Bench, matrix: Array, plan: Recipe) -> list[Finding]:
-    """δ that minimises ‖T(t + δ) − W x‖: τ is logged δ later than q; below a sample by a parabola."""
+    """δ that minimises ‖T(t + δ) − W x‖, below a sample by a parabola: τ is stamped δ late."""
     whole, t = bench.whole, bench.whole.t[bench.rows]
     step = 1.0 / whole.rate_hz
     cutoff = plan.preparation.cutoff_hz or 5.0
     grid = np.linspace(-1.0, 1.0, SHIFTS + 1) * max(0.25 / cutoff, 4 * step)
     lengths = np.linalg.norm(matrix, axis=0)
-    left, sigma, _ = np.linalg.svd(matrix / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
+    left, sigma, _ = np.linalg.svd(
+        matrix / np.where(lengths > 0, lengths, 1.0), full_matrices=False
+    )
     left = left[:, sigma > 1e-9 * sigma[0]]
     tau = whole.tau
     assert tau is not None  # noqa: S101  samples_of has checked it
@@ -142,7 +144,7 @@ def tool(bench: Bench) -> list[Finding]:
     if abs(mass) < max(TOOL_KG, SURE * sigma) or gain > TOOL_GAIN:
         return []
     com = x[1:4] / mass
-    link = lib.link_names[-1]
+    link, centre = lib.link_names[-1], ", ".join(f"{c:.3f}" for c in com)
     what = (
         "something hangs there that the model does not know: build the robot with the tool, or "
         "weigh it with the command payload"
@@ -154,8 +156,7 @@ def tool(bench: Bench) -> list[Finding]:
         Finding(
             "tool",
             WARNING,
-            f"{mass:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {', '.join(f'{c:.3f}' for c in com)} "
-            f"m) explain what the model leaves of the torque ({100 * gain:.0f} % remains); {what}",
+            f"{mass:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) explain what the model leaves of the torque ({100 * gain:.0f} % remains); {what}",
             {"mass_kg": mass, "sigma_kg": sigma, "com_m": [float(c) for c in com], "left": gain},
             trap=1,
         )

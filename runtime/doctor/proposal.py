@@ -32,7 +32,12 @@ def recipe_text(inspection: Inspection) -> str:
     for name in _TABLES:
         table = _table(plan, name)
         if name == "time" and blind:
-            lines += ["", "[time]", "# The rate of the logger, which the files do not tell:", "# rate_hz ="]
+            lines += [
+                "",
+                "[time]",
+                "# The rate of the logger, which the files do not tell:",
+                "# rate_hz =",
+            ]
             continue
         if table:
             lines += ["", f"[{name}]", *(f"{key} = {value}" for key, value in table.items())]
@@ -69,15 +74,14 @@ def _value(value: Any) -> str:
 
 def _gear_stub(n: int) -> list[str]:
     rows = [
-        "#     [" + ", ".join("1.0" if i == j else "0.0" for j in range(n)) + "],"
-        for i in range(n)
+        "#     [" + ", ".join("1.0" if i == j else "0.0" for j in range(n)) + "]," for i in range(n)
     ]
     return [
         "",
-        "# If these are motor angles and motor torques, only the manufacturer knows the gears: write",
-        "# R of q_motor = R q_joint (a motor that turns with another joint has two entries in its",
-        "# row), and under [position] the offset of the zero of each joint, in rad. Then inspect",
-        "# again with --recipe.",
+        "# If these are motor angles and motor torques, only the manufacturer knows the gears.",
+        "# Write R of q_motor = R q_joint (the row of a motor that turns with another joint has",
+        "# two entries), and under [position] the offset of the zero of each joint, in rad; then",
+        "# inspect again with --recipe.",
         "# [gear]",
         "# matrix = [",
         *rows,

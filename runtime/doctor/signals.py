@@ -28,7 +28,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
         close = np.abs(recording.tau).max(axis=0) >= NEAR_LIMIT * effort
         tops = [j for j in range(len(names)) if flat[j] > FLAT_SHARE * len(recording)]
         if tops:
-            limits = ", ".join(
+            peaks = ", ".join(
                 f"{np.abs(recording.tau[:, j]).max():.4g} of {effort[j]:.4g}" for j in tops
             )
             findings.append(
@@ -36,7 +36,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
                     "saturation",
                     WARNING,
                     f"τ has flat tops at {joints_told(names, tops)} "
-                    f"({', '.join(str(flat[j]) for j in tops)} rows at {limits} N·m or N): it was "
+                    f"({', '.join(str(flat[j]) for j in tops)} rows at {peaks} N·m or N): it was "
                     "cut off by the drive or the logger, so those rows lie; move more gently or "
                     "leave these stretches out",
                     {"joints": tops, "rows": [flat[j] for j in tops]},

@@ -20,7 +20,7 @@ def prepare(
     *friction: Friction,
     lib: Library | None = None,
 ) -> Recording:
-    """Clock → grid → delay of τ → friction columns at the full rate → filter → derivatives → trim → decimate.
+    """Clock → grid → delay → friction columns at the full rate → filter → derivative → trim → rate.
 
     Rest is dropped last. Without a preparation that of the recipe is used; without a recipe only
     missing derivatives are filled in, so a complete recording passes unchanged. Where dq was not

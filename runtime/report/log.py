@@ -17,9 +17,7 @@ _COLOURS = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
 _HOLE = 10.0
 
 
-def draw_log(
-    recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()
-) -> None:
+def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
     """Write a picture of a recording: one panel per signal, rests shaded, holes as lines.
 
     Args:
@@ -50,12 +48,12 @@ def draw_log(
                 colour = _COLOURS[j % len(_COLOURS)]
                 axis.plot(*thinned(t, values[:, j], POINTS), color=colour, label=name)
             axis.set_title(title)
-        holes = np.flatnonzero(steps > _HOLE * np.median(steps)) if len(steps) else []
+        holes = np.flatnonzero(steps > _HOLE * np.median(steps)) if len(steps) else steps[:0]
         for axis in axes:
             for start, end in rest:
                 axis.axvspan(start, end, color=GREY, alpha=0.3, linewidth=0)
             for i in holes:
-                axis.axvspan(t[i], t[i + 1], color=VERMILION, alpha=0.3, linewidth=0)
+                axis.axvspan(t[int(i)], t[int(i) + 1], color=VERMILION, alpha=0.3, linewidth=0)
         axes[-1].set_xlabel("time [s]; grey: rest, red: holes")
         axes[1].legend(loc="upper right", ncols=len(names), fontsize=6)
         with replacing(path) as file:

@@ -1,4 +1,4 @@
-"""`python -m runtime inspect | identify | compare | payload | evaluate | excite | simulate | report`."""
+"""`python -m runtime inspect | identify | compare | payload | evaluate | excite | …`."""
 
 import sys
 

@@ -212,8 +212,8 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
         tau = asked.recording.tau
         assert tau is not None  # noqa: S101  asked for by the caller
         asked.findings += late + model.too_good(bench, matrix, tau)
-        guessed = asked.plan.torque is not None and asked.plan.torque.unit == "A"
-        if not (guessed and any(f.kind == "torque_unit" for f in asked.findings)):
+        torque = asked.plan.torque
+        if asked.plan.gear or torque is None or torque.unit != "A":  # wrong gains feign both
             asked.findings += model.tool(bench) + model.coupling(bench, matrix, terms)
         asked.findings.append(model.one_run(bench))
     except RuntimeFault as fault:

@@ -156,7 +156,8 @@ def tool(bench: Bench) -> list[Finding]:
         Finding(
             "tool",
             WARNING,
-            f"{mass:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) explain what the model leaves of the torque ({100 * gain:.0f} % remains); {what}",
+            f"{mass:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) "
+            f"explain what the model leaves of the torque ({100 * gain:.0f} % remains); {what}",
             {"mass_kg": mass, "sigma_kg": sigma, "com_m": [float(c) for c in com], "left": gain},
             trap=1,
         )

@@ -96,11 +96,12 @@ def advance_torque(recording: Recording, delay_s: float) -> Recording:
         raise RecordingError("torque_delay_s expects τ, but there is none; leave it out")
     t = recording.t
     moved, keep = np.array(recording.tau), np.zeros(len(t), dtype=bool)
+    slack = 1e-9
     for part in segments(t):
         at = t[part] + delay_s
         own = t[part], recording.tau[part]
         moved[part] = np.stack([np.interp(at, own[0], row) for row in own[1].T], axis=1)
-        keep[part] = (at >= own[0][0]) & (at <= own[0][-1])
+        keep[part] = (at >= own[0][0] - slack) & (at <= own[0][-1] + slack)
     return recording.replace(tau=moved).take(
         keep, f"Advanced τ by {1e3 * delay_s:.3g} ms, its delay behind q ({keep.sum()} rows left)."
     )

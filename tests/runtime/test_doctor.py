@@ -5,6 +5,7 @@ is in a published log or model as it is. What is expected is what was put in.
 """
 
 import copy
+import json
 from pathlib import Path
 
 import numpy as np
@@ -394,3 +395,59 @@ def test_saturation(lib: Library, clean: Recording, saved) -> None:
     assert clipped > 20
     found = inspect_log(saved(clean, tau=tau), lib)
     assert "fr3_joint2" in told(found)["saturation"]
+
+
+def test_8_rounding_is_told_by_symgen(shared_data: Path) -> None:
+    """Published model: four-digit angles; `symgen inspect` says so and finds the 43 that remain."""
+    from symgen.inspect import inspect_file
+
+    found = inspect_file(shared_data / "models" / "kinova_gen3" / "kinova.urdf")
+    assert any("angles are rounded" in note for note in found.notes)
+    assert found.base is not None
+    assert len(found.base.names) == 43
+    assert found.base.condition < 1e4  # with the rounding taken at its word it is 1e7
+
+
+# --- the command line --------------------------------------------------------------------------
+
+
+def test_command(command, lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
+    """Property: exit codes 0, 1 and 2; recipe, picture and JSON; nothing written on failure."""
+    robot = ("--robot", lib.folder)
+    fine = command("inspect", EXAMPLE, *robot, "--plot", "log.png")
+    assert fine.code == 0, fine.err
+    assert "0 error(s), 0 warning(s)" in fine.out
+    assert (tmp_path / "log.png").read_bytes().startswith(b"\x89PNG")
+    assert command("inspect", EXAMPLE, *robot, "--strict").code == 1
+
+    log = saved(clean, tau=-clean.tau)
+    bad = command("inspect", log, *robot, "--recipe-out", "r.toml", "--json")
+    assert bad.code == 1, bad.err
+    facts = json.loads(bad.out[bad.out.index("{") :])
+    sign = next(f for f in facts["findings"] if f["kind"] == "torque_sign")
+    assert sign["trap"] == 3
+    assert sign["level"] == "error"
+    assert (tmp_path / "r.toml").read_text() == facts["recipe"]
+    assert command("inspect", log, *robot, "--recipe", "r.toml").code == 0
+    ran = command("identify", log, *robot, "--recipe", "r.toml", "--cutoff", "auto", "--out", "o")
+    assert ran.code == 0, ran.err
+    notes = json.loads((tmp_path / "o" / "result.json").read_text())["warnings"]
+    assert any(note.startswith("cut-off ") for note in notes)
+
+    broken = command("inspect", tmp_path / "none.csv", *robot, "--recipe-out", "no.toml")
+    assert broken.code == 2
+    assert broken.err.count("\n") == 1
+    assert not (tmp_path / "no.toml").exists()
+    assert "--cutoff needs" in command("identify", log, *robot, "--cutoff", "high").err
+    assert "expected to end in" in command("inspect", EXAMPLE, *robot, "--plot", "a.bmp").err
+
+
+def test_raw_files_to_result(command, lib: Library, shared_data: Path, tmp_path: Path) -> None:
+    """Real data: bare files of a Panda to 1.32 % or less, without a line by hand."""
+    raw, robot = shared_data / "data" / "panda_gaz", ("--robot", lib.folder)
+    assert command("inspect", raw, *robot, "--recipe-out", "r.toml").code == 1
+    ran = command("identify", raw, *robot, "--recipe", "r.toml", "--out", "out")
+    assert ran.code == 0, ran.err
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert facts["torque_error_percent"]["after_overall"] < 1.32
+    assert (tmp_path / "out" / "report.html").exists()

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import friction
+from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of
 from runtime.preprocessing import prepare
@@ -16,6 +17,8 @@ from runtime.recording import Friction, Preparation, Recording
 
 ROWS = 900
 """Rows of a bench: some hundred are independent, and a fit of 100 unknowns takes 50 ms."""
+FEWEST, SLOWEST = 150, 20.0
+"""Rows, and rate in Hz, below which the torque is not judged."""
 ROUGH_HZ = 5.0
 SHARE = 0.2
 """Rough cut-off over rate, where the rate is low."""
@@ -55,11 +58,16 @@ def bench_of(
     """Prepare a recording for the questions about its torque.
 
     Raises:
-        RuntimeFault: it cannot be prepared.
+        RuntimeFault: it cannot be prepared, or is too short or too slow.
     """
     bare = recording.replace(columns=None, column_names=(), motors=None)
     usual = replace(preparation, rate_hz=None, rest_speed=None)
     whole = prepare(bare, usual, terms, lib=lib)
+    if whole.rate_hz < SLOWEST or len(whole) < FEWEST:
+        raise IdentificationError(
+            f"{len(whole)} rows at {whole.rate_hz:.3g} Hz are expected to be {FEWEST} or more at "
+            f"{SLOWEST:g} Hz or more, or accelerations mean nothing; record for longer or faster"
+        )
     samples = samples_of(whole, lib)
     moving = np.abs(samples.dq).max(axis=1) >= 0.02
     rows = np.flatnonzero(moving if moving.sum() > ROWS // 4 else np.ones(len(samples), dtype=bool))

@@ -69,7 +69,8 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
     steps = np.diff(recording.t)
     median = float(np.median(steps))
     holes = np.flatnonzero(steps > max(HOLE_S, _GAP_STEPS * median))
-    spread = np.quantile(steps, [0.001, 0.999]) / median
+    even = steps[steps <= HOLE * median]
+    spread = np.quantile(even, [0.001, 0.999]) / median
     skipped = int(np.sum((steps > HOLE * median) & (steps <= max(HOLE_S, _GAP_STEPS * median))))
     handled = plan.preparation.max_gap_s is not None
     level = INFO if handled else WARNING

@@ -93,8 +93,8 @@ def inspect_log(
     findings += motion.wraps(recording)
     if not blind:
         findings += signals.saturation(recording, lib) + signals.rest(recording, asked.plan)
-    if recording.tau is None:
-        said = "the log has no torque, without which nothing can be identified; log it"
+    if recording.tau is None or not recording.tau.any():
+        said = "the log has no torque, or only zeros, so nothing can be identified; log it"
         findings.append(Finding("no_torque", ERROR, said))
     elif blind or any(f.kind == "position_range" for f in findings):
         said = "the torque was not judged, because the motion is not that of this robot yet"
@@ -211,9 +211,11 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
             matrix = model.fit_rows(bench)
         tau = asked.recording.tau
         assert tau is not None  # noqa: S101  asked for by the caller
-        asked.findings += late + model.too_good(bench, matrix, tau)
+        strange = model.unexplained(bench, matrix)
+        asked.findings += late + strange + model.too_good(bench, matrix, tau)
         torque = asked.plan.torque
-        if asked.plan.gear or torque is None or torque.unit != "A":  # wrong gains feign both
+        guessed = not asked.plan.gear and torque is not None and torque.unit == "A"
+        if not strange and not guessed:  # wrong gains feign both
             asked.findings += model.tool(bench) + model.coupling(bench, matrix, terms)
         asked.findings.append(model.one_run(bench))
     except RuntimeFault as fault:

@@ -23,8 +23,11 @@ LATE_GAIN = 0.1
 TOOL_KG, TOOL_GAIN = 0.4, 0.6
 """Smallest tool that is told, and residual with it over the residual without. A CAD model's last
 links err by 0.3 kg (the LWR 4+), a Franka hand weighs 0.73 kg."""
-COUPLED = 0.35
-"""Part of a joint's squared residual that the speed of another joint explains."""
+STRANGE = 0.3
+"""Residual over torque above which the model is none of this log."""
+COUPLED, INDEPENDENT = 0.35, 30.0
+"""Part of a joint's squared residual that the speed of another joint explains, and the independent
+samples that it takes to say so."""
 _DIFFERENCES = 4
 
 
@@ -111,6 +114,26 @@ def too_good(bench: Bench, matrix: Array, raw_tau: Array) -> list[Finding]:
     ]
 
 
+def unexplained(bench: Bench, matrix: Array) -> list[Finding]:
+    """A torque that no parameters of this robot explain."""
+    tau = bench.samples.tau
+    _, rest = least_squares(matrix, tau.ravel())
+    misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
+    if misfit < STRANGE:
+        return []
+    return [
+        Finding(
+            "unexplained",
+            WARNING,
+            f"even the best parameters, possible or not, leave {100 * misfit:.0f} % of the torque "
+            "unexplained: another robot, other units or order than found here, contact with "
+            "something, or a torque of something else; nothing identified from this is to be "
+            "trusted",
+            {"misfit": misfit},
+        )
+    ]
+
+
 def noise_floor(values: Array) -> Array:
     """σ of white noise per column from fourth differences: ‖Δ⁴x‖ / √(70 N)."""
     differences = np.diff(values, n=_DIFFERENCES, axis=0)
@@ -172,6 +195,9 @@ def coupling(bench: Bench, matrix: Array, terms: Friction) -> list[Finding]:
     _, rest = least_squares(matrix, s.tau.ravel())
     errors = rest.reshape(-1, lib.n_joints)
     findings = []
+    worth = inflation(errors, 1.0 / np.maximum(errors.var(axis=0), 1e-300))
+    if len(errors) / worth < INDEPENDENT:
+        return []
     for j in range(lib.n_joints):
         own = _drive(s.dq[:, j], s.ddq[:, j])
         _, left = least_squares(own, errors[:, j])

@@ -143,9 +143,11 @@ def _flat_rows(values: Array, moving: Array) -> int:
     """Rows in runs of at least `FLAT_ROWS` equal values at either extreme while the arm moves."""
     total = 0
     busy = moving.any(axis=1)
-    size = np.ptp(values)
+    size = float(np.ptp(values))
+    if size == 0.0:
+        return 0
     for extreme in (values.max(), values.min()):
-        top = (np.abs(values - extreme) <= 1e-9 * max(size, 1e-300)) & busy
+        top = (np.abs(values - extreme) <= 1e-9 * size) & busy
         edges = np.flatnonzero(np.diff(np.concatenate([[False], top, [False]]).astype(int)))
         lengths = edges[1::2] - edges[::2]
         total += int(lengths[lengths >= FLAT_ROWS].sum())

@@ -21,6 +21,8 @@ TINY = 0.06
 DOUBT = 0.8
 """Mismatch of τ with gravity above which degrees are not believed, though the limits allow them."""
 SLOPE = 0.15
+FEWEST = 20
+"""Rows that a slope needs."""
 USUAL_RATES = (2.0, 2e4)
 _ANGULAR = {"position": ("rad", "deg"), "velocity": ("rad/s", "deg/s", "rpm")}
 
@@ -59,6 +61,8 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
         )
     if recording.dq is None or plan.velocity is None:
         return plan, findings + _rate_only(recording, plan)
+    if len(recording) < FEWEST:
+        return plan, findings
     slopes = slopes_of(recording.replace(q=unwrap(recording.q * factor)[0]))
     if not np.isfinite(slopes).any():
         return plan, findings

@@ -16,6 +16,7 @@ from runtime import Recording, read_recording, write_recording
 from runtime.doctor import ERROR, WARNING, Inspection, inspect_log, recipe_text
 from runtime.library import Library
 from runtime.preprocessing import differentiate
+from runtime.recording import Friction, load_recipe
 from tests.oracle import pinocchio_model
 
 EXAMPLE = Path(__file__).parents[2] / "runtime" / "examples" / "fr3_simulated.npz"
@@ -256,8 +257,6 @@ def test_5_an_arm_on_the_wall(lib: Library, clean: Recording, saved) -> None:
 
 def test_6_coupled_gears(robot, shared_data: Path) -> None:
     """Real data: the wrist of a TX40, its friction fitted joint by joint."""
-    from runtime.recording import Friction, load_recipe
-
     recipe = load_recipe("tx40_figaroh")
     plain = recipe.replace(friction=Friction(("viscous", "coulomb", "offset", "rotor")))
     found = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), plain)
@@ -406,6 +405,33 @@ def test_8_rounding_is_told_by_symgen(shared_data: Path) -> None:
     assert found.base is not None
     assert len(found.base.names) == 43
     assert found.base.condition < 1e4  # with the rounding taken at its word it is 1e7
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        *({"rows": rows} for rows in (1, 2, 5, 20, 60)),
+        {"tau": 0.0},
+        {"q": 1e6},
+        {"t": 0.0},
+    ],
+    ids=str,
+)
+def test_absurd_logs_are_sentences(lib, clean, saved, tmp_path, changed) -> None:
+    """Property: too short, silent or absurd logs end in findings, and in a recipe that loads."""
+    rows = slice(changed.pop("rows", None))
+    arrays = {key: getattr(clean, key)[rows] for key in ("t", "q", "dq", "tau")}
+    arrays |= {key: factor * arrays[key] for key, factor in changed.items()}
+    found = inspect_log(saved(clean, **arrays), lib)
+    assert told(found)
+    (tmp_path / "r.toml").write_text(recipe_text(found), encoding="utf-8")
+    load_recipe(tmp_path / "r.toml")
+
+
+def test_a_torque_of_something_else(lib: Library, clean: Recording, saved) -> None:
+    """Property: noise in place of τ is explained by nothing, and no tool is made of it."""
+    tau = np.random.default_rng(0).normal(0, 5, clean.tau.shape)
+    assert set(told(inspect_log(saved(clean, tau=tau), lib))) == {"unexplained"}
 
 
 # --- the command line --------------------------------------------------------------------------

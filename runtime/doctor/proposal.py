@@ -23,8 +23,10 @@ def recipe_text(inspection: Inspection) -> str:
     """The proposed recipe of an inspection, to be read before it is used."""
     plan = inspection.plan
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in inspection.findings)
-    lines = ["# Proposed by python -m runtime inspect; what it saw:"]
-    for finding in inspection.of_level(ERROR, WARNING):
+    todo = inspection.of_level(ERROR, WARNING)
+    saw = "what it saw:" if todo else "it saw nothing wrong."
+    lines = [f"# Proposed by python -m runtime inspect; {saw}"]
+    for finding in todo:
         said = f"{finding.level}: {finding.sentence}"
         lines += textwrap.wrap(said, 96, initial_indent="#   ", subsequent_indent="#     ")
     lines.append("")

@@ -41,7 +41,13 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
         axes = figure.subplots(len(panels) + 1, 1, sharex=True, squeeze=False)[:, 0]
         if len(steps):
             axes[0].plot(*thinned(t[1:], 1e3 * steps, POINTS), color=BLUE, linewidth=0.6)
-            axes[0].set_yscale("log")
+            median, most = 1e3 * float(np.median(steps)), 1e3 * float(steps.max())
+            if most > _HOLE * median:
+                axes[0].set_yscale("log")
+                axes[0].yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+                axes[0].yaxis.set_minor_formatter(lambda *_: "")
+            else:
+                axes[0].set_ylim(0.0, 1.1 * max(most, 1.5 * median))
         axes[0].set_title("step of time [ms]")
         for axis, (title, values) in zip(axes[1:], panels.items(), strict=True):
             for j, name in enumerate(names):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import friction
+from runtime.doctor.signals import REST_SPEED
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of
@@ -69,7 +70,7 @@ def bench_of(
             f"{SLOWEST:g} Hz or more, or accelerations mean nothing; record for longer or faster"
         )
     samples = samples_of(whole, lib)
-    moving = np.abs(samples.dq).max(axis=1) >= 0.02
+    moving = np.abs(samples.dq).max(axis=1) >= REST_SPEED
     rows = np.flatnonzero(moving if moving.sum() > ROWS // 4 else np.ones(len(samples), dtype=bool))
     rows = rows[:: max(1, len(rows) // ROWS)]
     return Bench(lib, whole, rows, samples.rows(rows))

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from runtime.doctor.finding import ERROR, INFO, WARNING, Finding
+from runtime.doctor.signals import REST_SPEED
 from runtime.preprocessing import repair_clock
 from runtime.preprocessing.segments import HOLE, JITTER
 from runtime.recording import Preparation, Recipe, Recording
@@ -18,7 +19,6 @@ from runtime.recording.recording import FloatArray
 
 REPEATED = 0.002
 """Part of the rows, while something moves, that may repeat the one before without a word."""
-MOVING = 0.02
 HOLE_S = 0.1
 """A pause of this length [s], and of more than ten steps, is a hole; shorter ones are ticks."""
 BETTER = 0.7
@@ -131,7 +131,7 @@ def _stale(
     same = np.all(np.diff(recording.q, axis=0) == 0.0, axis=1)
     if recording.dq is not None:
         same &= np.all(np.diff(recording.dq, axis=0) == 0.0, axis=1)
-        same &= np.abs(recording.dq[1:]).max(axis=1) > MOVING
+        same &= np.abs(recording.dq[1:]).max(axis=1) > REST_SPEED
     else:
         # An encoder repeats its count where the arm is slow: only steps of many counts tell.
         values = recording.q if logged is None else logged

@@ -11,7 +11,7 @@ from pathlib import Path
 from runtime.cutoff import CutoffChoice, choose_cutoff
 from runtime.doctor import clock, effort, gravity, model, motion, order, signals, units
 from runtime.doctor.bench import Bench, bench_of, rough
-from runtime.doctor.finding import ERROR, INFO, WARNING, Finding
+from runtime.doctor.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.doctor.layout import draft
 from runtime.doctor.names import meaning
 from runtime.errors import RecordingError, RuntimeFault
@@ -21,7 +21,6 @@ from runtime.recording import Friction, Preparation, Recipe, Recording, load_rec
 from runtime.recording.reader import Raw, locate, read_raw, settled
 from runtime.threads import one_blas_thread
 
-REST_SPEED = 0.02
 ROWS_PER_CUTOFF = 10.0
 """Rate of the proposed rows over the cut-off."""
 _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
@@ -103,10 +102,9 @@ def inspect_log(
         _torque(asked, lib, propose)
         findings += signals.little_torque(asked.recording, lib)
     plan = _completed(asked.plan, lib)
-    order_of = {ERROR: 0, WARNING: 1, INFO: 2}
     return Inspection(
         robot=lib.name,
-        findings=tuple(sorted(findings, key=lambda f: order_of[f.level])),
+        findings=tuple(sorted(findings, key=lambda f: LEVELS.index(f.level))),
         plan=plan,
         recording=asked.recording,
         rest=tuple(signals.rest_spans(asked.recording)),
@@ -233,7 +231,7 @@ def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
         ready,
         trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
         rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
-        rest_speed=ready.rest_speed or REST_SPEED,
+        rest_speed=ready.rest_speed or signals.REST_SPEED,
     )
 
 

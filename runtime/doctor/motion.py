@@ -74,11 +74,8 @@ def velocity_pairs(
 def wraps(recording: Recording) -> list[Finding]:
     """Jumps of one turn: the reader has unwrapped them and says so."""
     told = [said for said in recording.history if said.startswith("Unwrapped")]
-    return [
-        Finding("wrap", INFO, f"{said[:-1]}, as the reader always does; check that they are none "
-                "of the robot's own", trap=10)
-        for said in told
-    ]  # fmt: skip
+    asked = "as the reader always does; check that these are no turns of the robot's own"
+    return [Finding("wrap", INFO, f"{said[:-1]}, {asked}", trap=10) for said in told]
 
 
 def correlation(a: Array, b: Array) -> Array:

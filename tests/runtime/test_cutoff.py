@@ -33,6 +33,19 @@ def test_cutoff_follows_the_noise(lib: Library, noisy: Recording) -> None:
         assert f"cut-off {choice.chosen.cutoff_hz:g} Hz chosen" in choice.sentence
 
 
+def test_noise_of_the_torque_is_the_same_for_all(lib: Library, noisy: Recording) -> None:
+    """Property: with exact positions a high cut-off scores as well as any, however noisy τ is.
+
+    Held against the filtered torque, it would score six times worse: 3 Hz remove most noise.
+    """
+    tau = noisy.tau + np.random.default_rng(4).normal(0, 1.0, noisy.tau.shape)
+    recording = noisy.replace(tau=tau, dq=None, ddq=None)
+    choice = choose_cutoff(recording, lib, friction=TERMS)
+    highest = max(choice.candidates, key=lambda c: c.cutoff_hz)
+    assert highest.cutoff_hz == 30.0
+    assert highest.score < 1.2
+
+
 def test_cutoff_is_the_one_that_finds_the_truth(lib: Library, noisy: Recording, pi_true) -> None:
     """Oracle: base parameters fitted at the choice err less than at both ends of the candidates."""
     from runtime.objective import samples_of

@@ -233,9 +233,9 @@ class _Trial:
         n = self._lib.n_joints
         scores = []
         for k, held in enumerate(stats):
-            x, _ = _solved([s for i, s in enumerate(stats) if i != k])
+            x, _ = solved([s for i, s in enumerate(stats) if i != k])
             scores.append(_misfit(held, x) / (held.n_samples * n))
-        x, rank = _solved(stats)
+        x, rank = solved(stats)
         count = sum(s.n_samples for s in stats) * n
         misfit = sum(_misfit(s, x) for s in stats)
         aic = count / self._inflation * np.log(misfit / count) + 2 * rank
@@ -247,7 +247,7 @@ def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
     weights = np.ones(lib.n_joints)
     residuals: list[Array] = []
     for _ in range(_PASSES):
-        x, _rank = _solved([compress(lib, block, weights) for block in blocks])
+        x, _rank = solved([compress(lib, block, weights) for block in blocks])
         beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :]
         residuals = [_residual(lib, block, beta, phi) for block in blocks]
         variance = np.mean(np.concatenate(residuals) ** 2, axis=0)
@@ -264,7 +264,7 @@ def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:
     return rigid + np.einsum("ijk,jk->ij", block.columns, phi) - block.tau
 
 
-def _solved(stats: list[Statistics]) -> tuple[Array, int]:
+def solved(stats: list[Statistics]) -> tuple[Array, int]:
     """x of least length in normalised columns that fits all the factors, and the rank."""
     factor = np.concatenate([s.factor for s in stats])
     target = np.concatenate([s.target for s in stats])

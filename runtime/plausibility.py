@@ -21,13 +21,7 @@ def require_plausible(recording: Recording, lib: Library) -> None:
             against gravity (sign?), a torque that is missing or silent, or a clock too slow to
             differentiate (ms?).
     """
-    n = lib.n_joints
-    if recording.q.shape[1] != n:
-        raise IdentificationError(
-            f"the recording '{recording.name}' has {recording.q.shape[1]} joints, the robot "
-            f"'{lib.name}' has {n} ({', '.join(lib.joint_names)}); choose --robot, or build it "
-            "with --base, --tip and --lock"
-        )
+    require_joints(recording, lib)
     if recording.tau is None:
         raise IdentificationError(
             f"the recording '{recording.name}' has no torque, which identification needs"
@@ -53,6 +47,21 @@ def require_plausible(recording: Recording, lib: Library) -> None:
             "or choose another --robot"
         )
     _require_sign(recording, lib)
+
+
+def require_joints(recording: Recording, lib: Library) -> None:
+    """Refuse a recording of another number of joints.
+
+    Raises:
+        IdentificationError: it has.
+    """
+    n = lib.n_joints
+    if recording.q.shape[1] != n:
+        raise IdentificationError(
+            f"the recording '{recording.name}' has {recording.q.shape[1]} joints, the robot "
+            f"'{lib.name}' has {n} ({', '.join(lib.joint_names)}); choose --robot, or build it "
+            "with --base, --tip and --lock"
+        )
 
 
 def _require_sign(recording: Recording, lib: Library) -> None:

@@ -1,4 +1,4 @@
-"""`python -m runtime identify | compare | payload | evaluate | excite | simulate | …`."""
+"""`python -m runtime inspect | identify | compare | payload | evaluate | excite | …`."""
 
 import sys
 
@@ -9,6 +9,7 @@ from runtime.cli import (
     evaluate,
     excite,
     identify,
+    inspect,
     payload,
     report,
     reproduce,
@@ -28,6 +29,7 @@ app = typer.Typer(
     help="Find the true inertial parameters of a robot arm from measured motion.",
     epilog="The robot's library comes from: python -m symgen build",
 )
+app.command("inspect")(inspect.inspect_command)
 app.command("identify")(identify.identify_command)
 app.command("compare")(compare.compare_command)
 app.command("payload")(payload.payload_command)

@@ -11,6 +11,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import console, numbers_option, preparation_of
+from runtime.cutoff import CutoffChoice, choose_cutoff
 from runtime.errors import IdentificationError, RecordingError
 from runtime.friction import COLUMNS
 from runtime.ladder import Choice, choose_friction
@@ -28,7 +29,9 @@ from runtime.recording import (
 from runtime.streaming import head_of
 
 AUTO = "auto"
-"""Instead of columns: let the ladder choose them."""
+"""Instead of columns or a cut-off: let the data choose."""
+_ANY_HZ = 1.0
+"""Stands for the cut-off that is still to be chosen."""
 
 Log = Annotated[
     str,
@@ -52,7 +55,13 @@ FrictionNames = Annotated[
 CoulombSpeed = Annotated[
     float | None, typer.Option(help="Width of the smooth Coulomb sign, rad/s.")
 ]
-Cutoff = Annotated[float | None, typer.Option(help="Low-pass q, dq, tau at this frequency, Hz.")]
+Cutoff = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HZ|auto",
+        help="Low-pass q, dq, tau at this frequency, Hz; auto lets cross-validation choose.",
+    ),
+]
 Rate = Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")]
 Parts = Annotated[
     str | None,
@@ -100,12 +109,12 @@ def read_data(
     run: str | None,
     friction: str | None,
     coulomb_speed: float | None,
-    cutoff: float | None,
+    cutoff: str | None,
     rate: float | None,
     split: str | None,
     stream: bool | None = False,
 ) -> Data:
-    """Read the log, and climb the ladder of friction where that is asked for.
+    """Read the log; choose the cut-off and climb the ladder of friction where that is asked for.
 
     `stream` leaves it in its file; None does so where it is large.
 
@@ -117,21 +126,29 @@ def read_data(
         recording = head_of(streamed)
     else:
         recording = read_recording(log, recipe, run, lib.joint_names)
-    prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
-    terms = _friction(recording, friction, coulomb_speed)
-    if terms is None or terms.columns[:1] != (AUTO,):
-        return Data(recording, prepared, parts, terms, streamed=streamed)
-    if streamed is not None:
+    parts, terms = _split(split), _friction(recording, friction, coulomb_speed)
+    climbs = terms is not None and terms.columns[:1] == (AUTO,)
+    if streamed is not None and (climbs or cutoff == AUTO):
         raise IdentificationError(
-            "a friction model is chosen on a log that is read as a whole, but this one is "
-            "streamed; name the columns with --friction, or use --no-stream"
+            "a cut-off or a friction model is chosen on a log that is read as a whole, but this "
+            "one is streamed; give --cutoff and --friction themselves, or use --no-stream"
         )
+    notes: tuple[str, ...] = ()
+    prepared = preparation_of(recording, _hz(cutoff), rate)
+    if cutoff == AUTO:
+        base = preparation_of(recording, _ANY_HZ, rate)
+        with console.status("choosing a cut-off"):
+            found = choose_cutoff(recording, lib, base, parts, None if climbs else terms)
+        console.print(_cutoff_table(found))
+        prepared, notes = found.preparation, (found.sentence,)
+    if terms is None or not climbs:
+        return Data(recording, prepared, parts, terms, notes, streamed=streamed)
     with console.status("choosing a friction model"):
         choice = choose_friction(
             recording, lib, prepared, parts, coulomb_speed, extra=terms.columns[1:]
         )
     console.print(_ladder_table(choice))
-    return Data(recording, prepared, parts, choice.chosen.terms, (choice.sentence,))
+    return Data(recording, prepared, parts, choice.chosen.terms, (*notes, choice.sentence))
 
 
 def _streamed(
@@ -170,6 +187,33 @@ def _friction(recording: Recording, names: str | None, speed: float | None) -> F
     if names is not None:
         columns = () if names == "none" else tuple(names.split(","))
     return dataclasses.replace(known, columns=columns, coulomb_speed=width)
+
+
+def _hz(text: str | None) -> float | None:
+    """The number of --cutoff; None where there is none to take from it."""
+    if text is None or text == AUTO:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise IdentificationError(
+            f"--cutoff needs a frequency in Hz or auto, got '{text}'"
+        ) from None
+
+
+def _cutoff_table(choice: CutoffChoice) -> Table:
+    table = Table("cut-off", title="Cut-off: cross-validated error on the unfiltered torque")
+    for head in ("velocity", "score", "above the best", "independent samples"):
+        table.add_column(head, justify="right")
+    for c in choice.candidates:
+        table.add_row(
+            f"{'→ ' if c is choice.chosen else ''}{c.cutoff_hz:g} Hz",
+            {"measured": "measured", "position": "from q"}[c.derivative],
+            f"{c.score:.3f}",
+            f"{c.excess:.3f} ± {c.excess_error:.3f}",
+            f"{c.n_eff:.0f}",
+        )
+    return table
 
 
 def _ladder_table(choice: Choice) -> Table:

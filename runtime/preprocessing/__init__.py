@@ -4,6 +4,7 @@ from runtime.preprocessing.clock import repair_clock
 from runtime.preprocessing.filters import differentiate, low_pass, moving_average, savitzky_golay
 from runtime.preprocessing.pipeline import DOCUMENT, prepare
 from runtime.preprocessing.segments import (
+    advance_torque,
     decimate,
     drop_rest,
     resample,
@@ -17,6 +18,7 @@ __all__ = [
     "DOCUMENT",
     "Preparation",
     "Split",
+    "advance_torque",
     "check_consistency",
     "decimate",
     "differentiate",

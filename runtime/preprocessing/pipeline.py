@@ -10,7 +10,7 @@ from runtime.preprocessing.filters import (
     moving_average,
     savitzky_golay,
 )
-from runtime.preprocessing.segments import decimate, drop_rest, resample, trim
+from runtime.preprocessing.segments import advance_torque, decimate, drop_rest, resample, trim
 from runtime.recording import Friction, Preparation, Recording
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
@@ -24,7 +24,7 @@ def prepare(
     *friction: Friction,
     lib: Library | None = None,
 ) -> Recording:
-    """Clock → grid → friction columns at the full rate → filter → derivatives → trim → decimate.
+    """Clock → grid → delay → friction columns at the full rate → filter → derivative → trim → rate.
 
     Rest is dropped last. Without a preparation that of the recipe is used; without a recipe only
     missing derivatives are filled in, so a complete recording passes unchanged. Where dq was not
@@ -48,6 +48,8 @@ def prepare(
         data = repair_clock(data, preparation.clock_tick)
     if preparation.max_gap_s is not None:
         data = resample(data, _grid_hz(data, preparation), preparation.max_gap_s)
+    if preparation.torque_delay_s is not None:
+        data = advance_torque(data, preparation.torque_delay_s)
     if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
         data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
     if wanted and data.dq is not None:

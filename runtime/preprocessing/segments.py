@@ -86,6 +86,27 @@ def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recordin
     return recording.mapped(interpolated, sentence, t=grid)
 
 
+def advance_torque(recording: Recording, delay_s: float) -> Recording:
+    """τ(t) ← τ_log(t + δ), linear between samples, within each segment: undoes a delay δ of τ.
+
+    Raises:
+        RecordingError: there is no τ, or a segment is shorter than δ and none is left.
+    """
+    if recording.tau is None:
+        raise RecordingError("torque_delay_s expects τ, but there is none; leave it out")
+    t = recording.t
+    moved, keep = np.array(recording.tau), np.zeros(len(t), dtype=bool)
+    slack = 1e-9
+    for part in segments(t):
+        at = t[part] + delay_s
+        own = t[part], recording.tau[part]
+        moved[part] = np.stack([np.interp(at, own[0], row) for row in own[1].T], axis=1)
+        keep[part] = (at >= own[0][0] - slack) & (at <= own[0][-1] + slack)
+    return recording.replace(tau=moved).take(
+        keep, f"Advanced τ by {1e3 * delay_s:.3g} ms, its delay behind q ({keep.sum()} rows left)."
+    )
+
+
 def trim(recording: Recording, seconds: float) -> Recording:
     """Without `seconds` at both ends of every segment, where filters know only one side."""
     t = recording.t

@@ -26,7 +26,7 @@ def check_consistency(recording: Recording) -> Recording:
     recording = _note_suspicions(recording)
     if recording.dq is None or len(recording) <= 2 * STRIDE:
         return recording
-    slopes = _slopes(recording)
+    slopes = slopes_of(recording)
     looks = {
         "positions look like degrees": DEGREE,
         "velocities look like degrees per second": 1.0 / DEGREE,
@@ -68,7 +68,7 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     return q - correction, jump.sum(axis=0)
 
 
-def _slopes(recording: Recording) -> FloatArray:
+def slopes_of(recording: Recording) -> FloatArray:
     """The robust ratio of Δq and ∫dq dt over 5 samples (n,); NaN for joints that hardly move."""
     integral = cumulative_trapezoid(recording.dq, recording.t, axis=0, initial=0.0)
     moved = recording.q[STRIDE:] - recording.q[:-STRIDE]

@@ -54,7 +54,7 @@ def converted(
     Raises:
         RecordingError: the tables are no recording.
     """
-    keep, dropped = _usable_rows(raw)
+    keep, dropped = usable_rows(raw)
     t, notes = _time(plan.time, raw, keep, first_row, origin)
     signals: dict[str, Any] = {}
     told: list[str] = []
@@ -67,7 +67,7 @@ def converted(
     return Converted(t, signals, (*dropped, *notes, *told, *repeated))
 
 
-def _usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
+def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
     """The rows that are whole in every table, and what is said about the others."""
     counts = {kind: len(table.values) for kind, table in raw.items()}
     most, rows = max(counts.values()), min(counts.values())

@@ -5,16 +5,21 @@ Corrupt rows are dropped, counted and told; whatever cannot be a recording is on
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from runtime import datasets
 from runtime.errors import RecordingError
 from runtime.recording.consistency import check_consistency
-from runtime.recording.conversion import converted
+from runtime.recording.conversion import converted, usable_rows
 from runtime.recording.files import Files, is_bag, parts_of
 from runtime.recording.recipe import Recipe
 from runtime.recording.recipe_file import bundled_names, load_recipe
-from runtime.recording.recording import Recording
+from runtime.recording.recording import FloatArray, Recording
+from runtime.recording.tables import Table
 
 
 def read_recording(
@@ -40,31 +45,103 @@ def read_recording(
     Raises:
         RecordingError: in one sentence what was expected, what came and what to do.
     """
+    return check_consistency(settled(read_raw(path, recipe, run, joints)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Raw:
+    """What the files hold before anything is converted.
+
+    Attributes:
+        plan: which part of which file is what, in which unit, sign, order and gear.
+        recipe: as chosen, None by the default convention.
+        tables: kind of signal ("time", "position", …) → its rows, in the units of the files.
+        kept: the rows that are whole in all of them.
+        dropped: what is said about the others, a sentence each.
+        names: texts that an NPZ of our own carries.
+        motors: directions of coupled motors, likewise.
+        name: of the recording.
+        source: file name → sha256.
+        pins: sentences about files that are not the published ones.
+    """
+
+    plan: Recipe
+    recipe: Recipe | None
+    tables: dict[str, Table]
+    kept: NDArray[np.int64]
+    dropped: tuple[str, ...]
+    names: dict[str, tuple[str, ...]]
+    motors: NDArray | None
+    name: str
+    source: dict[str, str]
+    pins: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, FloatArray]:
+        """Kind → the whole rows, (N, m)."""
+        return {kind: table.values[self.kept] for kind, table in self.tables.items()}
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the files' form asked for, a sentence each."""
+        return tuple(dict.fromkeys(said for t in self.tables.values() for said in t.remarks))
+
+
+def read_raw(
+    path: str | Path,
+    recipe: str | Path | Recipe | None = None,
+    run: str | None = None,
+    joints: Sequence[str] = (),
+) -> Raw:
+    """The rows as they lie in the files; arguments of `read_recording`.
+
+    Raises:
+        RecordingError: no such file, no recipe for a folder, or too few whole rows.
+    """
     place, chosen = place_and_recipe(path, recipe, run)
     files = Files(place, chosen or Recipe(), tuple(joints))
     plan = files.plan()
-    raw = {kind: files.table(kind, part) for kind, part in parts_of(plan).items()}
-    extras = files.extras()
-    if (columns := files.columns()) is not None:
-        raw["columns"] = columns
-    names = extras.get("column_names", ())
-    data = converted(plan, raw, len(names))
+    tables = {kind: files.table(kind, part) for kind, part in parts_of(plan).items()}
+    names, columns = files.extras(), files.columns()
+    if columns is not None:
+        tables["columns"] = columns
+    kept, dropped = usable_rows(tables)
+    return Raw(
+        plan=plan,
+        recipe=chosen,
+        tables=tables,
+        kept=kept,
+        dropped=tuple(dropped),
+        names=names,
+        motors=files.motors() if columns is not None else None,
+        name=names.get("name", ("",))[0] or plan.name or place.stem,
+        source=files.sha256,
+        pins=tuple(files.pin_notes()),
+    )
+
+
+def settled(raw: Raw) -> Recording:
+    """Units, signs, order and gear as the plan says; nothing is checked against anything.
+
+    Raises:
+        RecordingError: the plan does not fit the files, or time does not increase.
+    """
+    names = raw.names.get("column_names", ()) if "columns" in raw.tables else ()
+    data = converted(raw.plan, raw.tables, len(names))
     recording = Recording(
         t=data.t,
         **data.signals,
-        column_names=names if columns is not None else (),
-        motors=files.motors() if columns is not None else None,
-        name=extras.get("name", ("",))[0] or plan.name or place.stem,
-        joint_names=plan.joints or extras.get("joint_names", ()),
-        source=files.sha256,
-        recipe=chosen,
+        column_names=names,
+        motors=raw.motors,
+        name=raw.name,
+        joint_names=raw.plan.joints or raw.names.get("joint_names", ()),
+        source=raw.source,
+        recipe=raw.recipe,
     )
     rate = f" at {recording.rate_hz:.6g} Hz (median)" if len(recording) > 1 else ""
     size = f"{len(recording)} rows of {recording.n_joints} joints{rate}"
-    remarks = dict.fromkeys(remark for table in raw.values() for remark in table.remarks)
-    history = (*extras.get("history", ()), f"Read {size} from {', '.join(files.sha256)}.")
-    history += (*remarks, *data.notes, *files.pin_notes())
-    return check_consistency(recording.replace(history=history))
+    history = (*raw.names.get("history", ()), f"Read {size} from {', '.join(raw.source)}.")
+    return recording.replace(history=(*history, *raw.remarks, *data.notes, *raw.pins))
 
 
 def place_and_recipe(
@@ -75,14 +152,14 @@ def place_and_recipe(
     Raises:
         RecordingError: there is no such log or recipe.
     """
-    place = _locate(path)
+    place = locate(path)
     chosen = _choose_recipe(place, recipe)
     if chosen is not None and run is not None:
         chosen = chosen.replace(run=run)
     return place, chosen
 
 
-def _locate(path: str | Path) -> Path:
+def locate(path: str | Path) -> Path:
     """The existing path, or the folder of the known data set of that name."""
     if Path(path).exists():
         return Path(path)

@@ -132,6 +132,7 @@ class Preparation:
         trim_s: cut from both ends of every segment [s].
         rate_hz: decimate to this rate [Hz].
         rest_speed: drop rows in which every joint is slower [rad/s].
+        torque_delay_s: the log stamps τ this much later than q; below 0 earlier [s].
     """
 
     clock_tick: float | None = None
@@ -145,12 +146,15 @@ class Preparation:
     trim_s: float | None = None
     rate_hz: float | None = None
     rest_speed: float | None = None
+    torque_delay_s: float | None = None
 
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
             value = getattr(self, item.name)
-            if value is not None and not isinstance(value, str):
+            if value is not None and not isinstance(value, str) and item.name != "torque_delay_s":
                 _positive(f"[preparation] {item.name}", value)
+        if self.torque_delay_s is not None and not isfinite(self.torque_delay_s):
+            raise RecordingError("[preparation] torque_delay_s expects a number of s; correct it")
         _one_of("[preparation] filter", self.filter, FILTERS)
         _one_of("[preparation] derivative", self.derivative, DERIVATIVES)
         if self.filter == "butterworth" and self.cutoff_hz is None:

@@ -1,0 +1,214 @@
+"""Which cut-off do the data carry? Candidates judged by what they predict of the unfiltered torque.
+
+Each candidate f_c is fitted (base parameters and friction) on the filtered rows of all blocks but
+one, and predicts the torque of that one as it was logged:
+
+    score_b = mean over rows and joints of w_j (τ_j − [Y_b(q_f, dq_f, ddq_f) β + F φ]_j)²
+
+so all candidates are held against the same numbers: too low a cut-off misses torque, too high a
+one predicts noise. Differences are paired over blocks, which cancels the noise of τ. Those within
+one standard error of the best (Breiman et al. 1984, Sec. 3.4.3), or half a percent, predict alike;
+of them the one is taken whose residuals are whitest, N_eff = N / (1 + 2 Σ ρ_l).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.ladder import BLOCKS, WORTH, solved
+from runtime.library import Array, Library
+from runtime.objective import Samples, samples_of, thesis_weights
+from runtime.preprocessing import prepare
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.residuals import inflation
+from runtime.statistics import Statistics, compress
+from runtime.threads import one_blas_thread
+
+CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
+"""Hz; those below 0.4 of the rate are tried."""
+BELOW_RATE = 0.4
+EDGE = 0.05
+"""Part of the duration that the trimming of both ends may take."""
+_PASSES = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One cut-off and how it did.
+
+    Attributes:
+        cutoff_hz: f_c.
+        derivative: "measured", or "position" where dq was derived from q.
+        score: cross-validated mean square error over the smallest of all candidates, per joint.
+        excess: score minus the best.
+        excess_error: standard error of that, from the differences of the blocks.
+        n_eff: independent samples by the autocorrelation of the residuals.
+    """
+
+    cutoff_hz: float
+    derivative: str
+    score: float
+    excess: float
+    excess_error: float
+    n_eff: float
+
+
+@dataclass(frozen=True, slots=True)
+class CutoffChoice:
+    """The candidates with the chosen one.
+
+    Attributes:
+        candidates: all that were tried.
+        chosen: one of them.
+        preparation: with its filter, its derivative and trimmed edges.
+        sentence: what was chosen and why, with the table of scores.
+    """
+
+    candidates: tuple[Candidate, ...]
+    chosen: Candidate
+    preparation: Preparation
+    sentence: str
+
+
+@one_blas_thread
+def choose_cutoff(
+    recording: Recording,
+    lib: Library,
+    preparation: Preparation | None = None,
+    splitting: Split | None = None,
+    friction: Friction | None = None,
+) -> CutoffChoice:
+    """Try the cut-offs on the training and validation parts of a recording.
+
+    Measured velocities are kept, unless velocities from q predict better beyond chance. Edges
+    that no preparation trims are cut by 1 / f_c.
+
+    Args:
+        recording: as read.
+        lib: of the robot.
+        preparation: everything but the cut-off; default is the recipe's.
+        splitting: default is the recipe's, else the first 60 %.
+        friction: columns of the fit; default is the recipe's, else viscous, coulomb and offset.
+
+    Raises:
+        IdentificationError: too few samples for five blocks, or a rate that leaves no candidate.
+    """
+    recipe = recording.recipe
+    base = preparation or (recipe.preparation if recipe else Preparation())
+    parts = splitting or (recipe.split if recipe else None) or Split()
+    terms = friction or (recipe.friction if recipe else None) or Friction()
+    bench = _Bench(recording.replace(columns=None, column_names=()), lib, base, parts, terms)
+    tried = {(f_c, base.derivative): bench.judged(f_c, base.derivative) for f_c in bench.cutoffs}
+    if base.derivative == "measured" and recording.dq is not None:
+        (f_c, _), _ = min(_scored(tried).items(), key=lambda item: float(item[1].mean()))
+        tried[f_c, "position"] = bench.judged(f_c, "position")
+    return _chosen(tried, base)
+
+
+def _chosen(tried: dict[tuple[float, str], tuple[Array, float]], base: Preparation) -> CutoffChoice:
+    scores = _scored(tried)
+    best = min(scores, key=lambda key: float(scores[key].mean()))
+    found = []
+    for key, blocks in scores.items():
+        gap = blocks - scores[best]
+        error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
+        found.append(Candidate(*key, float(blocks.mean()), float(gap.mean()), error, tried[key][1]))
+    least = float(scores[best].mean())
+    alike = [c for c in found if c.excess <= max(c.excess_error, WORTH * least)]
+    measured = [c for c in alike if c.derivative == base.derivative]
+    chosen = max(measured or alike, key=lambda c: c.n_eff)
+    other = {c.derivative: " (velocity from q)" * (c.derivative != base.derivative) for c in found}
+    told = ", ".join(f"{c.cutoff_hz:g} Hz{other[c.derivative]} {c.score:.3f}" for c in found)
+    aside = " Velocities from q predict better than the measured ones, which are set aside."
+    sentence = (
+        f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {BLOCKS} blocks, the "
+        f"whitest residual ({chosen.n_eff:.0f} independent samples) of those that predict the "
+        f"unfiltered torque within one standard error of the best; scores: {told}."
+        f"{aside * (chosen.derivative != base.derivative)}"
+    )
+    ready = replace(
+        base,
+        filter="butterworth",
+        cutoff_hz=chosen.cutoff_hz,
+        derivative=chosen.derivative,
+        trim_s=base.trim_s or 1.0 / chosen.cutoff_hz,
+    )
+    return CutoffChoice(tuple(found), chosen, ready, sentence)
+
+
+def _scored(tried: dict[tuple[float, str], tuple[Array, float]]) -> dict[tuple[float, str], Array]:
+    """Score per block, in units of the smallest error of each joint."""
+    least = np.min([errors.mean(axis=0) for errors, _ in tried.values()], axis=0)
+    unit = np.maximum(least, 1e-12 * least.max() + 1e-300)
+    return {key: np.asarray((errors / unit).mean(axis=1)) for key, (errors, _) in tried.items()}
+
+
+class _Bench:
+    """One recording, the same rows and the same raw torque for every candidate."""
+
+    def __init__(
+        self, recording: Recording, lib: Library, base: Preparation, parts: Split, terms: Friction
+    ) -> None:
+        self._recording, self._lib, self._base, self._terms = recording, lib, base, terms
+        bare = {"filter": "none", "cutoff_hz": None, "trim_s": None, "rest_speed": None}
+        self._raw = prepare(recording, replace(base, **bare, rate_hz=None))  # type: ignore[arg-type]
+        rate = min(self._raw.rate_hz, base.rate_hz or np.inf)
+        self.cutoffs = [f_c for f_c in CANDIDATES if f_c < BELOW_RATE * rate]
+        if not self.cutoffs:
+            raise IdentificationError(
+                f"a rate of {rate:.3g} Hz leaves no cut-off to choose from; give --cutoff in Hz, "
+                "or record faster"
+            )
+        self._trim = max(base.trim_s or 0.0, min(1.0, EDGE * recording.duration))
+        middle = self._prepared(self.cutoffs[len(self.cutoffs) // 2], base.derivative)
+        share = (middle.t - middle.t[0]) / (middle.duration or 1.0)
+        rows = share < parts.validation[1]
+        if base.rest_speed is not None and middle.dq is not None:
+            rows &= np.any(np.abs(middle.dq) >= base.rest_speed, axis=1)
+        self._blocks = np.array_split(np.flatnonzero(rows), BLOCKS)
+        unknowns = len(lib.base_columns) + lib.n_joints * len(terms.columns)
+        equations = min(len(b) for b in self._blocks) * lib.n_joints * (BLOCKS - 1)
+        if equations < 2 * unknowns:
+            raise IdentificationError(
+                f"the training part gives {equations} equations for {unknowns} unknowns, too few "
+                "to choose a cut-off by cross-validation; record for longer, or give --cutoff in Hz"
+            )
+        tau = self._raw.tau
+        assert tau is not None  # noqa: S101  samples_of has checked it
+        self._tau = np.stack([np.interp(middle.t, self._raw.t, row) for row in tau.T], axis=1)
+
+    def judged(self, cutoff_hz: float, derivative: str) -> tuple[Array, float]:
+        """Mean square error per block and joint on the unfiltered torque, and N_eff."""
+        whole = samples_of(self._prepared(cutoff_hz, derivative), self._lib)
+        blocks = [whole.rows(rows) for rows in self._blocks]
+        weights = thesis_weights(np.concatenate([b.tau for b in blocks]))
+        stats: list[Statistics] = []
+        rest = np.zeros((0, 0))
+        for _ in range(_PASSES):
+            stats = [compress(self._lib, block, weights) for block in blocks]
+            x, _rank = solved(stats)
+            rest = np.concatenate([block.tau - self._predicted(block, x) for block in blocks])
+            weights = 1.0 / np.maximum(rest.var(axis=0), 1e-12 * rest.var(axis=0).max() + 1e-30)
+        errors = []
+        for k, rows in enumerate(self._blocks):
+            x, _rank = solved([s for i, s in enumerate(stats) if i != k])
+            errors.append(np.mean((self._tau[rows] - self._predicted(blocks[k], x)) ** 2, axis=0))
+        return np.array(errors), len(rest) / inflation(rest, weights)
+
+    def _prepared(self, cutoff_hz: float, derivative: str) -> Recording:
+        filtered = replace(
+            self._base,
+            filter="butterworth",
+            cutoff_hz=cutoff_hz,
+            derivative=derivative,
+            trim_s=self._trim,
+            rest_speed=None,
+        )
+        return prepare(self._recording, filtered, self._terms, lib=self._lib)
+
+    def _predicted(self, block: Samples, x: Array) -> Array:
+        n_base = len(self._lib.base_columns)
+        rigid = self._lib.base_inverse_dynamics(block.q, block.dq, block.ddq, x[:n_base])
+        phi = x[n_base:].reshape(block.columns.shape[1:])
+        return np.asarray(rigid + block.friction(phi) if phi.size else rigid)

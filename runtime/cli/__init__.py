@@ -1,10 +1,10 @@
-"""`python -m runtime identify | compare | payload | evaluate | excite | simulate | report`."""
+"""`python -m runtime COMMAND`: identify, compare, payload, evaluate, export, excite and others."""
 
 import sys
 
 import typer
 
-from runtime.cli import compare, evaluate, excite, identify, payload, simulate
+from runtime.cli import compare, evaluate, excite, export, identify, payload, simulate
 from runtime.errors import RuntimeFault
 
 INTERRUPTED = 130
@@ -22,6 +22,7 @@ app.command("identify")(identify.identify_command)
 app.command("compare")(compare.compare_command)
 app.command("payload")(payload.payload_command)
 app.command("evaluate")(evaluate.evaluate_command)
+app.command("export")(export.export_command)
 app.command("excite")(excite.excite_command)
 app.command("simulate")(simulate.simulate_command)
 app.command("report")(evaluate.report_command)

@@ -36,10 +36,10 @@ def export_command(
     dynamics.yaml as in franka_description), header (C arrays). Each file is read again by the
     program that it is for, and kept if that gives the library's torques at 1000 random states.
     """
+    kinds = listed(to, tuple(FORMATS), "--to") if to else tuple(FORMATS)
     saved = read_result(result)
     lib = load(robot or saved.robot)
     require_robot(saved, lib, result)
-    kinds = listed(to, tuple(FORMATS), "--to") if to else tuple(FORMATS)
     terms, folder = saved.friction, out or result / "export"
     done = export_model(
         lib, saved.pi, kinds, folder, terms=terms, phi=saved.phi, overwrite=overwrite

@@ -6,11 +6,12 @@ into what simulators know, one module per format writes, `engines` read again, `
 
 from runtime.export.model import Model, make_model
 from runtime.export.urdf import urdf_text
-from runtime.export.write import FORMATS, Exported, export_model, write_urdf
+from runtime.export.write import FORMATS, Exported, Format, export_model, write_urdf
 
 __all__ = [
     "FORMATS",
     "Exported",
+    "Format",
     "Model",
     "export_model",
     "make_model",

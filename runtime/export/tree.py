@@ -109,6 +109,12 @@ def read_tree(lib: Library, text: str | None = None) -> Tree:
             f"the URDF of '{lib.name}' lacks the link '{missing[0]}'; run: python -m symgen build"
         )
     edges = {edge.child: edge for edge in map(_edge, root.findall("joint"))}
+    joints = {edges[link].name for link in lib.link_names if link in edges}
+    if joints != set(lib.joint_names):
+        raise ExportError(
+            f"the URDF of '{lib.name}' has the joints {', '.join(sorted(joints))}, the library "
+            f"{', '.join(sorted(lib.joint_names))}; run: python -m symgen build"
+        )
     roots = [link for link in links if link not in edges]
     if len(roots) != 1 or any(edge.parent not in links for edge in edges.values()):
         raise ExportError(

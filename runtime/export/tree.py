@@ -71,12 +71,12 @@ class Tree:
         T = _placement(inertial, f"link '{link}'")
         keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
         xx, xy, xz, yy, yz, zz = (
-            0.0 if inertia is None else _number(inertia.get(key, "0"), f"link '{link}': {key}")
+            0.0 if inertia is None else number(inertia.get(key, "0"), f"link '{link}': {key}")
             for key in keys
         )
         own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         value = "0" if mass is None else mass.get("value", "0")
-        return Body(_number(value, f"link '{link}': mass"), T[:3, 3], T[:3, :3] @ own @ T[:3, :3].T)
+        return Body(number(value, f"link '{link}': mass"), T[:3, 3], T[:3, :3] @ own @ T[:3, :3].T)
 
     def children(self, link: str) -> list[Edge]:
         """Joints below a link: moving ones in the order of the library, then fixed ones."""
@@ -144,7 +144,7 @@ def _edge(joint: Element) -> Edge:
     bounded = limit is not None and kind in {"revolute", "prismatic"}
     # A <limit> without lower and upper is one of effort and velocity alone.
     found = [
-        _number(limit.get(key, ""), f"joint '{name}': {key}")
+        number(limit.get(key, ""), f"joint '{name}': {key}")
         if bounded and limit is not None and key in limit.attrib
         else None
         for key in ("lower", "upper")
@@ -173,10 +173,11 @@ def _numbers(text: str, what: str) -> Array:
     words = text.split()
     if len(words) != 3:
         raise ExportError(f"{what} of the URDF needs three numbers, got '{text}'; build it again")
-    return np.array([_number(word, what) for word in words])
+    return np.array([number(word, what) for word in words])
 
 
-def _number(text: str, what: str) -> float:
+def number(text: str, what: str) -> float:
+    """A number of the URDF; ExportError where it is none."""
     try:
         return float(text)
     except ValueError:

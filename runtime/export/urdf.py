@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 from runtime.export.bodies import Body, digits, row
 from runtime.export.model import Model, xml_comment
-from runtime.export.tree import Tree, read_tree
+from runtime.export.tree import Tree, number, read_tree
 
 HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
@@ -21,7 +21,7 @@ def urdf_text(model: Model) -> str:
         set_inertial(tree, link, model.split.bodies[link])
     for k, joint in enumerate(model.lib.joint_names):
         set_friction(tree, joint, model.drive.damping[k], model.drive.friction[k])
-    return document_text(tree, xml_comment(model.robot_comment()))
+    return document_text(tree, xml_comment(model.robot_comment(*_without_driving(tree))))
 
 
 def document_text(tree: Tree, comment: str = "") -> str:
@@ -39,6 +39,18 @@ def set_inertial(tree: Tree, link: str, body: Body | None) -> None:
         element.remove(inertial)
     if body is not None:
         element.insert(place, _inertial(body))
+
+
+def _without_driving(tree: Tree) -> list[str]:
+    """Take out published friction below zero, which would drive the joint; what was taken."""
+    taken = []
+    for joint in tree.root.findall("joint"):
+        for node in joint.findall("dynamics"):
+            for key, text in list(node.attrib.items()):
+                if key in {"damping", "friction"} and number(text, key) < 0:
+                    del node.attrib[key]
+                    taken.append(f"the published {key} of {joint.get('name')}, {text}, would drive")
+    return taken
 
 
 def set_friction(tree: Tree, joint: str, damping: float | None, friction: float | None) -> None:

@@ -4,7 +4,10 @@ The robots and how to build them are those of the tests (`tests.robots`), so is 
 """
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -63,6 +66,38 @@ def study(models: Path, names: list[str]) -> Iterator[Row]:
                 yield _row(name, case, models, folder)
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
+
+
+def commands(name: str, models: Path) -> Iterator[tuple[str, float, str]]:
+    """Every command on a robot in an empty folder: its words, seconds, and the error if it fails."""
+    case = (CASES | MORE)[name]
+    with tempfile.TemporaryDirectory(prefix="check_models.") as home:
+        folder = build(case.request(name, models), Path(home) / "generated").folder
+        for program, words in _CHAIN:
+            line = [*words.split(), *(() if program == "symgen" else ("--robot", str(folder)))]
+            line += [name] if program == "symgen" else []
+            start = time.perf_counter()
+            ran = subprocess.run(
+                [sys.executable, "-m", program, *line],
+                cwd=home,
+                capture_output=True,
+                text=True,
+                check=False,
+                env={**os.environ, "PYTHONPATH": str(DATA.parents[1])},
+            )
+            error = "" if ran.returncode == 0 else ran.stderr.strip()[-500:] or "failed"
+            yield f"{program} {words}", time.perf_counter() - start, error
+
+
+_CHAIN = (
+    ("symgen", "describe"),
+    ("runtime", "excite --duration 5 --starts 2 --out motion.json"),
+    ("runtime", "simulate --trajectory motion.json --keep-every 5 --out log.csv"),
+    ("runtime", "identify log.csv --cutoff 10 --rate 100 --friction viscous,coulomb --out mine"),
+    ("runtime", "evaluate mine log.csv"),
+    ("runtime", "compare log.csv --methods map,pc-ols,ols --cutoff 10 --rate 100"),
+    ("runtime", "export mine"),
+)
 
 
 def table(rows: list[Row]) -> Table:

@@ -46,6 +46,8 @@ def export_command(
     )
     for each in done:
         say(f"{each.kind}: {f'{each.path} ({each.sentence})' if each.path else each.sentence}")
+    if saved.net is not None:
+        say("note: the friction network of the method nn has no counterpart in any of these")
     failed = [each.kind for each in done if each.path is None]
     # Without friction there is no file of friction, which is no failure unless it was asked for.
     if failed and (to or failed != ["friction"]):

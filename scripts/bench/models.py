@@ -69,7 +69,7 @@ def study(models: Path, names: list[str]) -> Iterator[Row]:
 
 
 def commands(name: str, models: Path) -> Iterator[tuple[str, float, str]]:
-    """Every command on a robot in an empty folder: its words, seconds, and the error if it fails."""
+    """Every command on a robot in an empty folder: its words, seconds, and what went wrong."""
     case = (CASES | MORE)[name]
     with tempfile.TemporaryDirectory(prefix="check_models.") as home:
         folder = build(case.request(name, models), Path(home) / "generated").folder

@@ -250,9 +250,9 @@ TERMS = Friction(("viscous", "coulomb", "offset", "rotor"))
 
 
 def friction_of(lib: Library) -> np.ndarray:
-    """φ of `TERMS` (n, 4), the first joint's damping negative."""
+    """φ of `TERMS` (n, 4): one damping is negative, one number what YAML 1.1 takes for text."""
     phi = np.random.default_rng(2).uniform(0.1, 1.0, (lib.n_joints, 4))
-    phi[0, 0] = -0.1
+    phi[0, 0], phi[1, 1] = -0.1, 1e-05
     return phi
 
 

@@ -64,7 +64,7 @@ MORE = {
     ),
     "fer": Case("franka_fer/fer.urdf", 43, project=True),
     "gen3": Case("kinova_gen3/gen3.urdf", 43, ChainOptions(snap=1e-4)),
-    "gen3_gripper": Case("kinova_gen3/gen3_2f85_fixed.urdf", 43),
+    "gen3_gripper": Case("kinova_gen3/gen3_2f85_fixed.urdf", 43, ChainOptions(snap=1e-4)),
     "gen3_no_vision": Case("kinova_gen3/kinova_no_vision.urdf", 43, ChainOptions(snap=1e-4)),
     "jaco": Case("kinova_jaco/kinova.urdf", 36),
     "lwr4_centro": Case("kuka_lwr4/kuka_lwr4_centroepiaggio.urdf", 43),
@@ -75,14 +75,15 @@ MORE = {
     "ur10_on_a_wall": Case(
         "universal_robots/ur10_robot.urdf", 38, ChainOptions(gravity=(9.81, 0.0, 0.0))
     ),
+    # Gravity across the first axis: 3 + 7 + 7.
     "ur10_wrist": Case(
         "universal_robots/ur10_robot.urdf",
-        22,
+        17,
         ChainOptions(base="forearm_link", gravity=(0.0, 0.0, -9.81)),
     ),
     "ur3": Case("universal_robots/ur3_robot.urdf", 36),
     "ur3e": Case("universal_robots/ur3e_from_ur_e_description.urdf", 36),
     "ur5e": Case("universal_robots/ur5e_from_ur_e_description.urdf", 36),
     "xarm7_lbr": Case("xarm7/xarm7base_lbrstack.urdf", 43),
-    "xarm7_upper_arm": Case("xarm7/xarm7.urdf", 10, ChainOptions(tip="link3")),
+    "xarm7_upper_arm": Case("xarm7/xarm7.urdf", 15, ChainOptions(tip="link3")),
 }

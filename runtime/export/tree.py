@@ -85,14 +85,15 @@ class Tree:
 
     def _rank(self, link: str) -> int:
         """Index of the first joint at or below a link."""
-        below = [self.moving.index(x) for x in self._subtree(link) if x in self.moving]
+        below = [self.moving.index(x) for x in self.subtree(link) if x in self.moving]
         return min(below, default=len(self.moving))
 
-    def _subtree(self, link: str) -> Iterator[str]:
+    def subtree(self, link: str) -> Iterator[str]:
+        """A link and everything that hangs on it."""
         yield link
         for edge in self.edges.values():
             if edge.parent == link:
-                yield from self._subtree(edge.child)
+                yield from self.subtree(edge.child)
 
 
 def read_tree(lib: Library, text: str | None = None) -> Tree:
@@ -116,12 +117,14 @@ def read_tree(lib: Library, text: str | None = None) -> Tree:
             f"{', '.join(sorted(lib.joint_names))}; run: python -m symgen build"
         )
     roots = [link for link in links if link not in edges]
-    if len(roots) != 1 or any(edge.parent not in links for edge in edges.values()):
+    tree = Tree(root.get("name") or lib.name, root, links, edges, (*roots, "")[0], lib.link_names)
+    # What hangs on a loop or on no link is not below the root.
+    if len(roots) != 1 or set(tree.subtree(roots[0])) != set(links):
         raise ExportError(
             f"the URDF of '{lib.name}' is no tree of links (its roots are "
             f"{', '.join(roots) or 'none'}); run: python -m symgen build"
         )
-    return Tree(root.get("name") or lib.name, root, links, edges, roots[0], lib.link_names)
+    return tree
 
 
 def _parse(lib: Library, text: str) -> Element:

@@ -227,6 +227,7 @@ def test_a_wrong_shape_is_named(fr3: Library, tmp_path: Path) -> None:
         ("</robot>", "", "is damaged"),
         ('type="continuous"', 'type="nonsense"', "cannot reload"),
         ('"slider"', '"other"', "lacks the link 'slider'"),
+        ('<parent link="base"/>', '<parent link="tool"/>', "is no tree of links"),
     ],
 )
 def test_the_reload_check_catches_a_urdf_that_is_not_the_robot(
@@ -252,7 +253,7 @@ TERMS = Friction(("viscous", "coulomb", "offset", "rotor"))
 def friction_of(lib: Library) -> np.ndarray:
     """φ of `TERMS` (n, 4): one damping is negative, one number what YAML 1.1 takes for text."""
     phi = np.random.default_rng(2).uniform(0.1, 1.0, (lib.n_joints, 4))
-    phi[0, 0], phi[1, 1] = -0.1, 1e-05
+    phi[0, 0], phi[-1, 1] = -0.1, 1e-05
     return phi
 
 

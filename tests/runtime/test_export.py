@@ -143,6 +143,14 @@ def test_fixed_bodies_keep_their_inertial_and_all_else_stays(arm: Library) -> No
     assert values(roots[0]) == values(roots[1])
 
 
+def test_a_link_without_matter_of_its_own_carries_its_tool(arm: Library) -> None:
+    """Property: with the URDF's own π nothing but rounding is left of the slider less its tool."""
+    split = make_model(arm, arm.pi0).split
+    assert split.emptied == ("tool",)
+    assert split.bodies["slider"].mass == 1.0
+    assert split.bodies["upper"].mass == pytest.approx(4.0, rel=1e-14)
+
+
 def test_what_cannot_be_split_goes_to_the_moving_link(arm: Library, tmp_path: Path) -> None:
     """Property: an arm lighter than its published camera and bracket; same torques."""
     pi = perturbed(arm)

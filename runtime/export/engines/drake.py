@@ -21,6 +21,8 @@ def reload(text: str, lib: Library) -> Reloaded | None:
         from pydrake.multibody.parsing import Parser
         from pydrake.multibody.plant import MultibodyPlant
         from pydrake.multibody.tree import MultibodyForces
+
+        engine = f"Drake {version('drake')}"
     except ImportError:
         return None
     plant: Any = MultibodyPlant(0.0)
@@ -45,7 +47,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
         tau[k] = plant.CalcInverseDynamics(context, ddq, forces)[at]
     damping = np.array([joint.default_damping_vector()[0] for joint in joints])
     return Reloaded(
-        f"Drake {version('drake')}",
+        engine,
         tau - damping * states[1],
         _parameters(plant, lib),
         damping=damping,

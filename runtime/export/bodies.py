@@ -1,4 +1,4 @@
-"""One rigid body: mass, centre of mass and inertia about it, and the same as pseudo-inertia.
+"""One rigid body and its pseudo-inertia, and how files write numbers and rotations.
 
 P = [[Σ, m c], [m cᵀ, m]],   Σ = Σ_com + m c cᵀ,   I_com = tr(Σ_com) 1 − Σ_com,   P' = T P Tᵀ
 
@@ -9,6 +9,7 @@ P is linear in the matter, so that bodies that are fixed to each other add up, a
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from runtime.library import Array
 
@@ -48,6 +49,12 @@ def body_of(P: Array) -> Body:
 def smallest_eigenvalue(P: Array) -> float:
     """Smallest eigenvalue of P over its trace; not below 0 for a body that can exist."""
     return float(np.linalg.eigvalsh(P)[0]) / (abs(float(np.trace(P))) or 1.0)
+
+
+def quaternion(T: Array) -> Array:
+    """The rotation of T (4, 4) as w, x, y, z."""
+    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True)
+    return np.array([w, x, y, z])
 
 
 def digits(value: float) -> str:

@@ -8,10 +8,9 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from runtime.export.bodies import Body, digits, row
+from runtime.export.bodies import Body, digits, quaternion, row
 from runtime.export.model import Model, xml_comment
 from runtime.export.tree import WORLD, Edge
-from runtime.library import Array
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 
@@ -102,11 +101,3 @@ def _capsules(model: Model, body: Element, link: str) -> None:
             )
             rest = {"size": digits(proxy.radius), "contype": "0", "conaffinity": "0"}
             SubElement(body, "geom", {"name": proxy.name, **shape, **rest, "group": "2"})
-
-
-def quaternion(T: Array) -> Array:
-    """The rotation of T as w, x, y, z."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True)
-    return np.array([w, x, y, z])

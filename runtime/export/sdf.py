@@ -8,8 +8,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from runtime.export.bodies import Body, digits, row
-from runtime.export.mjcf import quaternion
+from runtime.export.bodies import Body, digits, quaternion, row
 from runtime.export.model import Model, xml_comment
 from runtime.export.tree import WORLD, Edge
 from runtime.library import Array

@@ -32,8 +32,11 @@ from tests.oracle import pinocchio_model, random_states
 
 # Every trap at once: a continuous and a prismatic joint, a moving link without an inertial of its
 # own, a rotated inertial, fixed bodies in a row on a moving link, a fixed body on the base, a
-# moving joint behind a fixed body, joints in no alphabetic order; gravity is tilted as well.
-ARM = """<robot name="arm">
+# moving joint behind a fixed body, joints in no alphabetic order; gravity is tilted as well. For
+# SDF and MJCF a root called world, fixed joints named as their links, a flange without mass.
+ARM = """<robot name="arm"><link name="world"/>
+  <joint name="base" type="fixed"><parent link="world"/><child link="base"/>
+    <origin xyz="0 0 .4" rpy="0 .3 0"/></joint>
   <link name="base"><inertial><mass value="3"/>
     <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <link name="pedestal"><inertial><origin xyz="0 0 1" rpy="0 0 0"/><mass value="2"/>
@@ -58,8 +61,11 @@ ARM = """<robot name="arm">
     <limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
   <link name="tool"><inertial><mass value="1"/>
     <inertia ixx=".02" iyy=".02" izz=".03" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="flange" type="fixed"><parent link="slider"/><child link="tool"/>
-    <origin xyz="0 0 .2"/></joint>
+  <link name="flange"/>
+  <joint name="flange" type="fixed"><parent link="slider"/><child link="flange"/>
+    <origin xyz="0 0 .2" rpy="0 0 1"/></joint>
+  <joint name="tool_mount" type="fixed"><parent link="flange"/><child link="tool"/>
+    <origin xyz="0 .1 0" rpy="1 0 0"/></joint>
   <link name="wrist"><inertial><mass value="1"/>
     <inertia ixx=".02" iyy=".02" izz=".03" ixy="0" ixz="0" iyz="0"/></inertial></link>
   <joint name="a_roll" type="revolute"><parent link="upper"/><child link="wrist"/>
@@ -455,38 +461,16 @@ def test_links_on_the_boundary_are_exported(arm: Library, tmp_path: Path) -> Non
     assert [each.sentence[:9] for each in done] == ["verified:"] * 5
 
 
-def test_names_that_other_formats_have_taken(root: Path, tmp_path: Path) -> None:
-    """Property: a root called world, a flange without mass, a fixed joint named as its link."""
-    lib = runtime.load(build(BuildRequest("worldly", WORLDLY), root, levels=["portable"]).folder)
-    files = exported(lib, tmp_path)
+def test_names_that_other_formats_have_taken(arm: Library, tmp_path: Path) -> None:
+    """Property: both have a world already; SDF has one set of names, and no massless links."""
+    files = exported(arm, tmp_path, "mjcf", "sdf")
     sdf = fromstring(files["sdf"][0])
-    assert [frame.get("name") for frame in sdf.iter("frame")] == ["flange"]
-    assert {x.get("name") for x in sdf.iter("link")} == {"column", "rod", "tool"}
-    assert [x.get("name") for x in fromstring(files["mjcf"][0]).iter("body")] == [
-        "column",
-        "rod",
-        "flange",
-        "tool",
-    ]
-
-
-WORLDLY = """<robot name="worldly"><link name="world"/>
-  <joint name="column" type="fixed"><parent link="world"/><child link="column"/>
-    <origin xyz="0 0 .4" rpy="0 .3 0"/></joint>
-  <link name="column"><inertial><mass value="3"/>
-    <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="swing" type="continuous"><parent link="column"/><child link="rod"/>
-    <origin xyz=".1 0 .2" rpy=".5 0 0"/><axis xyz="0 1 0"/></joint>
-  <link name="rod"><inertial><origin xyz=".1 0 .2"/><mass value="1.5"/>
-    <inertia ixx=".02" iyy=".02" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-  <joint name="flange" type="fixed"><parent link="rod"/><child link="flange"/>
-    <origin xyz="0 0 .4" rpy="0 0 1"/></joint>
-  <link name="flange"/>
-  <joint name="tool_mount" type="fixed"><parent link="flange"/><child link="tool"/>
-    <origin xyz="0 .1 0" rpy="1 0 0"/></joint>
-  <link name="tool"><inertial><origin xyz="0 0 .01"/><mass value=".1"/>
-    <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial></link>
-</robot>"""
+    assert {frame.get("name") for frame in sdf.iter("frame")} == {"flange", "tool"}
+    links = ["base", "bracket", "camera", "pedestal", "slider", "upper", "wrist"]
+    assert sorted(x.get("name", "") for x in sdf.iter("link")) == links
+    assert "base_fixed" in {x.get("name") for x in sdf.iter("joint")}
+    bodies = {x.get("name") for x in fromstring(files["mjcf"][0]).iter("body")}
+    assert bodies == {*links, "flange", "tool"}
 
 
 def test_without_pinocchio_the_sentence_says_so(

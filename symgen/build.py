@@ -17,7 +17,7 @@ from pathlib import Path
 
 from symgen import __version__
 from symgen.catalogue import make_catalogue
-from symgen.chain import Chain, read_chain
+from symgen.chain import Chain, Joint, read_chain
 from symgen.compiler import compile_library, sha256_of
 from symgen.emit import EmittedRobot, emit
 from symgen.errors import BuildError
@@ -107,6 +107,10 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
         return False
 
 
+ROUNDED = 1e-4
+"""What a rotation misses a right angle by where a URDF writes its angles with four digits."""
+
+
 def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
     notes = [
         f"link '{body.name}' ({body.mass:g} kg) is fixed and counts into '{body.onto}'"
@@ -118,7 +122,19 @@ def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
         f"the inertia of '{link}' cannot exist and was projected (largest change {change:.2g})"
         for link, change in projected.items()
     ]
+    rounded = [j.name for j in chain.joints if _is_almost_square(j)]
+    if rounded:
+        notes.append(
+            f"the angles of {', '.join(rounded)} are right ones but for {ROUNDED:g}; if the URDF "
+            f"rounds them, --snap {ROUNDED:g} saves operations and base parameters that only "
+            "rounding makes"
+        )
     return tuple(notes)
+
+
+def _is_almost_square(joint: Joint) -> bool:
+    """Some entry of the joint's rotation is almost, but not, 0."""
+    return any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)
 
 
 def _write_files(staging: Path, robot: EmittedRobot) -> None:

@@ -29,9 +29,14 @@ class Answers:
 
 
 def pinocchio_model(urdf: str, gravity: Array | None = None) -> pinocchio.Model:
-    """Model of a URDF; `continuous` becomes unlimited revolute so that nq = nv."""
+    """Model of a URDF; `continuous` becomes unlimited revolute so that nq = nv.
+
+    Friction plays no part, and where it is negative Pinocchio refuses the file.
+    """
     robot = fromstring(urdf)
     for joint in robot.iter("joint"):
+        for dynamics in joint.findall("dynamics"):
+            joint.remove(dynamics)
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
             if joint.find("limit") is None:

@@ -1,4 +1,4 @@
-"""`python -m runtime inspect | identify | compare | payload | evaluate | excite | …`."""
+"""`python -m runtime COMMAND`: inspect, identify, compare, payload, export, excite and others."""
 
 import sys
 
@@ -8,6 +8,7 @@ from runtime.cli import (
     compare,
     evaluate,
     excite,
+    export,
     identify,
     inspect,
     payload,
@@ -34,6 +35,7 @@ app.command("identify")(identify.identify_command)
 app.command("compare")(compare.compare_command)
 app.command("payload")(payload.payload_command)
 app.command("evaluate")(evaluate.evaluate_command)
+app.command("export")(export.export_command)
 app.command("excite")(excite.excite_command)
 app.command("simulate")(simulate.simulate_command)
 app.command("reproduce")(reproduce.reproduce_command)

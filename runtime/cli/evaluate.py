@@ -4,21 +4,18 @@ import json
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 
 from runtime import metrics
 from runtime.cli.common import Robot, console, say, torque_table
 from runtime.datasets import locate
-from runtime.errors import RecordingError
 from runtime.library import load
-from runtime.library.manifest import PI_NAMES
-from runtime.network import FrictionNet
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
-from runtime.recording import Friction, read_recording
+from runtime.recording import read_recording
 from runtime.results import error_facts
+from runtime.saved import read_result, require_robot
 
 Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 
@@ -36,30 +33,26 @@ def evaluate_command(
     \b
     python -m runtime evaluate results/first-map second.csv --robot my
     """
-    facts = _read(result)
+    saved = read_result(result)
     lib = load(robot)
-    if facts["joints"] != list(lib.joint_names):
-        raise RecordingError(
-            f"'{result}' identified {facts['robot']}, whose joints differ from those of "
-            f"'{lib.name}'; name its robot with --robot"
-        )
+    require_robot(saved, lib, result)
     recording = read_recording(log, recipe, run, lib.joint_names)
     require_plausible(recording, lib)
-    terms = facts["friction"]
+    terms = saved.friction
     prepared = prepare(recording, None, terms, lib=lib)
     samples = samples_of(prepared, lib)
     before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
-    after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, facts["pi"])
+    after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, saved.pi)
     if terms.columns:
-        after = after + samples.friction(facts["phi"])
-    if facts["net"]:
-        after = after + facts["net"].torque(samples.columns)
+        after = after + samples.friction(saved.phi)
+    if saved.net:
+        after = after + saved.net.torque(samples.columns)
     errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]
     figures: dict[str, Any] = {
         "robot": lib.name,
-        "method": facts["method"],
-        "joints": facts["joints"],
-        "units": facts["units"],
+        "method": saved.method,
+        "joints": list(saved.joints),
+        "units": list(saved.units),
         **error_facts(*errors),
     }
     if as_json:
@@ -73,25 +66,3 @@ def locate_command(
 ) -> None:
     """Where a known data set lies; downloads it when it is not here."""
     say(str(locate(name)))
-
-
-def _read(folder: Path) -> dict[str, Any]:
-    """The facts that evaluate needs, with π and friction as arrays of the right shape."""
-    try:
-        facts = dict(json.loads((folder / "result.json").read_text(encoding="utf-8")))
-        n = len(facts["joints"])
-        terms = facts["friction"] or {"columns": [], "values": [[]] * n}
-        read = {key: facts[key] for key in ("robot", "method", "joints", "units")}
-        read["pi"] = np.array(facts["pi"], dtype=float)
-        read["friction"] = Friction.from_facts(terms)
-        read["phi"] = np.array(terms["values"], dtype=float)
-        net = terms.get("net")
-        read["net"] = net and FrictionNet(np.array(net["theta"]), np.array(net["scale"]))
-        whole = len(read["units"]) == n and read["pi"].shape == (len(PI_NAMES) * n,)
-        if not whole or read["phi"].shape != (n, len(read["friction"].columns)):
-            raise ValueError
-    except (OSError, ValueError, KeyError, TypeError):
-        raise RecordingError(
-            f"'{folder}' holds no valid result.json; give the folder that identify wrote"
-        ) from None
-    return read

@@ -208,4 +208,5 @@ def _finish(result: Identification, folder: Path, study: Study | None = None) ->
 
 
 def _exported(result: Identification, folder: Path) -> str:
-    return write_urdf(result.lib, result.pi, folder / "identified.urdf")
+    path = folder / "identified.urdf"
+    return write_urdf(result.lib, result.pi, path, result.friction, result.phi)

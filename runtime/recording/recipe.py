@@ -21,7 +21,7 @@ UNITS: dict[str, dict[str, float]] = {
     "position": {"rad": 1.0, "deg": pi / 180, "m": 1.0, "mm": 1e-3},
     "velocity": {"rad/s": 1.0, "deg/s": pi / 180, "rpm": pi / 30, "m/s": 1.0, "mm/s": 1e-3},
     "acceleration": {"rad/s^2": 1.0, "deg/s^2": pi / 180, "m/s^2": 1.0, "mm/s^2": 1e-3},
-    "torque": {"N*m": 1.0, "mN*m": 1e-3, "N": 1.0, "A": 1.0},
+    "torque": {"N*m": 1.0, "mN*m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3},
 }
 LAYOUTS = ("csv", "flat", "npz", "parquet", "bag")
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
@@ -110,7 +110,7 @@ class Signal:
         units = (self.unit,) if isinstance(self.unit, str) else self.unit
         for unit in units:
             _one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
-        if "A" in units and self.gain is None:
+        if {"A", "mA"} & set(units) and self.gain is None:
             raise RecordingError(
                 "[torque] in ampere expects a gain in N·m/A, got none; write gain = [...]"
             )

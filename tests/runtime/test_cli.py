@@ -101,6 +101,41 @@ def test_identify_writes_everything(
     assert command("identify", log, "--robot", lib.folder, "--prior", "no.toml").code == 2
 
 
+def test_export_writes_what_others_load(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: every format of a result, checked and told; nothing replaced without leave."""
+    words = ("--friction", "viscous,coulomb", "--method", "pc-ols", "--out", "out")
+    assert command("identify", log, "--robot", lib.folder, *words).code == 0
+    ran = command("export", "out", "--robot", lib.folder)
+    assert ran.code == 0, ran.err
+    written = {path.name for path in (tmp_path / "out" / "export").iterdir()}
+    assert written == {
+        *("fr3.urdf", "fr3.xml", "fr3.sdf", "inertials.yaml", "dynamics.yaml"),
+        "fr3_identified.h",
+    }
+    assert ran.out.count("verified: reloaded by") == 6
+    again = command("export", "out", "--robot", lib.folder, "--to", "mjcf,urdf")
+    assert again.code == 2
+    assert "fr3.xml' exists" in again.err
+    assert command("export", "out", "--robot", lib.folder, "--to", "urdf", "--overwrite").code == 0
+    assert "friction, header; got 'usd'" in command("export", "out", "--to", "usd").err
+    assert "no valid result.json" in command("export", tmp_path).err
+
+
+def test_export_says_what_it_could_not_write(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: bodies that cannot exist are refused one by one, exit code 2, nothing left."""
+    run = command("identify", log, "--robot", lib.folder, "--method", "ols", "--out", "out")
+    assert run.code == 0
+    ran = command("export", "out", "--robot", lib.folder, "--to", "urdf,header")
+    assert ran.code == 2
+    assert "2 of 2 not written: urdf, header" in ran.err
+    assert "urdf: not written: fr3_link" in ran.out or "urdf: link 'fr3_link" in ran.out
+    assert not (tmp_path / "out" / "export").exists()
+
+
 def test_inconsistent_models_get_no_urdf(
     command: Command, lib: Library, log: Path, tmp_path: Path
 ) -> None:

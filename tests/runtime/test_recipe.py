@@ -1,5 +1,6 @@
 """Recipes: every key is known, every value possible, or the message names the one that is not."""
 
+import numpy as np
 import pytest
 
 from runtime.errors import RecordingError
@@ -44,6 +45,7 @@ def test_bundled_names():
         ({"torque": POSITION, "time": TIME}, r"\[torque\] unit expects one of N\*m"),
         ({"torque": {**POSITION, "unit": "N*m"}}, r"\[torque\] expects \[position\] too"),
         ({"position": POSITION, "time": TIME, "torque": {**POSITION, "unit": "A"}}, "a gain"),
+        ({"position": POSITION, "time": TIME, "torque": {**POSITION, "unit": "mA"}}, "a gain"),
         ({"time": {"column": "t", "unit": "min"}}, "s, ms, us, ns; got 'min'"),
         ({"time": {"rate_hz": 10.0, "unit": "s"}}, "but got both"),
         ({"time": {"rate_hz": 0}}, "rate_hz expects a number above 0"),
@@ -125,11 +127,13 @@ def test_defaults_do_nothing():
     assert Split().test == (0.6, 1.0)
 
 
-def test_current_needs_and_uses_gains(tmp_path):
+@pytest.mark.parametrize(("unit", "scale"), [("A", 1.0), ("mA", 1e-3)])
+def test_current_needs_and_uses_gains(tmp_path, unit, scale):
     """Oracle: motor current times the stated gain is torque."""
     (tmp_path / "q.csv").write_text("a,b\n" + "1,2\n3,4\n" * 5)
-    torque = {**POSITION, "unit": "A", "gain": [10.0, 0.5]}
+    torque = {**POSITION, "unit": unit, "gain": [10.0 / scale, 0.5 / scale]}
     recipe = recipe_from_table({"time": TIME, "position": POSITION, "torque": torque})
     recording = read_recording(tmp_path, recipe)
     assert recording.tau is not None
-    assert recording.tau[:2].tolist() == [[10.0, 1.0], [30.0, 2.0]]
+    # One product by 1e-3 rounds.
+    assert recording.tau[:2] == pytest.approx(np.array([[10.0, 1.0], [30.0, 2.0]]), rel=1e-15)

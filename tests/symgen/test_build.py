@@ -19,7 +19,7 @@ import symgen.build
 import symgen.exchange
 from runtime.library import load
 from symgen.build import build, generate, is_current
-from symgen.chain import ChainOptions
+from symgen.chain import ChainOptions, read_chain
 from symgen.errors import BuildError, CompilerError, SymgenError, UrdfError
 from symgen.request import (
     BuildRequest,
@@ -410,7 +410,7 @@ def test_bad_names(name: str) -> None:
 
 def test_unknown_bundled_robot() -> None:
     """Property: lists what there is."""
-    with pytest.raises(BuildError, match=r"called 'r2d2' \(there is fr3\)"):
+    with pytest.raises(BuildError, match=r"called 'r2d2' \(there is fr3, ur5e\)"):
         bundled_request("r2d2")
 
 
@@ -452,6 +452,23 @@ def test_notes_tell_what_was_done(tmp_path: Path) -> None:
     impossible = TINY_URDF.replace('izz="0.01"', 'izz="0.5"')
     notes = generate(BuildRequest("t", impossible, project=True))[1]
     assert any("the inertia of 'rod' cannot exist and was projected" in note for note in notes)
+
+
+def test_rounded_angles_are_told() -> None:
+    """Property: 3.1416 hides a right angle that --snap finds; 0.5 and π hide none."""
+    tilted = TINY_URDF.replace('<origin xyz="0 0 0.5"/>', '<origin xyz="0 0 0.5" rpy="ANGLE 0 0"/>')
+    assert tilted != TINY_URDF
+    for angle, snap, is_told in (
+        ("3.1416", 0.0, True),
+        ("3.1416", 1e-4, False),
+        ("3.141592653589793", 0.0, False),
+        ("0.5", 0.0, False),
+    ):
+        chain = read_chain(tilted.replace("ANGLE", angle), ChainOptions(snap=snap))
+        notes = symgen.build._notes(chain, {})
+        assert (
+            any("angles of swing" in note and "--snap 0.0001" in note for note in notes) == is_told
+        )
 
 
 def test_c_code_alone_is_enough(tiny_built: Path, tmp_path: Path) -> None:

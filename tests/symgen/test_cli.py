@@ -198,6 +198,7 @@ def test_list(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = {line.split("│")[1].strip(): line for line in out.splitlines() if "│" in line}
     assert code == 0
     assert "yes" in rows["fr3"]
+    assert "yes" in rows["ur5e"]
     assert "built" in rows["tiny"]
     (tiny / "libtiny.so").unlink()
     assert "not compiled" in run(capsys, "list", "--out", tiny.parent)[1]

@@ -1,0 +1,166 @@
+"""The run behind `scripts/check_models`: each URDF built, held against Pinocchio, inspected.
+
+The robots and how to build them are those of the tests (`tests.robots`), so is the oracle.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+from runtime.library import Library, load, to_pinocchio_order
+from symgen.build import build
+from symgen.errors import SymgenError
+from symgen.inspect import inspect_file
+from tests.oracle import Array, ask_pinocchio, pinocchio_model, with_parameters
+from tests.robots import CASES, DATA, MORE, Case
+
+STATES = 300
+ALLOWED = 1e-12
+"""Of the largest entry; the reason stands beside the same number in tests/symgen/test_dynamics."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One robot; what could not be built has only a sentence.
+
+    Attributes:
+        kept, dropped: smallest singular value of the base parameters, and a bound of the rest.
+        seconds: of the build, with one level.
+        error: largest difference to Pinocchio in τ, Y and M over the largest entry.
+        verdict: of `symgen inspect`.
+    """
+
+    name: str
+    sentence: str = ""
+    joints: int = 0
+    base: int = 0
+    expected: int = 0
+    kept: float = 0.0
+    dropped: float = 0.0
+    seconds: float = 0.0
+    error: float = 0.0
+    verdict: str = ""
+
+    @property
+    def is_right(self) -> bool:
+        """Built, with the base parameters that are known for it, and equal to Pinocchio."""
+        return not self.sentence and self.error <= ALLOWED and self.base == self.expected
+
+
+def study(models: Path, names: list[str]) -> Iterator[Row]:
+    """A row for each of the named robots, or for all."""
+    for name, case in (CASES | MORE).items():
+        if not names or name in names:
+            folder = Path(tempfile.mkdtemp(prefix="check_models."))
+            try:
+                yield _row(name, case, models, folder)
+            finally:
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def commands(name: str, models: Path) -> Iterator[tuple[str, float, str]]:
+    """Every command on a robot in an empty folder: its words, seconds, and what went wrong."""
+    case = (CASES | MORE)[name]
+    with tempfile.TemporaryDirectory(prefix="check_models.") as home:
+        folder = build(case.request(name, models), Path(home) / "generated").folder
+        for program, words in _CHAIN:
+            line = [*words.split(), *(() if program == "symgen" else ("--robot", str(folder)))]
+            line += [name] if program == "symgen" else []
+            start = time.perf_counter()
+            ran = subprocess.run(
+                [sys.executable, "-m", program, *line],
+                cwd=home,
+                capture_output=True,
+                text=True,
+                check=False,
+                env={**os.environ, "PYTHONPATH": str(DATA.parents[1])},
+            )
+            error = "" if ran.returncode == 0 else ran.stderr.strip()[-500:] or "failed"
+            yield f"{program} {words}", time.perf_counter() - start, error
+
+
+_CHAIN = (
+    ("symgen", "describe"),
+    ("runtime", "excite --duration 5 --starts 2 --out motion.json"),
+    ("runtime", "simulate --trajectory motion.json --keep-every 5 --out log.csv"),
+    ("runtime", "identify log.csv --cutoff 10 --rate 100 --friction viscous,coulomb --out mine"),
+    ("runtime", "evaluate mine log.csv"),
+    ("runtime", "compare log.csv --methods map,pc-ols,ols --cutoff 10 --rate 100"),
+    ("runtime", "export mine"),
+)
+
+
+def table(rows: list[Row]) -> Table:
+    """One line per robot."""
+    heads = ("robot", "joints", "base", "kept ≥", "dropped <", "build s", "error", "inspect")
+    shown = Table(*heads, title=f"one level, {STATES} states, error against Pinocchio in τ, Y, M")
+    for column in shown.columns[1:-1]:
+        column.justify = "right"
+    for row in rows:
+        if row.sentence:
+            shown.add_row(row.name, *[""] * (len(heads) - 2), row.sentence)
+            continue
+        base = str(row.base) if row.base == row.expected else f"{row.base}, not {row.expected}"
+        cells = (row.name, str(row.joints), base, f"{row.kept:.2g}", f"{row.dropped:.0e}")
+        shown.add_row(*cells, f"{row.seconds:.1f}", f"{row.error:.1e}", row.verdict)
+    return shown
+
+
+def _row(name: str, case: Case, models: Path, folder: Path) -> Row:
+    try:
+        request = case.request(name, models)
+        start = time.perf_counter()
+        built = build(request, folder, levels=["portable"])
+        seconds = time.perf_counter() - start
+    except SymgenError as error:
+        return Row(name, sentence=str(error))
+    lib = load(built.folder)
+    facts = json.loads((built.folder / "manifest.json").read_text(encoding="utf-8"))
+    base = facts["base_parameters"]
+    path = (models if case.published else DATA) / case.file
+    return Row(
+        name,
+        joints=lib.n_joints,
+        base=len(lib.base_columns),
+        expected=case.base_parameters,
+        kept=base["smallest_kept"],
+        dropped=base["largest_dropped_below"],
+        seconds=seconds,
+        error=difference(lib),
+        verdict=_verdict(path),
+    )
+
+
+def difference(lib: Library) -> float:
+    """Largest difference to Pinocchio in τ, Y and M, each over its largest entry."""
+    model = with_parameters(pinocchio_model(lib.urdf(), lib.gravity), lib, lib.pi0)
+    a = ask_pinocchio(model, lib, STATES)
+    pairs = (
+        (lib.inverse_dynamics(a.q, a.dq, a.ddq, lib.pi0), a.tau),
+        (to_pinocchio_order(lib.regressor(a.q, a.dq, a.ddq)), a.regressor),
+        (lib.mass_matrix(a.q, lib.pi0), a.mass),
+    )
+    return max(_relative(ours, theirs) for ours, theirs in pairs)
+
+
+def _relative(ours: Array, theirs: Array) -> float:
+    return float(np.abs(ours - theirs).max() / np.abs(theirs).max())
+
+
+def _verdict(path: Path) -> str:
+    try:
+        found = inspect_file(path, with_base=False)
+    except SymgenError as error:
+        return str(error)
+    kinds = [f"{finding.severity}: {finding.kind}" for finding in found.findings]
+    return ", ".join(f"{kind} ×{kinds.count(kind)}" for kind in dict.fromkeys(kinds)) or "fine"

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -151,6 +152,8 @@ def read_manifest(path: Path) -> Manifest:
             raise LibraryError(
                 f"'{path}' has the format {raw['format']}, this runtime reads {FORMAT}; {again}"
             )
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", raw["robot"]):
+            raise TypeError("robot")  # it becomes part of paths
         return Manifest(
             robot=raw["robot"],
             model_hash=raw["model_hash"],

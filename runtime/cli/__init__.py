@@ -1,10 +1,10 @@
-"""`python -m runtime identify | compare | payload | evaluate | excite | simulate | report`."""
+"""`python -m runtime identify | compare | payload | evaluate | excite | simulate | …`."""
 
 import sys
 
 import typer
 
-from runtime.cli import compare, evaluate, excite, identify, payload, simulate
+from runtime.cli import compare, evaluate, excite, identify, payload, simulate, tutorial
 from runtime.errors import RuntimeFault
 
 INTERRUPTED = 130
@@ -26,6 +26,7 @@ app.command("excite")(excite.excite_command)
 app.command("simulate")(simulate.simulate_command)
 app.command("report")(evaluate.report_command)
 app.command("locate")(evaluate.locate_command)
+app.command("tutorial")(tutorial.tutorial_command)
 
 
 def main() -> None:

@@ -34,6 +34,22 @@ from runtime.uncertainty import Uncertainty, uncertainty_of
 
 
 @dataclass(frozen=True, slots=True)
+class Streamed:
+    """What was computed over all rows of a log of which a result holds only windows.
+
+    Attributes:
+        samples: rows of the parts, as prepared.
+        spans: their first and last instant [s].
+        before, after: torque errors on the whole test part, first guess and answer.
+    """
+
+    samples: dict[str, int]
+    spans: dict[str, tuple[float, float]]
+    before: metrics.TorqueError
+    after: metrics.TorqueError
+
+
+@dataclass(frozen=True, slots=True)
 class Identification:
     """Identified parameters and what vouches for them.
 
@@ -52,6 +68,8 @@ class Identification:
         one_run: True when they are parts of one recording.
         notes: what was done on the way.
         net: friction beyond φ, learned by "nn".
+        sessions: names of several logs, whose offsets are the last columns of φ.
+        streamed: where train, validation and test are windows of a longer log.
     """
 
     method: str
@@ -76,6 +94,16 @@ class Identification:
     seed: int
     notes: tuple[str, ...] = field(default=())
     net: FrictionNet | None = None
+    sessions: tuple[str, ...] = ()
+    streamed: Streamed | None = None
+
+    @property
+    def usual_phi(self) -> Array:
+        """φ of the columns of `friction`: the offset is the mean of all sessions."""
+        count = len(self.sessions)
+        if not count:
+            return self.phi
+        return np.hstack([self.phi[:, :-count], self.phi[:, -count:].mean(axis=1, keepdims=True)])
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """τ̂ = Y π + F(dq) φ, (N, n) or (n,), and the net's share where there is one."""
@@ -85,7 +113,7 @@ class Identification:
         speed, place, push = (np.atleast_2d(np.asarray(a, dtype=float)) for a in (dq, q, ddq))
         motion = friction.Motion(speed, place, push, self.lib)
         columns = friction.columns(motion, self.friction)
-        extra = friction.torque(columns, self.phi, friction.coupling_of_terms(self.friction))
+        extra = friction.torque(columns, self.usual_phi, friction.coupling_of_terms(self.friction))
         if self.net is not None:
             extra = extra + self.net.torque(columns)
         return rigid + extra.reshape(rigid.shape)

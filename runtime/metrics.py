@@ -33,10 +33,15 @@ def torque_error(measured: Array, predicted: Array) -> TorqueError:
     """Errors of predicted against measured torque, both (N, n); 0 % where both are silent."""
     difference = measured - predicted
     size, scale = np.linalg.norm(difference, axis=0), np.linalg.norm(measured, axis=0)
+    return torque_error_of(size, scale, len(measured))
+
+
+def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
+    """The same from ‖τ_j − τ̂_j‖ and ‖τ_j‖ (n,) of N samples."""
     percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
     whole = float(np.linalg.norm(scale))
     overall = 100 * float(np.linalg.norm(size)) / whole if whole else 0.0
-    return TorqueError(percent, overall, size / np.sqrt(len(measured)))
+    return TorqueError(percent, overall, size / np.sqrt(count))
 
 
 def airm(a: Array, b: Array) -> Array:

@@ -46,6 +46,7 @@ class Problem:
         seed: of mini-batches.
         progress: called with iteration and best validation loss.
         bench: how the samples came about.
+        compressor: weights → statistics, where `train` is only a part of the training data.
     """
 
     lib: Library
@@ -56,14 +57,20 @@ class Problem:
     seed: int = 0
     progress: Callable[[int, float], None] | None = None
     bench: Bench | None = None
+    compressor: Callable[[Array], Statistics] | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training data, with the problem's weights unless others are given."""
-        return self._weighted if weights is None else compress(self.lib, self.train, weights)
+        return self._weighted if weights is None else self._compressed(weights)
 
     @cached_property
     def _weighted(self) -> Statistics:
-        return compress(self.lib, self.train, self.weights)
+        return self._compressed(self.weights)
+
+    def _compressed(self, weights: Array) -> Statistics:
+        if self.compressor is not None:
+            return self.compressor(weights)
+        return compress(self.lib, self.train, weights)
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,9 +35,8 @@ SUSPICIOUSLY_GOOD = 1e-4
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:
     """Everything that result.json says."""
-    lib, test = result.lib, samples_of(result.test, result.lib)
-    before = metrics.torque_error(test.tau, result.before(result.test))
-    after = metrics.torque_error(test.tau, result.predict_recording(result.test))
+    lib = result.lib
+    before, after = torque_errors(result)
     return {
         "format": FORMAT,
         "method": result.method,
@@ -73,6 +72,17 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
     }
 
 
+def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.TorqueError]:
+    """Errors on the test part, of the first guess and of the answer."""
+    if result.streamed is not None:
+        return result.streamed.before, result.streamed.after
+    tau = samples_of(result.test, result.lib).tau
+    return (
+        metrics.torque_error(tau, result.before(result.test)),
+        metrics.torque_error(tau, result.predict_recording(result.test)),
+    )
+
+
 def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict[str, Any]:
     """Torque errors of two models on the same samples; None where the measured torque is silent."""
 
@@ -90,9 +100,14 @@ def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict
     }
 
 
-def write_result(result: Identification, folder: Path, command: str) -> dict[str, Any]:
-    """Write result.json and predictions.npz into a folder; returns the facts."""
-    facts = result_facts(result, command)
+def write_result(
+    result: Identification, folder: Path, command: str, study: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write result.json and predictions.npz into a folder; returns the facts.
+
+    `study` is what several logs say about each other.
+    """
+    facts = result_facts(result, command) | ({"sessions": study} if study else {})
     test = samples_of(result.test, result.lib)
     arrays = {
         "t": np.asarray(result.test.t),
@@ -131,11 +146,15 @@ def _recording_facts(result: Identification) -> dict[str, Any]:
         "validation": result.validation,
         "test": result.test,
     }
-    spans = ", ".join(f"{name} {r.t[0]:.2f}–{r.t[-1]:.2f} s" for name, r in parts.items())
+    ends = {name: (float(r.t[0]), float(r.t[-1])) for name, r in parts.items()}
+    samples = {name: len(r) for name, r in parts.items()}
+    if result.streamed is not None:
+        ends, samples = result.streamed.spans, result.streamed.samples
+    spans = ", ".join(f"{name} {a:.2f}–{b:.2f} s" for name, (a, b) in ends.items())
     return {
         "name": result.train.name.removesuffix("/train"),
-        "duration": float(sum(r.duration for r in parts.values())),
-        "samples": {name: len(r) for name, r in parts.items()},
+        "duration": float(sum(b - a for a, b in ends.values())),
+        "samples": samples,
         "history": list(result.train.history),
         "split": spans,
     }
@@ -201,11 +220,13 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
     if not result.phi.size:
         return None
     names = result.train.column_names or result.friction.columns
+    if result.sessions:
+        names = result.friction.columns
     motors = result.train.motors
     return {
         **result.friction.facts(),
         "columns": list(names),
-        "values": result.phi.tolist(),
+        "values": result.usual_phi.tolist(),
         **({} if motors is None else {"gear": motors.tolist()}),
     } | _net_facts(result)
 

@@ -43,7 +43,7 @@ def evaluate_command(
             f"'{result}' identified {facts['robot']}, whose joints differ from those of "
             f"'{lib.name}'; name its robot with --robot"
         )
-    recording = read_recording(log, recipe, run)
+    recording = read_recording(log, recipe, run, lib.joint_names)
     require_plausible(recording, lib)
     terms = facts["friction"]
     prepared = prepare(recording, None, terms, lib=lib)

@@ -12,28 +12,33 @@ from runtime.cli.common import Robot, Seed, command_line, console, say, torque_t
 from runtime.cli.options import (
     CoulombSpeed,
     Cutoff,
+    Data,
     FrictionNames,
-    Log,
     LoopFile,
     Parts,
     Rate,
     Recipe,
     Run,
+    Stream,
     read_data,
 )
+from runtime.cli.sessions import Logs, PayloadOf, identify_several, runs_of, tell_study
+from runtime.errors import IdentificationError
 from runtime.export import write_urdf
 from runtime.fitting import PRESETS
 from runtime.identification import Identification, identify
 from runtime.library import Library, load
 from runtime.loop import read_loop
 from runtime.methods import METHODS
-from runtime.prior_file import read_prior
-from runtime.recording import Friction, Recording
+from runtime.prior_file import PriorFile, read_prior
+from runtime.recording import Friction, Recording, StreamedRecording
 from runtime.results import write_result
+from runtime.sessions import Study
+from runtime.streaming import identify_streamed
 
 
 def identify_command(
-    log: Log,
+    logs: Logs,
     robot: Robot = "fr3",
     method: Annotated[
         str | None,
@@ -61,9 +66,11 @@ def identify_command(
     rate: Rate = None,
     split: Parts = None,
     loop: LoopFile = None,
+    stream: Stream = None,
+    payload_of: PayloadOf = None,
     seed: Seed = 0,
 ) -> None:
-    r"""Identify a robot from a log: result.json, identified.urdf and report.html.
+    r"""Identify a robot from logs: result.json, identified.urdf and report.html.
 
     \b
     python -m runtime identify panda_gaz --robot fr3
@@ -72,23 +79,42 @@ def identify_command(
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
     python -m runtime identify log.csv --robot my --prior my-arm.toml
     python -m runtime identify log.csv --method didim --loop log.loop.toml --friction viscous
+    python -m runtime identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
 
     A CSV has the header t,q1…,dq1…,ddq1…,tau1… in SI units (dq and ddq optional); anything else
     is described by a recipe. Ctrl-C keeps the best point so far. A report of the same folder is
-    replaced.
+    replaced. Several logs (or --run 1,2,3) have an offset each and are told how well the others
+    predict every one of them.
     """
-    lib = load(robot)
-    data = read_data(
-        lib,
-        log,
-        recipe=recipe,
-        run=run,
-        friction=friction,
-        coulomb_speed=coulomb_speed,
-        cutoff=cutoff,
-        rate=rate,
-        split=split,
-    )
+    lib, log = load(robot), logs[0]
+    asked = {
+        "recipe": recipe,
+        "friction": friction,
+        "coulomb_speed": coulomb_speed,
+        "cutoff": cutoff,
+        "rate": rate,
+        "split": split,
+        "stream": stream,
+    }
+    known = None if prior is None else read_prior(prior, lib)
+    runs = runs_of(logs, run)
+    if len(runs) > 1 or payload_of:
+        if loop is not None:
+            raise IdentificationError("a loop belongs to one log; leave out --loop")
+        result, study = identify_several(
+            runs, lib, method, payload_of or (), asked, preset=preset, prior=known, seed=seed
+        )
+        _finish(result, out or _folder(log, f"{len(runs)}-{result.method}"), study)
+        return
+    data = read_data(lib, log, run=run, **asked)  # type: ignore[arg-type]
+    if data.streamed is not None:
+        if method not in {None, "map"} or preset is not None or loop is not None:
+            raise IdentificationError(
+                "a streamed log is identified by the method map alone, without preset or loop; "
+                "leave them out, or use --no-stream"
+            )
+        _finish(_streamed(data.streamed, data, lib, known), out or _folder(log, "map"))
+        return
     terms = data.friction
     if terms is None and method == "nn":
         terms = Friction(INPUTS)
@@ -97,7 +123,7 @@ def identify_command(
         lib,
         method,
         preset=preset,
-        prior=None if prior is None else read_prior(prior, lib),
+        prior=known,
         preparation=data.preparation,
         splitting=data.splitting,
         friction_columns=terms,
@@ -105,8 +131,27 @@ def identify_command(
         seed=seed,
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-    folder = out or Path("results") / f"{Path(log).stem}-{result.method}"
-    _finish(result, folder)
+    _finish(result, out or _folder(log, result.method))
+
+
+def _folder(log: str, method: str) -> Path:
+    return Path("results") / f"{Path(log).stem}-{method}"
+
+
+def _streamed(
+    log: StreamedRecording, data: Data, lib: Library, prior: PriorFile | None
+) -> Identification:
+    say(f"streaming {log.rows} rows of {log.name}; --no-stream reads them as a whole")
+    with console.status("streaming") as status:
+        return identify_streamed(
+            log,
+            lib,
+            preparation=data.preparation,
+            splitting=data.splitting,
+            friction_columns=data.friction,
+            prior=prior,
+            progress=status.update,
+        )
 
 
 def _with_progress(
@@ -132,11 +177,13 @@ def _with_progress(
         return identify(recording, lib, method, progress=report, **options)  # type: ignore[arg-type]
 
 
-def _finish(result: Identification, folder: Path) -> None:
+def _finish(result: Identification, folder: Path, study: Study | None = None) -> None:
     from runtime.report import write_report  # matplotlib is slow to import
 
-    facts = write_result(result, folder, command_line())
+    facts = write_result(result, folder, command_line(), study.facts() if study else None)
     console.print(torque_table(facts))
+    if study is not None:
+        tell_study(study)
     say(f"status: {result.status}")
     verdict = "consistent" if result.is_consistent else "NOT consistent"
     smallest = float(result.relative_eigenvalues.min())

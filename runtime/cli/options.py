@@ -14,7 +14,17 @@ from runtime.errors import IdentificationError
 from runtime.friction import COLUMNS
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, Recording, Split, read_recording
+from runtime.recording import (
+    Friction,
+    Preparation,
+    Recording,
+    Split,
+    StreamedRecording,
+    is_large,
+    open_streamed,
+    read_recording,
+)
+from runtime.streaming import head_of
 
 AUTO = "auto"
 """Instead of columns: let the ladder choose them."""
@@ -23,7 +33,8 @@ Log = Annotated[
     str,
     typer.Argument(
         metavar="LOG",
-        help="CSV, NPZ, a folder with a recipe, or a known data set such as panda_gaz.",
+        help="CSV, NPZ, Parquet, MCAP, a ROS bag, a folder with a recipe, or a known data set "
+        "such as panda_gaz.",
     ),
 ]
 Recipe = Annotated[
@@ -46,6 +57,14 @@ Parts = Annotated[
     str | None,
     typer.Option("--split", metavar="A,B", help="Train up to A, validate up to B of the duration."),
 ]
+Stream = Annotated[
+    bool | None,
+    typer.Option(
+        "--stream/--no-stream",
+        help="Leave the log in its file and pass over it block by block; default for NPZ and "
+        "Parquet above 200 MB.",
+    ),
+]
 LoopFile = Annotated[
     Path | None,
     typer.Option(
@@ -61,6 +80,7 @@ class Data:
 
     Attributes:
         notes: sentences about what was chosen.
+        streamed: the log in its file, of which `recording` is the head.
     """
 
     recording: Recording
@@ -68,6 +88,7 @@ class Data:
     splitting: Split | None
     friction: Friction | None
     notes: tuple[str, ...] = ()
+    streamed: StreamedRecording | None = None
 
 
 def read_data(
@@ -81,17 +102,30 @@ def read_data(
     cutoff: float | None,
     rate: float | None,
     split: str | None,
+    stream: bool | None = False,
 ) -> Data:
     """Read the log, and climb the ladder of friction where that is asked for.
+
+    `stream` leaves it in its file; None does so where it is large.
 
     Raises:
         RuntimeFault: the log or an option is none.
     """
-    recording = read_recording(log, recipe, run)
+    streamed = None
+    if stream or (stream is None and is_large(log)):
+        streamed = open_streamed(log, recipe, run)
+        recording = head_of(streamed)
+    else:
+        recording = read_recording(log, recipe, run, lib.joint_names)
     prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
     terms = _friction(recording, friction, coulomb_speed)
     if terms is None or terms.columns[:1] != (AUTO,):
-        return Data(recording, prepared, parts, terms)
+        return Data(recording, prepared, parts, terms, streamed=streamed)
+    if streamed is not None:
+        raise IdentificationError(
+            "a friction model is chosen on a log that is read as a whole, but this one is "
+            "streamed; name the columns with --friction, or use --no-stream"
+        )
     with console.status("choosing a friction model"):
         choice = choose_friction(
             recording, lib, prepared, parts, coulomb_speed, extra=terms.columns[1:]

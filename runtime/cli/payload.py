@@ -72,8 +72,9 @@ def payload_command(
     endeffector-config.json (Franka Desk) and payload.urdf (a link to append).
     """
     lib = load(robot)
-    loaded = read_recording(log, recipe, run)
-    bare = read_recording(empty, recipe, empty_run or run) if empty else None
+    loaded = read_recording(log, recipe, run, lib.joint_names)
+    joints = lib.joint_names
+    bare = read_recording(empty, recipe, empty_run or run, joints) if empty else None
     found = identify_payload(
         loaded,
         lib,

@@ -25,7 +25,9 @@ def information_of(
     told = information(lib, torque_noise(noise, lib.n_joints), rate, payload=payload)
     if not logs:
         return told
-    known = prior_information(lib, [read_recording(log) for log in logs], told.noise)
+    known = prior_information(
+        lib, [read_recording(log, joints=lib.joint_names) for log in logs], told.noise
+    )
     return information(lib, told.noise, rate, known, payload)
 
 

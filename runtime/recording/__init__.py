@@ -5,6 +5,7 @@ from runtime.recording.reader import read_recording
 from runtime.recording.recipe import Friction, Preparation, Recipe, Split
 from runtime.recording.recipe_file import bundled_names, load_recipe
 from runtime.recording.recording import Recording
+from runtime.recording.streamed import StreamedRecording, is_large, open_streamed
 from runtime.recording.writer import write_recording
 
 __all__ = [
@@ -13,9 +14,12 @@ __all__ = [
     "Recipe",
     "Recording",
     "Split",
+    "StreamedRecording",
     "bundled_names",
     "check_consistency",
+    "is_large",
     "load_recipe",
+    "open_streamed",
     "read_recording",
     "write_recording",
 ]

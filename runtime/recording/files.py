@@ -5,6 +5,8 @@ convention does.
 """
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,10 +15,29 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording import tables
-from runtime.recording.convention import csv_convention, npz_convention
+from runtime.recording.convention import (
+    bag_convention,
+    csv_convention,
+    npz_convention,
+    parquet_convention,
+)
+from runtime.recording.in_place import NpzRows
+from runtime.recording.joint_states import JointLog, read_joint_states
+from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.recipe import Recipe, Signal, Time
 
-SUFFIXES = {".npz": "npz", ".csv": "csv", ".txt": "csv", ".tsv": "csv"}
+SUFFIXES = {
+    ".npz": "npz",
+    ".csv": "csv",
+    ".txt": "csv",
+    ".tsv": "csv",
+    ".parquet": "parquet",
+    ".mcap": "bag",
+    ".bag": "bag",
+    ".db3": "bag",
+}
+BAG_FILE = "metadata.yaml"
+"""What makes a folder a ROS 2 bag."""
 Text = tuple[str, ...]
 
 
@@ -34,28 +55,46 @@ class Files:
 
     place: Path
     recipe: Recipe
+    joints: tuple[str, ...] = ()
+    in_place: bool = False
     sha256: dict[str, str] = field(default_factory=dict)
     _data: dict[str, bytes] = field(default_factory=dict)
     _arrays: dict[str, dict[str, NDArray]] = field(default_factory=dict)
+    _bag: JointLog | None = None
 
     def plan(self) -> Recipe:
         """The recipe with its signals: its own, or those of the default convention."""
         if self.recipe.position is not None:
             return self.recipe
-        name = self._name("")
-        if self._layout(name, "") == "npz":
-            default = npz_convention(tuple(self._npz(name)))
+        name = self.file_of("")
+        layout = self.layout_of(name, "")
+        if layout == "npz":
+            default = npz_convention(self._keys(name))
+        elif layout == "parquet":
+            with closing(ParquetLog(self.hashed(name))) as log:
+                default = parquet_convention(log.columns, name)
+        elif layout == "bag":
+            default = bag_convention(self._messages(name))
         else:
             default = csv_convention(tables.decode(self._bytes(name), name), name)
-        time = self.recipe.time or default.time
         return default.replace(
-            time=time, joints=self.recipe.joints, name=self.recipe.name, gear=self.recipe.gear
+            time=self.recipe.time or default.time,
+            joints=self.recipe.joints or default.joints,
+            name=self.recipe.name,
+            gear=self.recipe.gear,
         )
 
-    def table(self, part: Signal | Time) -> tables.Table:
+    def table(self, kind: str, part: Signal | Time) -> tables.Table:
         """The numbers that one part of the recipe asks for."""
-        name = self._name(part.file)
-        layout = self._layout(name, part.layout)
+        name = self.file_of(part.file)
+        layout = self.layout_of(name, part.layout)
+        if layout == "bag":
+            usual = {"time": "", "torque": "effort"}.get(kind, kind)
+            return self._messages(name).table(part.key or usual, name)
+        if layout == "parquet":
+            with closing(ParquetLog(self.hashed(name))) as log:
+                columns = part.columns if isinstance(part, Signal) else (part.column,)
+                return log.table(parquet_columns(columns, part.key, log.columns))
         if layout == "npz":
             return tables.npz_table(self._npz(name), part.key, name)
         text = tables.decode(self._bytes(name), name)
@@ -67,7 +106,9 @@ class Files:
         return tables.csv_table(text, columns, name)
 
     def extras(self) -> dict[str, Text]:
-        """The names and the history that an NPZ of our own carries."""
+        """The names and the history that an NPZ of our own carries; the joints that a bag names."""
+        if self._bag is not None:
+            return {"joint_names": self._bag.names}
         arrays = next(iter(self._arrays.values()), {}) if self.recipe.position is None else {}
         keys = ("name", "joint_names", "column_names", "history")
         texts = {
@@ -98,9 +139,9 @@ class Files:
             if name in pins and pins[name] != digest
         ]
 
-    def _name(self, name: str) -> str:
+    def file_of(self, name: str) -> str:
         """The file that a part means: in a file path with a one-file recipe, that path."""
-        if self.place.is_dir():
+        if self.place.is_dir() and not is_bag(self.place):
             if not name:
                 raise RecordingError(
                     f"the recipe for the folder {self.place.name} names no file; "
@@ -115,27 +156,49 @@ class Files:
             )
         return self.place.name
 
+    def path(self, name: str) -> Path:
+        """Where a file of the recording lies."""
+        inside = self.place.is_dir() and not is_bag(self.place)
+        return self.place / name if inside else self.place
+
     def _bytes(self, name: str) -> bytes:
         if name not in self._data:
-            path = self.place / name if self.place.is_dir() else self.place
-            try:
-                data = path.read_bytes()
-            except OSError as error:
-                raise RecordingError(
-                    f"cannot read {name} in {path.parent} ({error.strerror}); "
-                    "check the path, or the file names in the recipe"
-                ) from error
+            with _reading(self.path(name)):
+                data = self.path(name).read_bytes()
             self._data[name] = data
             self.sha256[name] = hashlib.sha256(data).hexdigest()
         return self._data[name]
+
+    def hashed(self, name: str) -> Path:
+        """The path of a file that is too large to be held, hashed piece by piece."""
+        path = self.path(name)
+        files = sorted(path.iterdir()) if path.is_dir() else [path]
+        for each in files:
+            key = name if each == path else f"{name}/{each.name}"
+            if key not in self.sha256:
+                with _reading(each), each.open("rb") as file:
+                    self.sha256[key] = hashlib.file_digest(file, "sha256").hexdigest()
+        return path
+
+    def _messages(self, name: str) -> JointLog:
+        if self._bag is None:
+            wanted = self.recipe.joints or self.joints
+            self._bag = read_joint_states(self.hashed(name), self.recipe.topic, wanted)
+        return self._bag
+
+    def _keys(self, name: str) -> tuple[str, ...]:
+        """The arrays of an NPZ, which stay in their file where they are read row by row."""
+        return tuple(NpzRows(self.path(name)).keys if self.in_place else self._npz(name))
 
     def _npz(self, name: str) -> dict[str, NDArray]:
         if name not in self._arrays:
             self._arrays[name] = tables.open_npz(self._bytes(name), name)
         return self._arrays[name]
 
-    @staticmethod
-    def _layout(name: str, layout: str) -> str:
+    def layout_of(self, name: str, layout: str) -> str:
+        """The layout that a recipe states, or that of the file's suffix."""
+        if not layout and is_bag(self.place):
+            return "bag"
         suffix = Path(name).suffix.lower()
         if not layout and suffix not in SUFFIXES:
             raise RecordingError(
@@ -143,3 +206,19 @@ class Files:
                 "rename it or state its layout in a recipe"
             )
         return layout or SUFFIXES[suffix]
+
+
+def is_bag(place: Path) -> bool:
+    """Whether a folder is a ROS 2 bag."""
+    return (place / BAG_FILE).is_file()
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read {path.name} in {path.parent} ({error.strerror}); "
+            "check the path, or the file names in the recipe"
+        ) from error

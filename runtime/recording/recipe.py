@@ -23,7 +23,7 @@ UNITS: dict[str, dict[str, float]] = {
     "acceleration": {"rad/s^2": 1.0, "deg/s^2": pi / 180, "m/s^2": 1.0, "mm/s^2": 1e-3},
     "torque": {"N*m": 1.0, "mN*m": 1e-3, "N": 1.0, "A": 1.0},
 }
-LAYOUTS = ("csv", "flat", "npz")
+LAYOUTS = ("csv", "flat", "npz", "parquet", "bag")
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 DERIVATIVES = ("measured", "position")
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
@@ -74,8 +74,9 @@ class Time:
 class Signal:
     """One measured quantity of all joints: where it lies in the files, and what it means there.
 
-    `columns` are names or indices (csv), `width` the numbers per sample (flat), `key` the array
-    (npz). `offset` is in the unit of the file and is added after the gear.
+    `columns` are names or indices (csv, parquet), `width` the numbers per sample (flat), `key` the
+    array (npz), the column of lists (parquet) or the field of JointState (bag). `offset` is in the
+    unit of the file and is added after the gear.
     """
 
     unit: str | tuple[str, ...]
@@ -230,13 +231,15 @@ class Recipe:
     """How to read the logs of one robot, and defaults for what follows.
 
     Without `position` the files follow the default convention of `read_recording`, and only the
-    defaults (and a rate) are taken from here. `{run}` in a file name is filled with `run`.
+    defaults (and a rate) are taken from here. `{run}` in a file name is filled with `run`. In a
+    bag, `topic` is that of the joint states, and `joints` picks and orders them by name.
     """
 
     name: str = ""
     description: str = ""
     robot: str = ""
     run: str = ""
+    topic: str = ""
     joints: tuple[str, ...] = ()
     source: Source = field(default_factory=Source)
     time: Time | None = None

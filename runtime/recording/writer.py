@@ -1,7 +1,7 @@
-"""Recording → CSV or NPZ by the default convention; a file is either written wholly or not at all.
+"""Recording → CSV, NPZ or Parquet by the default convention, written wholly or not at all.
 
-CSV carries t, q, dq, ddq and tau to the last bit (%.17g); NPZ carries the friction columns, the
-names and the history too.
+CSV (%.17g) and Parquet carry t, q, dq, ddq and tau to the last bit; NPZ carries the friction
+columns, the names and the history too.
 """
 
 from collections.abc import Callable
@@ -12,37 +12,43 @@ import numpy as np
 
 from runtime.atomic import replacing
 from runtime.errors import RecordingError
-from runtime.recording.recording import SIGNALS, Recording
+from runtime.recording.parquet import write_parquet
+from runtime.recording.recording import SIGNALS, FloatArray, Recording
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:
-    """Writes CSV or NPZ, by the suffix of the path.
+    """Writes CSV, NPZ or Parquet, by the suffix of the path.
 
     Raises:
-        RecordingError: another suffix.
+        RecordingError: another suffix, or Parquet without its library.
     """
     path = Path(path)
     writers: dict[str, Callable[[Recording, IO[bytes]], None]] = {
         ".csv": _write_csv,
         ".npz": _write_npz,
+        ".parquet": lambda recording, file: write_parquet(*_columns(recording), file),
     }
     if path.suffix not in writers:
         raise RecordingError(
-            f"expected a path that ends in .csv or .npz, got {path.name!r}; rename it"
+            f"expected a path that ends in {', '.join(writers)}, got {path.name!r}; rename it"
         )
     with replacing(path) as file:
         writers[path.suffix](recording, file)
 
 
 def _write_csv(recording: Recording, file: IO[bytes]) -> None:
+    titles, values = _columns(recording)
+    np.savetxt(file, values, fmt="%.17g", delimiter=",", header=",".join(titles), comments="")
+
+
+def _columns(recording: Recording) -> tuple[list[str], FloatArray]:
     titles, blocks = ["t"], [recording.t[:, None]]
     for key in SIGNALS:
         values = getattr(recording, key)
         if values is not None:
             titles += [f"{key}{joint}" for joint in range(1, recording.n_joints + 1)]
             blocks.append(values)
-    header = ",".join(titles)
-    np.savetxt(file, np.hstack(blocks), fmt="%.17g", delimiter=",", header=header, comments="")
+    return titles, np.hstack(blocks)
 
 
 def _write_npz(recording: Recording, file: IO[bytes]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RuntimeFault
+from runtime.report.sessions import Sessions, read_sessions
 from runtime.report.sureness import Sureness, read_sureness
 
 Array = NDArray[np.float64]
@@ -121,6 +122,7 @@ class Result:
     condition_number: float | None
     warnings: tuple[str, ...]
     sureness: Sureness | None
+    sessions: Sessions | None
     provenance: Provenance
     prediction: Prediction
 
@@ -174,6 +176,7 @@ def _result(raw: Mapping[str, Any], folder: Path) -> Result:
         condition_number=_optional(raw, "condition_number"),
         warnings=_texts(raw, "warnings"),
         sureness=read_sureness(raw.get("uncertainty"), n, len(raw["links"])),
+        sessions=read_sessions(raw.get("sessions"), len(raw["links"])),
         provenance=_provenance(raw.get("provenance") or {}),
         prediction=_prediction(folder / "predictions.npz", n),
     )

@@ -13,6 +13,7 @@ from runtime.metrics import CONSISTENCY_TOLERANCE
 from runtime.report import figures
 from runtime.report.layout import Section, Table, Tile
 from runtime.report.result import Link, Result
+from runtime.report.sessions import session_sections
 from runtime.report.sureness import sureness_sections
 
 NOTHING = "–"
@@ -82,7 +83,9 @@ def sections(result: Result) -> tuple[Section, ...]:
     """What the page shows below the summary, in its order."""
     made = [section for make in _ORDER if (section := make(result)) is not None]
     sure = () if result.sureness is None else sureness_sections(result.sureness, result.joints)
-    return (*made[:AHEAD], *sure, *made[AHEAD:])
+    links = [link.name for link in result.links]
+    told = () if result.sessions is None else session_sections(result.sessions, links)
+    return (*made[:AHEAD], *told, *sure, *made[AHEAD:])
 
 
 # --- sections -------------------------------------------------------------------------------

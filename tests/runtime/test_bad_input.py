@@ -310,7 +310,7 @@ OTHERS: dict[str, tuple[Case, str]] = {
     "simulate negative noise": (lambda d: d.simulate("--torque-noise", "-1"), "noise cannot be -1"),
     "simulate negative friction": (lambda d: d.simulate("--viscous", "-1"), "viscous cannot be -1"),
     "simulate NaN": (lambda d: d.simulate("--perturb", "nan"), "lower the perturbation"),
-    "simulate into .mat": (lambda d: d.simulate("--out", "s.mat"), "ends in .csv or .npz"),
+    "simulate into .mat": (lambda d: d.simulate("--out", "s.mat"), "ends in .csv, .npz, .parquet"),
     "simulate into a file": (
         lambda d: d.simulate("--out", "file/s.csv"),
         "cannot write 'file/s.csv'",

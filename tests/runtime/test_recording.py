@@ -284,7 +284,7 @@ def test_missing_file_folder_without_recipe_and_bad_target(tmp_path):
     with pytest.raises(RecordingError, match=r"has no recipe.*write .*recipe.toml"):
         read_recording(tmp_path)
     t, q, _ = motion()
-    with pytest.raises(RecordingError, match=r"ends in .csv or .npz, got 'x.mat'"):
+    with pytest.raises(RecordingError, match=r"ends in .csv, .npz, .parquet, got 'x.mat'"):
         write_recording(Recording(t=t, q=q), tmp_path / "x.mat")
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(RuntimeFault, match="cannot write"):

@@ -1,0 +1,168 @@
+"""A log that stays in its file: any rows of it become a `Recording`, and no others are held."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.recording.conversion import converted
+from runtime.recording.files import Files, parts_of
+from runtime.recording.in_place import NpzRows, ParquetRows, Rows
+from runtime.recording.parquet import ParquetLog, parquet_columns
+from runtime.recording.reader import place_and_recipe
+from runtime.recording.recipe import UNITS, Recipe, Signal, Time
+from runtime.recording.recording import Recording
+from runtime.recording.tables import Table
+
+LARGE = 200_000_000
+"""Bytes of a file above which a log is streamed unless the user says otherwise."""
+IN_PLACE = (".npz", ".parquet")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StreamedRecording:
+    """Rows of raw files, and how they become recordings.
+
+    Attributes:
+        name: what a report calls the recording.
+        rows: of the log, corrupt ones too.
+        plan: how they are read.
+        recipe: the recipe asked for; its defaults for preparation, split and friction.
+        source: file name → sha256.
+        joint_names: n names, or none.
+        origin: the first instant in its own unit, where time is counted from there.
+        files: the sources of the signals, and of the time alone.
+        clock: likewise.
+    """
+
+    name: str
+    rows: int
+    plan: Recipe
+    recipe: Recipe | None
+    source: dict[str, str]
+    joint_names: tuple[str, ...]
+    origin: float | None
+    files: tuple[Rows, ...]
+    clock: Rows | None
+
+    def block(self, start: int, stop: int) -> Recording:
+        """Rows start … stop; corrupt ones among them are dropped and told.
+
+        Raises:
+            RecordingError: they are no recording.
+        """
+        stop = min(stop, self.rows)
+        values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
+        lines = np.arange(start, stop, dtype=np.int64)
+        raw = {kind: Table(v, lines) for kind, v in sorted(values.items(), key=_time_first)}
+        data = converted(self.plan, raw, first_row=start, origin=self.origin)
+        return Recording(
+            t=data.t,
+            **data.signals,
+            name=self.name,
+            joint_names=self.joint_names,
+            source=self.source,
+            recipe=self.recipe,
+            history=data.notes,
+        )
+
+    def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:
+        """t [s] of rows in ascending order, of the next usable one within `reach` if corrupt.
+
+        Raises:
+            RecordingError: there is none.
+        """
+        time = self.plan.time
+        if time is None or self.clock is None:
+            rate = 1.0 if time is None or time.rate_hz is None else time.rate_hz
+            return np.asarray(rows) / rate
+        found = []
+        for row in rows:
+            stamps = self.clock.read(row, min(row + reach, self.rows))["time"][:, 0]
+            usable = stamps[np.isfinite(stamps) & (np.abs(stamps) < 1e20)]
+            if not usable.size:
+                raise RecordingError(
+                    f"{self.name} has no usable time from row {row} on; export the log again"
+                )
+            found.append(usable[0])
+        return (np.array(found) - (self.origin or 0.0)) * UNITS["time"][time.unit]
+
+
+def is_large(path: str | Path) -> bool:
+    """Whether a file is one that is streamed by default."""
+    path = Path(path)
+    return path.suffix.lower() in IN_PLACE and path.is_file() and path.stat().st_size > LARGE
+
+
+def open_streamed(
+    path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
+) -> StreamedRecording:
+    """A log in uncompressed NPZ or in Parquet; arguments as for `read_recording`.
+
+    Raises:
+        RecordingError: another kind of file, or one that is no log.
+    """
+    place, chosen = place_and_recipe(path, recipe, run)
+    files = Files(place, chosen or Recipe(), in_place=True)
+    name = files.file_of("") if place.is_file() else ""
+    if name and Path(name).suffix.lower() not in IN_PLACE:
+        raise RecordingError(
+            f"a log is streamed from uncompressed NPZ or from Parquet, got {name!r}; convert it, "
+            "or read it as a whole with --no-stream"
+        )
+    plan = files.plan()
+    by_file: dict[str, dict[str, Signal | Time]] = {}
+    for kind, part in parts_of(plan).items():
+        by_file.setdefault(files.file_of(part.file), {})[kind] = part
+    sources = tuple(_rows(files, name, parts) for name, parts in by_file.items())
+    counts = [rows.count for rows in sources]
+    if min(counts) != max(counts) or not counts[0]:
+        raise RecordingError(
+            f"expected as many rows of every signal, but there are {', '.join(map(str, counts))}; "
+            "check the files, and that samples are rows"
+        )
+    clock, origin = None, None
+    if plan.time is not None and plan.time.rate_hz is None:
+        clock = _rows(files, files.file_of(plan.time.file), {"time": plan.time})
+        if plan.time.from_zero:
+            origin = float(clock.read(0, 1)["time"][0, 0])
+    return StreamedRecording(
+        name=plan.name or place.stem,
+        rows=counts[0],
+        plan=plan,
+        recipe=chosen,
+        source=files.sha256,
+        joint_names=plan.joints,
+        origin=origin,
+        files=sources,
+        clock=clock,
+    )
+
+
+def _rows(files: Files, name: str, parts: dict[str, Signal | Time]) -> Rows:
+    layout = files.layout_of(name, next(iter(parts.values())).layout)
+    path = files.hashed(name)
+    if layout == "npz":
+        return NpzRows(path, {kind: part.key for kind, part in parts.items()})
+    if layout != "parquet":
+        raise RecordingError(
+            f"a log is streamed from uncompressed NPZ or from Parquet, got {name!r}; convert it, "
+            "or read it as a whole with --no-stream"
+        )
+    log = ParquetLog(path)
+    return ParquetRows(
+        log,
+        {
+            kind: parquet_columns(
+                part.columns if isinstance(part, Signal) else (part.column,), part.key, log.columns
+            )
+            for kind, part in parts.items()
+        },
+    )
+
+
+def _time_first(item: tuple[str, object]) -> bool:
+    return item[0] != "time"

@@ -1,0 +1,233 @@
+"""The run behind `scripts/bench_stream`: a long simulated log, identified from its file.
+
+The log is a sum of slow sines per joint with friction and noise, written block by block into a
+temporary folder. A process of its own reads it, prepares it and identifies it, so that its peak of
+memory is that of the identification alone.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import time
+import zipfile
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from runtime.library import Library, load
+from runtime.objective import Samples, samples_of
+from runtime.recording import Friction, Preparation, open_streamed
+from runtime.statistics import compress
+from runtime.streaming import blocks_of, identify_streamed
+
+_ROOT = Path(__file__).resolve().parents[2]
+RATE, NOISE = 1000.0, 0.05
+BLOCK = 65536
+PREPARATION = Preparation(
+    filter="butterworth", cutoff_hz=10.0, max_gap_s=3e-3, rate_hz=100.0, rest_speed=0.02
+)
+FRICTION = Friction(("viscous", "coulomb", "offset"))
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One file. CPU seconds, but for `wall`, the identification as a user waits.
+
+    Attributes:
+        read: of all rows, joint side, no repeats.
+        prepare: filter, derivatives, friction columns, decimation, beyond reading.
+        samples: prepared rows.
+        plain, friction: samples per second and core in the compression, without and with the
+            three friction columns.
+        compress: of the prepared training samples, with friction.
+        before, after: torque error on the test part, %.
+    """
+
+    kind: str
+    rows: int
+    bytes: int
+    read: float
+    prepare: float
+    samples: int
+    plain: float
+    friction: float
+    compress: float
+    wall: float
+    rss: int
+    before: float
+    after: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+def motion(lib: Library, rows: int) -> Iterator[tuple[np.ndarray, ...]]:
+    """Blocks of t, q, dq, τ."""
+    rng = np.random.default_rng(11)
+    limits = lib.limits()
+    middle, half = (limits["lower"] + limits["upper"]) / 2, (limits["upper"] - limits["lower"]) / 2
+    speed = 2 * np.pi * rng.uniform(0.05, 0.35, (lib.n_joints, 5))
+    size, shift = half[:, None] * 0.16, rng.uniform(0.0, 6.0, speed.shape)
+    for start in range(0, rows, BLOCK):
+        t = np.arange(start, min(start + BLOCK, rows)) / RATE
+        phase = t[:, None, None] * speed + shift
+        sine, cosine = np.sin(phase), np.cos(phase)
+        q, dq = middle + np.sum(size * sine, axis=2), np.sum(size * speed * cosine, axis=2)
+        ddq = -np.sum(size * speed**2 * sine, axis=2)
+        tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0)
+        tau += 0.5 * dq + 0.3 * np.tanh(dq / 0.02) + 0.1 + rng.normal(0.0, NOISE, q.shape)
+        yield t, q, dq, tau
+
+
+def write_parquet(lib: Library, rows: int, path: Path) -> None:
+    """Columns t, q1 … tau7, a row group per block."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    n = lib.n_joints
+    titles = ["t", *(f"{key}{j}" for key in ("q", "dq", "tau") for j in range(1, n + 1))]
+    schema = pa.schema([(title, pa.float64()) for title in titles])
+    with pq.ParquetWriter(path, schema, compression="none", use_dictionary=False) as writer:
+        for t, *signals in motion(lib, rows):
+            values = np.hstack([t[:, None], *signals])
+            writer.write_table(pa.table(list(values.T), schema=schema), row_group_size=BLOCK)
+
+
+def write_npz(lib: Library, rows: int, path: Path) -> None:
+    """Arrays t, q, dq, tau, not compressed, as numpy.savez would."""
+    shapes = {"t": (rows,)} | dict.fromkeys(("q", "dq", "tau"), (rows, lib.n_joints))
+    parts = {key: path.with_name(f"{key}.npy") for key in shapes}
+    arrays = {
+        key: np.lib.format.open_memmap(part, mode="w+", dtype=np.float64, shape=shapes[key])
+        for key, part in parts.items()
+    }
+    done = 0
+    for values in motion(lib, rows):
+        for array, block in zip(arrays.values(), values, strict=True):
+            array[done : done + len(block)] = block
+        done += len(values[0])
+    arrays.clear()
+    with zipfile.ZipFile(path, "w") as archive:
+        for key, part in parts.items():
+            archive.write(part, f"{key}.npy")
+            part.unlink()
+
+
+WRITERS = {"parquet": write_parquet, "npz": write_npz}
+
+
+def measure(robot: str, kind: str, size: int, folder: Path) -> Row:
+    """One log of about `size` bytes, identified in a process of its own."""
+    lib = load(robot)
+    rows = size // (8 * (1 + 3 * lib.n_joints))
+    path = folder / f"log.{kind}"
+    WRITERS[kind](lib, rows, path)
+    code = f"from bench.stream import child; child({robot!r}, {str(path)!r})"
+    paths = {"PYTHONPATH": f"{_ROOT}:{_ROOT / 'scripts'}"}
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | paths,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    path.unlink()
+    if run.returncode:
+        raise RuntimeError(run.stderr[-2000:])
+    return Row(kind=kind, **json.loads(run.stdout.splitlines()[-1]))
+
+
+def child(robot: str, path: str) -> None:
+    """Identify, then time the steps; prints a `Row` as JSON."""
+    import resource
+
+    lib = load(robot)
+    start = time.perf_counter()
+    result = identify_streamed(
+        open_streamed(path), lib, preparation=PREPARATION, friction_columns=FRICTION
+    )
+    wall = time.perf_counter() - start
+    rss = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    log = open_streamed(path)
+    blocks = blocks_of(log, lib, PREPARATION, FRICTION)
+    start = time.process_time()
+    for first, last in zip(blocks.edges, blocks.edges[1:], strict=False):
+        log.block(first, last)
+    read = time.process_time() - start
+    start, count = time.process_time(), 0
+    for part in blocks.parts(*blocks.span()):
+        count += len(part)
+    prepare = time.process_time() - start - read
+    samples = samples_of(result.train, lib)
+    told = result.streamed
+    if told is None:
+        raise RuntimeError("the log was not streamed")
+    with_friction = _speed(lib, samples)
+    facts = {
+        "rows": log.rows,
+        "bytes": Path(path).stat().st_size,
+        "read": read,
+        "prepare": prepare,
+        "samples": count,
+        "plain": _speed(lib, _bare(samples)),
+        "friction": with_friction,
+        "compress": told.samples["train"] / with_friction,
+        "wall": wall,
+        "rss": rss,
+        "before": told.before.overall,
+        "after": told.after.overall,
+    }
+    print(json.dumps(facts))
+
+
+def _speed(lib: Library, samples: Samples) -> float:
+    """Samples per CPU second of one core, the best of five."""
+    weights, best = np.ones(lib.n_joints), np.inf
+    repeats = 1 + 200_000 // len(samples)
+    for _ in range(5):
+        start = time.process_time()
+        for _ in range(repeats):
+            compress(lib, samples, weights, threads=1)
+        best = min(best, time.process_time() - start)
+    return repeats * len(samples) / best
+
+
+def _bare(samples: Samples) -> Samples:
+    columns = np.zeros((*samples.q.shape, 0))
+    return Samples(samples.q, samples.dq, samples.ddq, samples.tau, columns)
+
+
+HEADS = (
+    ("log", lambda r: r.kind),
+    ("rows", lambda r: f"{r.rows / 1e6:.2f} M"),
+    ("MB", lambda r: f"{r.bytes / 1e6:.0f}"),
+    ("read, CPU s", lambda r: f"{r.read:.1f}"),
+    ("prepare, CPU s", lambda r: f"{r.prepare:.1f}"),
+    ("compress, CPU s", lambda r: f"{r.compress:.2f}"),
+    ("samples/s per core", lambda r: f"{r.friction / 1e6:.2f} M"),
+    ("without friction", lambda r: f"{r.plain / 1e6:.2f} M"),
+    ("identify, wall s", lambda r: f"{r.wall:.0f}"),
+    ("peak RSS, MB", lambda r: f"{r.rss / 1e6:.0f}"),
+    ("error %, before → after", lambda r: f"{r.before:.2f} → {r.after:.3f}"),
+)
+
+
+def table(rows: list[Row]) -> Table:
+    """One line per file."""
+    shown = Table(*(head for head, _ in HEADS), title="A log that stays in its file")
+    for row in rows:
+        shown.add_row(*(cell(row) for _, cell in HEADS))
+    return shown
+
+
+def markdown(rows: list[Row]) -> str:
+    """The README's table."""
+    lines = [f"| {' | '.join(head for head, _ in HEADS)} |", "|---" * len(HEADS) + "|"]
+    lines += [f"| {' | '.join(cell(row) for _, cell in HEADS)} |" for row in rows]
+    return "\n".join(lines)

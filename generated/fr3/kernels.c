@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e.
+ * Model 35a7da5b6a6c16183971f4bb7848aa8d5f6daee4b5af1a153f42477d97f568ec.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "4cf5f626ca0b29385141af3b655602661076277bf5f4b4acb1c6e2839f38e34e";
+    return "35a7da5b6a6c16183971f4bb7848aa8d5f6daee4b5af1a153f42477d97f568ec";
 }
 
 const char *fr3_level(void)

@@ -37,6 +37,7 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
         LibraryError: no compiler, no such level, no place to write, a damaged folder.
     """
     recipe = read_recipe(folder)
+    require_intact(folder, recipe, ["manifest.json"])
     levels = _wanted(recipe, level)
     words = json.dumps([recipe.digest, sorted(levels), machine(), sys.platform])
     key = f"{robot}-{hashlib.sha256(words.encode()).hexdigest()[:16]}"

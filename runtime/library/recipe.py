@@ -7,6 +7,7 @@ the compiler do nothing but compile.
 import hashlib
 import json
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -93,13 +94,13 @@ def read_recipe(folder: Path) -> CompileRecipe:
     return recipe
 
 
-def require_intact(folder: Path, recipe: CompileRecipe) -> None:
-    """Every file of the folder is the one that its recipe was written for.
+def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = ()) -> None:
+    """These files of the folder, by default all, are those that its recipe was written for.
 
     Raises:
         LibraryError: one is missing or was changed.
     """
-    for name, digest in recipe.files.items():
+    for name in names or recipe.files:
         path = folder / name
         try:
             found = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -107,9 +108,9 @@ def require_intact(folder: Path, recipe: CompileRecipe) -> None:
             raise LibraryError(
                 f"'{path}' cannot be read ({error.strerror}); install or generate the robot again"
             ) from None
-        if found != digest:
+        if found != recipe.files.get(name):
             raise LibraryError(
-                f"'{path}' is not the file that was generated and is not compiled; "
+                f"'{path}' is not the file that was generated, so nothing is compiled; "
                 "install or generate the robot again"
             )
 

@@ -104,7 +104,7 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
                 sha256_of(folder / name) == digest for name, digest in record["sources"].items()
             )
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
 
 

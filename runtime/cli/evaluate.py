@@ -97,7 +97,7 @@ def _read(folder: Path) -> dict[str, Any]:
         whole = len(read["units"]) == n and read["pi"].shape == (len(PI_NAMES) * n,)
         if not whole or read["phi"].shape != (n, len(read["friction"].columns)):
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
         raise RecordingError(
             f"'{folder}' holds no valid result.json; give the folder that identify wrote"
         ) from None

@@ -81,7 +81,7 @@ def is_whole(entry: Path, robot: str) -> bool:
     try:
         record = json.loads((entry / "build.json").read_text(encoding="utf-8"))
         return bool(record["sha256"] == _sha256(entry / f"lib{robot}.so"))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
 
 

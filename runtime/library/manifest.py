@@ -145,7 +145,7 @@ def read_manifest(path: Path) -> Manifest:
         raw = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
         raise LibraryError(f"'{path.parent}' holds no manifest.json; {again}") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise LibraryError(f"'{path}' is damaged (not JSON); {again}") from None
     try:
         if raw["format"] != FORMAT or tuple(raw["pi_names"]) != PI_NAMES:

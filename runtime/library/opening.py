@@ -31,7 +31,7 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
         record = json.loads((place / "build.json").read_text(encoding="utf-8"))
         sha256, sources = record["sha256"], record["sources"]
         stated = sources["manifest.json"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise LibraryError(
             f"'{place}' has no valid build.json beside its library; {AGAIN}"
         ) from None

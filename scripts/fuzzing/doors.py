@@ -53,8 +53,9 @@ rate_hz = 50.0
 [friction]
 columns = ["viscous", "coulomb", "offset"]
 [split]
-train = 0.6
-validate = 0.8
+train = [0.0, 0.48]
+validation = [0.48, 0.6]
+test = [0.6, 1.0]
 """
 LOOP = """[controller]
 stiffness = 225.0
@@ -86,9 +87,9 @@ def _urdf(folder: Path, _: Library) -> None:
 
 
 def _inspected(folder: Path, _: Library) -> None:
-    from symgen.inspect import inspect
+    from symgen.inspect import inspect_file
 
-    inspect(folder / "robot.urdf")
+    inspect_file(folder / "robot.urdf")
 
 
 def _robot(folder: Path, _: Library) -> None:
@@ -129,6 +130,7 @@ def furnish(kind: str, folder: Path, lib: Library) -> None:
     folder.mkdir(parents=True)
     if kind in {"library", "request", "manifest", "compile", "build"}:
         shutil.copytree(lib.folder, folder, dirs_exist_ok=True)
+        (folder / f"{folder.name}.urdf").write_text(lib.urdf())  # the folder's name is the robot's
     elif kind in {"urdf", "inspect"}:
         (folder / "robot.urdf").write_text(lib.urdf())
     elif kind == "robot":

@@ -14,7 +14,19 @@ CANARY = "canary.txt"
 """A file that no reader has a reason to open; it lies beside the folder of the damaged files."""
 NUMBERS = (
     *(b"nan", b"inf", b"-inf", b"NaN", b"Infinity", b"1e308", b"-1e308", b"1e999", b"1e-320"),
-    *(b"-0", b"0", b"-1", b"1", b"9" * 25, b"9" * 5000, b"0x10", b"", b"1_000", b"true", b"null"),
+    *(
+        b"-0",
+        b"0",
+        b"-1",
+        b"1",
+        b"9" * 25,
+        b"9" * 400,
+        b"9" * 5000,
+        b"",
+        b"1_000",
+        b"true",
+        b"null",
+    ),
     *(b"2147483648", b"18446744073709551616", b'"1"', b"[1]", b"{}", b"1,5", "٣".encode()),
 )
 WORDS = (
@@ -100,10 +112,11 @@ def lines(data: bytes, rng: Rng) -> bytes:
     return b"\n".join(rows)
 
 
-def _nested(opened: bytes, closed: bytes) -> Mutator:
-    """A number, or the whole document, inside very many brackets."""
+def _nested(*brackets: tuple[bytes, bytes]) -> Mutator:
+    """A number, or the whole document, inside very many brackets of one of these kinds."""
 
     def mutate(data: bytes, rng: Rng) -> bytes:
+        opened, closed = brackets[int(rng.integers(len(brackets)))]
         deep = opened * DEPTH
         if rng.integers(2):
             return deep + data + closed * DEPTH
@@ -124,6 +137,13 @@ def entities(data: bytes, rng: Rng) -> bytes:
     return doctype + data.partition(b"?>")[2].replace(b'name="', b'name="&e11;', 1)
 
 
+def _header(part: bytes, pattern: bytes, text: bytes) -> bytes:
+    """An NPY with a piece of its header replaced, the header as long as before."""
+    size = 10 + int.from_bytes(part[8:10], "little")
+    head = re.sub(pattern, text, part[:size].rstrip(), count=1)
+    return head.ljust(size - 1)[: size - 1] + b"\n" + part[size:]
+
+
 def npz_parts(data: bytes, rng: Rng) -> bytes:
     """Members renamed, dropped, of a huge shape, of another type, pickled, or of endless zeros."""
     try:
@@ -139,15 +159,15 @@ def npz_parts(data: bytes, rng: Rng) -> bytes:
         del parts[name]
     elif kind == 2:
         shape = (b"(99999999999,)", b"(-1,)", b"(2,3,4)", b"(0,)")[int(rng.integers(4))]
-        parts[name] = re.sub(rb"\(\d+,[ \d]*\)", shape, parts[name], count=1)
+        parts[name] = _header(parts[name], rb"\(\d+,[ \d]*\)", shape)
     elif kind == 3:
         types = (b"'|O'", b"'<c16'", b"'<U9'", b"'<i8'", b"'V8'", b"'<f2'")
-        parts[name] = re.sub(rb"'<f8'", types[int(rng.integers(6))], parts[name], count=1)
+        parts[name] = _header(parts[name], rb"'<f8'", types[int(rng.integers(6))])
     elif kind == 4:
-        head = parts[name][:128].replace(b"'<f8'", b"'|O' ")
+        head = _header(parts[name], rb"'<f8'", b"'|O'")[:128]
         parts[name] = head + b"cos\nsystem\n(S'touch hacked'\ntR."
     elif kind == 5:
-        parts[name] = re.sub(rb"\(\d+,", b"(40000000,", parts[name], count=1) + bytes(3 * 10**8)
+        parts[name] = _header(parts[name], rb"\(\d+,", b"(40000000,") + bytes(3 * 10**8)
     else:
         parts[name] = numbers(parts[name][:128], rng) + parts[name][128:]
     out = io.BytesIO()
@@ -161,9 +181,9 @@ ANY: tuple[Mutator, ...] = (flip_bits, truncate, remove, splice, overwrite)
 TEXT: tuple[Mutator, ...] = (*ANY, numbers, numbers, numbers, words, bare_words, lines, lines)
 OF_SUFFIX: dict[str, tuple[Mutator, ...]] = {
     ".csv": TEXT,
-    ".toml": (*TEXT, _nested(b"[", b"]"), _nested(b"{a=", b"}")),
-    ".json": (*TEXT, _nested(b"[", b"]"), _nested(b'{"a":', b"}")),
-    ".urdf": (*TEXT, _nested(b"<link>", b"</link>"), entities, entities),
+    ".toml": (*TEXT, _nested((b"[", b"]"), (b"{a=", b"}"))),
+    ".json": (*TEXT, _nested((b"[", b"]"), (b'{"a":', b"}"))),
+    ".urdf": (*TEXT, _nested((b"<link>", b"</link>")), entities, entities),
     ".npz": (*ANY, npz_parts, npz_parts, npz_parts),
 }
 

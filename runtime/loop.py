@@ -29,7 +29,8 @@ from runtime.simulation import Controller, Plant, follow, per_joint, sample_time
 from runtime.trajectory_file import read_trajectory
 
 _KEYS: dict[str, dict[str, tuple[type, ...]]] = {
-    "controller": dict.fromkeys(("stiffness", "damping", "rotor", "rate_hz"), (int, float, list)),
+    "controller": dict.fromkeys(("stiffness", "damping", "rotor"), (int, float, list))
+    | {"rate_hz": (int, float)},
     "reference": {"trajectory": (str,), "start": (int, float)},
 }
 
@@ -100,7 +101,7 @@ def read_loop(path: Path, lib: Library) -> Loop:
     """
     try:
         facts = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise IdentificationError(
             f"'{path}' is no TOML file that can be read ({error}); describe the loop in one with "
             "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
@@ -111,23 +112,30 @@ def read_loop(path: Path, lib: Library) -> Loop:
         raise IdentificationError(
             f"'{path}' names no [reference] trajectory; give the JSON of: python -m runtime excite"
         )
+    motion = Path(reference["trajectory"])
+    if motion.is_absolute() or ".." in motion.parts:
+        raise IdentificationError(
+            f"'{path}' names the trajectory '{motion}', which does not lie beside it; move it there"
+        )
     n = lib.n_joints
-    gains = {
-        key: per_joint(n, controller.pop(key), f"{key} in '{path}'")
-        for key in ("stiffness", "damping", "rotor")
-        if key in controller
-    }
-    rate = controller.pop("rate_hz", 1000.0)
-    numbers = np.concatenate([*gains.values(), np.ravel(rate)])
-    if np.size(rate) != 1 or not (np.isfinite(numbers) & (numbers >= 0)).all() or rate == 0:
+    try:
+        rate = float(controller.pop("rate_hz", 1000.0))
+        start = float(reference.get("start", 0.0))
+        gains = {
+            key: per_joint(n, value, f"{key} in '{path}'") for key, value in controller.items()
+        }
+    except (TypeError, ValueError, OverflowError):
+        rate, start, gains = 0.0, 0.0, {}
+    numbers = np.concatenate([*gains.values(), [rate, abs(start)]])
+    if not (np.isfinite(numbers) & (numbers >= 0)).all() or rate == 0:
         raise IdentificationError(f"'{path}' needs gains, rotors and a rate_hz above 0")
     rotor = gains.pop("rotor", 0.1)
     return Loop(
-        read_trajectory(path.parent / reference["trajectory"], lib),
+        read_trajectory(path.parent / motion, lib),
         Controller(**gains),  # type: ignore[arg-type]
         rotor,
-        float(rate),
-        float(reference.get("start", 0.0)),
+        rate,
+        start,
     )
 
 

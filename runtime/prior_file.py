@@ -12,6 +12,7 @@
 Every entry is optional and every one is linear in π.
 """
 
+import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +34,7 @@ MIRRORED = {
     "yz": ("mX", "XY", "XZ"),
 }
 """Entries of π that vanish for a body symmetric about a plane of its link frame."""
+_LARGEST = sys.float_info.max
 _LINK_KEYS = ("mass", "com_box", "com_hull", "symmetry")
 
 
@@ -54,7 +56,7 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
         facts = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError:
         raise IdentificationError(f"the prior '{path}' cannot be read; check the path") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise IdentificationError(f"the prior '{path}' is no TOML: {error}") from None
     links = facts.get("link", {})
     unknown = [k for k in facts if k not in {"trust", "total_mass", "link"}]
@@ -149,7 +151,7 @@ class _Rows:
     def _numbers(self, name: str, given: Any, shape: tuple[int, ...], wanted: str) -> Array:
         try:
             values = np.array(given, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             self._refuse(name, wanted)
         fits = values.ndim == len(shape) and all(
             want in {-1, size} for want, size in zip(shape, values.shape, strict=True)
@@ -171,7 +173,7 @@ def _trust(given: Any, path: Path) -> float | None:
         return None
     if isinstance(given, str) and given in TRUST:
         return TRUST[given]
-    if isinstance(given, int | float) and not isinstance(given, bool) and given > 0:
+    if isinstance(given, int | float) and not isinstance(given, bool) and 0 < given <= _LARGEST:
         return float(given)
     raise IdentificationError(
         f"the prior '{path}' needs trust = {', '.join(TRUST)} or a number above 0, got {given!r}"

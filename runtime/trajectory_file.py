@@ -67,7 +67,7 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
         )
     except IdentificationError as error:
         raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
         raise RecordingError(
             f"'{path}' is no trajectory ({type(error).__name__}); make one with: "
             "python -m runtime excite"

@@ -1,6 +1,17 @@
 """`python -m symgen`."""
 
-from symgen.cli import main
+import sys
+
+try:
+    from symgen.cli import main
+except ModuleNotFoundError as error:
+    if error.name not in {"casadi", "pinocchio"}:
+        raise
+    sys.stderr.write(
+        f"symgen: writing the C code of a robot needs the package {error.name}, which is not "
+        "installed; run: pip install 'symgen[build]'\n"
+    )
+    raise SystemExit(2) from None
 
 if __name__ == "__main__":
     main()

@@ -5,6 +5,7 @@ build and a full disk leave either the old library or the new one.
 """
 
 import fcntl
+import hashlib
 import json
 import shlex
 import shutil
@@ -18,7 +19,7 @@ from pathlib import Path
 from symgen import __version__
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, Joint, read_chain
-from symgen.compiler import compile_library, sha256_of
+from symgen.compiler import compile_library, how_to_compile, sha256_of
 from symgen.emit import EmittedRobot, emit
 from symgen.errors import BuildError
 from symgen.exchange import replace_folder
@@ -31,6 +32,7 @@ PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "convex.c", "excitation.c")
 """Sources that are compiled once per instruction set."""
 UNHURRIED = ("reference.c",)
 """Sources that nobody waits for: compiled without optimisation, which saves build time."""
+_KINDS = (ONCE, PER_LEVEL, UNHURRIED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +87,7 @@ def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
     versions = {"symgen": __version__, "casadi": version("casadi")}
     robot = emit(request.name, catalogue.kernels, facts, versions)
     files = robot.files | {f"{request.name}.urdf": chain.urdf}
+    files["compile.json"] = _compile_facts(files)
     return EmittedRobot(files, robot.model_hash), _notes(chain, projected)
 
 
@@ -103,12 +106,19 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
                 sha256_of(folder / name) == digest for name, digest in record["sources"].items()
             )
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return False
 
 
 ROUNDED = 1e-4
 """What a rotation misses a right angle by where a URDF writes its angles with four digits."""
+
+
+def _compile_facts(files: dict[str, str]) -> str:
+    """How the folder becomes a library on a machine without symgen, and what its files are."""
+    digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    how = how_to_compile(*([name for name in kind if name in files] for kind in _KINDS))
+    return json.dumps({"files": digests, **how}, indent=1) + "\n"
 
 
 def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
@@ -146,9 +156,7 @@ def _compile(
     staging: Path, request: BuildRequest, names: tuple[str, ...], levels: Sequence[str]
 ) -> None:
     library = staging / f"lib{request.name}.so"
-    per_level = [staging / name for name in PER_LEVEL if name in names]
-    once = [staging / name for name in ONCE if name in names]
-    unhurried = [staging / name for name in UNHURRIED if name in names]
+    once, per_level, unhurried = ([staging / n for n in kind if n in names] for kind in _KINDS)
     compiled = compile_library(once, library, per_level, unhurried, levels)
     record = {
         "fingerprint": request.fingerprint,

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from symgen.errors import CompilerError
 
@@ -40,6 +41,8 @@ LEVELS = {
     "aarch64": {"neon": (2, ""), **PORTABLE},
 }
 """Per machine: level → lanes and instruction set. A vector wider than the set is slow."""
+
+LINK = ("-shared", "-lm")
 
 REFERENCE = "casadi"
 """Level of the code that nobody waits for."""
@@ -101,26 +104,24 @@ def compile_library(
     """
     compiler = find_compiler()
     _require_levels(wanted)
-    units: list[tuple[str, str, tuple[str, ...]]] = [
-        (source.name, f"{source.stem}.o", PLAIN) for source in sources
-    ]
-    levels = LEVELS.get(machine(), PORTABLE) if per_level else {}
-    for level, (width, architecture) in levels.items():
-        if wanted and level not in wanted:
+    how = how_to_compile(
+        *([path.name for path in paths] for paths in (sources, per_level, unhurried))
+    )
+    units: list[tuple[str, str, list[str]]] = []
+    for group in how["groups"]:
+        level = group["level"]
+        if group["machine"] not in {"", machine()} or (wanted and level and level not in wanted):
             continue
-        march = _architecture(compiler, architecture)
-        if not _knows(compiler, march):
+        extra = [_spelled(flag, compiler) for flag in group["flags"]]
+        if not _knows(compiler, extra):
             if wanted:
                 raise CompilerError(
                     f"'{shlex.join(compiler)}' cannot compile for the level '{level}'; leave it "
                     "out or take a newer compiler"
                 )
             continue  # an older compiler; the loader takes the best of the others
-        effort = WIDE if width > 2 else PLAIN
-        extra = (*effort, f"-DLEVEL={level}", f"-DW={width}", *VECTOR_FLAGS, *march)
-        units += [(path.name, f"{path.stem}_{level}.o", extra) for path in per_level]
-    if not wanted or REFERENCE in wanted:
-        units += [(path.name, f"{path.stem}.o", ("-O0",)) for path in unhurried]
+        unit = "{}_{}.o" if level else "{}.o"
+        units += [(name, unit.format(Path(name).stem, level), extra) for name in group["sources"]]
     longest_first = sorted(units, key=lambda unit: -(target.parent / unit[0]).stat().st_size)
     commands = [
         (*compiler, *FLAGS, *extra, "-c", source, "-o", unit)
@@ -129,11 +130,39 @@ def compile_library(
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda command: _run(command, target.parent), commands))
     objects = [unit for _, unit, _ in units]
-    link = (*compiler, "-shared", "-o", target.name, *objects, "-lm")
+    link = (*compiler, "-o", target.name, *objects, *LINK)
     _run(link, target.parent)
     for unit in objects:
         (target.parent / unit).unlink()
     return Compiled((*commands, link), compiler_version(compiler), sha256_of(target))
+
+
+def how_to_compile(
+    once: Sequence[str], per_level: Sequence[str] = (), unhurried: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Flags of every file, groups of files with flags of their own, flags of the link; JSON-ready.
+
+    A group has the level that it belongs to and the machine that it is for, "" meaning all.
+    Arguments as in `compile_library`.
+    """
+
+    def group(sources: Sequence[str], flags: Sequence[str], level: str = "", of: str = "") -> Any:
+        return {"level": level, "machine": of, "sources": [*sources], "flags": [*flags]}
+
+    groups = [group(once, PLAIN)]
+    for name, levels in (*LEVELS.items(), ("", PORTABLE)):
+        for level, (width, architecture) in levels.items():
+            if name and level in PORTABLE:
+                continue
+            flags = [*(WIDE if width > 2 else PLAIN), f"-DLEVEL={level}", f"-DW={width}"]
+            march = [f"-march={architecture}"] if architecture else []
+            groups.append(group(per_level, [*flags, *VECTOR_FLAGS, *march], level, name))
+    groups.append(group(unhurried, ("-O0",), REFERENCE))
+    return {
+        "flags": [*FLAGS],
+        "groups": [entry for entry in groups if entry["sources"]],
+        "link": [*LINK],
+    }
 
 
 def level_names() -> tuple[str, ...]:
@@ -160,15 +189,18 @@ def machine() -> str:
     return {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
 
 
-def _architecture(compiler: tuple[str, ...], name: str) -> tuple[str, ...]:
-    if not name:
-        return ()
-    # zig spells the same levels with underscores
-    return (f"-march={name.replace('-', '_') if 'ziglang' in compiler else name}",)
+def _spelled(flag: str, compiler: tuple[str, ...]) -> str:
+    """The flag as this compiler writes it: zig spells instruction sets with underscores."""
+    if not flag.startswith("-march=") or "ziglang" not in compiler:
+        return flag
+    return f"-march={flag.removeprefix('-march=').replace('-', '_')}"
 
 
-def _knows(compiler: tuple[str, ...], march: tuple[str, ...]) -> bool:
+def _knows(compiler: tuple[str, ...], flags: Sequence[str]) -> bool:
     """Does the compiler know this instruction set?"""
+    march = [flag for flag in flags if flag.startswith("-march=")]
+    if not march:
+        return True
     probe = [*compiler, *march, "-x", "c", "-E", os.devnull]
     return subprocess.run(probe, capture_output=True, check=False).returncode == 0
 

@@ -3,12 +3,11 @@
 Read from a TOML beside the URDF and written into the manifest.
 """
 
+import sys
 import tomllib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from symgen.chain import Chain, Joint
 from symgen.collision import CollisionModel
@@ -84,7 +83,7 @@ def read_config(*paths: Path) -> RobotConfig:
     for path in paths:
         try:
             table = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
         table.pop("source", None)
         twice = sorted(joined.keys() & table.keys())
@@ -152,4 +151,4 @@ def _vector(value: Any, key: str, where: str) -> Vector:
 
 def _is_number(value: Any) -> bool:
     number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return number and bool(np.isfinite(value))
+    return number and abs(value) <= sys.float_info.max

@@ -79,7 +79,7 @@ def request_from_folder(folder: Path) -> BuildRequest:
         table = {key: manifest[key] for key in CONFIG_KEYS if manifest[key] is not None}
         config = config_from_table(table, f"'{folder / 'manifest.json'}'")
         project = bool(manifest["options"]["project"])
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise BuildError(
             f"'{folder}' is not a complete generated folder ({type(error).__name__}: {error}); "
             "build it again with: python -m symgen build"

@@ -15,6 +15,7 @@ from runtime.cli import (
     report,
     reproduce,
     simulate,
+    tutorial,
     view,
 )
 from runtime.errors import RuntimeFault
@@ -42,6 +43,7 @@ app.command("reproduce")(reproduce.reproduce_command)
 app.command("report")(report.report_command)
 app.command("view")(view.view_command)
 app.command("locate")(evaluate.locate_command)
+app.command("tutorial")(tutorial.tutorial_command)
 
 
 def main() -> None:

@@ -40,7 +40,7 @@ def read_truth(path: Path, lib: Library) -> Truth:
         pi, robot = np.array(facts["pi"], dtype=float), facts.get("robot", lib.name)
         if pi.shape != lib.pi0.shape or not np.isfinite(pi).all() or robot != lib.name:
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise RecordingError(
             f"'{path}' is no truth of '{lib.name}'; expected JSON with {lib.pi0.size} numbers 'pi' "
             "as simulate writes it, so correct it, name another with --truth, or move it away"

@@ -1,10 +1,6 @@
-"""The compiled library through ctypes: opened only when it is whole and belongs to its manifest."""
+"""The compiled library through ctypes: its functions, called with NumPy arrays."""
 
 import ctypes
-import hashlib
-import json
-import shutil
-import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import LibraryError, ShapeError
 from runtime.library.manifest import ArgumentFacts, KernelFacts, Manifest
+from runtime.library.opening import AGAIN, open_library
 from runtime.threads import cores
 
 Array = NDArray[np.float64]
-
-_AGAIN = "run: python -m symgen build"
 
 LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
 """What a library may hold its batch functions for: CasADi's own C, plain C, instruction sets.
@@ -45,7 +40,7 @@ class Binding:
             )
         self._manifest = manifest
         self._threads = threads
-        self._dll = _open(folder, manifest)
+        self._dll = open_library(folder, manifest, level)
         self.levels = tuple(name for name in LEVELS if self._has(name))
         self.level = level or self._best_level()
         if self.level not in self.levels:
@@ -87,7 +82,7 @@ class Binding:
         except AttributeError:
             raise LibraryError(
                 f"the library of '{self._manifest.robot}' has no function '{name}', so another "
-                f"version of symgen built it; {_AGAIN}"
+                f"version of symgen built it; {AGAIN}"
             ) from None
 
     def _has(self, level: str) -> bool:
@@ -101,7 +96,7 @@ class Binding:
         runs = [level for level in self.levels if LEVELS.index(level) <= best]
         if not runs:
             raise LibraryError(
-                f"the library of '{self._manifest.robot}' has no batch functions; {_AGAIN}"
+                f"the library of '{self._manifest.robot}' has no batch functions; {AGAIN}"
             )
         return runs[-1]
 
@@ -200,47 +195,3 @@ def _checked(kernel: str, argument: ArgumentFacts, value: ArrayLike) -> Array:
         f"{kernel}: {argument.name} needs the shape (N, {wanted}) or ({wanted},) "
         f"[{argument.unit}], got {array.shape}"
     )
-
-
-def _open(folder: Path, manifest: Manifest) -> ctypes.CDLL:
-    """The library after checking that it is whole, current, and of this robot and machine."""
-    path = folder / f"lib{manifest.robot}.so"
-    if not path.exists():
-        raise LibraryError(f"the library '{path}' is not compiled; {_AGAIN}")
-    try:
-        record = json.loads((folder / "build.json").read_text(encoding="utf-8"))
-        sha256, sources = record["sha256"], record["sources"]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise LibraryError(
-            f"'{folder}' has no valid build.json beside its library; {_AGAIN}"
-        ) from None
-    # Opening a truncated shared object kills the process, so its bytes are checked first.
-    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
-        raise LibraryError(f"the library '{path}' is damaged or not the one built here; {_AGAIN}")
-    own = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
-    if sources.get("manifest.json") != own:
-        raise LibraryError(f"the library '{path}' is older than its manifest.json; {_AGAIN}")
-    try:
-        dll = ctypes.CDLL(str(path.resolve()))
-        found = _model_hash(dll, manifest)
-        if found != manifest.model_hash:
-            # By a path it knows, the loader hands out an older build that this process has open.
-            with tempfile.TemporaryDirectory() as fresh:
-                dll = ctypes.CDLL(shutil.copy(path, fresh))
-            found = _model_hash(dll, manifest)
-    except (OSError, AttributeError) as error:
-        raise LibraryError(
-            f"the library '{path}' cannot be used here ({error}); {_AGAIN}"
-        ) from None
-    if found != manifest.model_hash:
-        raise LibraryError(
-            f"the library '{path}' belongs to the model {found[:12]}, its manifest to "
-            f"{manifest.model_hash[:12]}; {_AGAIN}"
-        )
-    return dll
-
-
-def _model_hash(dll: ctypes.CDLL, manifest: Manifest) -> str:
-    answer = dll[f"{manifest.robot}_model_hash"]
-    answer.restype = ctypes.c_char_p
-    return str(answer().decode())

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -152,13 +153,15 @@ def read_manifest(path: Path) -> Manifest:
         raw = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
         raise LibraryError(f"'{path.parent}' holds no manifest.json; {again}") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise LibraryError(f"'{path}' is damaged (not JSON); {again}") from None
     try:
         if raw["format"] != FORMAT or tuple(raw["pi_names"]) != PI_NAMES:
             raise LibraryError(
                 f"'{path}' has the format {raw['format']}, this runtime reads {FORMAT}; {again}"
             )
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", raw["robot"]):
+            raise TypeError("robot")  # it becomes part of paths
         return Manifest(
             robot=raw["robot"],
             model_hash=raw["model_hash"],

@@ -49,7 +49,7 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
         joints, robot = list(facts["joints"]), str(facts["robot"])
         if pi.shape != (10 * len(joints),) or phi.shape != (len(joints), len(friction.columns)):
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
         raise RecordingError(
             f"'{path}' holds no valid result.json; give the folder that identify wrote, or its file"
         ) from None

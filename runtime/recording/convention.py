@@ -83,7 +83,7 @@ def _franka_convention(lines: list[str]) -> Recipe | None:
 
 
 def _columns_convention(titles: list[str], layout: str, name: str) -> Recipe:
-    matches = [re.fullmatch(r"(q|dq|ddq|tau)(\d+)", title) for title in titles]
+    matches = [re.fullmatch(r"(q|dq|ddq|tau)([0-9]{1,4})", title) for title in titles]
     found: dict[str, list[int]] = {key: [] for key in KINDS}
     for match in matches:
         if match:

@@ -161,7 +161,13 @@ class Files:
                     f"the recipe for the folder {self.place.name} names no file; "
                     "write file = ... for time and every signal"
                 )
-            return name.replace("{run}", self.recipe.run)
+            name = name.replace("{run}", self.recipe.run)
+            if Path(name).is_absolute() or ".." in Path(name).parts:
+                raise RecordingError(
+                    f"the recipe names the file {name!r}, which does not lie in the folder "
+                    f"{self.place.name}; move it there"
+                )
+            return name
         parts = parts_of(self.recipe).values() if self.recipe.position else ()
         several = sorted({part.file for part in parts if part.file})
         if len(several) > 1:

@@ -15,14 +15,12 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.optional import imported
-from runtime.recording.tables import Columns, Table
+from runtime.recording.tables import EXPANSION, SLACK, Columns, Table
 
 FloatArray = NDArray[np.float64]
 BATCH = 65536
 BUFFER = 2**20
 """Bytes of a column that are read at once; without it pyarrow holds whole row groups."""
-EXPANSION, SLACK = 200, 2**26
-"""Decoded bytes per byte of the file, and bytes besides, beyond which a file is no log."""
 
 
 class ParquetLog:

@@ -5,7 +5,7 @@ Bundled recipes lie in `runtime/recipes`; a recipe of your own is a file of the 
 
 import dataclasses
 import difflib
-import math
+import sys
 import tomllib
 import types
 import typing
@@ -43,7 +43,7 @@ def load_recipe(which: str | Path | Recipe) -> Recipe:
         )
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:
         raise RecordingError(
             f"{path.name} is expected to be TOML, but: {error}; correct that place"
         ) from error
@@ -76,7 +76,7 @@ def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
     _check_keys(table, ("matrix",), "gear")
     try:
         matrix = np.array(table["matrix"], dtype=np.float64)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise RecordingError("[gear] expects matrix = n rows of n numbers; write it so") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
         raise RecordingError(f"[gear] matrix expects n rows of n numbers, got {matrix.shape}")
@@ -159,7 +159,7 @@ def _element(value: Any, kind: Any) -> Any:
     for option in options:
         is_bool = isinstance(value, bool)
         if option is float and isinstance(value, int | float) and not is_bool:
-            return float(value) if math.isfinite(value) else None
+            return float(value) if abs(value) <= sys.float_info.max else None
         if option in {str, int, bool} and isinstance(value, option) and is_bool == (option is bool):
             return value
     return None

@@ -17,6 +17,10 @@ from runtime.errors import RecordingError
 FloatArray = NDArray[np.float64]
 Columns = tuple[str | int, ...]
 MAX_CORRUPT = 0.2
+EXPANSION, SLACK = 200, 2**26
+"""Decoded bytes per byte of the file, and bytes besides, beyond which a file is no log."""
+
+MOST_TEXTS = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,7 +168,21 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
                     f"{name} is expected to be an NPZ archive, but holds one bare array; "
                     "save it with numpy.savez(t=…, q=…, …)"
                 )
-            return {key: archive[key] for key in archive.files}
+            decoded = sum(m.file_size for m in (archive.zip.infolist() if archive.zip else ()))
+            if decoded > EXPANSION * len(data) + SLACK:
+                raise RecordingError(
+                    f"{name} claims {decoded} bytes in {len(data)}, which no log has; "
+                    "it is damaged, so export it again"
+                )
+            arrays = {key: archive[key] for key in archive.files}
+            for array in arrays.values():
+                if array.dtype.kind == "U" and array.size > MOST_TEXTS:
+                    raise RecordingError(
+                        f"{name} holds {array.size} texts, which no log has; export it again"
+                    )
+                if array.dtype.kind == "U":
+                    array.tolist()  # fails on text that is none
+            return arrays
     except RecordingError:
         raise
     except Exception as error:  # zipfile and numpy raise a dozen kinds on damaged archives

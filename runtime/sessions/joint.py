@@ -53,7 +53,7 @@ def read_carried(path: Path, lib: Library) -> Array:
         link, values = str(facts["link"]), np.array(facts["pi_in_link"], dtype=float)
         if values.shape != (10,) or not np.isfinite(values).all():
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
         raise RecordingError(
             f"'{path}' holds no payload; give the payload.json that the command payload writes"
         ) from None

@@ -35,7 +35,7 @@ def collision_from_tables(proxies: Any, pairs: Any, where: str) -> CollisionMode
             ),
             tuple(Pair(_text(r["first"]), _text(r["second"]), _number(r["margin"])) for r in pairs),
         )
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise CollisionError(
             f"{where}: in [[proxy]] and [[pair]] name, link, first and second are text, start and "
             "end three numbers, radius and margin one"

@@ -255,7 +255,12 @@ ROBOTS: dict[str, tuple[Case, str]] = {
         lambda _: ("identify", "good.csv", "--robot", ".", "--out", "out"),
         "holds no manifest.json; run: python -m symgen build",
     ),
-    "not compiled": (lambda d: d.robot(lambda f: (f / "libfr3.so").unlink()), "is not compiled"),
+    "not compiled, and nothing to compile": (
+        lambda d: d.robot(
+            lambda f: [(f / name).unlink() for name in ("libfr3.so", "compile.json")]
+        ),
+        "neither a compiled library nor a compile.json",
+    ),
     "truncated": (lambda d: d.robot(lambda f: truncate(f / "libfr3.so")), "is damaged"),
     "of another robot": (
         lambda d: d.robot(lambda f: shutil.copy(foreign(d), f / "libfr3.so")),

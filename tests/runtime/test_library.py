@@ -46,7 +46,8 @@ def test_unknown_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def damage_remove_library(folder: Path) -> None:
-    (folder / "libtiny.so").unlink()
+    for name in ("libtiny.so", "compile.json"):  # from its C code it would be compiled
+        (folder / name).unlink()
 
 
 def damage_truncate_library(folder: Path) -> None:
@@ -96,7 +97,7 @@ def damage_remove_manifest(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (damage_remove_library, "is not compiled"),
+        (damage_remove_library, "holds neither a compiled library nor a compile.json"),
         (damage_truncate_library, "is damaged or not the one built here"),
         (damage_empty_library, "is damaged or not the one built here"),
         (damage_flip_one_byte, "is damaged or not the one built here"),

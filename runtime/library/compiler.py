@@ -1,0 +1,120 @@
+"""A generated folder and its recipe → a shared library, wherever there is a C compiler."""
+
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress, TimeElapsedColumn
+
+from runtime.errors import LibraryError
+from runtime.library.recipe import CompileRecipe
+from runtime.threads import cores
+
+Words = tuple[str, ...]
+
+
+def find_compiler() -> Words:
+    """$CC, else cc, gcc or clang of the PATH, else the ziglang wheel.
+
+    Raises:
+        LibraryError: none of them is there.
+    """
+    asked = tuple(shlex.split(os.environ.get("CC", "")))
+    if asked:
+        if shutil.which(asked[0]) is None:
+            raise LibraryError(
+                f"$CC names the compiler '{asked[0]}', which is not on the PATH; install it or "
+                "unset CC"
+            )
+        return asked
+    found = next(filter(shutil.which, ("cc", "gcc", "clang")), None)
+    if found:
+        return (found,)
+    if importlib.util.find_spec("ziglang"):
+        return (sys.executable, "-m", "ziglang", "cc")
+    raise LibraryError(
+        "the robot's C code is compiled at its first use, and there is no C compiler (looked for "
+        "$CC, cc, gcc, clang and the ziglang wheel); get one with: pip install 'symgen[zig]'"
+    )
+
+
+def machine() -> str:
+    """x86_64, aarch64, or whatever else the machine calls itself."""
+    name = platform.machine().lower()
+    return {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
+
+
+def version_of(compiler: Words) -> str:
+    """First line of `--version`."""
+    run = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False)
+    return (run.stdout.strip().splitlines() or ["unknown"])[0]
+
+
+def compile_folder(
+    folder: Path, recipe: CompileRecipe, levels: Words, compiler: Words, target: Path
+) -> list[Words]:
+    """Compile the folder's C for some levels, outside the folder; returns the commands.
+
+    Args:
+        folder: where the sources lie; nothing is written there.
+        recipe: what is compiled how.
+        levels: of `recipe.levels()`; one that the compiler does not know is left out.
+        compiler: the words that call it.
+        target: the library to write; the folder of it takes the objects too.
+
+    Raises:
+        LibraryError: the compiler refuses, and its first lines say why.
+    """
+    units = []
+    for group in recipe.groups:
+        flags = [_spelled(flag, compiler) for flag in group.flags]
+        if (group.level and group.level not in levels) or not _knows(compiler, flags):
+            continue
+        for name in group.sources:
+            made = target.parent / f"{Path(name).stem}_{group.level}.o"
+            command = (*compiler, *recipe.flags, *flags, "-c", name, "-o", str(made))
+            units.append(((folder / name).stat().st_size, command, made))
+    units.sort(key=lambda unit: -unit[0])  # the longest first
+    commands = [command for _, command, _ in units]
+    link = (*compiler, "-o", str(target), *(str(made) for *_, made in units), *recipe.link)
+    bar = Progress(
+        *Progress.get_default_columns()[:2],
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not sys.stderr.isatty(),
+    )
+    with bar, ThreadPoolExecutor(cores()) as pool:
+        done = pool.map(lambda command: _run(command, folder), commands)
+        list(bar.track(done, total=len(commands), description="compiling"))
+    _run(link, folder)
+    return [*commands, link]
+
+
+def _spelled(flag: str, compiler: Words) -> str:
+    """Zig writes the names of instruction sets with underscores."""
+    zig = "ziglang" in compiler and flag.startswith("-march=")
+    return flag.replace("x86-64-v", "x86_64_v") if zig else flag
+
+
+def _knows(compiler: Words, flags: list[str]) -> bool:
+    """Does the compiler know the instruction set that is asked for, if one is?"""
+    march = [flag for flag in flags if flag.startswith("-march=")]
+    probe = [*compiler, *march, "-x", "c", "-E", os.devnull]
+    return not march or subprocess.run(probe, capture_output=True, check=False).returncode == 0
+
+
+def _run(command: Words, folder: Path) -> None:
+    run = subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
+    )
+    if run.returncode or not Path(command[command.index("-o") + 1]).exists():
+        complaint = "\n".join(run.stderr.strip().splitlines()[:20])
+        raise LibraryError(f"'{shlex.join(command)}' failed:\n{complaint}")

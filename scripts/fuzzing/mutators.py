@@ -1,0 +1,197 @@
+"""A good file and a generator → a damaged file; of text also by numbers, lines, words and depth."""
+
+import io
+import re
+import zipfile
+from collections.abc import Callable
+
+import numpy as np
+
+Rng = np.random.Generator
+Mutator = Callable[[bytes, Rng], bytes]
+
+CANARY = "canary.txt"
+"""A file that no reader has a reason to open; it lies beside the folder of the damaged files."""
+NUMBERS = (
+    *(b"nan", b"inf", b"-inf", b"NaN", b"Infinity", b"1e308", b"-1e308", b"1e999", b"1e-320"),
+    *(
+        b"-0",
+        b"0",
+        b"-1",
+        b"1",
+        b"9" * 25,
+        b"9" * 400,
+        b"9" * 5000,
+        b"",
+        b"1_000",
+        b"true",
+        b"null",
+    ),
+    *(b"2147483648", b"18446744073709551616", b'"1"', b"[1]", b"{}", b"1,5", "٣".encode()),
+)
+WORDS = (
+    *(b"../../../../../../etc/passwd", b"/dev/zero", b"/dev/stdin", b"../" + CANARY.encode()),
+    *(b"", b".", b"..", b"\x00", b"a" * 100_000, b"{run}", b"{0.__class__}", b"%s%n", b"__class__"),
+    *("\u202e\ud7ff".encode(), b"\xff\xfe", b"$(touch hacked)", b"`touch hacked`", b"-rf", b"nan"),
+)
+DEPTH = 20_000
+
+
+def _cut(size: int, rng: Rng) -> tuple[int, int]:
+    first, last = np.sort(rng.integers(0, size + 1, 2))
+    return int(first), int(min(last, first + 4096))
+
+
+def flip_bits(data: bytes, rng: Rng) -> bytes:
+    """One to eight bits."""
+    if not data:
+        return data
+    out = bytearray(data)
+    for where in rng.integers(0, len(out), rng.integers(1, 9)):
+        out[where] ^= 1 << int(rng.integers(8))
+    return bytes(out)
+
+
+def truncate(data: bytes, rng: Rng) -> bytes:
+    """The beginning."""
+    return data[: int(rng.integers(0, len(data) + 1))]
+
+
+def remove(data: bytes, rng: Rng) -> bytes:
+    """All but a piece."""
+    first, last = _cut(len(data), rng)
+    return data[:first] + data[last:]
+
+
+def splice(data: bytes, rng: Rng) -> bytes:
+    """A piece once more, somewhere else."""
+    first, last = _cut(len(data), rng)
+    where = int(rng.integers(0, len(data) + 1))
+    return data[:where] + data[first:last] + data[where:]
+
+
+def overwrite(data: bytes, rng: Rng) -> bytes:
+    """A few bytes as zeros, ones or noise: lengths and counts of binary formats."""
+    where, size = int(rng.integers(0, len(data) + 1)), int(rng.choice([1, 2, 4, 8, 64]))
+    fill = (bytes(size), b"\xff" * size, rng.bytes(size))[int(rng.integers(3))]
+    return data[:where] + fill + data[where + size :]
+
+
+def _replaced(pattern: bytes, values: tuple[bytes, ...]) -> Mutator:
+    """One to three matches, each by one of the values."""
+    regex = re.compile(pattern)
+
+    def mutate(data: bytes, rng: Rng) -> bytes:
+        for _ in range(int(rng.integers(1, 4))):
+            found = list(regex.finditer(data))
+            if not found:
+                return data
+            span = found[int(rng.integers(len(found)))].span()
+            data = data[: span[0]] + values[int(rng.integers(len(values)))] + data[span[1] :]
+        return data
+
+    return mutate
+
+
+numbers = _replaced(rb"-?\d+(?:\.\d+)?(?:e-?\d+)?", NUMBERS)
+words = _replaced(rb"(?<=\")[^\"\n]*(?=\")", WORDS)
+bare_words = _replaced(rb"[A-Za-z_]+\d*", (*WORDS, b"t", b"q1", b"mass", b"kernels", b"link"))
+
+
+def lines(data: bytes, rng: Rng) -> bytes:
+    """A line removed, doubled, or exchanged with another."""
+    rows = data.split(b"\n")
+    i, j = rng.integers(0, len(rows), 2)
+    kind = rng.integers(3)
+    if kind == 0:
+        del rows[i]
+    elif kind == 1:
+        rows.insert(j, rows[i])
+    else:
+        rows[i], rows[j] = rows[j], rows[i]
+    return b"\n".join(rows)
+
+
+def _nested(*brackets: tuple[bytes, bytes]) -> Mutator:
+    """A number, or the whole document, inside very many brackets of one of these kinds."""
+
+    def mutate(data: bytes, rng: Rng) -> bytes:
+        opened, closed = brackets[int(rng.integers(len(brackets)))]
+        deep = opened * DEPTH
+        if rng.integers(2):
+            return deep + data + closed * DEPTH
+        found = list(re.finditer(rb"-?\d+(?:\.\d+)?", data))
+        if not found:
+            return deep
+        first, last = found[int(rng.integers(len(found)))].span()
+        return data[:first] + deep + data[first:last] + closed * DEPTH + data[last:]
+
+    return mutate
+
+
+def entities(data: bytes, rng: Rng) -> bytes:
+    """Entities that explode, or that name a file."""
+    bomb = b"".join(b'<!ENTITY e%d "%s">' % (i, b"&e%d;" % (i - 1) * 10) for i in range(1, 12))
+    outside = b'<!ENTITY e11 SYSTEM "file:../' + CANARY.encode() + b'">'
+    doctype = b'<!DOCTYPE robot [<!ENTITY e0 "x">' + (outside, bomb)[int(rng.integers(2))] + b"]>"
+    return doctype + data.partition(b"?>")[2].replace(b'name="', b'name="&e11;', 1)
+
+
+def _header(part: bytes, pattern: bytes, text: bytes) -> bytes:
+    """An NPY with a piece of its header replaced, the header as long as before."""
+    size = 10 + int.from_bytes(part[8:10], "little")
+    head = re.sub(pattern, text, part[:size].rstrip(), count=1)
+    return head.ljust(size - 1)[: size - 1] + b"\n" + part[size:]
+
+
+def npz_parts(data: bytes, rng: Rng) -> bytes:
+    """Members renamed, dropped, of a huge shape, of another type, pickled, or of endless zeros."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            parts = {name: archive.read(name) for name in archive.namelist()}
+    except Exception:  # damaged before
+        return data
+    name = sorted(parts)[int(rng.integers(len(parts)))]
+    kind = int(rng.integers(7))
+    if kind == 0:
+        parts["../" * 6 + "tmp/hacked.npy"] = parts.pop(name)
+    elif kind == 1:
+        del parts[name]
+    elif kind == 2:
+        shape = (b"(99999999999,)", b"(-1,)", b"(2,3,4)", b"(0,)")[int(rng.integers(4))]
+        parts[name] = _header(parts[name], rb"\(\d+,[ \d]*\)", shape)
+    elif kind == 3:
+        types = (b"'|O'", b"'<c16'", b"'<U9'", b"'<i8'", b"'V8'", b"'<f2'")
+        parts[name] = _header(parts[name], rb"'<f8'", types[int(rng.integers(6))])
+    elif kind == 4:
+        head = _header(parts[name], rb"'<f8'", b"'|O'")[:128]
+        parts[name] = head + b"cos\nsystem\n(S'touch hacked'\ntR."
+    elif kind == 5:
+        parts[name] = _header(parts[name], rb"\(\d+,", b"(40000000,") + bytes(3 * 10**8)
+    else:
+        parts[name] = numbers(parts[name][:128], rng) + parts[name][128:]
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        for key, value in parts.items():
+            archive.writestr(key, value)
+    return out.getvalue()
+
+
+ANY: tuple[Mutator, ...] = (flip_bits, truncate, remove, splice, overwrite)
+TEXT: tuple[Mutator, ...] = (*ANY, numbers, numbers, numbers, words, bare_words, lines, lines)
+OF_SUFFIX: dict[str, tuple[Mutator, ...]] = {
+    ".csv": TEXT,
+    ".toml": (*TEXT, _nested((b"[", b"]"), (b"{a=", b"}"))),
+    ".json": (*TEXT, _nested((b"[", b"]"), (b'{"a":', b"}"))),
+    ".urdf": (*TEXT, _nested((b"<link>", b"</link>")), entities, entities),
+    ".npz": (*ANY, npz_parts, npz_parts, npz_parts),
+}
+
+
+def mutated(data: bytes, suffix: str, rng: Rng) -> bytes:
+    """One to three mutators of the file's kind, one after the other; never the file itself."""
+    choice = OF_SUFFIX.get(suffix, ANY)
+    out = data
+    for _ in range(int(rng.integers(1, 4))):
+        out = choice[int(rng.integers(len(choice)))](out, rng)
+    return out if out != data else flip_bits(data, rng)

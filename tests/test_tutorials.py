@@ -1,0 +1,102 @@
+"""The tutorials do what they say: every block runs, and prints what is shown behind it."""
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import runtime.cli
+import symgen.cli
+from runtime.cli.tutorial import FOLDER, tutorial_command
+from runtime.errors import RuntimeFault
+from runtime.library import Library
+
+NAMES = ("fr3", "own-robot", "payload", "realtime")
+MAIN = {"runtime": runtime.cli.main, "symgen": symgen.cli.main}
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+FILE = re.compile(r"[\w.]+\.(?:toml|urdf|c)\b")
+
+
+@pytest.fixture
+def desk(tmp_path: Path, fr3: Library, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user's folder; the FR3 is there, so that it need not be compiled again."""
+    (tmp_path / "generated").mkdir()
+    (tmp_path / "generated" / "fr3").symlink_to(fr3.folder)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def blocks(text: str) -> Iterator[tuple[str, str]]:
+    """Language and text of every fenced block."""
+    yield from re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def run(language: str, block: str, capture: pytest.CaptureFixture[str]) -> str:
+    """What a block prints; Python and our own commands run in this process, which knows them."""
+    capture.readouterr()
+    if language == "python":
+        exec(compile(block, "tutorial", "exec"), {})  # noqa: S102  our own text
+        return capture.readouterr().out
+    printed = ""
+    for line in block.splitlines():
+        words = shlex.split(line)
+        if words[:2] == ["python", "-m"]:
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(sys, "argv", words[2:])
+                with pytest.raises(SystemExit) as end:
+                    MAIN[words[2]]()
+            out, err = capture.readouterr()
+            assert not end.value.code, f"{line}: {err}"
+            printed += out
+        else:
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, f"{line}: {done.stderr}"
+            printed += done.stdout
+    return printed
+
+
+def form(line: str) -> str:
+    """A line with # for every number and one blank for many."""
+    return " ".join(NUMBER.sub("#", line).split())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_tutorial_runs(name: str, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: commands, interpreter and compiler; what is shown is printed, up to its numbers."""
+    if name == "realtime" and shutil.which("cc") is None:
+        pytest.skip("SKIPPED LOUDLY: no C compiler called cc on this machine")
+    printed: list[str] = []
+    for language, block in blocks((FOLDER / f"{name}.md").read_text(encoding="utf-8")):
+        if language in {"bash", "python"}:
+            printed = run(language, block, capsys).splitlines()
+        elif language == "text":
+            forms = {form(line) for line in printed}
+            for line in block.splitlines():
+                assert form(line) in forms, "\n".join([line, "is not in:", *printed])
+        else:
+            (desk / FILE.findall(block)[0]).write_text(block, encoding="utf-8")
+
+
+def test_parts_of_the_tutorials() -> None:
+    """Property: the names above are those of the package, and each has all of its parts."""
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in FOLDER.glob("*.md")}
+    assert texts.keys() == set(NAMES)
+    for name, text in texts.items():
+        kinds = {language for language, _ in blocks(text)}
+        assert kinds <= {"bash", "python", "text", "toml", "xml", "c"}, name
+        assert "\n## What can go wrong\n" in text, name
+
+
+def test_the_command_shows_them(capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: titles without a name, Markdown into a pipe, a sentence for a wrong name."""
+    listed = run("bash", "python -m runtime tutorial", capsys)
+    assert [line.split()[0] for line in listed.splitlines()] == sorted(NAMES)
+    text = (FOLDER / "fr3.md").read_text(encoding="utf-8")
+    assert run("bash", "python -m runtime tutorial fr3", capsys) == text
+    with pytest.raises(RuntimeFault, match="no tutorial 'fr4'; there are fr3, own-robot, payload"):
+        tutorial_command("fr4")

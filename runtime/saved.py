@@ -51,7 +51,7 @@ def read_result(folder: Path) -> Saved:
         whole = len(saved.units) == n and saved.pi.shape == (len(PI_NAMES) * n,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
         raise RecordingError(
             f"'{folder}' holds no valid result.json; give the folder that identify wrote"
         ) from None

@@ -50,7 +50,7 @@ def draft(
 
 def _has_time(place: Path, plan: Recipe) -> bool:
     try:
-        return plan.time is not None and len(Files(place, plan).table(plan.time).values) > 0
+        return plan.time is not None and len(Files(place, plan).table("time", plan.time).values) > 0
     except RecordingError:
         return False
 
@@ -61,10 +61,11 @@ def _described(place: Path, joints: int) -> Group:
     files = [place]
     if place.is_dir():
         files = sorted(p for p in place.iterdir() if p.suffix.lower() in SUFFIXES)
+    readers = {"npz": _arrays, "csv": _texts}
     for path in files:
         own = path.name if place.is_dir() else ""
-        readers = {"npz": _arrays, "csv": _texts}
-        for kind, part in readers[SUFFIXES[path.suffix.lower()]](path, own, joints):
+        reader = readers.get(SUFFIXES.get(path.suffix.lower(), ""))
+        for kind, part in reader(path, own, joints) if reader else ():
             found[kind].append(part)
     for parts in found.values():
         parts.sort(key=lambda part: not part["measured"])

@@ -1,4 +1,4 @@
-"""The starts of a search on a dask cluster, with the same results as here.
+"""The tasks of a search on a dask cluster, with the same results as here.
 
 A worker loads the library from the robot's folder by itself, so it must see the same files. What a
 lost worker had begun dask gives to another one. On other processors than ours sums may round
@@ -15,7 +15,8 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.excitation.processes import Started
+from runtime.excitation.processes import Rounds, Started
+from runtime.excitation.relatives import Task
 from runtime.excitation.search import Problem, Search
 
 PATIENCE = 30.0
@@ -27,8 +28,8 @@ _here = threading.local()
 """The last search of a worker's thread and its key: a library is loaded once per thread."""
 
 
-def on_cluster(problem: Problem, starts: int, scheduler: str) -> Generator[Started, None, None]:
-    """The starts as they end.
+def on_cluster(problem: Problem, rounds: Rounds, scheduler: str) -> Generator[Started, None, None]:
+    """The tasks of every round as they end.
 
     Closing the iterator cancels those that wait and drops those under way.
 
@@ -37,7 +38,7 @@ def on_cluster(problem: Problem, starts: int, scheduler: str) -> Generator[Start
             robot's files, or a start that took several workers down.
     """
     try:
-        from distributed import KilledWorker, as_completed
+        from distributed import as_completed
     except ImportError:
         raise IdentificationError(
             "a search on a cluster needs dask.distributed here and on every worker; "
@@ -48,29 +49,36 @@ def on_cluster(problem: Problem, starts: int, scheduler: str) -> Generator[Start
     sent, key = replace(problem, folder=problem.folder.resolve()), f"excitation-{uuid.uuid4().hex}"
     futures = []
     try:
-        futures = [
-            client.submit(_start, sent, key, number, key=f"{key}-{number}", pure=False)
-            for number in range(starts)
-        ]
-        _require_workers(client, scheduler)
-        for future in as_completed(futures, loop=client.loop):
-            if future.cancelled():
-                raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
-            failure = future.exception()
-            if failure is None:
-                yield future.result()
-            elif isinstance(failure, KilledWorker):
-                raise IdentificationError(
-                    "a start of the search took several workers of the cluster down; give them "
-                    "more memory, or leave --scheduler out"
-                )
-            else:
-                raise _told(failure) from None
+        for tasks in rounds:
+            futures = [
+                client.submit(_start, sent, key, task, key=f"{key}-{task.number}", pure=False)
+                for task in tasks
+            ]
+            _require_workers(client, scheduler)
+            for future in as_completed(futures, loop=client.loop):
+                yield _result(future, scheduler)
     finally:
         # The scheduler may be the one that is lost.
         with suppress(Exception):
             client.cancel(futures)
         client.close()
+
+
+def _result(future: Any, scheduler: str) -> Started:
+    from distributed import KilledWorker
+
+    if future.cancelled():
+        raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
+    failure = future.exception()
+    if failure is None:
+        started: Started = future.result()
+        return started
+    if isinstance(failure, KilledWorker):
+        raise IdentificationError(
+            "a start of the search took several workers of the cluster down; give them "
+            "more memory, or leave --scheduler out"
+        )
+    raise _told(failure) from None
 
 
 def _connected(scheduler: str) -> Any:
@@ -108,9 +116,9 @@ def _told(failure: BaseException) -> IdentificationError:
     )
 
 
-def _start(problem: Problem, key: str, number: int) -> Started:
-    """One start, on a worker."""
-    return number, *_search(problem, key).start(number)
+def _start(problem: Problem, key: str, task: Task) -> Started:
+    """One task, on a worker."""
+    return task.number, *task.done(_search(problem, key))
 
 
 def _search(problem: Problem, key: str) -> Search:

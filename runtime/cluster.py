@@ -6,8 +6,9 @@ differently, and so may a result.
 """
 
 import uuid
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import suppress
+from itertools import count
 from typing import Any, TypeVar
 
 from runtime.errors import IdentificationError, RuntimeFault
@@ -21,7 +22,11 @@ T = TypeVar("T")
 
 
 def on_cluster(
-    work: Callable[[Any, str, Any], T], sent: object, pieces: Iterable[Any], scheduler: str, of: str
+    work: Callable[[Any, str, Any], T],
+    sent: object,
+    rounds: Iterable[Sequence[Any]],
+    scheduler: str,
+    of: str,
 ) -> Generator[T, None, None]:
     """`work(sent, key, piece)` of every piece, as they end; the key is new for every call.
 
@@ -30,7 +35,7 @@ def on_cluster(
     Args:
         work: a function of a module.
         sent: what all pieces share.
-        pieces: one task each.
+        rounds: of pieces, one task each; the next is asked for when all of the last have ended.
         scheduler: address as tcp://host:8786.
         of: what a piece is, for messages.
 
@@ -39,7 +44,7 @@ def on_cluster(
             robot's files, or a piece that took several workers down.
     """
     try:
-        from distributed import KilledWorker, as_completed
+        from distributed import as_completed
     except ImportError:
         raise IdentificationError(
             "work on a cluster needs dask.distributed here and on every worker; "
@@ -47,31 +52,38 @@ def on_cluster(
         ) from None
     client = _connected(scheduler)
     key = f"symgen-{uuid.uuid4().hex}"
-    futures = []
+    futures: list[Any] = []
+    numbers = count()
     try:
-        futures = [
-            client.submit(work, sent, key, piece, key=f"{key}-{number}", pure=False)
-            for number, piece in enumerate(pieces)
-        ]
-        _require_workers(client, scheduler)
-        for future in as_completed(futures, loop=client.loop):
-            if future.cancelled():
-                raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
-            failure = future.exception()
-            if failure is None:
-                yield future.result()
-            elif isinstance(failure, KilledWorker):
-                raise IdentificationError(
-                    f"{of} took several workers of the cluster down; give them "
-                    "more memory, or leave --scheduler out"
-                )
-            else:
-                raise _told(failure) from None
+        for pieces in rounds:
+            futures = [
+                client.submit(work, sent, key, piece, key=f"{key}-{next(numbers)}", pure=False)
+                for piece in pieces
+            ]
+            _require_workers(client, scheduler)
+            for future in as_completed(futures, loop=client.loop):
+                yield _result(future, scheduler, of)
     finally:
         # The scheduler may be the one that is lost.
         with suppress(Exception):
             client.cancel(futures)
         client.close()
+
+
+def _result(future: Any, scheduler: str, of: str) -> Any:
+    from distributed import KilledWorker
+
+    if future.cancelled():
+        raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
+    failure = future.exception()
+    if failure is None:
+        return future.result()
+    if isinstance(failure, KilledWorker):
+        raise IdentificationError(
+            f"{of} took several workers of the cluster down; give them more memory, or leave "
+            "--scheduler out"
+        )
+    raise _told(failure) from None
 
 
 def _connected(scheduler: str) -> Any:

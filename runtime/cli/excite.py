@@ -15,6 +15,7 @@ from runtime.cli.safety import certificate_table, notes, safety_of
 from runtime.course import course
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, basis_of, design, predict
+from runtime.excitation.relatives import relatives
 from runtime.excitation.safety import TABLE_MARGIN
 from runtime.library import load
 from runtime.recording import Recording, write_recording
@@ -180,10 +181,11 @@ def excite_command(
     side_by_side = cores() if starts >= WORTH_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("excitation", total=starts)
+        task = progress.add_task("excitation", total=starts + relatives(wanted, starts))
 
         def report(done: int, value: float, best: float) -> None:
-            text = f"{done} starts: {wanted} {value:.4g}, best {best:.4g}"
+            after = f", {done - starts} relatives of the best" if done > starts else ""
+            text = f"{min(done, starts)} starts{after}: {wanted} {value:.4g}, best {best:.4g}"
             progress.update(task, completed=done, description=text)
 
         found = design(

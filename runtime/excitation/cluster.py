@@ -1,4 +1,4 @@
-"""The starts of a search on a dask cluster, with the same results as here."""
+"""The tasks of a search on a dask cluster, with the same results as here."""
 
 import threading
 from collections.abc import Generator
@@ -7,27 +7,28 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from runtime.cluster import on_cluster
-from runtime.excitation.processes import Started
+from runtime.excitation.processes import Rounds, Started
+from runtime.excitation.relatives import Task
 from runtime.excitation.search import Problem, Search
 
 _here = threading.local()
 """The last search of a worker's thread and its key: a library is loaded once per thread."""
 
 
-def on_workers(problem: Problem, starts: int, scheduler: str) -> Generator[Started, None, None]:
-    """The starts as they end.
+def on_workers(problem: Problem, rounds: Rounds, scheduler: str) -> Generator[Started, None, None]:
+    """The tasks of every round as they end.
 
     Raises:
         IdentificationError: see `runtime.cluster.on_cluster`.
     """
     # On a worker the working directory is another one.
     sent = replace(problem, folder=problem.folder.resolve())
-    return on_cluster(_start, sent, range(starts), scheduler, "a start of the search")
+    return on_cluster(_start, sent, rounds, scheduler, "a start of the search")
 
 
-def _start(problem: Problem, key: str, number: int) -> Started:
-    """One start, on a worker."""
-    return number, *_search(problem, key).start(number)
+def _start(problem: Problem, key: str, task: Task) -> Started:
+    """One task, on a worker."""
+    return task.number, *task.done(_search(problem, key))
 
 
 def _search(problem: Problem, key: str) -> Search:

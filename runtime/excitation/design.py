@@ -1,4 +1,4 @@
-"""The best of several starts, inside the limits at 1 kHz."""
+"""The best of several starts and of their relatives, inside the limits at 1 kHz."""
 
 from collections.abc import Callable, Generator
 from contextlib import closing
@@ -12,7 +12,8 @@ from runtime.excitation.cluster import on_workers
 from runtime.excitation.cost import ConditionCost
 from runtime.excitation.finish import Finished, finished
 from runtime.excitation.information import Information
-from runtime.excitation.processes import Started, in_turn, side_by_side
+from runtime.excitation.processes import Rounds, Started, in_turn, side_by_side
+from runtime.excitation.relatives import rounds
 from runtime.excitation.safety import Safety, unchecked
 from runtime.excitation.search import Problem, Search
 from runtime.excitation.trajectory import Trajectory
@@ -25,7 +26,7 @@ LONGEST = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The best trajectory over all starts.
+    """The best trajectory over all starts and relatives.
 
     Attributes:
         condition: cond of the column-normalised base regressor at `COST_SAMPLES` samples.
@@ -37,6 +38,7 @@ class Design:
         assumptions: limits that the robot does not state and what was taken instead.
         safety: limits that were kept beyond those of the joints; None as in the document.
         unchecked: kinds of limits that nobody looked at.
+        relatives: cond of every relative of good starts that ended, in order.
     """
 
     trajectory: Trajectory
@@ -49,6 +51,7 @@ class Design:
     unit: str = "cond"
     safety: Safety | None = None
     unchecked: tuple[str, ...] = ()
+    relatives: tuple[float, ...] = ()
 
 
 @one_blas_thread
@@ -73,11 +76,11 @@ def design(
         lib: of the robot.
         duration: s.
         harmonics: M, of which the basis makes its functions.
-        starts: number of searches.
+        starts: number of searches; see `relatives` for what follows them.
         seed: of the random starts.
         home: start and end position, default is the robot's.
-        progress: called after each start with how many have ended, exp of its target and the
-            best one. Ctrl-C stops and keeps the best start so far.
+        progress: called after each start or relative with how many have ended, exp of its target
+            and the best one. Ctrl-C stops and keeps the best so far.
         processes: that search side by side; the design does not depend on it, to the last bit.
             Each loads the library anew, so more than one asks for a script with a main guard.
         criterion: what to minimise, of `goals.CRITERIA`; all but cond need `information`.
@@ -107,7 +110,7 @@ def design(
     search = Search(lib, problem)
     search.require_rank()
     found: dict[int, tuple[float, Array]] = {}
-    ended = _ended(search, starts, processes, scheduler)
+    ended = _ended(search, rounds(criterion, starts, found), min(processes, starts), scheduler)
     try:
         with closing(ended):
             for number, value, a in ended:
@@ -122,11 +125,15 @@ def design(
     a, t_f = ending.trajectory.coefficients, ending.trajectory.duration
     shape = (lib, rest, basis.size(harmonics))
     starts_cost, cost = (ConditionCost(*shape, end, basis) for end in (duration, t_f))
-    numbers = sorted(found)
+    numbers = sorted(number for number in found if number < starts)
+
+    def condition(number: int) -> float:
+        return float(np.exp(starts_cost.value_gradient(found[number][1])[0]))
+
     return Design(
         ending.trajectory,
         float(np.exp(cost.value_gradient(a)[0])),
-        tuple(float(np.exp(starts_cost.value_gradient(found[k][1])[0])) for k in numbers),
+        tuple(condition(number) for number in numbers),
         ending.use,
         tuple(search.limits.assumptions),
         criterion,
@@ -134,17 +141,18 @@ def design(
         search.goal.unit,
         safety,
         unchecked(lib, safety),
+        tuple(condition(number) for number in sorted(found) if number >= starts),
     )
 
 
 def _ended(
-    search: Search, starts: int, processes: int, scheduler: str | None
+    search: Search, tasks: Rounds, processes: int, scheduler: str | None
 ) -> Generator[Started, None, None]:
     if scheduler is not None:
-        return on_workers(search.problem, starts, scheduler)
-    if processes == 1 or starts == 1:
-        return in_turn(search, starts)
-    return side_by_side(search.problem, starts, processes)
+        return on_workers(search.problem, tasks, scheduler)
+    if processes == 1:
+        return in_turn(search, tasks)
+    return side_by_side(search.problem, tasks, processes)
 
 
 def _best(lib: Library, search: Search, found: dict[int, tuple[float, Array]]) -> Finished:

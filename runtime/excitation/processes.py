@@ -1,8 +1,8 @@
-"""The starts of a search one after another, or on several processes with the same results."""
+"""The tasks of a search one after another, or on several processes with the same results."""
 
 import multiprocessing
 import signal
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -10,48 +10,54 @@ from contextlib import contextmanager
 from threadpoolctl import threadpool_limits
 
 from runtime.errors import IdentificationError
+from runtime.excitation.relatives import Task
 from runtime.excitation.search import Problem, Search
 from runtime.library import Array
 
 Started = tuple[int, float, Array]
-"""Number of the start, the goal's target, coefficients."""
+"""Number of the task, the goal's target, coefficients."""
+Rounds = Iterable[list[Task]]
+"""The next one is asked for when all tasks of the last have been told."""
 
 _here: list[Search] = []
 """The search of a worker process, which loads its library once."""
 
 
-def in_turn(search: Search, starts: int) -> Generator[Started, None, None]:
-    """The starts in order."""
-    for number in range(starts):
-        yield number, *search.start(number)
+def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
+    """The tasks in order."""
+    for tasks in rounds:
+        for task in tasks:
+            yield task.number, *task.done(search)
 
 
-def side_by_side(problem: Problem, starts: int, processes: int) -> Generator[Started, None, None]:
-    """The starts as they end.
+def side_by_side(
+    problem: Problem, rounds: Rounds, processes: int
+) -> Generator[Started, None, None]:
+    """The tasks of every round as they end.
 
     Workers are fresh interpreters (spawn) and do not hear Ctrl-C: closing the iterator waits for
-    the starts under way and drops them.
+    the tasks under way and drops them.
 
     Raises:
         IdentificationError: a worker died.
     """
     pool = ProcessPoolExecutor(
-        min(processes, starts),
+        processes,
         multiprocessing.get_context("spawn"),
         initializer=_prepare,
         initargs=(problem,),
     )
     waiting: set[Future[Started]] = set()
-    submitted = 0
     try:
-        while submitted < starts or waiting:
-            with _deaf():
-                while submitted < starts and len(waiting) < processes:
-                    waiting.add(pool.submit(_start, submitted))
-                    submitted += 1
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
+        for tasks in rounds:
+            left = tasks[::-1]
+            while left or waiting:
+                with _deaf():
+                    while left and len(waiting) < processes:
+                        waiting.add(pool.submit(_start, left.pop()))
+                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
     except BrokenProcessPool:
         raise IdentificationError(
             "a process of the search died; try processes=1, and in a script of your own call "
@@ -67,8 +73,8 @@ def _prepare(problem: Problem) -> None:
     _here[:] = [problem.search()]
 
 
-def _start(number: int) -> Started:
-    return number, *_here[0].start(number)
+def _start(task: Task) -> Started:
+    return task.number, *task.done(_here[0])
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""One start of the search: a random admissible trajectory, descended to a local optimum.
+"""One descent of the search: from a random admissible trajectory, or from a relative of good ones.
 
 Normalised D-optimality decides for a basin and the goal's measures lead on; where that is log cond
 the semidefinite programmes of `polish` end in its kink. Limits that are not linear are elastic on
@@ -37,6 +37,16 @@ TIGHTENED = 2e-3
 """Of nonlinear limits in the last polish: they bend that much between its samples."""
 ELASTIC = 0.3
 """Violation of nonlinear limits from which on a random start is shrunk."""
+NOISE = 0.2, 0.8
+"""Of all coordinates of a relative, from and to; 1 reaches the bounds."""
+FAVOUR = 0.25
+"""Probability that the best parent is chosen; the next ones follow a geometric law."""
+WORTH = 0.06
+"""Log cond by which a relative may be worse than the best after a smooth stage: the others and the
+polish gain 0.03 to 0.05 from there."""
+RETURNED = 0.3
+"""RMS of coordinates: a smooth stage ends 0.04 to 0.3 from its own polished optimum, 0.5 and more
+from others."""
 SHRUNK, SHRINKS = 0.8, 60
 """Factor of one such shrinking, and how many at most: 1e-6 of the joints' limits is no motion."""
 LEAST = 1e-3
@@ -77,7 +87,10 @@ class Problem:
 
 
 class Search:
-    """Descents from random starts; a start depends on its number and the seed alone."""
+    """Descents from random starts and from relatives of good ones.
+
+    A start depends on its number and the seed alone, a relative also on its parents.
+    """
 
     def __init__(self, lib: Library, problem: Problem) -> None:
         self.problem = problem
@@ -108,6 +121,42 @@ class Search:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
         if self.goal.is_kinked:
             x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+        return self._ended(x)
+
+    def relative(self, number: int, parents: tuple[Array, ...], best: float) -> tuple[float, Array]:
+        """The same for a variation of one of the parents (n, M), best first, of a kinked goal.
+
+        Every third number has noise on all coefficients, the others new motions of one or two
+        joints: each joint has limits of its own, so that the others' motions stay admissible.
+        The descent begins with the goal's second stage. After it what has come back to a parent
+        is that parent, and what is not below `best` + `WORTH` is given up.
+        """
+        rng = np.random.default_rng((self._seed, number, 1))
+        known = np.linalg.solve(self._spread, np.reshape(parents, (len(parents), -1)).T).T
+        x = known[min(int(rng.geometric(FAVOUR)), len(parents)) - 1]
+        if number % 3 == 2:
+            x = x + rng.uniform(*NOISE) * rng.normal(size=len(x))
+        else:
+            joints = rng.permutation(self._shape[0])[: 1 + number % 3]
+            new = np.repeat(np.isin(np.arange(self._shape[0]), joints), self._shape[1])
+            x = np.where(new, self._drawn(rng), x)
+        x = x / max(1.0, float(np.max(self._matrix @ x)))
+        rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
+        x = self._shrunk(x, ELASTIC)
+        (first, iterations), *later = self.goal.stages[1:]
+        x = descend(self._objective(first), x, rows, iterations, nonlinear=elastic).x
+        distances = np.sqrt(np.square(known - x).mean(axis=1))
+        if distances.min() < RETURNED:
+            back = parents[int(distances.argmin())]
+            return self.value(back), back
+        if self.value(self.coefficients(x[None])[0]) > best + WORTH:
+            return self._ended(x)
+        for measure, iterations in later:
+            x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
+        return self._ended(polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x)
+
+    def _ended(self, x: Array) -> tuple[float, Array]:
+        """The goal's target and coefficients of x moved inside all limits."""
         a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
         return self.value(a), a
 
@@ -128,7 +177,9 @@ class Search:
 
     def _random(self, number: int) -> Array:
         """A point well inside the limits."""
-        rng = np.random.default_rng((self._seed, number))
+        return self._drawn(np.random.default_rng((self._seed, number)))
+
+    def _drawn(self, rng: np.random.Generator) -> Array:
         x = rng.normal(size=len(self._spread))
         return np.asarray(x * (START / np.max(self._matrix @ x)))
 

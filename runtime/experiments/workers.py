@@ -41,7 +41,7 @@ def on_workers(
         IdentificationError: see `runtime.cluster.on_cluster`.
     """
     sent = Sent(study.name, config, dict(needed), lib.folder.resolve(), lib.level)
-    return on_cluster(_rows, sent, runs, scheduler, f"a chunk of '{study.name}'")
+    return on_cluster(_rows, sent, [runs], scheduler, f"a chunk of '{study.name}'")
 
 
 def _rows(sent: Sent, key: str, numbers: range) -> tuple[range, list[Row]]:

@@ -228,9 +228,13 @@ def test_interrupting_processes_keeps_the_best_start(lib: Library) -> None:
     assert order == sorted(order)
 
 
+def _die(_: object) -> None:
+    os._exit(1)
+
+
 def test_a_worker_that_dies_is_told(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: one sentence instead of a wait for ever."""
-    monkeypatch.setattr("runtime.excitation.processes._start", os._exit)
+    monkeypatch.setattr("runtime.excitation.processes._start", _die)
     with pytest.raises(IdentificationError, match="a process of the search died; try processes=1"):
         design(lib, 4.0, 2, starts=3, processes=2)
 

@@ -1,5 +1,9 @@
 """A log that stays in its file is identified like one that is held, in constant memory."""
 
+import json
+import os
+import subprocess
+import sys
 import tracemalloc
 from pathlib import Path
 
@@ -193,3 +197,22 @@ def test_text_is_parsed_in_pieces(log, tmp_path, monkeypatch):
     monkeypatch.setattr(spool, "PIECE", 100)
     with pytest.raises(RecordingError, match="UTF-8 text in lines"):
         open_streamed(tmp_path / "x.csv")
+
+
+def test_bench_tells_time_and_memory(lib, tmp_path):
+    """Property: the script of the README's table runs on a small log and counts all of it."""
+    folder = Path(__file__).parents[2]
+    words = ("--json", "--robot", str(lib.folder), "--megabytes", "3", "--kinds", "npz")
+    run = subprocess.run(
+        [sys.executable, str(folder / "scripts" / "bench_stream"), *words],
+        env=os.environ | {"PYTHONPATH": str(folder), "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    (row,) = json.loads(run.stdout)
+    assert row["rows"] == 3_000_000 // 176
+    assert row["after"] < 0.1 < row["before"]
+    assert 50e6 < row["rss"] < 1e9
+    assert not list(tmp_path.iterdir())

@@ -90,6 +90,7 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
         if known is None and (folder / RESULT).exists():
             request.tell(f"'{folder / RESULT}' is not whole; it is made again from the trials")
         chunks = Chunks(folder, mark, request.tell)
+        chunks.sweep()
         done = chunks.read(trials)
         request.progress(study.name, len(done), trials)
         prepared = study.prepare(lib, config, needed)

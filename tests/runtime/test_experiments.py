@@ -442,9 +442,13 @@ def test_ctrl_c_keeps_finished_chunks(
         assert "finished chunks are kept" in ran.out
         assert len(list((begun / "ideal" / "chunks").glob("*.parquet"))) == 2
         monkeypatch.setitem(IDS, "table-5.2", study)
+        draft = begun / "ideal" / "chunks" / ".00004-00005.parquet.1"
+        draft.touch()
         listed = command("reproduce", "list", *rest)
+        assert draft.exists()  # it may be that of a run
         assert "partial (4 of 6" in " ".join(listed.out.split())
         assert command(*words).code == 0
+        assert not draft.exists()
 
 
 def test_errors_of_the_command_are_one_sentence(

@@ -14,12 +14,11 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from runtime.cli.common import command_line, console, say
+from runtime.cli.common import Robot, command_line, console, say
 from runtime.experiments import (
     DEFAULT_TRIALS,
     IDS,
     RESULT,
-    ROBOT,
     STUDIES,
     Request,
     reproduce,
@@ -37,6 +36,7 @@ def reproduce_command(
         str,
         typer.Argument(metavar="ID|all|list", help="A table or figure, all of them, or a list."),
     ],
+    robot: Robot = "fr3",
     trials: Annotated[
         int, typer.Option(help="Monte Carlo trials, as the document has them.", min=1)
     ] = DEFAULT_TRIALS,
@@ -67,10 +67,10 @@ def reproduce_command(
     series.npz and result.json with config, hash, versions and seeds.
     """
     if what == LISTED:
-        _list(load(ROBOT), Request(out, trials, seed))
+        _list(load(robot), Request(out, trials, seed))
         return
     studies = list(STUDIES.values()) if what == EVERYTHING else [study_of(what)]
-    lib = load(ROBOT)
+    lib = load(robot)
     with _progress() as progress:
         tasks: dict[str, int] = {}
 

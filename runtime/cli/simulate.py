@@ -61,7 +61,7 @@ def simulate_command(
         Engine | None,
         typer.Option(
             help="compiled: our own physics, simple friction, white noise. mujoco: like a real "
-            "log, see below; the default with --payload, --config or --truth-seed."
+            "log, see above; the default with --payload, --config or --truth-seed."
         ),
     ] = None,
     keep_every: Annotated[int, typer.Option(help="Log every n-th sample only.", min=1)] = 1,

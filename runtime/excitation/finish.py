@@ -47,6 +47,15 @@ def finished(lib: Library, search: Search, a: Array) -> Finished:
     """
     with suppress(KeyboardInterrupt):
         a = search.refined(a)
+    return repaired(lib, search, a)
+
+
+def repaired(lib: Library, search: Search, a: Array) -> Finished:
+    """Inside all limits at 1 kHz.
+
+    Raises:
+        IdentificationError: nothing repairs it.
+    """
     problem = search.problem
     fine = _limits(lib, search, problem.duration)
     a = inside(fine, a)

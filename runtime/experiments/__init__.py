@@ -32,7 +32,6 @@ trials. Same hash, same digits but for time_s, whatever the chunks, threads or c
 
 from runtime.experiments.outcome import RESULT, valid_result
 from runtime.experiments.registry import IDS, STUDIES, study_of
-from runtime.experiments.robot import ROBOT
 from runtime.experiments.runner import DEFAULT_TRIALS, Request, reproduce
 from runtime.experiments.state import state_of
 from runtime.experiments.study import Study, View
@@ -41,7 +40,6 @@ __all__ = [
     "DEFAULT_TRIALS",
     "IDS",
     "RESULT",
-    "ROBOT",
     "STUDIES",
     "Request",
     "Study",

@@ -80,8 +80,6 @@ class Chunks:
     def read(self, trials: int) -> dict[int, list[Row]]:
         """Rows of every trial below `trials` that is there; the first file that has one counts."""
         found: dict[int, list[Row]] = {}
-        for draft in self._folder.glob(".*"):  # of a run that was killed
-            draft.unlink(missing_ok=True)
         for path in sorted(self._folder.glob("*.parquet")):
             rows, numbers = read_rows(path, self._mark), _numbers(path)
             if rows is None or {row["trial"] for row in rows} != set(numbers):
@@ -94,6 +92,11 @@ class Chunks:
                 if row["trial"] in new:
                     found.setdefault(row["trial"], []).append(row)
         return found
+
+    def sweep(self) -> None:
+        """Remove the drafts of a run that was killed; only for who holds the lock."""
+        for draft in self._folder.glob(".*"):
+            draft.unlink(missing_ok=True)
 
     def write(self, numbers: range, rows: list[Row]) -> None:
         """One finished chunk."""

@@ -39,20 +39,21 @@ class Judge:
         if friction is not None:
             predicted = predicted + friction
         error = metrics.torque_error(test.tau, predicted)
+        smallest = float(lib.relative_eigenvalues(pi).min())
+        masses = pi.reshape(lib.n_joints, -1)[:, 0]
+        possible = smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all()
         row: Row = {}
         if self.pi is not None:
             mass = lib.mass_matrix(self.configurations, pi)
             frobenius = float(metrics.frobenius(self.mass, mass).mean())
             beta, truth = lib.base_matrix @ pi, lib.base_matrix @ self.pi
+            if possible:  # of others the mass matrix may be indefinite, at no distance at all
+                row["airm"] = self.airm(pi)
             row |= {
-                "airm": self.airm(pi),
                 "frobenius": frobenius,
                 "frobenius_rms": frobenius / lib.n_joints,
                 "base_error": 100 * float(np.linalg.norm(beta - truth) / np.linalg.norm(truth)),
             }
-        smallest = float(lib.relative_eigenvalues(pi).min())
-        masses = pi.reshape(lib.n_joints, -1)[:, 0]
-        possible = smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all()
         row |= {"consistent": bool(possible), "smallest_eigenvalue": smallest}
         row |= {f"tau_error_{j}": float(x) for j, x in enumerate(error.percent, start=1)}
         row |= {f"tau_rms_{j}": float(x) for j, x in enumerate(error.rms, start=1)}

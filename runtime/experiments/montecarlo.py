@@ -5,7 +5,7 @@ trial. Every trial has three streams of random numbers of its own (guess, noise,
 same in all cases and for all methods.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from runtime.baselines.pc_ols import fit_pc_ols
@@ -28,7 +28,7 @@ GUESS, NOISE, HELD_NOISE, BATCHES = range(4)
 METHODS = {
     "adam": "λ-Adam on mini-batches, exactly as in Table 5.1",
     "map": "most probable consistent model, the trial's own first guess as prior (κ = 16)",
-    "lm": "Levenberg–Marquardt in log-Cholesky coordinates from the answer of map",
+    "lm": "MAP, then Levenberg–Marquardt in log-Cholesky coordinates to the optimum of the data",
     "pc-ols": "the convex program's answer nearest to the first guess (PC-IDIM-OLS, same weights)",
     "adam-frozen": "λ-Adam with link 7 neither perturbed nor updated, and w₇ = 0",
 }
@@ -50,7 +50,7 @@ class Case:
     perturbation: float
     noise: float = 0.0
     training: str = "designed"
-    methods: tuple[str, ...] = ("adam", "map", "lm")
+    methods: tuple[str, ...] = ("adam", "lm")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,22 +112,17 @@ def setting_of(lib: Library, config: Config, needed: Arrays) -> Setting:
 
 def run_cases(setting: Setting, numbers: range, threads: int) -> list[Row]:
     """All cases and methods of some trials, every case's Adam in one call of the C."""
+    solvers = {"map": fit_map, "lm": fit_from_map, "pc-ols": fit_pc_ols}
     rows: list[Row] = []
     for case in setting.config.cases:
         problems = [problem_of(setting, case, number) for number in numbers]
-        maps: list[Fit] = []
         for method in case.methods:
             if method == "adam":
                 found = _adam(setting, problems, threads)
             elif method == "adam-frozen":
                 found = [_frozen(setting, problem) for problem in problems]
-            elif method == "map":
-                found = _each(fit_map, problems)
-                maps = [fit for fit, _, _ in found]
-            elif method == "pc-ols":
-                found = _each(fit_pc_ols, problems)
             else:
-                found = _each(_polished, _from(maps, problems))
+                found = [(*timed(solvers[method], problem), []) for problem in problems]
             for number, problem, (fit, seconds, curve) in zip(
                 numbers, problems, found, strict=True
             ):
@@ -176,10 +171,6 @@ def _adam(setting: Setting, problems: Sequence[Problem], threads: int) -> list[F
     return ended
 
 
-def _each(method: Callable[[Problem], Fit], problems: Sequence[Problem]) -> list[Found]:
-    return [(*timed(method, problem), []) for problem in problems]
-
-
 def _frozen(setting: Setting, problem: Problem) -> Found:
     places: list[Array] = []
     fit, seconds = timed(
@@ -189,14 +180,10 @@ def _frozen(setting: Setting, problem: Problem) -> Found:
     return fit, seconds, [setting.judge.airm(setting.lib.pi_from_lam(x)) for x in seen]
 
 
-def _from(fits: Sequence[Fit], problems: Sequence[Problem]) -> list[Problem]:
-    pairs = zip(problems, fits, strict=True)
-    return [replace(p, start=p.lib.lam_from_pi(fit.pi)) for p, fit in pairs]
-
-
-def _polished(problem: Problem) -> Fit:
-    """The prior's last trace removed: without noise the data alone decide."""
-    return fit_levenberg(problem, cholesky=True)
+def fit_from_map(problem: Problem) -> Fit:
+    """MAP, then the last trace of its prior removed: without noise the data alone decide."""
+    near = problem.lib.lam_from_pi(fit_map(problem).pi)
+    return fit_levenberg(replace(problem, start=near), cholesky=True)
 
 
 def _row(setting: Setting, case: Case, method: str, number: int, problem: Problem, fit: Fit) -> Row:

@@ -73,8 +73,7 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
     arrow()
     needed: Arrays = {}
     for name in study.needs:
-        whole = replace(request, fresh=False)
-        reproduce(lib, STUDIES[name], whole)
+        reproduce(lib, STUDIES[name], replace(request, fresh=False))
         needed = {**needed, **read_series(request.out / name)}
     config, trials = asked(study, request)
     facts = config_facts(study, config, lib)
@@ -87,10 +86,11 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
         if known is not None and known["trials"] == trials:
             request.progress(study.name, trials, trials)
             return known
-        _claim(folder, facts, mark, request)
+        _claim(folder, facts, mark, trials, request)
         if known is None and (folder / RESULT).exists():
             request.tell(f"'{folder / RESULT}' is not whole; it is made again from the trials")
         chunks = Chunks(folder, mark, request.tell)
+        chunks.sweep()
         done = chunks.read(trials)
         request.progress(study.name, len(done), trials)
         prepared = study.prepare(lib, config, needed)
@@ -136,7 +136,9 @@ def _computed(
     return ((numbers, study.run(prepared, numbers, threads)) for numbers in runs)
 
 
-def _claim(folder: Path, facts: Mapping[str, Any], mark: str, request: Request) -> None:
+def _claim(
+    folder: Path, facts: Mapping[str, Any], mark: str, trials: int, request: Request
+) -> None:
     """Write config.json, unless the folder is of another config.
 
     Raises:
@@ -151,8 +153,7 @@ def _claim(folder: Path, facts: Mapping[str, Any], mark: str, request: Request) 
         )
     if found is None and path.exists():
         request.tell(f"'{path}' is not whole; it is written again")
-    told = {"config_hash": mark, "trials": request.trials, "config": dict(facts)}
-    write_json(path, told)
+    write_json(path, {"config_hash": mark, "trials": trials, "config": dict(facts)})
 
 
 def folder_hash(folder: Path) -> str | None:

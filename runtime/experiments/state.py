@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from runtime.experiments.chunks import Chunks
 from runtime.experiments.outcome import read_series, valid_result
-from runtime.experiments.registry import STUDIES
 from runtime.experiments.runner import Request, asked, folder_hash
 from runtime.experiments.study import Arrays, Study, config_facts, config_hash
 from runtime.library import Library
@@ -41,7 +40,7 @@ def state_of(lib: Library, study: Study, request: Request) -> State:
         return State(MISSING, 0, trials)
     needed: Arrays = {}
     for name in study.needs:
-        if valid_result(request.out / STUDIES[name].name) is None:
+        if valid_result(request.out / name) is None:
             return State(DIFFERS, 0, trials)
         needed = {**needed, **read_series(request.out / name)}
     mark = config_hash(config_facts(study, config, lib), lib.manifest.model_hash, needed)

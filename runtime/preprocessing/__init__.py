@@ -2,7 +2,7 @@
 
 from runtime.preprocessing.clock import repair_clock
 from runtime.preprocessing.filters import differentiate, low_pass, moving_average, savitzky_golay
-from runtime.preprocessing.pipeline import prepare
+from runtime.preprocessing.pipeline import DOCUMENT, prepare
 from runtime.preprocessing.segments import (
     decimate,
     drop_rest,
@@ -14,6 +14,7 @@ from runtime.preprocessing.segments import (
 from runtime.recording import Preparation, Split, check_consistency
 
 __all__ = [
+    "DOCUMENT",
     "Preparation",
     "Split",
     "check_consistency",

@@ -13,6 +13,10 @@ from runtime.preprocessing.filters import (
 from runtime.preprocessing.segments import decimate, drop_rest, resample, trim
 from runtime.recording import Friction, Preparation, Recording
 
+DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
+"""Of the source document's Sec. 5.2: means over 51 ms of q, dq and τ; ddq from differences of dq,
+averaged once more; 100 Hz."""
+
 
 def prepare(
     recording: Recording,

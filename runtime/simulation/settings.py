@@ -102,6 +102,8 @@ _ABOVE_ZERO = ("stribeck_speed", "dahl_stroke", "velocity_cutoff_hz", "step_s", 
 _ANY_SIGN = ("ripple_phase",)
 _MOST_SPREAD = 1.0
 """exp(±1) on every principal moment; beyond lies no manufacturing."""
+_WHOLE = 1e-6
+"""Of a number of steps, for what decimals leave."""
 
 
 def settings_of(lib: Library, path: Path | None = None) -> Settings:
@@ -149,11 +151,14 @@ def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> Sett
         raise IdentificationError(
             f"[inertia] spread cannot be {made.spread:g}; give 0 to {_MOST_SPREAD:g}, 0.02 is usual"
         )
-    if made.step_s * made.rate_hz > 1:
-        raise IdentificationError(
-            f"[drive] step_s of {made.step_s:g} s is longer than a period of the controller at "
-            f"{made.rate_hz:g} Hz; shorten it"
-        )
+    periods = (("a period of the controller", 1 / made.rate_hz, 1), ("delay_s", made.delay_s, 0))
+    for name, seconds, least in periods:
+        steps = seconds / made.step_s
+        if abs(steps - round(steps)) > _WHOLE * max(steps, 1.0) or round(steps) < least:
+            raise IdentificationError(
+                f"[drive] step_s of {made.step_s:g} s does not go into {name} of {seconds:g} s a "
+                "whole number of times; change one of them"
+            )
     return made
 
 

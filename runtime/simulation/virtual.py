@@ -51,6 +51,7 @@ class Truth:
         payload: or None.
         seed, truth_seed: of this log, of the robot.
         saturated: share of the ticks at which a motor was at its limit, (n,).
+        engine: name and version, without which the bits of a log do not come back.
     """
 
     pi: Array
@@ -61,12 +62,13 @@ class Truth:
     seed: int
     truth_seed: int
     saturated: Array
+    engine: str
 
     def facts(self, lib: Library) -> dict[str, Any]:
         """JSON-ready."""
         return {
             "robot": lib.name,
-            "engine": "mujoco",
+            "engine": self.engine,
             "model_hash": lib.manifest.model_hash,
             "seed": self.seed,
             "truth_seed": self.truth_seed,
@@ -142,7 +144,9 @@ def record(
         joint_names=lib.joint_names,
         history=(f"Recorded {len(t)} samples at {settings.rate_hz:g} Hz of a virtual robot.",),
     )
-    truth = Truth(held, links, settings, sensors, payload, seed, truth_seed, saturated)
+    truth = Truth(
+        *(held, links, settings, sensors, payload, seed, truth_seed, saturated, bench.engine)
+    )
     return VirtualLog(recording, truth, motion)
 
 
@@ -161,14 +165,14 @@ class _Bench:
     """Plant, friction, drive and controller; everything inside is in the order of MuJoCo."""
 
     def __init__(self, lib: Library, pi: Array, model: Array, settings: Settings) -> None:
-        self._lib, self._settings = lib, settings
-        self._substeps = max(1, round(1 / (settings.rate_hz * settings.step_s)))
-        step = 1 / (settings.rate_hz * self._substeps)
+        self._settings, step = settings, settings.step_s
+        self._substeps = round(1 / (settings.rate_hz * step))
         self._plant = engine(lib, pi, settings.rotor, step)
         self._belief = engine(lib, model, settings.rotor, step, ranges=False)
         self._friction = JointFriction(settings.friction, step, self._plant.places)
         self._delay = round(settings.delay_s / step)
         self._effort = self._plant.sorted(lib.limits()["effort"])
+        self.engine = f"mujoco {self._plant.mujoco.__version__}"
 
     def run(
         self, reference: Array, jitter: Array, progress: Callable[[float], None] | None

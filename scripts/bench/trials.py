@@ -11,6 +11,7 @@ from runtime import metrics
 from runtime.baselines import cone_optimum
 from runtime.convex import CAD, convex_problem, follow_many, prior_of, reduce, solve_many
 from runtime.excitation import Trajectory
+from runtime.experiments.robot import document_robot
 from runtime.library import Library
 from runtime.objective import samples_of
 from runtime.simulation import Plant, ideal
@@ -19,11 +20,6 @@ from runtime.threads import cores
 
 Array = NDArray[np.float64]
 
-PI7_TRUE = (
-    *(1.2542865724, 5.6726134989e-3, 1.0819716922e-2, -2.0273441638e-2, 9.4286696773e-4),
-    *(8.0771244614e-4, 3.3885162663e-4, -9.7599036040e-5, 1.8297790402e-4, 3.4976400656e-4),
-)
-"""Link 7 of the document's true robot: twice the mass and inertia of the URDF's."""
 NOISE, PERTURBED = 0.05, 0.15
 """Standard deviation of the torque, N·m, and of the first guess relative to the truth."""
 
@@ -61,7 +57,7 @@ def map_trials(
 
     The C solves all trials in one call.
     """
-    pi = np.concatenate([lib.pi0[:-10], PI7_TRUE])
+    pi = document_robot(lib)
     lam, plant = lib.lam_from_pi(pi), Plant(pi, torque_noise=NOISE)
     problems, data, priors, statistics = [], [], [], []
     for seed in range(count):

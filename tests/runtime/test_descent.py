@@ -8,6 +8,7 @@ import pytest
 from runtime.descent import (
     Descent,
     Preset,
+    Watch,
     descend,
     descend_by_steps,
     descend_many,
@@ -98,6 +99,26 @@ def test_pieces_make_the_whole(fr3, monkeypatch):
     pieces = both(problem(fr3), preset)[0]
     np.testing.assert_array_equal(whole.x, pieces.x)
     assert whole.trace == pieces.trace
+
+
+def test_a_watch_sees_the_iterates_and_changes_nothing(fr3):
+    """Oracle: the point after k steps of the NumPy loop that ends there; ended descents stay."""
+    seen: dict[int, list[np.ndarray]] = {}
+    preset = Preset(AdamOptions(1e-3), StoppingRule(30, NEVER), 32)
+    pair = [descent(problem(fr3)), descent(problem(fr3, seed=5))]
+    watched = descend_many(pair, preset, watch=Watch(10, lambda k, x: seen.update({k: x})))
+    plain = descend_many(pair, preset)
+    assert [outcome.trace for outcome in watched] == [outcome.trace for outcome in plain]
+    assert sorted(seen) == [10, 20, 30]
+    for one, x in zip(pair, seen[20], strict=True):
+        # Validated at its last step only, so that the best point is the last one.
+        rule = StoppingRule(20, NEVER, validate_every=20, threshold=-np.inf)
+        np.testing.assert_allclose(
+            x,
+            descend_by_steps(one, dataclasses.replace(preset, rule=rule)).x,
+            rtol=1e-9,
+            atol=1e-12,
+        )
 
 
 def test_interruption_keeps_the_best(fr3, monkeypatch):

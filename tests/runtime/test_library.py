@@ -86,7 +86,7 @@ def damage_empty_manifest(folder: Path) -> None:
 
 def damage_old_format(folder: Path) -> None:
     path = folder / "manifest.json"
-    path.write_text(path.read_text().replace('"format": 3', '"format": 0'))
+    path.write_text(path.read_text().replace('"format": 4', '"format": 0'))
 
 
 def damage_remove_manifest(folder: Path) -> None:
@@ -105,7 +105,7 @@ def damage_remove_manifest(folder: Path) -> None:
         (damage_change_manifest, "is older than its manifest.json"),
         (damage_truncate_manifest, "is damaged .not JSON."),
         (damage_empty_manifest, "is damaged .no valid 'format'."),
-        (damage_old_format, "has the format 0, this runtime reads 3"),
+        (damage_old_format, "has the format 0, this runtime reads 4"),
         (damage_remove_manifest, "holds no manifest.json"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),

@@ -7,6 +7,7 @@ import numpy as np
 
 from runtime.baselines.pc_ols import fit_pc_ols
 from runtime.descent import Preset
+from runtime.errors import IdentificationError
 from runtime.experiments.measure import Judge, judge
 from runtime.experiments.motions import condition
 from runtime.experiments.robot import document_robot
@@ -143,27 +144,25 @@ def _fixed_arm(setting: Setting) -> list[Row]:
     lib, logs = setting.lib, setting.logs
     names = [name.split("/")[1] for name in logs if name.startswith(f"{LOADED}/")]
     truth = (logs[f"{LOADED}/pi"] - logs[f"{EMPTY}/pi"]).reshape(lib.n_joints, -1)[-1]
+    training = [r for r in dict.fromkeys(names) if r.startswith(("training", "repeat"))]
     rows: list[Row] = []
-    for role in (r for r in dict.fromkeys(names) if r.startswith(("training", "repeat"))):
-        found = identify_payload(
-            log_of(lib, logs, LOADED, role),
-            lib,
-            empty=log_of(lib, logs, EMPTY, role),
-            preparation=PREPARATION,
-        )
+    for number, role in enumerate(training):
+        row: Row = {"case": "payload", "method": "fixed-arm", "trial": number}
+        loaded, empty = (log_of(lib, logs, part, role) for part in (LOADED, EMPTY))
+        try:
+            found = identify_payload(loaded, lib, empty=empty, preparation=PREPARATION)
+        except IdentificationError as error:
+            rows.append(row | {"status": str(error)})
+            continue
         shift = found.pi[1:4] / found.pi[0] - truth[1:4] / truth[0]
-        rows.append(
-            {
-                "case": "payload",
-                "method": "fixed-arm",
-                "trial": len(rows),
-                "status": found.status,
-                "mass": float(found.pi[0]),
-                "mass_error_g": 1000 * float(found.pi[0] - truth[0]),
-                "mass_sigma_g": 1000 * float(np.sqrt(found.covariance[0, 0])),
-                "com_error_mm": 1000 * float(np.linalg.norm(shift)),
-            }
-        )
+        figures = {
+            "mass": found.pi[0],
+            "mass_error_g": 1000 * (found.pi[0] - truth[0]),
+            "mass_sigma_g": 1000 * np.sqrt(found.covariance[0, 0]),
+            "com_error_mm": 1000 * np.linalg.norm(shift),
+        }
+        figures = {name: float(value) for name, value in figures.items()}
+        rows.append(row | {"status": found.status} | figures)
     return rows
 
 

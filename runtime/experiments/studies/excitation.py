@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.excitation import COST_SAMPLES, ConditionCost
-from runtime.excitation.finish import finished
+from runtime.excitation.finish import repaired
 from runtime.excitation.search import Problem, Search
 from runtime.experiments.motions import condition, curves
 from runtime.experiments.robot import document_robot
@@ -73,7 +73,8 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
     lib, config, search = setting.lib, setting.config, setting.search
     ranked = sorted(rows, key=lambda row: (row["cost_after"], row["trial"]))[:KEPT]
     shape = (lib.n_joints, -1)
-    ends = [finished(lib, search, np.array(row["curve"]).reshape(shape)) for row in ranked]
+    starts = [np.array(row["curve"]).reshape(shape) for row in ranked]
+    ends = [repaired(lib, search, search.refined(a)) for a in starts]
     best = ends[0].trajectory
     cost = ConditionCost(lib, lib.home, best.coefficients.shape[1], config.duration)
     last = float(cost.value_gradient(best.coefficients)[0])

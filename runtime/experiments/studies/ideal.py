@@ -48,7 +48,7 @@ STUDY = Study(
     run=run_cases,
     finish=finish,
     cases={c.name: f"first guess perturbed by {100 * c.perturbation:g} %" for c in CASES},
-    methods={name: METHODS[name] for name in ("adam", "map", "lm")},
+    methods={name: METHODS[name] for name in ("adam", "lm")},
     needs=("excitation",),
     views=(
         View("table-5.2", "table", "Ideal conditions: final distances", NAMES, MAIN),

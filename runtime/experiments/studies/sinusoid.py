@@ -57,7 +57,7 @@ STUDY = Study(
     run=run_cases,
     finish=finish,
     cases={"sinusoidal": "trained on sines of 2 rad/s", "optimised": "trained on the best design"},
-    methods={name: METHODS[name] for name in ("adam", "map", "lm")},
+    methods={name: METHODS[name] for name in ("adam", "lm")},
     needs=("excitation",),
     views=(
         View("table-5.4", "table", "Sines against design: final distances", NAMES, MAIN),

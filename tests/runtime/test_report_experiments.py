@@ -128,6 +128,7 @@ def test_the_page_shows_document_ours_and_map(tmp_path: Path) -> None:
     ):
         assert words in page.text
     assert page.tags.count("svg") == 7
+    assert text.count("document, λ-Adam") == 1  # bars beside the table's numbers, in the legend
     assert "#study-toy" in page.addresses
     assert {a[1:] for a in page.addresses} <= set(page.ids)
     assert len(page.ids) == len(set(page.ids))

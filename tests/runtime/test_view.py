@@ -34,8 +34,9 @@ VISUALS = """<robot name="r"><link name="fr3_link0"/>
 <mesh filename="package://pack/a.stl" scale="2 2 2"/></geometry></visual></link>
 <joint name="j" type="fixed"><parent link="fr3_link7"/><child link="hand"/>
 <origin xyz="0 0 0.1" rpy="0 0 1.5707963267948966"/></joint>
-<link name="hand"><visual><origin xyz="0.5 0 0"/><geometry><box size="1 1 1"/></geometry></visual>
-</link></robot>"""
+<link name="hand"/><joint name="k" type="fixed"><parent link="hand"/><child link="tool"/>
+<origin xyz="0.5 0 0"/></joint>
+<link name="tool"><visual><geometry><box size="1 1 1"/></geometry></visual></link></robot>"""
 
 
 @pytest.fixture

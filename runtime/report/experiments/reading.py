@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -196,6 +196,7 @@ def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
         own = document.setdefault(e["id"], {})
         own[e["case"], e["method"], e["metric"]] = Value(e["mean"], e["std"])
     views = tuple(_view(entry, series) for entry in raw["views"])
+    views = tuple(_with_document(view, views, document) for view in views)
     return Experiment(
         name=str(raw["study"]),
         title=str(raw["title"]),
@@ -230,6 +231,16 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
     if view.kind not in KINDS or missing:
         raise ValueError(f"view '{view.id}': kind '{view.kind}', missing series {missing}")
     return view
+
+
+def _with_document(
+    view: View, views: tuple[View, ...], document: Mapping[str, Mapping[Key, Value]]
+) -> View:
+    """Bars stand beside the document's numbers of the first table of the same cases."""
+    if view.kind != "bars" or view.document in document:
+        return view
+    same = (v.document for v in views if v.cases == view.cases and v.document in document)
+    return replace(view, document=next(same, view.document))
 
 
 def _provenance(raw: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:

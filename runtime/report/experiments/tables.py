@@ -14,12 +14,19 @@ from runtime.report.experiments.words import (
 )
 from runtime.report.layout import Table
 
+MANY = 7
+"""Methods beside each other; more of them become lines."""
 Column = tuple[str, str, bool]
 """Case, method, and whether the number is the document's."""
 
 
 def tables(experiment: Experiment, view: View) -> Iterator[Table]:
-    """One table; several where its methods have no figure in common, as π, λ and β have none."""
+    """One table; several where its methods have no figure in common, as π, λ and β have none.
+
+    Bars are drawn from a table that stands elsewhere.
+    """
+    if view.kind == "bars":
+        return
     for methods in _families(experiment, view):
         columns = list(_columns(experiment, view, methods))
         rows = [
@@ -27,8 +34,10 @@ def tables(experiment: Experiment, view: View) -> Iterator[Table]:
             for metric in view.metrics
         ]
         rows = [row for row in rows if any(cell != NOTHING for cell in row[1:])]
-        if columns and rows:
-            yield _table(experiment, view, columns, rows)
+        if not columns or not rows:
+            continue
+        made = _table(experiment, view, columns, rows)
+        yield _turned(made) if len(methods) > MANY and not made.groups else made
 
 
 def _table(
@@ -47,6 +56,17 @@ def _table(
             "",
             *(DOCUMENT if own else method_name(method) for _, method, own in columns),
         ),
+    )
+
+
+def _turned(table: Table) -> Table:
+    """A line per method, so that methods can be sorted by any figure."""
+    lines = tuple(zip(table.header, *table.rows, strict=True))
+    return Table(
+        ("method", *lines[0][1:]),
+        lines[1:],
+        kind=table.kind,
+        row_methods=table.column_methods[1:],
     )
 
 

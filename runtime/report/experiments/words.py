@@ -12,8 +12,13 @@ METHODS = {
     "map": "MAP",
     "lm": "LM",
     "pc-ols": "PC-IDIM-OLS",
-    "before": "before",
+    "map-friction": "MAP + friction",
+    "map-dahl": "MAP + Dahl",
+    "fixed-arm": "payload alone",
+    "nn": "neural",
 }
+_OURS = {"search", "check", "pi", "lam", "beta"}
+"""Methods that are none: there is one number, ours."""
 _METRICS = {
     "airm": "AIRM",
     "frobenius": "Frobenius norm",
@@ -28,6 +33,9 @@ _METRICS = {
     "cost_after": "log cond after",
     "condition_before": "condition number before",
     "condition_after": "condition number after",
+    "gap": "gap to the convex optimum",
+    "mass_error_g": "error of the mass [g]",
+    "com_error_mm": "error of the centre of mass [mm]",
     "difference": "largest difference [N·m]",
     "slope": "slope",
 }
@@ -44,7 +52,9 @@ AIRM, CONSISTENT = "airm", "consistent"
 
 def method_name(method: str) -> str:
     """What a column is called."""
-    return METHODS.get(method, "ours")
+    if method in METHODS or method in _OURS:
+        return METHODS.get(method, "ours")
+    return method.upper() if len(method) <= 5 and method != "before" else method
 
 
 def metric_name(metric: str) -> str:
@@ -98,7 +108,7 @@ def _share(value: float) -> str:
 
 
 def _as_given(value: float) -> str:
-    return str(int(value)) if value == int(value) and abs(value) >= 10 else repr(value)
+    return repr(value)
 
 
 def short_hash(experiment: Experiment) -> str:

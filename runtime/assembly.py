@@ -74,7 +74,7 @@ def assemble(
         parts = (done[0], done[1], done[2])
     train, held = samples_of(parts[0], lib), samples_of(parts[1], lib)
     samples_of(parts[2], lib)
-    _require_enough(train, lib)
+    require_enough(train, lib)
     problem = Problem(
         lib=lib,
         train=train,
@@ -94,8 +94,12 @@ def assemble(
     return Assembly(problem, (parts[0], parts[1], parts[2]), terms, test is None)
 
 
-def _require_enough(train: Samples, lib: Library) -> None:
-    """Fewer equations than unknowns determine nothing, whatever the method."""
+def require_enough(train: Samples, lib: Library) -> None:
+    """Fewer equations than unknowns determine nothing, whatever the method.
+
+    Raises:
+        IdentificationError: so it is.
+    """
     equations, unknowns = train.tau.size, len(lib.base_columns) + train.columns[0].size
     if equations < unknowns:
         raise IdentificationError(

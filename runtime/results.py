@@ -219,9 +219,9 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
 def _friction_facts(result: Identification) -> dict[str, Any] | None:
     if not result.phi.size:
         return None
-    names = result.train.column_names or result.friction.columns
-    if result.sessions:
-        names = result.friction.columns
+    names = result.friction.columns
+    if not result.sessions:
+        names = result.train.column_names or names
     motors = result.train.motors
     return {
         **result.friction.facts(),

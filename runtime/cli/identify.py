@@ -96,6 +96,8 @@ def identify_command(
         "split": split,
         "stream": stream,
     }
+    if stream is None and (method not in {None, "map"} or preset or loop or friction == "auto"):
+        asked["stream"] = False  # what only a whole log has
     known = None if prior is None else read_prior(prior, lib)
     runs = runs_of(logs, run)
     if len(runs) > 1 or payload_of:

@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +11,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import console, numbers_option, preparation_of
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, RecordingError
 from runtime.friction import COLUMNS
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library
@@ -61,8 +62,8 @@ Stream = Annotated[
     bool | None,
     typer.Option(
         "--stream/--no-stream",
-        help="Leave the log in its file and pass over it block by block; default for NPZ and "
-        "Parquet above 200 MB.",
+        help="Leave the log in its file and pass over it block by block; default for NPZ, "
+        "Parquet and CSV above 200 MB.",
     ),
 ]
 LoopFile = Annotated[
@@ -111,9 +112,8 @@ def read_data(
     Raises:
         RuntimeFault: the log or an option is none.
     """
-    streamed = None
-    if stream or (stream is None and is_large(log)):
-        streamed = open_streamed(log, recipe, run)
+    streamed = _streamed(log, recipe, run, stream)
+    if streamed is not None:
         recording = head_of(streamed)
     else:
         recording = read_recording(log, recipe, run, lib.joint_names)
@@ -132,6 +132,18 @@ def read_data(
         )
     console.print(_ladder_table(choice))
     return Data(recording, prepared, parts, choice.chosen.terms, (choice.sentence,))
+
+
+def _streamed(
+    log: str, recipe: str | None, run: str | None, stream: bool | None
+) -> StreamedRecording | None:
+    """The log in its file, where that was asked for, or is possible and worth while."""
+    if stream:
+        return open_streamed(log, recipe, run)
+    if stream is None and is_large(log):
+        with suppress(RecordingError):  # compressed, or no log at all, as reading it will tell
+            return open_streamed(log, recipe, run)
+    return None
 
 
 def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:

@@ -113,10 +113,10 @@ def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> di
 
 def _names(runs: Sequence[tuple[str, str | None]]) -> list[str]:
     """Short names of the logs, none twice."""
-    several = len({log for log, _ in runs}) < len(runs)
+    same = len({log for log, _ in runs}) == 1
     names: list[str] = []
     for log, run in runs:
-        name = f"{Path(log).stem} {run}" if several and run else Path(log).stem
+        name = f"run {run}" if same and run else Path(log).stem
         while name in names:
             name += "'"
         names.append(name)

@@ -25,6 +25,7 @@ from runtime.recording.in_place import NpzRows
 from runtime.recording.joint_states import JointLog, read_joint_states
 from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.recipe import Recipe, Signal, Time
+from runtime.recording.spool import head_of_text
 
 SUFFIXES = {
     ".npz": "npz",
@@ -49,9 +50,22 @@ def parts_of(recipe: Recipe) -> dict[str, Signal | Time]:
     return {**parts, **recipe.signals()}
 
 
+def columns_of(part: Signal | Time) -> tables.Columns:
+    """The columns of a table that a part of a recipe names."""
+    return part.columns if isinstance(part, Signal) else (part.column,)
+
+
 @dataclass(slots=True)
 class Files:
-    """The raw files of one recording: each is read and hashed once."""
+    """The raw files of one recording: each is read and hashed once.
+
+    Attributes:
+        place: file, folder of raw files, or bag.
+        recipe: what is asked for.
+        joints: names that pick joints of a bag where the recipe does not.
+        in_place: large files are not held.
+        sha256: file name → digest of what was read.
+    """
 
     place: Path
     recipe: Recipe
@@ -61,6 +75,7 @@ class Files:
     _data: dict[str, bytes] = field(default_factory=dict)
     _arrays: dict[str, dict[str, NDArray]] = field(default_factory=dict)
     _bag: JointLog | None = None
+    _bag_name: str = ""
 
     def plan(self) -> Recipe:
         """The recipe with its signals: its own, or those of the default convention."""
@@ -76,7 +91,7 @@ class Files:
         elif layout == "bag":
             default = bag_convention(self._messages(name))
         else:
-            default = csv_convention(tables.decode(self._bytes(name), name), name)
+            default = csv_convention(self._text(name), name)
         return default.replace(
             time=self.recipe.time or default.time,
             joints=self.recipe.joints or default.joints,
@@ -93,14 +108,13 @@ class Files:
             return self._messages(name).table(part.key or usual, name)
         if layout == "parquet":
             with closing(ParquetLog(self.hashed(name))) as log:
-                columns = part.columns if isinstance(part, Signal) else (part.column,)
-                return log.table(parquet_columns(columns, part.key, log.columns))
+                return log.table(parquet_columns(columns_of(part), part.key, log.columns))
         if layout == "npz":
             return tables.npz_table(self._npz(name), part.key, name)
-        text = tables.decode(self._bytes(name), name)
+        text = self._text(name)
         if layout == "flat":
             return tables.flat_table(text, part.width if isinstance(part, Signal) else 1, name)
-        columns = part.columns if isinstance(part, Signal) else (part.column,)
+        columns = columns_of(part)
         if not columns or columns == ("",):
             raise RecordingError(f"the recipe names no columns of {name}; write columns = [...]")
         return tables.csv_table(text, columns, name)
@@ -178,7 +192,7 @@ class Files:
     def hashed(self, name: str) -> Path:
         """The path of a file that is too large to be held, hashed piece by piece."""
         path = self.path(name)
-        files = sorted(path.iterdir()) if path.is_dir() else [path]
+        files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
         for each in files:
             key = name if each == path else f"{name}/{each.name}"
             if key not in self.sha256:
@@ -187,10 +201,22 @@ class Files:
         return path
 
     def _messages(self, name: str) -> JointLog:
+        if self._bag_name not in {"", name}:
+            raise RecordingError(
+                f"the recipe reads the bags {self._bag_name} and {name}, whose messages have no "
+                "common rows; read one bag"
+            )
         if self._bag is None:
+            self._bag_name = name
             wanted = self.recipe.joints or self.joints
             self._bag = read_joint_states(self.hashed(name), self.recipe.topic, wanted)
         return self._bag
+
+    def _text(self, name: str) -> str:
+        """A text, or the head of one that stays in its file."""
+        if self.in_place:
+            return head_of_text(self.hashed(name))
+        return tables.decode(self._bytes(name), name)
 
     def _keys(self, name: str) -> tuple[str, ...]:
         """The arrays of an NPZ, which stay in their file where they are read row by row."""

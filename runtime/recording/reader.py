@@ -98,10 +98,12 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
     """The recipe asked for; a folder also has its own recipe.toml, or the bundled one."""
     if recipe is not None:
         return load_recipe(recipe)
-    if not place.is_dir() or is_bag(place):
+    if not place.is_dir():
         return None
     if (place / "recipe.toml").is_file():
         return load_recipe(place / "recipe.toml")
+    if is_bag(place):
+        return None
     if place.resolve().name in bundled_names():
         return load_recipe(place.resolve().name)
     raise RecordingError(

@@ -9,17 +9,18 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.conversion import converted
-from runtime.recording.files import Files, parts_of
+from runtime.recording.files import Files, columns_of, parts_of
 from runtime.recording.in_place import NpzRows, ParquetRows, Rows
 from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.reader import place_and_recipe
 from runtime.recording.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
+from runtime.recording.spool import CsvRows
 from runtime.recording.tables import Table
 
 LARGE = 200_000_000
 """Bytes of a file above which a log is streamed unless the user says otherwise."""
-IN_PLACE = (".npz", ".parquet")
+IN_PLACE = (".npz", ".parquet", ".csv", ".txt", ".tsv")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +101,7 @@ def is_large(path: str | Path) -> bool:
 def open_streamed(
     path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
 ) -> StreamedRecording:
-    """A log in uncompressed NPZ or in Parquet; arguments as for `read_recording`.
+    """A log in uncompressed NPZ, Parquet or CSV; arguments as for `read_recording`.
 
     Raises:
         RecordingError: another kind of file, or one that is no log.
@@ -110,7 +111,7 @@ def open_streamed(
     name = files.file_of("") if place.is_file() else ""
     if name and Path(name).suffix.lower() not in IN_PLACE:
         raise RecordingError(
-            f"a log is streamed from uncompressed NPZ or from Parquet, got {name!r}; convert it, "
+            f"a log is streamed from uncompressed NPZ, Parquet or CSV, got {name!r}; convert it, "
             "or read it as a whole with --no-stream"
         )
     plan = files.plan()
@@ -126,7 +127,10 @@ def open_streamed(
         )
     clock, origin = None, None
     if plan.time is not None and plan.time.rate_hz is None:
-        clock = _rows(files, files.file_of(plan.time.file), {"time": plan.time})
+        timed = sources[list(by_file).index(files.file_of(plan.time.file))]
+        clock = timed
+        if not isinstance(timed, CsvRows):  # their columns can be read alone
+            clock = _rows(files, files.file_of(plan.time.file), {"time": plan.time})
         if plan.time.from_zero:
             origin = float(clock.read(0, 1)["time"][0, 0])
     return StreamedRecording(
@@ -146,19 +150,24 @@ def _rows(files: Files, name: str, parts: dict[str, Signal | Time]) -> Rows:
     layout = files.layout_of(name, next(iter(parts.values())).layout)
     path = files.hashed(name)
     if layout == "npz":
+        if "columns" in NpzRows(path).keys:
+            raise RecordingError(
+                f"{name} holds friction columns of a prepared recording, which is not streamed; "
+                "read it as a whole with --no-stream"
+            )
         return NpzRows(path, {kind: part.key for kind, part in parts.items()})
+    if layout == "csv":
+        return CsvRows(path, {kind: columns_of(part) for kind, part in parts.items()})
     if layout != "parquet":
         raise RecordingError(
-            f"a log is streamed from uncompressed NPZ or from Parquet, got {name!r}; convert it, "
+            f"a log is streamed from uncompressed NPZ, Parquet or CSV, got {name!r}; convert it, "
             "or read it as a whole with --no-stream"
         )
     log = ParquetLog(path)
     return ParquetRows(
         log,
         {
-            kind: parquet_columns(
-                part.columns if isinstance(part, Signal) else (part.column,), part.key, log.columns
-            )
+            kind: parquet_columns(columns_of(part), part.key, log.columns)
             for kind, part in parts.items()
         },
     )

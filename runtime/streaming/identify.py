@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.assembly import Assembly
+from runtime.assembly import Assembly, require_enough
 from runtime.errors import IdentificationError
 from runtime.friction import geared
 from runtime.identification import Identification, Streamed, identify_assembled
@@ -78,12 +78,7 @@ def identify_streamed(
         start=lib.lam0,
         compressor=passes.compressed,
     )
-    unknowns = len(lib.base_columns) + train.columns[0].size
-    if train.tau.size < unknowns:
-        raise IdentificationError(
-            f"the {len(train)} training samples are too few for {unknowns} unknowns; record for "
-            "longer"
-        )
+    require_enough(train, lib)
     recordings = (parts["train"], parts["validation"], parts["test"])
     assembly = Assembly(problem, recordings, terms, one_run=True)
     result = identify_assembled(assembly, "map", prior=prior)

@@ -7,6 +7,7 @@ memory is that of the identification alone.
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -28,6 +29,7 @@ from runtime.streaming import blocks_of, identify_streamed
 _ROOT = Path(__file__).resolve().parents[2]
 RATE, NOISE = 1000.0, 0.05
 BLOCK = 65536
+MAC = sys.platform == "darwin"  # counts bytes where others count KiB
 PREPARATION = Preparation(
     filter="butterworth", cutoff_hz=10.0, max_gap_s=3e-3, rate_hz=100.0, rest_speed=0.02
 )
@@ -145,15 +147,13 @@ def measure(robot: str, kind: str, size: int, folder: Path) -> Row:
 
 def child(robot: str, path: str) -> None:
     """Identify, then time the steps; prints a `Row` as JSON."""
-    import resource
-
     lib = load(robot)
     start = time.perf_counter()
     result = identify_streamed(
         open_streamed(path), lib, preparation=PREPARATION, friction_columns=FRICTION
     )
     wall = time.perf_counter() - start
-    rss = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    rss = _peak()
     log = open_streamed(path)
     blocks = blocks_of(log, lib, PREPARATION, FRICTION)
     start = time.process_time()
@@ -184,6 +184,18 @@ def child(robot: str, path: str) -> None:
         "after": told.after.overall,
     }
     print(json.dumps(facts))
+
+
+def _peak() -> int:
+    """Bytes of the peak resident set of this process.
+
+    Not from getrusage where /proc tells it: that begins with the peak of the process that forked.
+    """
+    status = Path("/proc/self/status")
+    if status.exists():
+        line = next(x for x in status.read_text().splitlines() if x.startswith("VmHWM:"))
+        return int(line.split()[1]) * 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if MAC else 1024)
 
 
 def _speed(lib: Library, samples: Samples) -> float:

@@ -11,7 +11,7 @@ from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.objective import samples_of
 from runtime.preprocessing import prepare, split
-from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
+from runtime.recording import Friction, Preparation, Split, open_streamed, spool, write_recording
 from runtime.recording.recipe_file import recipe_from_table
 from runtime.results import torque_errors
 from runtime.statistics import Statistics
@@ -28,12 +28,14 @@ FRICTION = Friction()
 
 @pytest.fixture(scope="module")
 def log(lib: Library) -> Recording:
-    return moving(lib, 20_000)
+    """The robot is a tenth heavier than its URDF."""
+    return moving(lib, 20_000, payload=0.1 * lib.pi0)
 
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 2048)
+    monkeypatch.setattr(spool, "PIECE", 2**20)
 
 
 def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics:
@@ -43,7 +45,7 @@ def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics
     return run.compressed(weights)
 
 
-@pytest.mark.parametrize("suffix", ["npz", "parquet"])
+@pytest.mark.parametrize("suffix", ["npz", "parquet", "csv"])
 def test_the_factor_is_that_of_the_whole_log(lib, log, tmp_path, suffix):
     """Oracle: block by block, RᵀR is that of the log prepared at once, and so is the count.
 
@@ -132,7 +134,7 @@ def test_memory_does_not_grow_with_the_log(lib, tmp_path, monkeypatch):
 def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
     """Oracle: --stream on the command line, and what does not go with it in one sentence."""
     write_recording(log, tmp_path / "x.parquet")
-    write_recording(log, tmp_path / "x.csv")
+    (tmp_path / "x.mcap").write_bytes(b"")
     words = ("--robot", lib.folder, "--stream", "--cutoff", "20", "--rate", "100", "--out", "out")
     ran = command("identify", "x.parquet", *words, "--friction", "viscous,coulomb")
     assert ran.code == 0, ran.err
@@ -145,9 +147,9 @@ def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
         ran = command("identify", "x.parquet", *words, *extra)
         assert ran.code == 2
         assert message in ran.err
-    ran = command("identify", "x.csv", *words)
+    ran = command("identify", "x.mcap", *words)
     assert ran.code == 2
-    assert "streamed from uncompressed NPZ or from Parquet, got 'x.csv'" in ran.err
+    assert "streamed from uncompressed NPZ, Parquet or CSV, got 'x.mcap'" in ran.err
 
 
 def test_arrays_that_cannot_be_read_in_place(tmp_path):
@@ -171,3 +173,23 @@ def test_arrays_that_cannot_be_read_in_place(tmp_path):
     (tmp_path / "x.npz").write_bytes(data[:300])
     with pytest.raises(RecordingError, match="truncated or none at all"):
         open_streamed(tmp_path / "x.npz")
+
+
+def test_text_is_parsed_in_pieces(log, tmp_path, monkeypatch):
+    """Oracle: piece by piece the numbers are those of the whole text; a bad line is left out."""
+    few = log.take(slice(0, 300), "few")
+    write_recording(few, tmp_path / "x.csv")
+    lines = (tmp_path / "x.csv").read_text().splitlines()
+    lines[100] = "Segmentation fault"
+    lines.insert(200, lines[0])
+    (tmp_path / "x.csv").write_text("\n".join(["started", *lines[:-1], lines[-1][:90]]))
+    monkeypatch.setattr(spool, "PIECE", 5000)
+    streamed = open_streamed(tmp_path / "x.csv")
+    assert streamed.rows == 300
+    found = streamed.block(0, 300)
+    good = np.delete(np.arange(300), [99, 299])
+    assert np.array_equal(found.t, few.t[good])
+    assert np.array_equal(found.tau, few.tau[good])
+    monkeypatch.setattr(spool, "PIECE", 100)
+    with pytest.raises(RecordingError, match="UTF-8 text in lines"):
+        open_streamed(tmp_path / "x.csv")

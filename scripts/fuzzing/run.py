@@ -3,11 +3,10 @@
 import json
 import os
 import select
-import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -68,39 +67,46 @@ def fuzz(
 
 def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Callable[[], None]) -> None:
     """Run a child to its end or its death."""
-    child = subprocess.Popen(
-        [sys.executable, "-m", "scripts.fuzzing.child", json.dumps(job)],
-        cwd=ROOT,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )
-    assert child.stdout is not None  # noqa: S101  it is a pipe
-    assert child.stderr is not None  # noqa: S101
     begun: tuple[str, int] | None = None
-    for facts in _lines(child.stdout):
-        if "begin" in facts:
-            begun = tuple(facts["begin"])
-            continue
-        begun = None
-        _count(tallies[facts["kind"]], facts)
-        step()
-    hung = child.poll() is None
-    if hung:
-        os.kill(child.pid, signal.SIGKILL)
-    complaint = child.stderr.read().decode(errors="replace")[-800:]
-    code = child.wait()
+    end = ""
+    with (
+        tempfile.TemporaryFile() as complaint,
+        subprocess.Popen(
+            [sys.executable, "-m", "scripts.fuzzing.child", json.dumps(job)],
+            cwd=ROOT,
+            env=os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=complaint,
+        ) as child,
+    ):
+        assert child.stdout is not None  # noqa: S101  it is a pipe
+        try:
+            for facts in _lines(child.stdout):
+                begun = facts.get("begin")
+                if begun is None:
+                    _count(tallies[facts["kind"]], facts)
+                    step()
+        except TimeoutError:
+            child.kill()
+            end = f"hangs outside Python, silent for {SILENCE:g} s"
+        code = child.wait()
+        complaint.seek(0)
+        said = complaint.read().decode(errors="replace")[-800:]
     if begun is not None:
-        end = f"hangs outside Python ({SILENCE:g} s)" if hung else f"kills the process ({code})"
-        tallies[begun[0]].faults.append((begun[1], f"{end}\n{complaint}"))
+        kind, index = begun
+        tallies[kind].faults.append((index, f"{end or f'kills the process ({code})'}\n{said}"))
         step()
     elif code:
-        raise RuntimeError(f"the child of the fuzzer failed by itself:\n{complaint}")
+        raise RuntimeError(f"the child of the fuzzer failed by itself:\n{said}")
 
 
-def _lines(stream: IO[bytes]) -> Any:
-    """JSON lines until the end of the stream, or until it is silent for too long."""
+def _lines(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
+    """JSON lines until the end of the stream.
+
+    Raises:
+        TimeoutError: it is silent for too long.
+    """
     buffer = b""
     while select.select([stream], [], [], SILENCE)[0]:
         data = os.read(stream.fileno(), 65536)
@@ -108,6 +114,7 @@ def _lines(stream: IO[bytes]) -> Any:
             return
         *whole, buffer = (buffer + data).split(b"\n")
         yield from map(json.loads, whole)
+    raise TimeoutError
 
 
 def _count(tally: Tally, facts: dict[str, Any]) -> None:

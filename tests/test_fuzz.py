@@ -11,7 +11,7 @@ from runtime.errors import RecordingError
 from runtime.recording import read_recording
 from scripts.fuzzing import run
 from scripts.fuzzing.doors import DOORS
-from scripts.fuzzing.mutators import CANARY, mutated, npz_parts
+from scripts.fuzzing.mutators import CANARY, mutated
 from tests.conftest import REPOSITORY
 
 FILES = 680
@@ -83,27 +83,9 @@ def test_same_seed_same_files() -> None:
 
 
 def test_a_bomb_is_refused_before_it_is_opened(tmp_path: Path) -> None:
-    """Property: 400 MB of zeros in an archive of half a megabyte are told by its own list."""
+    """Property: 150 MB of zeros in 0.15 MB are told by the archive's own list."""
     path = tmp_path / "log.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("q.npy", bytes(4 * 10**8))
-    with pytest.raises(RecordingError, match=r"log\.npz claims 400000000 bytes in \d+, which no"):
+        archive.writestr("q.npy", bytes(150_000_000))
+    with pytest.raises(RecordingError, match=r"log\.npz claims 150000000 bytes in \d+, which no"):
         read_recording(path)
-
-
-def test_npz_mutants_reach_behind_the_archive(tmp_path: Path) -> None:
-    """Property: some mutants are archives that NumPy opens, so that the readers see them."""
-    path = tmp_path / "log.npz"
-    np.savez(path, t=np.arange(9.0), q=np.zeros((9, 2)), tau=np.zeros((9, 2)))
-    good = path.read_bytes()
-    names, outcomes = set(), set()
-    for i in range(40):
-        path.write_bytes(npz_parts(good, np.random.default_rng(i)))
-        with np.load(path) as archive:
-            names |= set(archive.files)
-        try:
-            read_recording(path)
-        except RecordingError as error:
-            outcomes.add(str(error).rsplit(";", 1)[0])
-    assert any("hacked" in name for name in names)
-    assert len(outcomes) > 4, outcomes

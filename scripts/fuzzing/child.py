@@ -88,6 +88,7 @@ def main() -> None:
             left = sorted(_files(folder) ^ before)
             if left:
                 outcome = f"left or removed {left}"
+                before = _files(folder)
             _say(
                 kind=kind,
                 index=index,

@@ -167,7 +167,7 @@ def npz_parts(data: bytes, rng: Rng) -> bytes:
         head = _header(parts[name], rb"'<f8'", b"'|O'")[:128]
         parts[name] = head + b"cos\nsystem\n(S'touch hacked'\ntR."
     elif kind == 5:
-        parts[name] = _header(parts[name], rb"\(\d+,", b"(40000000,") + bytes(3 * 10**8)
+        parts[name] = _header(parts[name], rb"\(\d+,", b"(40000000,") + bytes(10**8)
     else:
         parts[name] = numbers(parts[name][:128], rng) + parts[name][128:]
     out = io.BytesIO()

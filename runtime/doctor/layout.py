@@ -38,6 +38,8 @@ def draft(
         RecordingError: no positions, or no file that holds numbers.
     """
     if place.is_file():
+        if _layout_of(place) not in {"csv", "npz"}:
+            return None, []
         try:
             plan = Files(place, Recipe()).plan()
         except RecordingError:
@@ -60,16 +62,27 @@ def _described(place: Path, joints: int) -> Group:
     found: Group = defaultdict(list)
     files = [place]
     if place.is_dir():
+<<<<<<< HEAD
         files = sorted(p for p in place.iterdir() if p.suffix.lower() in SUFFIXES)
     readers = {"npz": _arrays, "csv": _texts}
     for path in files:
         own = path.name if place.is_dir() else ""
         reader = readers.get(SUFFIXES.get(path.suffix.lower(), ""))
+=======
+        files = sorted(place.iterdir())
+    for path in files:
+        own = path.name if place.is_dir() else ""
+        reader = {"npz": _arrays, "csv": _texts}.get(_layout_of(path))
+>>>>>>> doctor
         for kind, part in reader(path, own, joints) if reader else ():
             found[kind].append(part)
     for parts in found.values():
         parts.sort(key=lambda part: not part["measured"])
     return found
+
+
+def _layout_of(path: Path) -> str:
+    return SUFFIXES.get(path.suffix.lower(), "")
 
 
 def _arrays(path: Path, own: str, joints: int) -> Iterable[tuple[str, dict]]:

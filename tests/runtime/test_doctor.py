@@ -14,6 +14,7 @@ import pytest
 
 from runtime import Recording, read_recording, write_recording
 from runtime.doctor import ERROR, WARNING, Inspection, inspect_log, recipe_text
+from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.preprocessing import differentiate
 from runtime.recording import Friction, load_recipe
@@ -426,6 +427,17 @@ def test_absurd_logs_are_sentences(lib, clean, saved, tmp_path, changed) -> None
     assert told(found)
     (tmp_path / "r.toml").write_text(recipe_text(found), encoding="utf-8")
     load_recipe(tmp_path / "r.toml")
+
+
+def test_files_of_another_kind_are_sentences(lib: Library, tmp_path: Path) -> None:
+    """Property: an unknown suffix, text without numbers, a folder without logs."""
+    for name, text in (("log.dat", "1 2 3"), ("log.csv", "hello\nworld\n"), ("log.npz", "x")):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(RecordingError, match="expected"):
+            inspect_log(tmp_path / name, lib)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match="7 joint positions"):
+        inspect_log(tmp_path / "empty", lib)
 
 
 def test_a_torque_of_something_else(lib: Library, clean: Recording, saved) -> None:

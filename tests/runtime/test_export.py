@@ -241,7 +241,7 @@ def test_a_wrong_shape_is_named(fr3: Library, tmp_path: Path) -> None:
         ("</robot>", "", "is damaged"),
         ('type="continuous"', 'type="nonsense"', "cannot reload"),
         ('"slider"', '"other"', "lacks the link 'slider'"),
-        ('<parent link="base"/>', '<parent link="tool"/>', "is no tree of links"),
+        ('<parent link="base" />', '<parent link="tool" />', "is no tree of links"),
     ],
 )
 def test_the_reload_check_catches_a_urdf_that_is_not_the_robot(

@@ -134,7 +134,7 @@ def measure(
 
 def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -> Row:
     def report(done: int, value: float, best: float) -> None:
-        tell(f"{goal.name}: {done} after {goal.starts} starts, {value:.4g}, best {best:.4g}")
+        tell(f"{goal.name}: descent {done}, {value:.4g}, best {best:.4g}")
 
     told = information(lib, NOISE, RATE)
     processes = cores()

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from runtime.report.experiments.drawing import has_figure, inline
 from runtime.report.experiments.reading import Experiment, View
 from runtime.report.experiments.tables import tables
-from runtime.report.experiments.words import AIRM, case_name, short_hash
+from runtime.report.experiments.words import AIRM, best_method, case_name, short_hash
 from runtime.report.layout import Page, Section, Table, Tile
 
 DOCUMENT_TRIALS = 150
@@ -57,19 +57,19 @@ def headline(experiments: tuple[Experiment, ...]) -> str:
         return "The document's experiments, with where every number comes from."
     ratios = [max(ours / told, told / ours) for told, ours, _ in pairs]
     near = f"The document's final AIRM is met within a factor {max(ratios):.2g} in every case"
-    best = [(ours, map_) for _, ours, map_ in pairs if map_ is not None]
-    won = sum(map_ < ours for ours, map_ in best)
-    return f"{near}; MAP on the same data is nearer to the truth in {won} of {len(best)}."
+    best = [(ours, own) for _, ours, own in pairs if own is not None]
+    won = sum(own < ours for ours, own in best)
+    return f"{near}; our method on the same data is nearer to the truth in {won} of {len(best)}."
 
 
 def _airms(experiments: tuple[Experiment, ...]) -> Iterator[tuple[float, float, float | None]]:
-    """The document's mean AIRM, ours by its method, and MAP's, of every case that has both."""
+    """The document's mean AIRM, ours by its method, and that of ours, of every case."""
     for experiment in experiments:
         for told in experiment.document.values():
             for (case, method, metric), value in told.items():
                 ours = experiment.values.get((case, method, metric))
                 if metric == AIRM and ours is not None:
-                    best = experiment.values.get((case, "map", AIRM))
+                    best = experiment.values.get((case, best_method(experiment), AIRM))
                     yield value.mean, ours.mean, None if best is None else best.mean
 
 
@@ -105,7 +105,7 @@ def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
         value.mean
         for e in experiments
         for (_, method, metric), value in e.values.items()
-        if metric == "consistent" and method in {"adam", "map"}
+        if metric == "consistent" and method in {"adam", best_method(e)}
     ]
     share = f"{100 * min(consistent):.4g}\N{NO-BREAK SPACE}%" if consistent else "–"
     tone = "plain" if not consistent else "good" if min(consistent) == 1 else "bad"
@@ -113,7 +113,7 @@ def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
         Tile("Studies", str(len(experiments)), "each with config, seed and hash"),
         Tile("Tables and figures", f"{len(views) - figures} + {figures}", "of the document"),
         Tile("Trials", str(trials), "Monte Carlo, all cases"),
-        Tile("Consistent answers", share, "λ-Adam and MAP, the worst case", tone),
+        Tile("Consistent answers", share, "λ-Adam and our method, the worst case", tone),
     )
 
 

@@ -236,11 +236,14 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
 def _with_document(
     view: View, views: tuple[View, ...], document: Mapping[str, Mapping[Key, Value]]
 ) -> View:
-    """Bars stand beside the document's numbers of the first table of the same cases."""
+    """Bars stand beside the document's numbers of the first table of the same cases and figures."""
     if view.kind != "bars" or view.document in document:
         return view
-    same = (v.document for v in views if v.cases == view.cases and v.document in document)
-    return replace(view, document=next(same, view.document))
+    for other in views:
+        told = {metric for _, _, metric in document.get(other.document, {})}
+        if other.cases == view.cases and told & set(view.metrics):
+            return replace(view, document=other.document)
+    return view
 
 
 def _provenance(raw: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:

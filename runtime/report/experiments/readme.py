@@ -12,6 +12,7 @@ from runtime.report.experiments.pictures import write_picture
 from runtime.report.experiments.reading import Experiment, View
 from runtime.report.experiments.words import (
     AIRM,
+    best_method,
     case_name,
     measured,
     printed,
@@ -25,8 +26,6 @@ CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig
 """The first of these that there are."""
 LARGEST = 60_000
 """Bytes of a picture."""
-BEST = ("map-friction", "map")
-"""Our method: the first of these that there is."""
 _SIZE, _DPI = (5.6, 3.4), 90
 
 
@@ -88,7 +87,7 @@ def _airm(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | No
     ours = experiment.values.get((case, "adam", AIRM))
     if told is None or ours is None:
         return None
-    best = experiment.values.get((case, _best(experiment), AIRM))
+    best = experiment.values.get((case, best_method(experiment), AIRM))
     return "AIRM", printed(told, AIRM), measured(ours, AIRM), measured(best, AIRM)
 
 
@@ -97,12 +96,12 @@ def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | 
     told = experiment.document.get(view.document, {})
     names = [m for m in view.metrics if (case, "adam", m) in told]
     names = [m for m in names if m.startswith("tau_error_")]
-    sources = (told, "adam"), (experiment.values, "adam"), (experiment.values, _best(experiment))
+    sources = (
+        (told, "adam"),
+        (experiment.values, "adam"),
+        (experiment.values, best_method(experiment)),
+    )
     if not names or any((case, who, m) not in known for known, who in sources for m in names):
         return None
     means = [sum(known[case, who, m].mean for m in names) / len(names) for known, who in sources]
     return "torque error, mean of joints %", *(f"{mean:.2g}" for mean in means)
-
-
-def _best(experiment: Experiment) -> str:
-    return next((name for name in BEST if name in experiment.methods), "")

@@ -17,6 +17,8 @@ METHODS = {
     "fixed-arm": "payload alone",
     "nn": "neural",
 }
+BEST = ("map-friction", "map", "lm")
+"""Our method: the first of these that a study has; lm goes on from MAP where there is no noise."""
 _OURS = {"search", "check", "pi", "lam", "beta"}
 """Methods that are none: there is one number, ours."""
 _METRICS = {
@@ -114,3 +116,8 @@ def _as_given(value: float) -> str:
 def short_hash(experiment: Experiment) -> str:
     """Enough of the config hash to find it."""
     return experiment.config_hash[:12]
+
+
+def best_method(experiment: Experiment) -> str:
+    """Our method of a study; "" where it has none."""
+    return next((name for name in BEST if name in experiment.methods), "")

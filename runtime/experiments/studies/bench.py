@@ -175,7 +175,8 @@ def _facts(setting: Setting) -> dict[str, Any]:
         "rate_hz": PREPARATION.rate_hz,
         "samples": {case: len(part.train) for case, part in plain.items()},
         "filter": "centred moving average of 51 ms on q, dq, tau and friction columns at 1 kHz; "
-        "ddq by central differences of the averaged dq, averaged again; then every tenth sample",
+        "ddq by central differences of the averaged dq, averaged again; 150 ms off at both ends; "
+        "then every tenth sample",
         "delay": "none: centred windows",
         "friction_columns": {name: terms.facts() for name, terms in _terms(config).items()},
         "weights": {case: thesis_weights(p.train.tau).tolist() for case, p in plain.items()},

@@ -230,6 +230,7 @@ def motion_calls(lib: Library) -> dict[str, Callable[..., np.ndarray]]:
         "bias_forces": lambda q, dq, ddq: lib.bias_forces(q, dq, lib.pi0),
         "forward_dynamics": lambda q, dq, ddq: lib.forward_dynamics(q, dq, ddq, lib.pi0),
         "end_effector": lambda q, dq, ddq: lib.end_effector(q),
+        "link_poses": lambda q, dq, ddq: lib.link_poses(q),
     }
 
 

@@ -89,3 +89,11 @@ def test_a_bomb_is_refused_before_it_is_opened(tmp_path: Path) -> None:
         archive.writestr("q.npy", bytes(150_000_000))
     with pytest.raises(RecordingError, match=r"log\.npz claims 150000000 bytes in \d+, which no"):
         read_recording(path)
+
+
+def test_empty_texts_of_an_archive_are_none(tmp_path: Path) -> None:
+    """Property: an array of no names is like no array of names."""
+    t = np.arange(9.0)
+    empty = np.array([], dtype="U3")
+    np.savez(tmp_path / "log.npz", t=t, q=np.ones((9, 2)), name=empty, history=empty)
+    assert read_recording(tmp_path / "log.npz").name == "log"

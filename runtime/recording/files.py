@@ -126,7 +126,9 @@ class Files:
         arrays = next(iter(self._arrays.values()), {}) if self.recipe.position is None else {}
         keys = ("name", "joint_names", "column_names", "history")
         texts = {
-            key: arrays[key] for key in keys if key in arrays and arrays[key].dtype.kind == "U"
+            key: arrays[key]
+            for key in keys
+            if key in arrays and arrays[key].dtype.kind == "U" and arrays[key].size
         }
         return {key: tuple(map(str, text.ravel())) for key, text in texts.items()}
 

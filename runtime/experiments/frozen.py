@@ -7,16 +7,22 @@ not say. Here it is the truth: neither perturbed nor updated, as Table 5.9 sugge
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.descent import Preset
 from runtime.fitting import fit_of, start_of
-from runtime.library import Array
+from runtime.library import Array, Library
 from runtime.objective import TorqueObjective
 from runtime.optimizers import minimise
 from runtime.problem import Fit, Problem
 
 LINK = 6
 """From 0."""
+
+
+def link_rows(lib: Library) -> NDArray[np.bool_]:
+    """(10 n,): the entries of λ that belong to the link."""
+    return np.arange(lib.lam0.size) // (lib.lam0.size // lib.n_joints) == LINK
 
 
 def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Array]) -> Fit:
@@ -29,7 +35,7 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
         places: every λ on the way is appended.
     """
     lib, batch = problem.lib, preset.batch or len(problem.train)
-    own = np.arange(truth.size) // (truth.size // lib.n_joints) == LINK
+    own = link_rows(lib)
     weights = np.where(np.arange(lib.n_joints) == LINK, 0.0, problem.weights)
     start = np.where(own, truth, problem.start)
     descent = start_of(replace(problem, weights=weights, start=start))

@@ -33,7 +33,8 @@ class Config:
     """Which arm, which noise, what is carried.
 
     Attributes:
-        truth_seed: of the arm.
+        truth_seed: of the arm: one whose errors before tuning are within 25 % of the document's at
+            joints 1 to 6, as seven in ten are within 30 %.
         test_seed: of the test motion, a design of its own (one start): on it the joints work as
             hard as in the document, whose motions are not told; training and validation are the
             best two of the excitation study.
@@ -42,7 +43,7 @@ class Config:
     """
 
     seed: int = 0
-    truth_seed: int = 2
+    truth_seed: int = 4
     test_seed: int = 31
     payload: str = "1.8,0.01,0.02,0.167,0.1,0.08,0.1"
     repeats: int = 2

@@ -33,8 +33,8 @@ class Config:
     """Which arm, which noise, what is carried.
 
     Attributes:
-        truth_seed: of the arm: one whose errors before tuning are within 25 % of the document's at
-            joints 1 to 6, as seven in ten are within 30 %.
+        truth_seed: of the arm, one whose errors before tuning and with the payload are within a
+            quarter of the document's at joints 1 to 6.
         test_seed: of the test motion, a design of its own (one start): on it the joints work as
             hard as in the document, whose motions are not told; training and validation are the
             best two of the excitation study.

@@ -1,10 +1,10 @@
-"""`python -m runtime identify | compare | payload | evaluate | excite | simulate | report`."""
+"""`python -m runtime identify | compare | payload | gains | evaluate | excite | simulate | …`."""
 
 import sys
 
 import typer
 
-from runtime.cli import compare, evaluate, excite, identify, payload, simulate
+from runtime.cli import compare, evaluate, excite, gains, identify, payload, simulate
 from runtime.errors import RuntimeFault
 
 INTERRUPTED = 130
@@ -21,6 +21,7 @@ app = typer.Typer(
 app.command("identify")(identify.identify_command)
 app.command("compare")(compare.compare_command)
 app.command("payload")(payload.payload_command)
+app.command("gains")(gains.gains_command)
 app.command("evaluate")(evaluate.evaluate_command)
 app.command("excite")(excite.excite_command)
 app.command("simulate")(simulate.simulate_command)

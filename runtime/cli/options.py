@@ -89,7 +89,7 @@ def read_data(
     """
     recording = read_recording(log, recipe, run)
     prepared, parts = preparation_of(recording, cutoff, rate), _split(split)
-    terms = _friction(recording, friction, coulomb_speed)
+    terms = friction_of(recording, friction, coulomb_speed)
     if terms is None or terms.columns[:1] != (AUTO,):
         return Data(recording, prepared, parts, terms)
     with console.status("choosing a friction model"):
@@ -115,7 +115,8 @@ def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
     return names
 
 
-def _friction(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
+def friction_of(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
+    """The terms that --friction and --coulomb-speed ask for, else those of the recipe."""
     default = recording.recipe.friction if recording.recipe else None
     if names is None and speed is None:
         return default

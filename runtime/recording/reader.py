@@ -81,6 +81,20 @@ def read_recording(
     return check_consistency(recording.replace(history=history))
 
 
+def plan_of(
+    path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
+) -> Recipe:
+    """The recipe that a log is read with, the default convention written out.
+
+    Raises:
+        RecordingError: there is no such log or recipe.
+    """
+    place = _locate(path)
+    chosen = _choose_recipe(place, recipe) or Recipe()
+    plan = Files(place, chosen if run is None else chosen.replace(run=run)).plan()
+    return chosen.replace(time=plan.time, run=plan.run, **plan.signals())
+
+
 def _locate(path: str | Path) -> Path:
     """The existing path, or the folder of the known data set of that name."""
     if Path(path).exists():

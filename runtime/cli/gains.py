@@ -19,8 +19,8 @@ from runtime.payload.output import NORMAL_95
 from runtime.recording import Recipe as Plan
 from runtime.recording import plan_of, read_recording, recipe_text
 
-_UNTOLD = 99.5
-"""Intervals beyond this many N·m, or hundredths of a gain, are no statement."""
+_UNTOLD = 100.0
+"""Half an interval in N·m from which on it is no statement."""
 
 
 def gains_command(
@@ -121,26 +121,28 @@ def _table(found: Gains, plan: Plan, factors: tuple[float, ...]) -> Table:
     units = plan.torque.unit
     units = (units,) * len(factors) if isinstance(units, str) else units
     table = Table("joint", title="Torque read over true torque")
-    for head in ("gain", "± 95 %", "bias empty", "± 95 %", "bias loaded", "± 95 %", "meaning"):
-        table.add_column(head, justify="left" if head == "meaning" else "right")
+    for head in ("gain ± 95 %", "bias empty", "bias loaded"):
+        table.add_column(head, justify="right")
+    table.add_column("reads")
     for j, name in enumerate(found.channels):
-        half = NORMAL_95 * found.sigma[j]
-        cells = [f"{found.estimate[j]:.4f}" if found.is_told[j] else "-"]
-        cells.append(f"{half:.4f}" if 100 * half < _UNTOLD else "-")
-        for k in range(len(found.bias)):
-            wide = NORMAL_95 * found.bias_sigma[k, j]
-            clear = wide < _UNTOLD
-            cells += [f"{found.bias[k, j]:.3f}", f"{wide:.3f}"] if clear else ["-", "-"]
-        table.add_row(name, *cells, _meaning(found, j, units[j], factors[j]))
+        told = _interval(found.estimate[j], found.sigma[j], 4) if found.is_told[j] else "-"
+        biases = [_interval(found.bias[k, j], found.bias_sigma[k, j], 3) for k in range(2)]
+        table.add_row(name, told, *biases, _meaning(found, j, units[j], factors[j]))
     return table
+
+
+def _interval(value: float, sigma: float, digits: int) -> str:
+    """A value with its 95 % interval; nothing where that says nothing."""
+    half = NORMAL_95 * sigma
+    return f"{value:.{digits}f} ± {half:.{digits}f}" if half < _UNTOLD else "-"
 
 
 def _meaning(found: Gains, j: int, unit: str, factor: float) -> str:
     if not found.is_told[j]:
-        return "not told, left as it is"
+        return "not told"
     if unit.endswith("A"):
         return f"{factor:.4g} N·m/A"
     percent = 100 * (found.gain[j] - 1)
     if abs(found.gain[j] - 1) < NORMAL_95 * found.sigma[j]:
-        return "true, as far as this tells"
-    return f"reads {abs(percent):.1f} % {'high' if percent > 0 else 'low'}"
+        return "true within ±"
+    return f"{abs(percent):.1f} % {'high' if percent > 0 else 'low'}"

@@ -98,13 +98,18 @@ def identify_gains(
         raise IdentificationError(
             "the gains cannot be computed from values this large; check the units in the recipe"
         )
+    if not found.converged:
+        raise IdentificationError(
+            f"no gains agree with both runs and a payload of {payload.mass:g} kg; check that it "
+            "was mounted in the loaded run, and both recordings for outliers"
+        )
     return _told(problem, found, inflation(rest, 1 / found.noise**2))
 
 
 def _told(problem: Problem, found: Solution, inflated: float) -> Gains:
     n, names = len(found.g), problem.channels
-    whole = found.covariance * inflated
-    covariance = whole[-n:, -n:]
+    root = found.root * np.sqrt(inflated)
+    covariance = root[-n:] @ root[-n:].T
     sigma = np.sqrt(np.diagonal(covariance))
     share = sigma / np.maximum(np.abs(found.g), np.finfo(float).tiny)
     is_told = share <= LARGEST
@@ -113,7 +118,7 @@ def _told(problem: Problem, found: Solution, inflated: float) -> Gains:
     offsets, slopes = found.offsets()
     # b/g, with the error of g where g divides.
     slopes[:, np.arange(n), np.arange(n) - n] -= np.where(is_told, offsets / gain, 0.0)
-    spread = np.einsum("rjx,xy,rjy->rj", slopes, whole, slopes)
+    spread = np.sum((slopes @ root) ** 2, axis=2)
     counts = np.array([[len(run)] for run in problem.runs]) / inflated
     bias_sigma = np.sqrt(spread + found.noise**2 / counts) / np.abs(gain)
     notes = _notes(problem, found.g, covariance, share, is_told)
@@ -129,9 +134,7 @@ def _told(problem: Problem, found: Solution, inflated: float) -> Gains:
         noise=found.noise,
         n_samples=problem.n_samples,
         n_effective=problem.n_samples / inflated,
-        status=f"found the gains of {'all ' if is_told.all() else ''}{told}"
-        if found.converged
-        else "the search stopped early; check both recordings for outliers",
+        status=f"found the gains of {'all ' if is_told.all() else ''}{told}",
         notes=notes,
     )
 

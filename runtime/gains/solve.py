@@ -28,7 +28,7 @@ class Solution:
     """Maximum likelihood of θ (p,) and g (n,).
 
     Attributes:
-        covariance: of (θ, g), for white noise, (p + n, p + n).
+        root: R (p + n, p + n), R Rᵀ the covariance of (θ, g) for white noise.
         noise: σ_j, (n,).
         levels: means [X, y, τᵐ] of every run and channel, (n, runs, p + 2).
         converged: the steps have become small.
@@ -36,7 +36,7 @@ class Solution:
 
     theta: Array
     g: Array
-    covariance: Array
+    root: Array
     noise: Array
     levels: Array
     converged: bool
@@ -93,7 +93,7 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
     levels: Array = np.asarray(
         np.linalg.solve(triangle[:, :n_runs, :n_runs], triangle[:, :n_runs, n_runs:])
     )
-    return Solution(x[:p], x[p:], _covariance(slopes), noise, levels, converged)
+    return Solution(x[:p], x[p:], _root(slopes), noise, levels, converged)
 
 
 def linear(rows: Array) -> tuple[Array, Array]:
@@ -132,9 +132,9 @@ def _least_squares(matrix: Array, target: Array) -> Array:
     return np.asarray(np.linalg.lstsq(flat, target.ravel(), rcond=_UNSEEN)[0] / norms)
 
 
-def _covariance(J: Array) -> Array:
-    """(JᵀJ)⁻¹, in unseen directions as large as numbers bear."""
+def _root(J: Array) -> Array:
+    """R with R Rᵀ = (JᵀJ)⁻¹, in unseen directions as large as numbers bear."""
     flat, norms = _scaled(J)
     _, size, right = np.linalg.svd(flat, full_matrices=False)
-    root = right.T / np.maximum(size, _UNSEEN * size[0]) / norms[:, None]
-    return np.asarray(root @ root.T)
+    floor = max(_UNSEEN * float(size[0]), float(np.finfo(float).tiny) ** 0.25)
+    return np.asarray(right.T / np.maximum(size, floor) / norms[:, None])

@@ -24,7 +24,7 @@ RUNS = ("empty", "loaded")
 FEWEST = 50
 """Samples of a run below which neither noise nor correlation can be estimated."""
 _BLOCK = 4096
-_DIGITS = 1e-5
+_DIGITS = 1e-4
 """Relative difference up to which torques are the same, written with fewer digits."""
 
 

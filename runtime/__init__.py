@@ -9,6 +9,7 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 
 from runtime.descent import Preset
 from runtime.fitting import PRESETS
+from runtime.gains import Gains, identify_gains
 from runtime.identification import Identification, identify
 from runtime.ladder import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
@@ -20,6 +21,7 @@ from runtime.recording import Recording, read_recording, write_recording
 __all__ = [
     "METHODS",
     "PRESETS",
+    "Gains",
     "Identification",
     "Library",
     "OnlineEstimate",
@@ -29,6 +31,7 @@ __all__ = [
     "Recording",
     "choose_friction",
     "identify",
+    "identify_gains",
     "identify_payload",
     "load",
     "read_recording",

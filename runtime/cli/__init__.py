@@ -9,6 +9,7 @@ from runtime.cli import (
     evaluate,
     excite,
     export,
+    gains,
     identify,
     inspect,
     payload,
@@ -35,6 +36,7 @@ app.command("inspect")(inspect.inspect_command)
 app.command("identify")(identify.identify_command)
 app.command("compare")(compare.compare_command)
 app.command("payload")(payload.payload_command)
+app.command("gains")(gains.gains_command)
 app.command("evaluate")(evaluate.evaluate_command)
 app.command("export")(export.export_command)
 app.command("excite")(excite.excite_command)

@@ -126,7 +126,7 @@ def read_data(
         recording = head_of(streamed)
     else:
         recording = read_recording(log, recipe, run, lib.joint_names)
-    parts, terms = _split(split), _friction(recording, friction, coulomb_speed)
+    parts, terms = _split(split), friction_of(recording, friction, coulomb_speed)
     climbs = terms is not None and terms.columns[:1] == (AUTO,)
     if streamed is not None and (climbs or cutoff == AUTO):
         raise IdentificationError(
@@ -178,7 +178,8 @@ def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
     return names
 
 
-def _friction(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
+def friction_of(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
+    """The terms that --friction and --coulomb-speed ask for, else those of the recipe."""
     default = recording.recipe.friction if recording.recipe else None
     if names is None and speed is None:
         return default

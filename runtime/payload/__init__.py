@@ -1,7 +1,8 @@
 """What hangs on the arm: ten unknowns of one body, the arm itself as it is known."""
 
-from runtime.payload.body import Body, body_of
+from runtime.payload.body import Body, body_of, pi_of_body
 from runtime.payload.estimate import Payload, identify_payload
+from runtime.payload.known import Known, read_known
 from runtime.payload.mount import Mount, mount_of
 from runtime.payload.output import load_facts, write_payload
 from runtime.payload.reading import ArmModel, arm_model, read_arm_model
@@ -9,6 +10,7 @@ from runtime.payload.reading import ArmModel, arm_model, read_arm_model
 __all__ = [
     "ArmModel",
     "Body",
+    "Known",
     "Mount",
     "Payload",
     "arm_model",
@@ -16,6 +18,8 @@ __all__ = [
     "identify_payload",
     "load_facts",
     "mount_of",
+    "pi_of_body",
     "read_arm_model",
+    "read_known",
     "write_payload",
 ]

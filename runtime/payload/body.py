@@ -51,6 +51,24 @@ def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
     return Body(m, h / m, inertia, slope @ covariance @ slope.T)
 
 
+def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array:
+    """π (10,) of a body from its mass, centre of mass and inertia about it: `body_of` undone."""
+    P = np.zeros((4, 4))
+    P[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia + mass * np.outer(com, com)
+    P[:3, 3] = P[3, :3] = mass * com
+    P[3, 3] = mass
+    flat = bodies.basis.reshape(len(bodies.basis), 16)
+    return np.asarray(np.linalg.lstsq(flat.T, P.ravel(), rcond=None)[0])
+
+
+def inertia_from_entries(entries: Array) -> Array:
+    """(3, 3) from xx, yy, zz, xy, xz, yz."""
+    inertia = np.zeros((3, 3))
+    for (i, j), value in zip(_ENTRIES, entries, strict=True):
+        inertia[i, j] = inertia[j, i] = value
+    return inertia
+
+
 def jacobian(bodies: Bodies, pi: Array) -> Array:
     """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π, (10, 10)."""
     P, unit = bodies.pseudo_inertia(pi)[0], bodies.basis

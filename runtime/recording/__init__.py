@@ -1,9 +1,10 @@
 """Log files to recordings and back: the one room that knows units, signs and the order of a log."""
 
 from runtime.recording.consistency import check_consistency
-from runtime.recording.reader import read_recording
+from runtime.recording.reader import plan_of, read_recording
 from runtime.recording.recipe import Friction, Preparation, Recipe, Split
 from runtime.recording.recipe_file import bundled_names, load_recipe
+from runtime.recording.recipe_text import recipe_text
 from runtime.recording.recording import Recording
 from runtime.recording.streamed import StreamedRecording, is_large, open_streamed
 from runtime.recording.writer import write_recording
@@ -20,6 +21,8 @@ __all__ = [
     "is_large",
     "load_recipe",
     "open_streamed",
+    "plan_of",
     "read_recording",
+    "recipe_text",
     "write_recording",
 ]

@@ -144,6 +144,19 @@ def settled(raw: Raw) -> Recording:
     return recording.replace(history=(*history, *raw.remarks, *data.notes, *raw.pins))
 
 
+def plan_of(
+    path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
+) -> Recipe:
+    """The recipe that a log is read with, the default convention written out.
+
+    Raises:
+        RecordingError: there is no such log or recipe.
+    """
+    place, chosen = place_and_recipe(path, recipe, run)
+    plan = Files(place, chosen or Recipe()).plan()
+    return (chosen or Recipe()).replace(time=plan.time, run=plan.run, **plan.signals())
+
+
 def place_and_recipe(
     path: str | Path, recipe: str | Path | Recipe | None, run: str | None
 ) -> tuple[Path, Recipe | None]:

@@ -1,0 +1,140 @@
+"""min over θ, g, b of Σ_j ‖τᵐ_j − g_j (X_j θ + y_j) − b_j‖²/σ_j², on one triangle per channel.
+
+Divided by g_j it is linear in (θ, a = 1/g): a_j τᵐ_j − y_j = X_j θ (Gautier & Briot 2014), but then
+the noise of τᵐ stands among the columns and bends the answer: that form is the start only. In
+the form above noise stands alone on the left, so that Gauss–Newton on (θ, g), σ_j following the
+residuals, is maximum likelihood. b_j, one per run, is eliminated by taking means.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.library import Array
+
+_ITERATIONS = 60
+_CONVERGED = 1e-9
+_HALVINGS = 30
+_UNSEEN = 1e-9
+"""Relative size below which a direction of the scaled unknowns counts as not seen; its σ is as if
+it had this size, which no threshold takes for told."""
+_PERFECT = 1e-9
+"""Noise relative to the loudest channel below which data count as exact."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Maximum likelihood of θ (p,) and g (n,).
+
+    Attributes:
+        root: R (p + n, p + n), R Rᵀ the covariance of (θ, g) for white noise.
+        noise: σ_j, (n,).
+        levels: means [X, y, τᵐ] of every run and channel, (n, runs, p + 2).
+        converged: the steps have become small.
+    """
+
+    theta: Array
+    g: Array
+    root: Array
+    noise: Array
+    levels: Array
+    converged: bool
+
+    def rest(self, block: Array) -> Array:
+        """τᵐ − g (X θ + y) − b of rows [1 per run, X, y, τᵐ], (n, N)."""
+        k = self.levels.shape[1]
+        return _rest(block[:, :, k:] - block[:, :, :k] @ self.levels, self.theta, self.g)
+
+    def offsets(self) -> tuple[Array, Array]:
+        """b (runs, n) and its slopes in (θ, g), (runs, n, p + n)."""
+        return _rest(self.levels, self.theta, self.g).T, -np.swapaxes(
+            _slopes(self.levels, self.theta, self.g), 0, 1
+        )
+
+
+def reduced(blocks: Iterable[Array]) -> Array:
+    """The triangle of each channel's rows, (n, w, w)."""
+    triangle: Array | None = None
+    for block in blocks:
+        rows = block if triangle is None else np.concatenate([triangle, block], axis=1)
+        triangle = np.asarray(np.linalg.qr(rows, mode="r"))
+    assert triangle is not None  # noqa: S101  the caller has counted the rows
+    return triangle
+
+
+def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
+    """Gauss–Newton from the linear answer, steps halved until the likelihood rises."""
+    rows = triangle[:, n_runs:, n_runs:]
+    n, p = len(rows), rows.shape[2] - 2
+    freedom = max(n_samples - n_runs - (p + n) / n, 1.0)
+    floor = (_PERFECT * np.linalg.norm(rows[:, :, -1])) ** 2 + np.finfo(float).tiny
+
+    def power(x: Array) -> Array:
+        return np.asarray(np.sum(_rest(rows, x[:p], x[p:]) ** 2, axis=1) + floor)
+
+    x = np.concatenate(linear(rows))
+    now, converged = power(x), False
+    for _ in range(_ITERATIONS):
+        weight = np.sqrt(freedom / now)[:, None]
+        rest = weight * _rest(rows, x[:p], x[p:])
+        step = _least_squares(weight[:, :, None] * _slopes(rows, x[:p], x[p:]), rest)
+        for _ in range(_HALVINGS):
+            after = power(x + step)
+            if np.log(after).sum() <= np.log(now).sum():
+                break
+            step = step / 2
+        x, now = x + step, after
+        if np.linalg.norm(step[p:]) <= _CONVERGED * np.linalg.norm(x[p:]):
+            converged = True
+            break
+    noise: Array = np.sqrt(now / freedom)
+    slopes = _slopes(rows, x[:p], x[p:]) / noise[:, None, None]
+    levels: Array = np.asarray(
+        np.linalg.solve(triangle[:, :n_runs, :n_runs], triangle[:, :n_runs, n_runs:])
+    )
+    return Solution(x[:p], x[p:], _root(slopes), noise, levels, converged)
+
+
+def linear(rows: Array) -> tuple[Array, Array]:
+    """θ, g of min ‖a τᵐ − y − X θ‖², which noise bends."""
+    n, p = len(rows), rows.shape[2] - 2
+    matrix = np.zeros((*rows.shape[:2], p + n))
+    matrix[:, :, :p] = -rows[:, :, :-2]
+    matrix[np.arange(n), :, p + np.arange(n)] = rows[:, :, -1]
+    theta, a = np.split(_least_squares(matrix, rows[:, :, -2]), [p])
+    return theta, 1 / np.where(np.abs(a) > _UNSEEN, a, 1.0)
+
+
+def _rest(rows: Array, theta: Array, g: Array) -> Array:
+    return np.asarray(rows[:, :, -1] - g[:, None] * (rows[:, :, :-2] @ theta + rows[:, :, -2]))
+
+
+def _slopes(rows: Array, theta: Array, g: Array) -> Array:
+    """∂(g (X θ + y))/∂(θ, g), (n, rows, p + n)."""
+    n, p = len(rows), len(theta)
+    J = np.zeros((*rows.shape[:2], p + n))
+    J[:, :, :p] = g[:, None, None] * rows[:, :, :-2]
+    J[np.arange(n), :, p + np.arange(n)] = rows[:, :, :-2] @ theta + rows[:, :, -2]
+    return J
+
+
+def _scaled(matrix: Array) -> tuple[Array, Array]:
+    """(rows, columns) with columns of length 1, and their lengths."""
+    flat = matrix.reshape(-1, matrix.shape[-1])
+    norms = np.linalg.norm(flat, axis=0)
+    norms = np.where(norms > 0, norms, 1.0)
+    return flat / norms, norms
+
+
+def _least_squares(matrix: Array, target: Array) -> Array:
+    flat, norms = _scaled(matrix)
+    return np.asarray(np.linalg.lstsq(flat, target.ravel(), rcond=_UNSEEN)[0] / norms)
+
+
+def _root(J: Array) -> Array:
+    """R with R Rᵀ = (JᵀJ)⁻¹, in unseen directions as large as numbers bear."""
+    flat, norms = _scaled(J)
+    _, size, right = np.linalg.svd(flat, full_matrices=False)
+    floor = max(_UNSEEN * float(size[0]), float(np.finfo(float).tiny) ** 0.25)
+    return np.asarray(right.T / np.maximum(size, floor) / norms[:, None])

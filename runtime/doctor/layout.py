@@ -62,18 +62,10 @@ def _described(place: Path, joints: int) -> Group:
     found: Group = defaultdict(list)
     files = [place]
     if place.is_dir():
-<<<<<<< HEAD
-        files = sorted(p for p in place.iterdir() if p.suffix.lower() in SUFFIXES)
-    readers = {"npz": _arrays, "csv": _texts}
-    for path in files:
-        own = path.name if place.is_dir() else ""
-        reader = readers.get(SUFFIXES.get(path.suffix.lower(), ""))
-=======
         files = sorted(place.iterdir())
     for path in files:
         own = path.name if place.is_dir() else ""
         reader = {"npz": _arrays, "csv": _texts}.get(_layout_of(path))
->>>>>>> doctor
         for kind, part in reader(path, own, joints) if reader else ():
             found[kind].append(part)
     for parts in found.values():

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from runtime.accuracy import SECONDS, Knowledge, Worth, expected, repeated, verdict
+from runtime.accuracy import SECONDS, Knowledge, Worth, expected, gained, verdict
 from runtime.convex import (
     CAD,
     ConvexProblem,
@@ -199,7 +199,7 @@ class OnlineEstimator:
             expected(self._lib, statistics, known, u).by_name(self._lib)
             for u in (unit, unit / grown)
         )
-        return repeated(now, later, seconds, "the same motion")
+        return gained(now, later, seconds, "the same motion")
 
     def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
         """One sentence while recording: what improves by over 10 % and how soon, or 'stop'.

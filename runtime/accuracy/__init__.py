@@ -3,7 +3,7 @@
 from runtime.accuracy.expected import Expected, Knowledge, base_names, expected, facts
 from runtime.accuracy.growth import Growth, growth
 from runtime.accuracy.motion import Moved, Noise, moved_of, noise_of, planned
-from runtime.accuracy.worth import SECONDS, WORTHWHILE, Worth, repeated, verdict
+from runtime.accuracy.worth import SECONDS, WORTHWHILE, Worth, gained, verdict
 
 __all__ = [
     "SECONDS",
@@ -17,10 +17,10 @@ __all__ = [
     "base_names",
     "expected",
     "facts",
+    "gained",
     "growth",
     "moved_of",
     "noise_of",
     "planned",
-    "repeated",
     "verdict",
 ]

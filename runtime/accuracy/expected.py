@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.accuracy.worth import PAYLOAD_MASS
 from runtime.convex import CAD, Prior, Reduced, com_sigma, prior_of, reduce, spread_of
 from runtime.convex.bodies import SIZE
 from runtime.excitation.criteria import covariance
@@ -86,7 +87,7 @@ class Expected:
         """One number per thing that one wants to know: payload, links, base parameters."""
         told = {}
         if self.payload is not None and self.payload_com is not None:
-            told["payload mass"] = float(self.payload[0])
+            told[PAYLOAD_MASS] = float(self.payload[0])
             told["payload CoM"] = float(np.linalg.norm(self.payload_com))
             if payload_only:
                 told["payload inertia"] = float(np.linalg.norm(self.payload[4:]))

@@ -27,13 +27,15 @@ class Moved:
     Attributes:
         name: of the file.
         samples: τ is 0 where none was measured.
-        columns: names of the friction columns.
+        terms: friction columns asked for.
+        columns: names of those that there are; some recordings bring their own.
         rate: Hz.
         measured: τ is a measured torque.
     """
 
     name: str
     samples: Samples
+    terms: Friction
     columns: tuple[str, ...]
     rate: float
     measured: bool
@@ -114,7 +116,7 @@ def moved_of(
     own = (terms,) if recording.columns is None else ()
     done = prepare(recording, preparation, *own, lib=lib)
     samples = samples_of(done, lib)
-    return Moved(recording.name, samples, done.column_names, done.rate_hz, measured)
+    return Moved(recording.name, samples, terms, done.column_names, done.rate_hz, measured)
 
 
 def noise_of(lib: Library, moved: Moved, kappa: float = CAD) -> Noise | None:

@@ -13,8 +13,9 @@ WORTHWHILE = 0.10
 """Gain above which more recording is worth while."""
 SECONDS = (10.0, 30.0, 60.0)
 """Asked for by default."""
+PAYLOAD_MASS = "payload mass"
+"""Told first where it gains."""
 _NAMED = 3
-_LEAST = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,20 +42,26 @@ class Worth:
         """What improves, and by how much."""
         if not self.gaining:
             name, gain = next(iter(self.gains.items()))
-            most = f"(at most {name}, by {_percent(gain)} %)" if gain > _LEAST else "noticeably"
-            return f"{self.seconds:g} s more of {self.motion} improve nothing by 10 % {most}"
-        named = [f"{name} by {_percent(self.gains[name])} %" for name in self.gaining[:_NAMED]]
+            return (
+                f"{self.seconds:g} s more of {self.motion} improve nothing by "
+                f"{_percent(WORTHWHILE)} % (most: {name} by {_percent(gain)} %)"
+            )
+        first = sorted(self.gaining, key=lambda name: name != PAYLOAD_MASS)[:_NAMED]
+        named = [f"{name} by {_percent(self.gains[name])} %" for name in first]
         rest = len(self.gaining) - len(named)
         if rest:
-            named.append(f"{rest} more of {len(self.gains)} by over 10 %")
+            more = f"{rest} more of {len(self.gains)} numbers"
+            named.append(f"{more} by over {_percent(WORTHWHILE)} %")
         return f"{self.seconds:g} s more of {self.motion} improve {_listed(named)}"
 
 
-def repeated(now: Mapping[str, float], later: Mapping[str, float], seconds: float, motion: str
-             ) -> Worth:  # fmt: skip
-    """Gains of everything that is told now; what is told only later has gained all."""
+def gained(
+    now: Mapping[str, float], later: Mapping[str, float], seconds: float, motion: str
+) -> Worth:
+    """Gains by name; what is told only later has gained all."""
     gains = {name: 1.0 - after / now[name] if name in now else 1.0 for name, after in later.items()}
-    order = sorted(gains, key=lambda name: -gains[name])
+    # Gains that differ by rounding keep the order of the names.
+    order = sorted(gains, key=lambda name: -round(gains[name], 3))
     return Worth(seconds, motion, {name: gains[name] for name in order})
 
 

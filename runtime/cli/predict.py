@@ -18,11 +18,11 @@ from runtime.accuracy import (
     base_names,
     expected,
     facts,
+    gained,
     growth,
     moved_of,
     noise_of,
     planned,
-    repeated,
     verdict,
 )
 from runtime.cli.common import Robot, console, say
@@ -228,31 +228,41 @@ def _situation(
     return _Situation(lib, moved, sigma, unit, given is None and own is not None, known)
 
 
-def _moved(lib: Library, source: str, rate: float | None, options: dict[str, str | None]) -> Moved:
-    """A trajectory, sampled, or a log, prepared."""
+def _moved(
+    lib: Library,
+    source: str,
+    rate: float | None,
+    options: dict[str, str | None],
+    terms: Friction | None = None,
+) -> Moved:
+    """A trajectory, sampled, or a log, prepared; `terms` are those of the motion before."""
     if Path(source).suffix == ".json":
         found = read_trajectory(Path(source), lib)
         t = sample_times(found.duration, rate or RATE)
-        names = FRICTION if options["friction"] is None else _names(options["friction"])
         recording = planned(found, t, lib, Path(source).stem)
-        return moved_of(recording, lib, None, Friction(names))
+        return moved_of(recording, lib, None, terms or _friction(options["friction"]))
     data = read_data(lib, source, coulomb_speed=None, rate=rate, split=None, **options)  # type: ignore[arg-type]
-    terms = data.friction or Friction(FRICTION)
+    terms = terms or data.friction or _friction(None)
     return moved_of(data.recording, lib, data.preparation, terms)
 
 
-def _names(text: str) -> tuple[str, ...]:
-    return () if text == "none" else tuple(text.split(","))
+def _friction(text: str | None) -> Friction:
+    if text is None:
+        return Friction(FRICTION)
+    return Friction(() if text == "none" else tuple(text.split(",")))
 
 
 def _further(
     situation: _Situation, more: str, rate: float | None, options: dict[str, str | None]
 ) -> Moved:
+    """The motion that goes on, with the friction of the one before."""
     moved = situation.moved
     if more == SAME:
         return moved
-    found = _moved(situation.lib, more, rate or (moved.rate if more.endswith(".json") else None),
-                   options)  # fmt: skip
+    if rate is None and Path(more).suffix == ".json":
+        rate = moved.rate
+    own = options | {"recipe": None, "run": None, "friction": None}
+    found = _moved(situation.lib, more, rate, own, moved.terms)
     found.require_columns(moved.columns)
     return found
 
@@ -269,8 +279,7 @@ def _worths(
     only = situation.known.payload_only
     before = now.by_name(lib, only)
     return tuple(
-        repeated(before, situation.expected(further, s).by_name(lib, only), s, name)
-        for s in SECONDS
+        gained(before, situation.expected(further, s).by_name(lib, only), s, name) for s in SECONDS
     )
 
 

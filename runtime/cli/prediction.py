@@ -159,18 +159,19 @@ def link_table(found: Expected, lib: Library) -> Table:
 
 
 def worth_table(worths: Sequence[Worth]) -> Table:
-    """What some more seconds improve: payload, mean of the masses, most, and how many by 10 %."""
+    """What some more seconds improve: the payload, how many numbers, and which most of all."""
     table = Table("more", title=f"expected gain of σ by more of {worths[0].motion}, %")
     names = [name for name in worths[0].gains if name.startswith("payload")]
-    heads = (*sorted(names), "most", "count above 10")
-    for head in heads:
+    for head in (*sorted(names), "most", "above 10 %"):
         table.add_column(head, justify="right")
+    table.add_column("most of all")
     for worth in worths:
         top, gain = next(iter(worth.gains.items()))
         table.add_row(
             f"{worth.seconds:g} s",
             *(f"{100 * worth.gains[name]:.1f}" for name in sorted(names)),
-            f"{100 * gain:.1f} ({top})",
+            f"{100 * gain:.1f}",
             f"{len(worth.gaining)} of {len(worth.gains)}",
+            top,
         )
     return table

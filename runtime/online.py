@@ -7,11 +7,13 @@ with γ = κ s²/N and N = Σ ϑⁱ. With ϑ = 1 a replayed log gives what the w
 The same in plain C is `<robot>_online_*` (generated/<robot>/online.c), without friction columns.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from runtime.accuracy import SECONDS, Knowledge, Worth, expected, gained, verdict
 from runtime.convex import (
     CAD,
     ConvexProblem,
@@ -164,6 +166,47 @@ class OnlineEstimator:
             self._pi, steps, converged = found.pi, found.steps, found.converged
         phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
         return self._told(phi, data.variance, steps, converged)
+
+    def worth(self, seconds: float, rate_hz: float) -> Worth:
+        """What some more seconds of the same motion will bring, from the running statistics.
+
+        The information so far grows in proportion to the samples, N(t + s) / N(t), and with
+        ϑ < 1 only as far as 1/(1 − ϑ) samples are remembered. Residuals count as white.
+
+        Args:
+            seconds: of recording.
+            rate_hz: of the samples.
+
+        Raises:
+            IdentificationError: no time, or too few samples to know anything.
+        """
+        if not (0 < seconds < np.inf and 0 < rate_hz < np.inf):
+            raise IdentificationError(
+                f"expected seconds and a rate above 0, got {seconds:g} s and {rate_hz:g} Hz"
+            )
+        if self._count * self._lib.n_joints < len(self._triangle):
+            raise IdentificationError(
+                f"{self._count:g} samples say nothing yet of {len(self._triangle) - 1} unknowns; "
+                "add more before asking what others are worth"
+            )
+        statistics, keep = self.statistics, self._forgetting
+        fresh = seconds * rate_hz
+        ages = fresh if keep == 1.0 else (1 - keep**fresh) / (1 - keep)
+        grown = (keep**fresh * self._count + ages) / self._count
+        unit = max(reduce(statistics, self._lib.n_joints)[0].variance, np.finfo(float).tiny)
+        known = Knowledge(self._prior, self._pi, self._kappa)
+        now, later = (
+            expected(self._lib, statistics, known, u).by_name(self._lib)
+            for u in (unit, unit / grown)
+        )
+        return gained(now, later, seconds, "the same motion")
+
+    def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
+        """One sentence while recording: what improves by over 10 % and how soon, or 'stop'.
+
+        It takes for granted that the motion goes on as so far (`worth`).
+        """
+        return verdict([self.worth(each, rate_hz) for each in seconds])
 
     def _newton(self, problem: ConvexProblem) -> tuple[Array, int, bool]:
         """The compiled steps, further than a batch needs: the start must leave no trace."""

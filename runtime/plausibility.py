@@ -30,6 +30,18 @@ def require_plausible(recording: Recording, lib: Library) -> None:
         raise IdentificationError(
             f"the torque of the recording '{recording.name}' is 0 throughout; log the measured one"
         )
+    require_motion(recording, lib)
+    _require_sign(recording, lib)
+
+
+def require_motion(recording: Recording, lib: Library) -> None:
+    """Refuse a motion that this robot cannot make.
+
+    Raises:
+        IdentificationError: wrong joint count, positions far outside the limits (degrees?), or a
+            clock too slow to differentiate (ms?).
+    """
+    require_joints(recording, lib)
     if recording.dq is None and len(recording) > 1 and recording.rate_hz < SLOWEST:
         raise IdentificationError(
             f"the recording '{recording.name}' has no dq, and its rate of {recording.rate_hz:.3g} "
@@ -46,7 +58,6 @@ def require_plausible(recording: Recording, lib: Library) -> None:
             f"{lib.manifest.joints[worst].unit}; state unit, order, sign and offset in a recipe, "
             "or choose another --robot"
         )
-    _require_sign(recording, lib)
 
 
 def require_joints(recording: Recording, lib: Library) -> None:

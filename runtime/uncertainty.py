@@ -10,18 +10,15 @@ worth. Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
-from runtime.convex import CAD, bodies_of, prior_of, reduce
-from runtime.convex.bodies import SIZE
+from runtime.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
+from runtime.convex.spread import DETERMINED
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.residuals import LAGS, autocorrelation, inflation, noise, residuals, weights_from
 from runtime.statistics import Statistics, compress
 
 IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
-DETERMINED = 0.1
-"""Posterior variance below this share of the prior's: the data say ten times more."""
 WHITE = 1.96
 """Half width of the 95 % band of a white residual's autocorrelation, in units of 1/√N."""
 BAND_SAMPLES = 200
@@ -71,13 +68,7 @@ class Uncertainty:
 
     def com_sigma(self, pi: Array) -> list[Array | None]:
         """Standard deviation of every link's centre of mass c = (m c)/m, (3,) m; None without m."""
-        links = zip(pi.reshape(-1, SIZE), self.root.reshape(-1, SIZE, pi.size), strict=True)
-        return [
-            np.linalg.norm((own[1:4] - np.outer(p[1:4] / p[0], own[0])) / p[0], axis=1)
-            if p[0]
-            else None
-            for p, own in links
-        ]
+        return com_sigma(self.root, pi)
 
     def torque_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
         """One standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²), (N, n)."""
@@ -139,14 +130,10 @@ def uncertainty_of(
     data, _ = reduce(statistics, lib.n_joints)
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
     inside = bodies.log_det(pi) is not None
-    # In units of the prior the information is 1 + ÃᵀÃ, whose inverse has no cancellation.
-    shrink = block_diag(*bodies.spread(pi if inside else prior.centre)) / np.sqrt(kappa)
     noise_free = max(data.variance, np.finfo(float).tiny) * worth
-    _, said, turn = np.linalg.svd(data.factor @ shrink / np.sqrt(noise_free))
-    left = np.ones(len(turn))
-    left[: said.size] = 1 / np.sqrt(1 + said**2)
-    root = np.asarray(shrink @ turn.T * left)
-    share = np.minimum(np.sum(root**2, axis=1) / np.sum(shrink**2, axis=1), 1.0)
+    spread = spread_of(
+        bodies, pi if inside else prior.centre, data.factor / np.sqrt(noise_free), kappa
+    )
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
     lengths = np.linalg.norm(statistics.factor, axis=0)
@@ -159,17 +146,17 @@ def uncertainty_of(
     known = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
     rank = min(known + shared, len(base))
     return Uncertainty(
-        root=root,
-        share=share,
-        verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, share, strict=True)),
-        beta_sigma=np.linalg.norm(base @ root, axis=1),
+        root=spread.root,
+        share=spread.share,
+        verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, spread.share, strict=True)),
+        beta_sigma=np.linalg.norm(base @ spread.root, axis=1),
         noise=sigma,
         n_samples=round(statistics.n_samples),
         n_eff=statistics.n_samples / worth,
         inflation=worth,
         white=_white(rest),
         rank=rank,
-        told=int(np.sum(left**2 < DETERMINED)),
+        told=spread.told,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
     )
 

@@ -13,6 +13,7 @@ from runtime.cli import (
     identify,
     inspect,
     payload,
+    predict,
     report,
     reproduce,
     simulate,
@@ -40,6 +41,7 @@ app.command("gains")(gains.gains_command)
 app.command("evaluate")(evaluate.evaluate_command)
 app.command("export")(export.export_command)
 app.command("excite")(excite.excite_command)
+app.command("predict")(predict.predict_command)
 app.command("simulate")(simulate.simulate_command)
 app.command("reproduce")(reproduce.reproduce_command)
 app.command("report")(report.report_command)

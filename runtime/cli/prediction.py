@@ -1,13 +1,16 @@
-"""What a designed motion will tell, as a table; and the options that decide about it."""
+"""What a motion will tell, as tables and sentences; and the options that decide about it."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from rich.table import Table
 
+from runtime.accuracy import Expected, Worth, base_names
 from runtime.cli.common import console, numbers_option, say
+from runtime.convex.spread import DETERMINED
 from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, information
 from runtime.library import Array, Library
+from runtime.library.manifest import PI_NAMES
 from runtime.prior import prior_information
 from runtime.recording import read_recording
 
@@ -83,12 +86,92 @@ def criteria_table(prediction: Prediction) -> Table:
 
 def prediction_sentences(prediction: Prediction) -> tuple[str, ...]:
     """What the table does not hold."""
-    bands = ", ".join(f"{1000 * value:.2f}" for value in prediction.torque)
-    lines = [f"expected σ of the predicted torque, joint by joint: {bands} mN·m"]
+    lines = [torque_sentence(prediction.torque)]
     if prediction.payload_mass is not None and prediction.payload_com is not None:
-        com = " ".join(f"{1000 * value:.2f}" for value in prediction.payload_com)
-        lines.append(
-            f"a payload of 1 kg on a known arm: mass to ±{1000 * prediction.payload_mass:.2f} g, "
-            f"centre of mass to ±({com}) mm"
-        )
+        lines.append(_payload(prediction.payload_mass, prediction.payload_com))
     return (*lines, *(f"note: {note}" for note in prediction.notes))
+
+
+def torque_sentence(bands: Array) -> str:
+    """σ of torques of motions never seen."""
+    told = ", ".join(f"{1000 * value:.2f}" for value in bands)
+    return f"expected σ of the predicted torque, joint by joint: {told} mN·m"
+
+
+def _payload(mass: float, com: Array) -> str:
+    told = " ".join(f"{1000 * value:.2f}" for value in com)
+    return (
+        f"a payload of 1 kg on a known arm: mass to ±{1000 * mass:.2f} g, "
+        f"centre of mass to ±({told}) mm"
+    )
+
+
+def payload_sentence(found: Expected, alone: bool) -> str:
+    """What is told of a payload; its inertia, too, where nothing else is asked for."""
+    if found.payload is None or found.payload_com is None:
+        return "note: a payload on the last link stays untold; too few joints turn it"
+    told = _payload(float(found.payload[0]), found.payload_com)
+    if not alone:
+        return told
+    inertia = " ".join(f"{value:.2g}" for value in found.payload[4:])
+    return f"{told}, inertia xx yy zz xy xz yz about the link's origin to ±({inertia}) kg·m²"
+
+
+def base_table(found: Expected, lib: Library) -> Table:
+    """σ of every base parameter, the worst relative to its size first."""
+    table = Table(title="base parameters: expected σ, the worst first")
+    table.add_column("around")
+    for head in ("least squares", "with prior", "% of size"):
+        table.add_column(head, justify="right")
+    names = base_names(lib)
+    for k in np.argsort(-found.relative):
+        table.add_row(
+            names[k].removeprefix("base "),
+            "untold" if found.base is None else f"{found.base[k]:.3g}",
+            f"{found.base_map[k]:.3g}",
+            f"{100 * found.relative[k]:.2f}",
+        )
+    return table
+
+
+def link_table(found: Expected, lib: Library) -> Table:
+    """σ of every link's mass, centre of mass and inertia, and what of it is the prior's."""
+    table = Table("link", title="links: expected σ with the URDF as prior")
+    for head in ("mass g", "CoM mm", "inertia kg·m²", "the data tell"):
+        table.add_column(head, justify="right")
+    size = len(PI_NAMES)
+    rows = zip(
+        lib.link_names,
+        found.pi.reshape(-1, size),
+        found.com,
+        found.share.reshape(-1, size),
+        strict=True,
+    )
+    for name, own, com, share in rows:
+        table.add_row(
+            name,
+            f"{1000 * own[0]:.2f}",
+            " ".join(f"{1000 * value:.2f}" for value in com),
+            f"{own[4:].max():.2g}",
+            f"{np.sum(share < DETERMINED)} of {size}",
+        )
+    return table
+
+
+def worth_table(worths: Sequence[Worth]) -> Table:
+    """What some more seconds improve: the payload, how many numbers, and which most of all."""
+    table = Table("more", title=f"expected gain of σ by more of {worths[0].motion}, %")
+    names = [name for name in worths[0].gains if name.startswith("payload")]
+    for head in (*sorted(names), "most", "above 10 %"):
+        table.add_column(head, justify="right")
+    table.add_column("most of all")
+    for worth in worths:
+        top, gain = next(iter(worth.gains.items()))
+        table.add_row(
+            f"{worth.seconds:g} s",
+            *(f"{100 * worth.gains[name]:.1f}" for name in sorted(names)),
+            f"{100 * gain:.1f}",
+            f"{len(worth.gaining)} of {len(worth.gains)}",
+            top,
+        )
+    return table

@@ -19,6 +19,7 @@ from runtime.convex.newton import (
 from runtime.convex.path import Path, follow
 from runtime.convex.prior import CAD, GRIPPER, NONE, Prior, prior_from, prior_of
 from runtime.convex.reduced import Elimination, Reduced, reduce
+from runtime.convex.spread import Spread, com_sigma, spread_of
 
 __all__ = [
     "CAD",
@@ -32,8 +33,10 @@ __all__ = [
     "Path",
     "Prior",
     "Reduced",
+    "Spread",
     "Subspace",
     "bodies_of",
+    "com_sigma",
     "convex_problem",
     "follow",
     "follow_compiled",
@@ -44,4 +47,5 @@ __all__ = [
     "reduce",
     "solve",
     "solve_many",
+    "spread_of",
 ]

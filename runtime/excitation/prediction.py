@@ -104,8 +104,8 @@ def predict(
     Raises:
         IdentificationError: the motion cannot tell the unknowns even without friction.
     """
-    unseen = unseen_rows(lib, trajectory.home)
-    seen = _reduced(_mean(unseen), told)
+    joints = [_reduced(own, told) for own in unseen_joints(lib, trajectory.home)]
+    seen = np.sum(joints, axis=0)
     size, scores, notes = sizes(lib, told), [], []
     spreads: dict[tuple[str, ...], Array] = {}
     for columns in dict.fromkeys(((), names)):
@@ -119,7 +119,6 @@ def predict(
                 raise
             notes.append(f"with friction {', '.join(columns)}: {error}")
     best = spreads[()]
-    joints = [_reduced(_mean(unseen[:, j : j + 1]), told) for j in range(lib.n_joints)]
     mass, com = _payload(lib, trajectory, told)
     return Prediction(
         told.noise,
@@ -188,6 +187,12 @@ def unseen_rows(lib: Library, home: Array) -> Array:
     )
 
 
+def unseen_joints(lib: Library, home: Array) -> Array:
+    """Q_j, (n, n_b, n_b): tr(Q_j C) is the mean variance of joint j's torque on unseen motions."""
+    rows = unseen_rows(lib, home)
+    return np.stack([_mean(rows[:, j : j + 1]) for j in range(lib.n_joints)])
+
+
 def _mean(rows: Array) -> Array:
     return np.einsum("tjk,tjl->kl", rows, rows, optimize=True) / len(rows)
 
@@ -231,19 +236,26 @@ def _covariance(gram: Array, unknowns: int, trajectory: Trajectory) -> Array:
     return inverse[:unknowns, :unknowns]
 
 
-def _payload(
-    lib: Library, trajectory: Trajectory, told: Information
-) -> tuple[float | None, Array | None]:
-    """σ of mass and centre of mass: δc = (δ(mc) − c δm) / m."""
-    ten = information(lib, told.noise, told.rate, payload=True)
-    try:
-        spread = covariance_of(lib, trajectory, ten, _OFFSET)
-    except IdentificationError:
-        return None, None
+def payload_sigma(spread: Array) -> tuple[float, Array]:
+    """σ of mass, kg, and centre of mass, (3,) m, of 1 kg 0.1 m before the last link.
+
+    Args:
+        spread: covariance of the ten parameters, (10, 10).  δc = (δ(mc) − c δm) / m
+    """
     mass = PAYLOAD[0]
     slope = np.zeros((3, len(PAYLOAD)))
     slope[:, 0], slope[:, 1:4] = -_COM / mass, np.eye(3) / mass
     return float(np.sqrt(spread[0, 0])), np.sqrt(np.diag(slope @ spread @ slope.T))
+
+
+def _payload(
+    lib: Library, trajectory: Trajectory, told: Information
+) -> tuple[float | None, Array | None]:
+    ten = information(lib, told.noise, told.rate, payload=True)
+    try:
+        return payload_sigma(covariance_of(lib, trajectory, ten, _OFFSET))
+    except IdentificationError:
+        return None, None
 
 
 def facts(prediction: Prediction) -> dict[str, object]:

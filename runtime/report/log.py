@@ -17,6 +17,20 @@ _COLOURS = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
 _HOLE = 10.0
 
 
+def picture_format(path: Path) -> str:
+    """The kind of picture that a file name asks for.
+
+    Raises:
+        RecordingError: none of `FORMATS`.
+    """
+    suffix = path.suffix.lower().lstrip(".")
+    if suffix not in FORMATS:
+        raise RecordingError(
+            f"a picture is expected to end in .{', .'.join(FORMATS)}, got '{path.name}'; rename it"
+        )
+    return suffix
+
+
 def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
     """Write a picture of a recording: one panel per signal, rests shaded, holes as lines.
 
@@ -28,11 +42,7 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
     Raises:
         RecordingError: another suffix.
     """
-    suffix = path.suffix.lower().lstrip(".")
-    if suffix not in FORMATS:
-        raise RecordingError(
-            f"a picture is expected to end in .{', .'.join(FORMATS)}, got '{path.name}'; rename it"
-        )
+    suffix = picture_format(path)
     signals = {"q [rad or m]": recording.q, "dq": recording.dq, "τ [N·m or N]": recording.tau}
     panels = {title: values for title, values in signals.items() if values is not None}
     t, steps = recording.t, np.diff(recording.t)

@@ -5,12 +5,10 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pinocchio
 import pytest
 import scipy.linalg
-from scipy.stats import chi2
 
-from runtime import friction, load, to_pinocchio_order
+from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import (
     ConditionCost,
@@ -27,14 +25,12 @@ from runtime.excitation.goals import CRITERIA, goal, sizes, unseen_torque
 from runtime.excitation.prediction import FRICTION, SAMPLES, unseen_rows
 from runtime.library import Library
 from runtime.prior import prior_information
-from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
-from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
+from tests.runtime.trials import assert_variance, errors, pinocchio_rows, with_friction
 from tests.taylor import assert_second_order, taylor_slope
 
 DURATION = 10.0
-TRIALS = 200
 
 
 def random_gram(size: int = 6, seed: int = 0) -> np.ndarray:
@@ -116,51 +112,11 @@ def test_gradients_in_the_coefficients_by_taylor(
     assert_second_order(measured, decades=3.0)  # LAPACK's rounding × cond² of raw columns ends it
 
 
-def pinocchio_rows(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.ndarray:
-    """All 10 n columns at each time, in our order, (N, n, 10 n)."""
-    model = pinocchio_model(lib.urdf())
-    data = model.createData()
-    ours = list(to_pinocchio_order(np.arange(lib.pi0.size)).astype(int))
-    back = [ours.index(column) for column in range(lib.pi0.size)]
-    states = zip(*trajectory.at(lib, t)[:3], strict=True)
-    rows = [pinocchio.computeJointTorqueRegressor(model, data, *s)[:, back] for s in states]
-    return np.array(rows)
-
-
-def with_friction(rows: np.ndarray, dq: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """[Y F] with every joint's friction columns on its own rows only, (N n, k)."""
-    own = friction.columns(friction.Motion(dq), Friction(names))
-    count, n, k = own.shape
-    blocks = np.zeros((count, n, n, k))
-    for j in range(n):
-        blocks[:, j, j] = own[:, j]
-    return np.concatenate([rows, blocks.reshape(count, n, -1)], axis=2).reshape(count * n, -1)
-
-
 @pytest.fixture(scope="module")
 def at_100_hz(lib: Library, trajectories: tuple[Trajectory, ...]) -> tuple[np.ndarray, ...]:
     """Pinocchio's rows and dq along the first trajectory as a log has them."""
     t = np.arange(1001) / 100
     return pinocchio_rows(lib, trajectories[0], t), trajectories[0].at(lib, t)[1]
-
-
-def errors(rows: np.ndarray, sigma: np.ndarray, seed: int) -> np.ndarray:
-    """Estimate minus truth of least squares weighted by 1/σ over trials, (TRIALS, k)."""
-    noise = np.random.default_rng(seed).normal(size=(len(rows), TRIALS))
-    scale = np.tile(sigma, len(rows) // len(sigma))
-    # With the rows and the noise over σ the noise has variance one.
-    return np.linalg.lstsq(rows / scale[:, None], noise, rcond=None)[0].T
-
-
-def assert_variance(sample: np.ndarray, expected: float, freedom: float) -> None:
-    """Σ e² over trials / expected is χ² of `freedom` per trial: within its 1e-6 quantiles.
-
-    200 trials of one number leave ± 50 %, of 64 numbers ± 6 %; 0.3 % more because the prediction
-    takes the mean of both ends' samples for one of 1000, and the log has 1001.
-    """
-    low, high = chi2.ppf([1e-6, 1 - 1e-6], TRIALS * freedom) / (TRIALS * freedom)
-    ratio = float(np.mean(sample) / expected)
-    assert low * 0.997 <= ratio <= high * 1.003, (low, ratio, high)
 
 
 @pytest.mark.parametrize("names", [(), FRICTION], ids=["alone", "with friction"])

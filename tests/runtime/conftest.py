@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Identification, Recording, identify, read_recording
+from runtime import Identification, Recording, identify, read_recording, write_recording
 from runtime.cli import main
 from runtime.excitation import Trajectory
 from runtime.library import Library
@@ -96,6 +96,14 @@ def panda(shared_data: Path) -> Recording:
 def panda_adam(panda: Recording, lib: Library) -> Identification:
     """The real log identified by the descent in λ."""
     return identify(panda, lib, "adam")
+
+
+@pytest.fixture(scope="session")
+def log(noisy: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The noisy run as a file; nobody writes into its folder."""
+    path = tmp_path_factory.mktemp("log") / "log.csv"
+    write_recording(noisy, path)
+    return path
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,10 +14,12 @@ import pytest
 
 from runtime import Identification, Recording, identify, read_recording, write_recording
 from runtime.cli import main
-from runtime.excitation import Trajectory
-from runtime.library import Library
+from runtime.excitation import Design, Trajectory
+from runtime.library import Library, load
 from runtime.simulation import Plant, ideal
+from runtime.trajectory_file import write_trajectory
 from tests.robots import DATA
+from tests.runtime.desk import Desk
 
 # Link 7 of the document's "true" robot: twice the mass and the inertia of the URDF's, at full
 # precision (the document's Table B.4 is rounded twice).
@@ -138,3 +140,20 @@ def command(
         return Ran(code or 0, out, err)
 
     return run
+
+
+@pytest.fixture
+def desk(
+    lib: Library,
+    noisy: Recording,
+    trajectories: tuple[Trajectory, ...],
+    tiny_built: Path,
+    tmp_path: Path,
+) -> Desk:
+    """Good files in tmp_path, from which commands with bad input start."""
+    log = noisy.take(slice(0, 400), "short")
+    write_recording(log, tmp_path / "good.csv")
+    write_recording(log, tmp_path / "good.npz")
+    write_trajectory(Design(trajectories[0], 4.9, (4.9,), {}, ()), lib, tmp_path / "good.json")
+    (tmp_path / "file").write_text("in the way")
+    return Desk(tmp_path, log, lib, load(tiny_built))

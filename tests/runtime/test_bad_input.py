@@ -50,9 +50,7 @@ def still(desk: Desk) -> str:
 
 
 NOISE = np.random.default_rng(0).bytes(5000)
-
 DEGREE = 180 / np.pi
-
 
 Case = Callable[[Desk], Words]
 

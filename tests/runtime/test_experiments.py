@@ -22,7 +22,6 @@ from tests.runtime.conftest import Command
 from tests.runtime.small import rows_of
 
 pytest.importorskip("pyarrow", reason="pip install 'symgen[experiments]'")
-
 TRIALS = 10
 
 

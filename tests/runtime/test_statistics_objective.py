@@ -8,11 +8,7 @@ from runtime.friction import add_columns
 from runtime.library import Library
 from runtime.objective import TorqueObjective, samples_of, thesis_weights
 from runtime.recording import Friction
-from runtime.statistics import (
-    CompressedObjective,
-    compress,
-    joined,
-)
+from runtime.statistics import CompressedObjective, compress, joined
 
 
 def test_joined_triangles_of_numpy_and_of_c_agree(lib: Library) -> None:

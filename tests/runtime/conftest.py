@@ -12,12 +12,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from runtime import Identification, Recording, identify, read_recording
+from runtime import Identification, Recording, identify, read_recording, write_recording
 from runtime.cli import main
-from runtime.excitation import Trajectory
-from runtime.library import Library
+from runtime.excitation import Design, Trajectory
+from runtime.library import Library, load
 from runtime.simulation import Plant, ideal
+from runtime.trajectory_file import write_trajectory
+from symgen.build import build
+from symgen.chain import ChainOptions
+from symgen.request import BuildRequest
 from tests.robots import DATA
+from tests.runtime.desk import Desk
+from tests.runtime.diagnosis import EXAMPLE
+from tests.runtime.exporting import ARM
 
 # Link 7 of the document's "true" robot: twice the mass and the inertia of the URDF's, at full
 # precision (the document's Table B.4 is rounded twice).
@@ -98,6 +105,45 @@ def panda_adam(panda: Recording, lib: Library) -> Identification:
     return identify(panda, lib, "adam")
 
 
+@pytest.fixture(scope="session")
+def log(noisy: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The noisy run as a file; nobody writes into its folder."""
+    path = tmp_path_factory.mktemp("log") / "log.csv"
+    write_recording(noisy, path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def clean() -> Recording:
+    """The bundled simulated log, without any trap."""
+    return read_recording(EXAMPLE)
+
+
+@pytest.fixture
+def saved(tmp_path: Path):
+    """Writes arrays as the default NPZ; None leaves one out."""
+
+    def save(clean: Recording, name: str = "log.npz", **changes: np.ndarray | None) -> Path:
+        arrays = {key: getattr(clean, key) for key in ("t", "q", "dq", "tau")} | changes
+        present = {key: values for key, values in arrays.items() if values is not None}
+        np.savez(tmp_path / name, **present)
+        return tmp_path / name
+
+    return save
+
+
+@pytest.fixture(scope="session")
+def arm(root: Path) -> Library:
+    """The arm with every trap of an export."""
+    return load(
+        build(
+            BuildRequest("arm", ARM, ChainOptions(gravity=(1.5, -3.0, 9.0))),
+            root,
+            levels=["portable"],
+        ).folder
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Ran:
     """What one command did."""
@@ -130,3 +176,20 @@ def command(
         return Ran(code or 0, out, err)
 
     return run
+
+
+@pytest.fixture
+def desk(
+    lib: Library,
+    noisy: Recording,
+    trajectories: tuple[Trajectory, ...],
+    tiny_built: Path,
+    tmp_path: Path,
+) -> Desk:
+    """Good files in tmp_path, from which commands with bad input start."""
+    log = noisy.take(slice(0, 400), "short")
+    write_recording(log, tmp_path / "good.csv")
+    write_recording(log, tmp_path / "good.npz")
+    write_trajectory(Design(trajectories[0], 4.9, (4.9,), {}, ()), lib, tmp_path / "good.json")
+    (tmp_path / "file").write_text("in the way")
+    return Desk(tmp_path, log, lib, load(tiny_built))

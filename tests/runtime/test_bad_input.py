@@ -8,91 +8,14 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from runtime import Recording, load, write_recording
-from runtime.excitation import Design, Trajectory
-from runtime.library import Library
-from runtime.trajectory_file import write_trajectory
+from runtime import Recording, write_recording
 from tests.runtime.conftest import Command
-
-Words = tuple[object, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Desk:
-    """A folder with a good log (`good.csv`, `good.npz`) and a good trajectory, and their robot."""
-
-    folder: Path
-    log: Recording
-    lib: Library
-    pendulum: Library
-
-    def put(self, name: str, content: str | bytes) -> str:
-        data = content.encode() if isinstance(content, str) else content
-        (self.folder / name).write_bytes(data)
-        return name
-
-    def changed(self, **changes: Any) -> str:
-        """A log that differs from the good one in some signals."""
-        write_recording(self.log.replace(**changes), self.folder / "bad.csv")
-        return "bad.csv"
-
-    def rows(self, rows: slice) -> str:
-        write_recording(self.log.take(rows, "cut"), self.folder / "bad.csv")
-        return "bad.csv"
-
-    def lines(self) -> list[str]:
-        return (self.folder / "good.csv").read_text().splitlines()
-
-    def identify(self, log: str, *words: object) -> Words:
-        return ("identify", log, "--robot", self.lib.folder, "--out", "out", *words)
-
-    def simulate(self, *words: object, robot: Library | None = None) -> Words:
-        chosen = (robot or self.lib).folder
-        motion = ("--trajectory", "good.json", "--out", "s.csv", "--ideal")
-        return ("simulate", "--robot", chosen, *motion, *words)
-
-    def excite(self, *words: object) -> Words:
-        return ("excite", "--robot", self.lib.folder, "--starts", "1", "--out", "e.json", *words)
-
-    def robot(self, damage: Callable[[Path], object]) -> Words:
-        """identify with a copy of the robot's folder that was damaged."""
-        copy = Path(shutil.copytree(self.lib.folder, self.folder / "robot"))
-        damage(copy)
-        return ("identify", "good.csv", "--robot", "./robot", "--out", "out")
-
-    def trajectory(self, **changes: Any) -> Words:
-        """simulate with a trajectory file that was changed."""
-        path = self.folder / "good.json"
-        path.write_text(json.dumps(json.loads(path.read_text()) | changes))
-        return self.simulate()
-
-
-@pytest.fixture
-def desk(
-    lib: Library,
-    noisy: Recording,
-    trajectories: tuple[Trajectory, ...],
-    tiny_built: Path,
-    tmp_path: Path,
-) -> Desk:
-    log = noisy.take(slice(0, 400), "short")
-    write_recording(log, tmp_path / "good.csv")
-    write_recording(log, tmp_path / "good.npz")
-    write_trajectory(Design(trajectories[0], 4.9, (4.9,), {}, ()), lib, tmp_path / "good.json")
-    (tmp_path / "file").write_text("in the way")
-    return Desk(tmp_path, log, lib, load(tiny_built))
-
-
-def digests(folder: Path) -> dict[str, str]:
-    files = (path for path in sorted(folder.rglob("*")) if path.is_file())
-    return {str(path): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+from tests.runtime.desk import Desk, Words, digests, edit, truncate
 
 
 def forge(folder: Path, library: Path) -> None:
@@ -105,17 +28,6 @@ def forge(folder: Path, library: Path) -> None:
 
 def foreign(desk: Desk) -> Path:
     return desk.pendulum.folder / "libtiny.so"
-
-
-def truncate(path: Path, share: float = 0.5) -> None:
-    data = path.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
-
-
-def edit(path: Path, old: str, new: str) -> None:
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
 
 
 def pickled(desk: Desk) -> str:
@@ -141,6 +53,7 @@ NOISE = np.random.default_rng(0).bytes(5000)
 DEGREE = 180 / np.pi
 
 Case = Callable[[Desk], Words]
+
 
 # name: (what is typed, what the sentence must say)
 LOGS: dict[str, tuple[Case, str]] = {
@@ -200,6 +113,7 @@ LOGS: dict[str, tuple[Case, str]] = {
     "one row": (lambda d: d.identify(d.rows(slice(0, 1))), "no sample is left"),
     "constant joints, ols": (lambda d: d.identify(still(d), "--method", "ols"), "excites 5 of 43"),
 }
+
 OPTIONS: dict[str, tuple[Case, str]] = {
     "unknown recipe": (
         lambda d: d.identify("good.csv", "--recipe", "nope"),
@@ -246,6 +160,7 @@ OPTIONS: dict[str, tuple[Case, str]] = {
         "cannot write 'file/x/",
     ),
 }
+
 ROBOTS: dict[str, tuple[Case, str]] = {
     "unknown": (
         lambda _: ("identify", "good.csv", "--robot", "nope", "--out", "out"),
@@ -287,6 +202,7 @@ ROBOTS: dict[str, tuple[Case, str]] = {
         "has no valid build.json",
     ),
 }
+
 OTHERS: dict[str, tuple[Case, str]] = {
     "evaluate nothing": (
         lambda d: ("evaluate", ".", "good.csv", "--robot", d.lib.folder),
@@ -360,50 +276,3 @@ def test_bad_usage(desk: Desk, command: Command, name: str, words: tuple[str, ..
     assert words[0] in ran.err
     assert "Traceback" not in ran.err
     assert digests(desk.folder) == before
-
-
-@pytest.fixture
-def result(desk: Desk, command: Command) -> Path:
-    """A good result of the good log."""
-    assert command(*desk.identify("good.csv")).code == 0
-    return desk.folder / "out"
-
-
-def test_a_result_of_another_robot(desk: Desk, command: Command, result: Path) -> None:
-    """Property: evaluate holds the joints of the result against those of the robot."""
-    before = digests(desk.folder)
-    ran = command("evaluate", result, "good.csv", "--robot", desk.pendulum.folder)
-    assert (ran.code, len(ran.err.splitlines())) == (2, 1)
-    assert "identified fr3, whose joints differ from those of 'tiny'" in ran.err
-    assert digests(desk.folder) == before
-
-
-@pytest.mark.parametrize(
-    ("damage", "match"),
-    [
-        (truncate, "no valid result.json"),
-        (lambda path: path.write_text("[]"), "no valid result.json"),
-        (lambda path: edit(path, '"pi": [', '"pi": ["x", '), "no valid result.json"),
-        (lambda path: edit(path, '"pi": [', '"pi": [1.0, '), "no valid result.json"),
-    ],
-    ids=["cut short", "a list", "words for numbers", "too many numbers"],
-)
-def test_a_damaged_result(
-    desk: Desk, command: Command, result: Path, damage: Callable[[Path], object], match: str
-) -> None:
-    """Property: evaluate reads nothing but what identify wrote."""
-    damage(result / "result.json")
-    before = digests(desk.folder)
-    ran = command("evaluate", result, "good.csv", "--robot", desk.lib.folder)
-    assert (ran.code, len(ran.err.splitlines())) == (2, 1), ran
-    assert match in ran.err
-    assert digests(desk.folder) == before
-
-
-def test_a_failure_leaves_the_older_result(desk: Desk, command: Command, result: Path) -> None:
-    """Property: a bad log on top of a good result changes no byte of it."""
-    bad = desk.changed(tau=-desk.log.tau)
-    before = digests(desk.folder)
-    assert command(*desk.identify(bad)).code == 2
-    assert digests(desk.folder) == before
-    assert (result / "result.json").exists()

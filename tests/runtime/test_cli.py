@@ -1,13 +1,9 @@
-"""`python -m runtime`: every command, on the FR3 and on a second robot, and Ctrl-C."""
+"""`python -m runtime`: every command, on the FR3 and on a second robot."""
 
 import json
-import os
-import re
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,18 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 import runtime
-from runtime import Recording, write_recording
 from runtime.cli import app
-from runtime.excitation import Design, design
 from runtime.library import Library
 from tests.runtime.conftest import Command
+from tests.runtime.processes import QUIET
 
 COMMANDS = sorted(str(command.name) for command in app.registered_commands)
-# One thread per process: two test processes on two cores would otherwise wait for each other.
-QUIET = os.environ | {
-    "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONPATH": str(Path(runtime.__file__).parents[1]),
-}
 
 
 def python(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -63,13 +53,6 @@ def test_no_arguments_are_a_question() -> None:
     assert "identify" in answer.output
 
 
-@pytest.fixture(scope="module")
-def log(noisy: Recording, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("log") / "log.csv"
-    write_recording(noisy, path)
-    return path
-
-
 def test_identify_writes_everything(
     command: Command, lib: Library, log: Path, tmp_path: Path
 ) -> None:
@@ -99,53 +82,6 @@ def test_identify_writes_everything(
     assert [len(link["verdicts"]) for link in facts["uncertainty"]["links"]] == [10] * 7
     assert "What the data determine" in (folder / "report.html").read_text(encoding="utf-8")
     assert command("identify", log, "--robot", lib.folder, "--prior", "no.toml").code == 2
-
-
-def test_export_writes_what_others_load(
-    command: Command, lib: Library, log: Path, tmp_path: Path
-) -> None:
-    """Property: every format of a result, checked and told; nothing replaced without leave."""
-    words = ("--friction", "viscous,coulomb", "--method", "pc-ols", "--out", "out")
-    assert command("identify", log, "--robot", lib.folder, *words).code == 0
-    ran = command("export", "out", "--robot", lib.folder)
-    assert ran.code == 0, ran.err
-    written = {path.name for path in (tmp_path / "out" / "export").iterdir()}
-    assert written == {
-        *("fr3.urdf", "fr3.xml", "fr3.sdf", "inertials.yaml", "dynamics.yaml"),
-        "fr3_identified.h",
-    }
-    assert ran.out.count("verified: reloaded by") == 6
-    again = command("export", "out", "--robot", lib.folder, "--to", "mjcf,urdf")
-    assert again.code == 2
-    assert "fr3.xml' exists" in again.err
-    assert command("export", "out", "--robot", lib.folder, "--to", "urdf", "--overwrite").code == 0
-    assert "friction, header; got 'usd'" in command("export", "out", "--to", "usd").err
-    assert "no valid result.json" in command("export", tmp_path).err
-
-
-def test_export_says_what_it_could_not_write(
-    command: Command, lib: Library, log: Path, tmp_path: Path
-) -> None:
-    """Property: bodies that cannot exist are refused one by one, exit code 2, nothing left."""
-    run = command("identify", log, "--robot", lib.folder, "--method", "ols", "--out", "out")
-    assert run.code == 0
-    ran = command("export", "out", "--robot", lib.folder, "--to", "urdf,header")
-    assert ran.code == 2
-    assert "2 of 2 not written: urdf, header" in ran.err
-    assert "urdf: not written: fr3_link" in ran.out or "urdf: link 'fr3_link" in ran.out
-    assert not (tmp_path / "out" / "export").exists()
-
-
-def test_inconsistent_models_get_no_urdf(
-    command: Command, lib: Library, log: Path, tmp_path: Path
-) -> None:
-    """Property: least squares on noise gives no bodies, so there is nothing to simulate."""
-    out = tmp_path / "out"
-    ran = command("identify", log, "--robot", lib.folder, "--method", "ols", "--out", out)
-    assert ran.code == 0
-    assert json.loads((out / "result.json").read_text())["consistent"] is False
-    assert not (out / "identified.urdf").exists()
-    assert "not written" in ran.out
 
 
 def test_options_reach_the_method(
@@ -259,51 +195,6 @@ def test_excite_writes_a_motion_that_identify_could_use(
     assert facts["condition_number"] > 1
 
 
-def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_path: Path) -> None:
-    """Property: files per kind and stage, a table per stage; the CSV only where asked for."""
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--rate", "100")
-    stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
-    ran = command("excite", "--robot", lib.folder, *words, *stages, "--plot", "--out", "m.json")
-    assert ran.code == 0, ran.err
-    assert "certificate at 10 % speed: holds at every instant" in ran.out
-    assert "certificate at 100 % speed: holds at every instant" in ran.out
-    kinds = ("certificate.json", "libfranka.csv", "ros.yaml")
-    expected = {f"{stem}.{kind}" for stem in ("m", "m-speed10") for kind in kinds}
-    pictures = ("m.png", "m-speed.png", "m-space.png")
-    assert {path.name for path in tmp_path.iterdir()} == {"m.json", *pictures, *expected}
-    assert f"trajectory: m.json, {', '.join(pictures)}" in ran.out
-    slow = (tmp_path / "m-speed10.libfranka.csv").read_text()
-    assert len(re.findall("^[0-9]", slow, re.MULTILINE)) == 40_001
-
-
-def test_excite_exports_nothing_that_breaks_a_limit(
-    command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Property: one sentence, exit code 2; the design stays, no file for a robot is written."""
-    from runtime.cli import excite
-
-    def wild(*words: object, **options: object) -> Design:
-        found = design(*words, **options)  # type: ignore[arg-type]
-        inside = 0.9 * found.trajectory.coefficients  # positions hold, too fast is what it is
-        faster = replace(found.trajectory, coefficients=inside, duration=2.5)
-        return replace(found, trajectory=faster)
-
-    monkeypatch.setattr(excite, "design", wild)
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")
-    # The slow stage would hold, the fast one does not: neither is written.
-    stages = ("--speed", "10", "--speed", "100")
-    ran = command("excite", "--robot", lib.folder, *words, *stages, "--export", "ros")
-    assert ran.code == 2
-    assert "does NOT hold" in ran.out
-    assert ran.err.startswith("runtime: nothing is exported, the motion exceeds limits: ")
-    assert re.search(r"add --speed \d\d, at which they are kept$", ran.err.strip())
-    assert len(ran.err.splitlines()) == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["m.json"]
-    ran = command("excite", "--robot", lib.folder, "--speed", "150", "--out", "n.json")
-    assert (ran.code, (tmp_path / "n.json").exists()) == (2, False)
-    assert "up to 100 %, got 150 %" in ran.err
-
-
 def test_simulate_ideal_by_default_names(command: Command, lib: Library, tmp_path: Path) -> None:
     """Property: without a trajectory one is designed; the truth lies beside the log."""
     ran = command("simulate", "--robot", lib.folder, "--ideal", "--torque-noise", "0")
@@ -326,92 +217,3 @@ def test_a_real_process(lib: Library, log: Path, tmp_path: Path) -> None:
     assert ran.stdout == ""
     assert ran.stderr.startswith("runtime: there is no file or folder 'nothing.csv'")
     assert len(ran.stderr.splitlines()) == 1
-
-
-# The process stops for good at a known point inside the method; only SIGINT gets it going again.
-WAITING = """
-import signal, sys, time
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
-import runtime.descent
-import runtime.cli.{module} as room
-runtime.descent.CHUNK = 50  # a look at Ctrl-C every 50 iterations
-original = room.{function}
-
-def waiting(*args, progress, **options):
-    def told(done, *rest):
-        progress(done, *rest)
-        if done == {stop}:
-            print("waiting", flush=True)
-            time.sleep(100)
-    return original(*args, progress=told, **options)
-
-room.{function} = waiting
-from runtime.cli import main
-main()
-"""
-
-
-def interrupted(code: str, *words: object, cwd: Path) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of a process that gets Ctrl-C once it says `waiting`."""
-    with subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, words)],
-        cwd=cwd,
-        env=QUIET,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        try:
-            assert process.stdout is not None
-            for line in process.stdout:
-                if "waiting" in line:
-                    process.send_signal(signal.SIGINT)
-                    break
-            out, err = process.communicate(timeout=60)
-        finally:
-            process.kill()
-    return process.returncode, out, err
-
-
-def test_ctrl_c_keeps_the_best_identification(lib: Library, log: Path, tmp_path: Path) -> None:
-    """Property: SIGINT during the descent writes the best point so far, and says so."""
-    code = WAITING.format(module="identify", function="identify", stop=50)
-    words = ("--robot", lib.folder, "--friction", "viscous,coulomb", "--out", "out")
-    words += ("--method", "adam")
-    ran = interrupted(code, "identify", log, *words, cwd=tmp_path)
-    assert ran[0] == 0, ran
-    facts = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert facts["status"].startswith("interrupted by the user")
-    assert facts["iterations"] == 50
-    errors = facts["torque_error_percent"]
-    assert errors["after_overall"] < errors["before_overall"]
-    assert (tmp_path / "out" / "report.html").exists()
-    assert "interrupted by the user" in ran[1]
-
-
-def test_ctrl_c_keeps_the_best_excitation(lib: Library, tmp_path: Path) -> None:
-    """Property: SIGINT after the first of many starts writes that one."""
-    code = WAITING.format(module="excite", function="design", stop=1)
-    words = ("--harmonics", "2", "--starts", "1000", "--duration", "4", "--out", "a.json")
-    words = ("--document", *words)
-    ran = interrupted(code, "excite", "--robot", lib.folder, *words, cwd=tmp_path)
-    assert ran[0] == 0, ran
-    facts = json.loads((tmp_path / "a.json").read_text())
-    assert facts["condition_numbers_of_starts"] == pytest.approx(
-        [facts["condition_number"]], rel=0.02
-    )
-
-
-def test_ctrl_c_before_there_is_anything(
-    command: Command, lib: Library, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Property: one sentence, the shell's exit code for SIGINT, and no file."""
-
-    def interrupt(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("runtime.cli.options.read_recording", interrupt)
-    ran = command("identify", log, "--robot", lib.folder)
-    assert (ran.code, ran.err.count("\n")) == (130, 1)
-    assert "interrupted" in ran.err
-    assert list(tmp_path.iterdir()) == []

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from runtime.errors import RecordingError
 from runtime.recording import Recording, read_recording, write_recording
 from runtime.recording.recipe_file import recipe_from_table
-from tests.runtime.test_recording import motion
+from tests.runtime.logs import motion
 
 
 def columns(n: int = 400) -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ import pytest
 
 from runtime.report import write_report
 from tests.browser import Watched, chromium
-from tests.runtime.test_report import write
+from tests.runtime.pages import write
 
 WIDE = {"viewport": {"width": 1300, "height": 900}}
 NARROW = {"viewport": {"width": 400, "height": 800}}

@@ -18,7 +18,7 @@ from runtime.errors import RuntimeFault
 from runtime.report.experiments import read_experiments, write_experiments
 from tests.browser import Watched, chromium
 from tests.runtime.conftest import Command
-from tests.runtime.test_report import Reader
+from tests.runtime.pages import Reader
 
 MARK = "ab" * 32
 AIRM = {"adam": [0.10, 0.20, 0.30], "map": [0.01, 0.02, 0.06]}

@@ -10,7 +10,7 @@ import pytest
 
 from symgen.cli import main
 from tests.conftest import REPOSITORY, TINY_URDF
-from tests.symgen.test_build import snapshot
+from tests.symgen.builds import snapshot
 from tests.symgen.test_chain import MALFORMED
 
 

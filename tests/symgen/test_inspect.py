@@ -1,4 +1,4 @@
-"""`symgen.inspect` on published models, crafted faults, random bodies and broken files."""
+"""`symgen.inspect` on published models, random bodies, shapes and broken files."""
 
 import random
 import re
@@ -17,7 +17,7 @@ from symgen.inspect import ERROR, Body, Inspection, inspect_file, inspect_text
 from symgen.inspect.geometry import Meshes
 from symgen.inspect.urdf import read_urdf
 from tests.conftest import TINY_URDF
-from tests.taylor import Array
+from tests.symgen.bodies import BOX, GOOD, POINT, TILTED, arm, before_2024, block, judge, steiner
 
 BAD = {
     "franka_fer/fer.urdf": {"link 'fer_link4'"},
@@ -31,73 +31,8 @@ BAD = {
 """Models that cannot exist, as published, and where; checked by hand with eigenvalues."""
 
 
-def judge(text: str, path: Path = Path("robot.urdf")) -> Inspection:
-    return inspect_text(text, path, with_base=False)
-
-
 def kinds(inspection: Inspection, where: str | None = None) -> set[tuple[str, str]]:
     return {(f.severity, f.kind) for f in inspection.findings if where in {None, f.where}}
-
-
-def block(mass: float, com: Array, tensor: Array) -> str:
-    entries = " ".join(
-        f'i{"xyz"[i]}{"xyz"[j]}="{float(tensor[i, j])!r}"' for i in range(3) for j in range(i, 3)
-    )
-    xyz = " ".join(repr(float(x)) for x in com)
-    return f'<inertial><origin xyz="{xyz}"/><mass value="{mass!r}"/><inertia {entries}/></inertial>'
-
-
-def solid(mass: float, box: tuple[float, float, float]) -> Array:
-    """Inertia of a solid box."""
-    square = np.array(box) ** 2
-    return mass / 12 * np.diag(square.sum() - square)
-
-
-def steiner(mass: float, com: Array) -> Array:
-    """m (|c|² 1 − c cᵀ), the shift from the centre of mass to the link origin."""
-    return mass * (com @ com * np.eye(3) - np.outer(com, com))
-
-
-def arm(inertials: list[str], shapes: dict[int, str] | None = None) -> str:
-    """A serial arm with links 0.3 m apart, one <inertial> text per moving link."""
-    parts = ['<robot name="arm"><link name="base"/>']
-    for k, inertial in enumerate(inertials, 1):
-        parent = f"link{k - 1}" if k > 1 else "base"
-        axis = ("0 0 1", "0 1 0", "1 0 0")[k % 3]
-        parts.append(
-            f'<joint name="joint{k}" type="revolute"><origin xyz="0.1 0 0.3"/>'
-            f'<parent link="{parent}"/><child link="link{k}"/><axis xyz="{axis}"/>'
-            '<limit lower="-2" upper="2" velocity="2" effort="50"/></joint>'
-            f'<link name="link{k}">{inertial}{(shapes or {}).get(k, "")}</link>'
-        )
-    return "".join(parts) + "</robot>"
-
-
-GOOD = block(2.0, np.array([0.05, 0.01, 0.1]), solid(2.0, (0.1, 0.12, 0.3)))
-
-
-def before_2024(models: Path) -> str:
-    """The FR3 with the manufacturer's inertials until June 2024."""
-    folder = models / "franka_fr3"
-    lines = (folder / "inertials_4bb824f_pre_triangle_fix.yaml").read_text().splitlines()
-    text, values, link = (folder / "fr3.urdf").read_text(), {}, ""
-    for line in [*lines, "end:"]:
-        key, _, value = (word.strip() for word in line.partition(":"))
-        if not line.startswith(" "):
-            if values:
-                keys = ("xx", "xy", "xz", "yy", "yz", "zz")
-                entries = " ".join(f'i{k}="{values[k]}"' for k in keys)
-                inertial = (
-                    f'<inertial><origin rpy="0 0 0" xyz="{values["xyz"]}"/>'
-                    f'<mass value="{values["mass"]}"/><inertia {entries}/></inertial>'
-                )
-                pattern = rf'(<link name="fr3_{link}">.*?)<inertial>.*?</inertial>'
-                text, count = re.subn(pattern, rf"\g<1>{inertial}", text, count=1, flags=re.DOTALL)
-                assert count == 1
-            link, values = key, {}
-        else:
-            values[key] = value
-    return text
 
 
 def published(models: Path) -> Iterator[tuple[str, Inspection]]:
@@ -174,182 +109,6 @@ def test_bodies_beyond_the_cone_have_an_error(body: Body, beyond: float, axis: i
     assert (ERROR, "triangle") in kinds(inspection, "link 'link1'")
     with pytest.raises(InertiaError):
         require_realisable(Body(wrong.mass, np.zeros(3), wrong.inertia).pi, "link1")
-
-
-POINT = np.array([0.05, 0.01, 0.1])
-BRICK = solid(2.0, (0.1, 0.12, 0.3))
-TILTED = np.array([[0.02, 0.004, -0.003], [0.004, 0.025, 0.002], [-0.003, 0.002, 0.018]])
-WIDE = np.array([0.05, 0.03, 0.1])
-ODD = 0.02 * np.eye(3) + 0.006 * (np.ones((3, 3)) - np.eye(3))
-"""Moments 0.032, 0.014, 0.014: impossible; with one product negative 0.026, 0.026, 0.008."""
-MIRROR = np.diag([1.0, -1.0, 1.0])
-BOX = '<collision><geometry><box size="0.1 0.12 0.3"/></geometry></collision>'
-
-FLAGS = {
-    "mass": (arm([block(-1.0, POINT, BRICK)]), ERROR, "mass", "the mass is -1 kg"),
-    "no mass": (arm([block(0.0, POINT, BRICK)]), ERROR, "mass", "inertia but no mass"),
-    "zero": (arm([block(2.0, POINT, 0 * BRICK)]), ERROR, "zero-inertia", "2 kg without inertia"),
-    "missing": (arm([GOOD, ""]), ERROR, "massless", "neither it nor anything on it has mass"),
-    "hollow": (arm(["", GOOD]), "warning", "massless", "no mass of its own"),
-    "negative": (arm([block(2.0, POINT, -BRICK)]), ERROR, "triangle", "is negative"),
-    "no tensor": (
-        arm(['<inertial><mass value="1"/></inertial>']),
-        ERROR,
-        "incomplete",
-        "without <inertia>",
-    ),
-    "no number": (arm([GOOD.replace("2.0", "two")]), ERROR, "unreadable", "got 'two'"),
-    "not finite": (arm([GOOD.replace("2.0", "nan")]), ERROR, "unreadable", "got 'nan'"),
-    "huge": (arm([GOOD.replace("2.0", "1e200")]), ERROR, "unreadable", "the mass is 1e200"),
-    "speck": (arm([GOOD.replace("2.0", "1e-200")]), ERROR, "mass", "more than 1e-09 kg"),
-    "two inertials": (arm([GOOD + GOOD]), ERROR, "structure", "2 <inertial>"),
-    "sign alone": (
-        arm([block(1.0, POINT, ODD)]),
-        "warning",
-        "sign",
-        "with the opposite sign of one product",
-    ),
-    "sign of a sister": (
-        arm([block(2.0, WIDE, TILTED), block(2.0, MIRROR @ WIDE, TILTED)]),
-        "warning",
-        "sign",
-        "no mirror explains the signs",
-    ),
-    "decimal of the tensor": (
-        arm([block(2.0, POINT, 100 * BRICK)], {1: BOX}),
-        "warning",
-        "size",
-        r"times 10\^-[12] \(a decimal point",
-    ),
-    "decimal without shapes": (
-        arm([block(2.0, POINT, 1000 * BRICK), GOOD]),
-        "warning",
-        "size",
-        r"times 10\^-[123] \(a decimal point",
-    ),
-    "decimal of the mass": (
-        arm([block(2000.0, POINT, 1000 * BRICK)], {1: BOX}),
-        "warning",
-        "density",
-        r"the mass times 10\^-[23]",
-    ),
-    "decimal of one entry": (
-        arm([block(2.0, POINT, BRICK * [[1, 1, 1], [1, 1, 1], [1, 1, 0.01]])]),
-        "warning",
-        "decimal",
-        "izz = .* is the one entry",
-    ),
-    "dense": (arm([block(2.0, POINT, BRICK / 1000)]), "warning", "dense", "denser|matter of at"),
-    "airy": (
-        arm([block(0.01, POINT, BRICK / 20)]),
-        "warning",
-        "airy",
-        "more than packing foam",
-    ),
-    "outside": (arm([block(2.0, POINT + 1, BRICK)], {1: BOX}), "warning", "outside", "mm outside"),
-    "placeholder": (
-        arm([block(2.0, POINT, 0.01 * np.eye(3))]),
-        "warning",
-        "placeholder",
-        "0.01 times the identity",
-    ),
-    "copied": (
-        arm([GOOD, block(1.0, POINT, BRICK)]),
-        "warning",
-        "copied",
-        "that of 'link2', with different masses",
-    ),
-    "about the origin": (
-        arm(
-            [
-                block(
-                    2.0,
-                    c,
-                    solid(2.0, (0.1, 0.12, 0.2)) + steiner(2.0, c),
-                )
-                for c in (POINT, POINT * [1, -1, 1], POINT * [-1, 1, 1.5])
-            ]
-        ),
-        "warning",
-        "wrong-point",
-        "taken about the link origin.*as for all links",
-    ),
-    "shifted twice": (
-        arm([block(2.0, POINT, BRICK - steiner(1.5, POINT))]),
-        "warning",
-        "wrong-point",
-        "shift to the centre of mass had been made twice",
-    ),
-    "crossed limits": (
-        arm([GOOD]).replace('lower="-2"', 'lower="3"'),
-        ERROR,
-        "limits",
-        "lower limit 3 lies above the upper limit 2",
-    ),
-    "locked": (arm([GOOD]).replace('"-2" upper="2"', '"0" upper="0"'), "warning", "limits", "both"),
-    "no limits": (
-        re.sub("<limit[^>]*/>", "", arm([GOOD])),
-        "warning",
-        "limits",
-        "no position limits",
-    ),
-    "degrees": (
-        arm([GOOD]).replace('"-2" upper="2"', '"-170" upper="170"'),
-        "warning",
-        "limits",
-        "degrees",
-    ),
-    "no effort": (arm([GOOD]).replace('effort="50"', 'effort="0"'), "warning", "limits", "is 0"),
-    "weak": (
-        arm([GOOD]).replace('effort="50"', 'effort="-5"'),
-        ERROR,
-        "limits",
-        "limit is -5",
-    ),
-    "drives": (
-        arm([GOOD]).replace("</joint>", '<dynamics damping="-1" friction="0.1"/></joint>'),
-        ERROR,
-        "dissipation",
-        "the damping is -1",
-    ),
-    "axis": (arm([GOOD]).replace('xyz="0 1 0"', 'xyz="0 0 0"'), ERROR, "axis", "axis is 0 0 0"),
-    "stray link": (
-        arm([GOOD]).replace("</robot>", '<link name="stray"/></robot>'),
-        ERROR,
-        "structure",
-        "exactly one root link",
-    ),
-    "loop": (
-        arm([GOOD]).replace('parent link="base"', 'parent link="link1"'),
-        ERROR,
-        "structure",
-        "loop",
-    ),
-}
-
-
-@pytest.mark.parametrize("name", FLAGS)
-def test_flags(name: str) -> None:
-    """Property: a crafted fault is named, once where it is, in one sentence."""
-    text, severity, kind, pattern = FLAGS[name]
-    found = [f for f in judge(text).findings if (f.severity, f.kind) == (severity, kind)]
-    assert any(re.search(pattern, f.sentence) for f in found), [
-        f.sentence for f in judge(text).findings
-    ]
-    assert all("\n" not in f.sentence for f in found)
-
-
-def test_good_arm_has_no_finding() -> None:
-    """Property: none of the checks fires on ordinary bodies, mirrored sisters among them."""
-    bricks = [
-        block(2.0, POINT, BRICK),
-        block(1.5, POINT * [1, -1, 1], 1.1 * TILTED),
-        block(1.5, POINT, MIRROR @ (1.1 * TILTED) @ MIRROR),
-    ]
-    placed = BOX.replace("<geometry>", '<origin xyz="0.05 0.01 0.1"/><geometry>')
-    found = judge(arm(bricks, {1: placed}))
-    assert found.findings == ()
-    assert found.rows[0].density == pytest.approx(2.0 / 0.0036)
 
 
 def test_volumes_of_shapes(tmp_path: Path) -> None:

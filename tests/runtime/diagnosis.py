@@ -1,0 +1,24 @@
+"""What the doctor has told about a log, for its tests."""
+
+from pathlib import Path
+
+from runtime.doctor import ERROR, WARNING, Inspection, inspect_log, recipe_text
+from runtime.library import Library
+
+EXAMPLE = Path(__file__).parents[2] / "runtime" / "examples" / "fr3_simulated.npz"
+
+
+def told(inspection: Inspection) -> dict[str, str]:
+    """Kinds of warnings and errors → their sentences."""
+    return {f.kind: f.sentence for f in inspection.of_level(ERROR, WARNING)}
+
+
+def trap_of(inspection: Inspection, kind: str) -> int:
+    return next(f.trap for f in inspection.findings if f.kind == kind)
+
+
+def settles(inspection: Inspection, log: Path, lib: Library, tmp_path: Path) -> None:
+    """Read with the proposed recipe, the log raises no alarm."""
+    recipe = tmp_path / "proposed.toml"
+    recipe.write_text(recipe_text(inspection), encoding="utf-8")
+    assert told(inspect_log(log, lib, recipe)) == {}

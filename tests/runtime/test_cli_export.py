@@ -1,0 +1,104 @@
+"""`python -m runtime`: models and motions exported for others."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from runtime.excitation import Design, design
+from runtime.library import Library
+from tests.runtime.conftest import Command
+
+
+def test_export_writes_what_others_load(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: every format of a result, checked and told; nothing replaced without leave."""
+    words = ("--friction", "viscous,coulomb", "--method", "pc-ols", "--out", "out")
+    assert command("identify", log, "--robot", lib.folder, *words).code == 0
+    ran = command("export", "out", "--robot", lib.folder)
+    assert ran.code == 0, ran.err
+    written = {path.name for path in (tmp_path / "out" / "export").iterdir()}
+    assert written == {
+        *("fr3.urdf", "fr3.xml", "fr3.sdf", "inertials.yaml", "dynamics.yaml"),
+        "fr3_identified.h",
+    }
+    assert ran.out.count("verified: reloaded by") == 6
+    again = command("export", "out", "--robot", lib.folder, "--to", "mjcf,urdf")
+    assert again.code == 2
+    assert "fr3.xml' exists" in again.err
+    assert command("export", "out", "--robot", lib.folder, "--to", "urdf", "--overwrite").code == 0
+    assert "friction, header; got 'usd'" in command("export", "out", "--to", "usd").err
+    assert "no valid result.json" in command("export", tmp_path).err
+
+
+def test_export_says_what_it_could_not_write(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: bodies that cannot exist are refused one by one, exit code 2, nothing left."""
+    run = command("identify", log, "--robot", lib.folder, "--method", "ols", "--out", "out")
+    assert run.code == 0
+    ran = command("export", "out", "--robot", lib.folder, "--to", "urdf,header")
+    assert ran.code == 2
+    assert "2 of 2 not written: urdf, header" in ran.err
+    assert "urdf: not written: fr3_link" in ran.out or "urdf: link 'fr3_link" in ran.out
+    assert not (tmp_path / "out" / "export").exists()
+
+
+def test_inconsistent_models_get_no_urdf(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: least squares on noise gives no bodies, so there is nothing to simulate."""
+    out = tmp_path / "out"
+    ran = command("identify", log, "--robot", lib.folder, "--method", "ols", "--out", out)
+    assert ran.code == 0
+    assert json.loads((out / "result.json").read_text())["consistent"] is False
+    assert not (out / "identified.urdf").exists()
+    assert "not written" in ran.out
+
+
+def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_path: Path) -> None:
+    """Property: files per kind and stage, a table per stage; the CSV only where asked for."""
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--rate", "100")
+    stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
+    ran = command("excite", "--robot", lib.folder, *words, *stages, "--plot", "--out", "m.json")
+    assert ran.code == 0, ran.err
+    assert "certificate at 10 % speed: holds at every instant" in ran.out
+    assert "certificate at 100 % speed: holds at every instant" in ran.out
+    kinds = ("certificate.json", "libfranka.csv", "ros.yaml")
+    expected = {f"{stem}.{kind}" for stem in ("m", "m-speed10") for kind in kinds}
+    pictures = ("m.png", "m-speed.png", "m-space.png")
+    assert {path.name for path in tmp_path.iterdir()} == {"m.json", *pictures, *expected}
+    assert f"trajectory: m.json, {', '.join(pictures)}" in ran.out
+    slow = (tmp_path / "m-speed10.libfranka.csv").read_text()
+    assert len(re.findall("^[0-9]", slow, re.MULTILINE)) == 40_001
+
+
+def test_excite_exports_nothing_that_breaks_a_limit(
+    command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: one sentence, exit code 2; the design stays, no file for a robot is written."""
+    from runtime.cli import excite
+
+    def wild(*words: object, **options: object) -> Design:
+        found = design(*words, **options)  # type: ignore[arg-type]
+        inside = 0.9 * found.trajectory.coefficients  # positions hold, too fast is what it is
+        faster = replace(found.trajectory, coefficients=inside, duration=2.5)
+        return replace(found, trajectory=faster)
+
+    monkeypatch.setattr(excite, "design", wild)
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")
+    # The slow stage would hold, the fast one does not: neither is written.
+    stages = ("--speed", "10", "--speed", "100")
+    ran = command("excite", "--robot", lib.folder, *words, *stages, "--export", "ros")
+    assert ran.code == 2
+    assert "does NOT hold" in ran.out
+    assert ran.err.startswith("runtime: nothing is exported, the motion exceeds limits: ")
+    assert re.search(r"add --speed \d\d, at which they are kept$", ran.err.strip())
+    assert len(ran.err.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["m.json"]
+    ran = command("excite", "--robot", lib.folder, "--speed", "150", "--out", "n.json")
+    assert (ran.code, (tmp_path / "n.json").exists()) == (2, False)
+    assert "up to 100 %, got 150 %" in ran.err

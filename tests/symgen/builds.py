@@ -1,0 +1,25 @@
+"""Folders of the pendulum before and after a build."""
+
+from pathlib import Path
+
+from runtime.library import load
+from symgen.request import BuildRequest
+
+
+def snapshot(folder: Path) -> dict[str, tuple[bytes, int]]:
+    """Bytes and modification time of every file, lock files aside."""
+    return {
+        path.relative_to(folder).as_posix(): (path.read_bytes(), path.stat().st_mtime_ns)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and not path.name.endswith(".lock")
+    }
+
+
+def heavier(request: BuildRequest, kilograms: str = "2.5") -> BuildRequest:
+    return BuildRequest(request.name, request.urdf.replace('"1.5"', f'"{kilograms}"'))
+
+
+def mass(folder: Path) -> float:
+    """Mass that the library really computes with: τ at rest, arm level, is 0.1 m g."""
+    lib = load(folder)
+    return float(lib.inverse_dynamics([0.0], [0.0], [0.0], lib.pi0)[0] / (-9.81 * 0.1))

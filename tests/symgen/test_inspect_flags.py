@@ -1,0 +1,180 @@
+"""`symgen.inspect`: every crafted fault is flagged by its name, a good arm is not."""
+
+import re
+
+import numpy as np
+import pytest
+
+from symgen.inspect import ERROR
+from tests.symgen.bodies import BOX, BRICK, GOOD, POINT, TILTED, arm, block, judge, solid, steiner
+
+WIDE = np.array([0.05, 0.03, 0.1])
+ODD = 0.02 * np.eye(3) + 0.006 * (np.ones((3, 3)) - np.eye(3))
+"""Moments 0.032, 0.014, 0.014: impossible; with one product negative 0.026, 0.026, 0.008."""
+MIRROR = np.diag([1.0, -1.0, 1.0])
+
+FLAGS = {
+    "mass": (arm([block(-1.0, POINT, BRICK)]), ERROR, "mass", "the mass is -1 kg"),
+    "no mass": (arm([block(0.0, POINT, BRICK)]), ERROR, "mass", "inertia but no mass"),
+    "zero": (arm([block(2.0, POINT, 0 * BRICK)]), ERROR, "zero-inertia", "2 kg without inertia"),
+    "missing": (arm([GOOD, ""]), ERROR, "massless", "neither it nor anything on it has mass"),
+    "hollow": (arm(["", GOOD]), "warning", "massless", "no mass of its own"),
+    "negative": (arm([block(2.0, POINT, -BRICK)]), ERROR, "triangle", "is negative"),
+    "no tensor": (
+        arm(['<inertial><mass value="1"/></inertial>']),
+        ERROR,
+        "incomplete",
+        "without <inertia>",
+    ),
+    "no number": (arm([GOOD.replace("2.0", "two")]), ERROR, "unreadable", "got 'two'"),
+    "not finite": (arm([GOOD.replace("2.0", "nan")]), ERROR, "unreadable", "got 'nan'"),
+    "huge": (arm([GOOD.replace("2.0", "1e200")]), ERROR, "unreadable", "the mass is 1e200"),
+    "speck": (arm([GOOD.replace("2.0", "1e-200")]), ERROR, "mass", "more than 1e-09 kg"),
+    "two inertials": (arm([GOOD + GOOD]), ERROR, "structure", "2 <inertial>"),
+    "sign alone": (
+        arm([block(1.0, POINT, ODD)]),
+        "warning",
+        "sign",
+        "with the opposite sign of one product",
+    ),
+    "sign of a sister": (
+        arm([block(2.0, WIDE, TILTED), block(2.0, MIRROR @ WIDE, TILTED)]),
+        "warning",
+        "sign",
+        "no mirror explains the signs",
+    ),
+    "decimal of the tensor": (
+        arm([block(2.0, POINT, 100 * BRICK)], {1: BOX}),
+        "warning",
+        "size",
+        r"times 10\^-[12] \(a decimal point",
+    ),
+    "decimal without shapes": (
+        arm([block(2.0, POINT, 1000 * BRICK), GOOD]),
+        "warning",
+        "size",
+        r"times 10\^-[123] \(a decimal point",
+    ),
+    "decimal of the mass": (
+        arm([block(2000.0, POINT, 1000 * BRICK)], {1: BOX}),
+        "warning",
+        "density",
+        r"the mass times 10\^-[23]",
+    ),
+    "decimal of one entry": (
+        arm([block(2.0, POINT, BRICK * [[1, 1, 1], [1, 1, 1], [1, 1, 0.01]])]),
+        "warning",
+        "decimal",
+        "izz = .* is the one entry",
+    ),
+    "dense": (arm([block(2.0, POINT, BRICK / 1000)]), "warning", "dense", "denser|matter of at"),
+    "airy": (
+        arm([block(0.01, POINT, BRICK / 20)]),
+        "warning",
+        "airy",
+        "more than packing foam",
+    ),
+    "outside": (arm([block(2.0, POINT + 1, BRICK)], {1: BOX}), "warning", "outside", "mm outside"),
+    "placeholder": (
+        arm([block(2.0, POINT, 0.01 * np.eye(3))]),
+        "warning",
+        "placeholder",
+        "0.01 times the identity",
+    ),
+    "copied": (
+        arm([GOOD, block(1.0, POINT, BRICK)]),
+        "warning",
+        "copied",
+        "that of 'link2', with different masses",
+    ),
+    "about the origin": (
+        arm(
+            [
+                block(
+                    2.0,
+                    c,
+                    solid(2.0, (0.1, 0.12, 0.2)) + steiner(2.0, c),
+                )
+                for c in (POINT, POINT * [1, -1, 1], POINT * [-1, 1, 1.5])
+            ]
+        ),
+        "warning",
+        "wrong-point",
+        "taken about the link origin.*as for all links",
+    ),
+    "shifted twice": (
+        arm([block(2.0, POINT, BRICK - steiner(1.5, POINT))]),
+        "warning",
+        "wrong-point",
+        "shift to the centre of mass had been made twice",
+    ),
+    "crossed limits": (
+        arm([GOOD]).replace('lower="-2"', 'lower="3"'),
+        ERROR,
+        "limits",
+        "lower limit 3 lies above the upper limit 2",
+    ),
+    "locked": (arm([GOOD]).replace('"-2" upper="2"', '"0" upper="0"'), "warning", "limits", "both"),
+    "no limits": (
+        re.sub("<limit[^>]*/>", "", arm([GOOD])),
+        "warning",
+        "limits",
+        "no position limits",
+    ),
+    "degrees": (
+        arm([GOOD]).replace('"-2" upper="2"', '"-170" upper="170"'),
+        "warning",
+        "limits",
+        "degrees",
+    ),
+    "no effort": (arm([GOOD]).replace('effort="50"', 'effort="0"'), "warning", "limits", "is 0"),
+    "weak": (
+        arm([GOOD]).replace('effort="50"', 'effort="-5"'),
+        ERROR,
+        "limits",
+        "limit is -5",
+    ),
+    "drives": (
+        arm([GOOD]).replace("</joint>", '<dynamics damping="-1" friction="0.1"/></joint>'),
+        ERROR,
+        "dissipation",
+        "the damping is -1",
+    ),
+    "axis": (arm([GOOD]).replace('xyz="0 1 0"', 'xyz="0 0 0"'), ERROR, "axis", "axis is 0 0 0"),
+    "stray link": (
+        arm([GOOD]).replace("</robot>", '<link name="stray"/></robot>'),
+        ERROR,
+        "structure",
+        "exactly one root link",
+    ),
+    "loop": (
+        arm([GOOD]).replace('parent link="base"', 'parent link="link1"'),
+        ERROR,
+        "structure",
+        "loop",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FLAGS)
+def test_flags(name: str) -> None:
+    """Property: a crafted fault is named, once where it is, in one sentence."""
+    text, severity, kind, pattern = FLAGS[name]
+    found = [f for f in judge(text).findings if (f.severity, f.kind) == (severity, kind)]
+    assert any(re.search(pattern, f.sentence) for f in found), [
+        f.sentence for f in judge(text).findings
+    ]
+    assert all("\n" not in f.sentence for f in found)
+
+
+def test_good_arm_has_no_finding() -> None:
+    """Property: none of the checks fires on ordinary bodies, mirrored sisters among them."""
+    bricks = [
+        block(2.0, POINT, BRICK),
+        block(1.5, POINT * [1, -1, 1], 1.1 * TILTED),
+        block(1.5, POINT, MIRROR @ (1.1 * TILTED) @ MIRROR),
+    ]
+    placed = BOX.replace("<geometry>", '<origin xyz="0.05 0.01 0.1"/><geometry>')
+    found = judge(arm(bricks, {1: placed}))
+    assert found.findings == ()
+    assert found.rows[0].density == pytest.approx(2.0 / 0.0036)

@@ -120,7 +120,11 @@ def moved_of(
 
 
 def noise_of(lib: Library, moved: Moved, kappa: float = CAD) -> Noise | None:
-    """Noise of a log by the most probable model; None where there is no torque, or too little."""
+    """Noise of a log by the most probable model; None where there is no torque, or too little.
+
+    A fit absorbs slow patterns of short logs: noise that is inflated five times looks like 3.6
+    in 10 s of seven joints with three friction columns, and like 4.8 in a minute.
+    """
     samples = moved.samples
     unknowns = len(lib.base_columns) + samples.columns[0].size
     if not moved.measured or samples.tau.size <= unknowns:

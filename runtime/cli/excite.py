@@ -10,7 +10,7 @@ from rich.progress import Progress
 
 from runtime.certificate import certificate, pulled_inside, require_speed, slowed
 from runtime.cli.common import Robot, Seed, console, say
-from runtime.cli.prediction import information_of, tell
+from runtime.cli.prediction import EarlierLogs, PayloadAlone, information_of, tell
 from runtime.cli.safety import certificate_table, notes, safety_of
 from runtime.course import course
 from runtime.errors import RuntimeFault
@@ -103,16 +103,8 @@ def excite_command(
         str, typer.Option(metavar="σ", help="Torque noise, N·m: one number or one per joint.")
     ] = "0.05",
     log_rate: Annotated[float, typer.Option(help="Rate at which the robot will log, Hz.")] = 100.0,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(metavar="LOG", help="What this log tells counts already; repeatable."),
-    ] = None,
-    payload: Annotated[
-        bool,
-        typer.Option(
-            "--payload", help="Only the last link's ten parameters are unknown, the arm is known."
-        ),
-    ] = False,
+    prior: EarlierLogs = None,
+    payload: PayloadAlone = False,
     table: Annotated[
         float | None, typer.Option(metavar="Z", help="Height of a table, m in the base frame.")
     ] = None,

@@ -28,6 +28,8 @@ from runtime.accuracy import (
 from runtime.cli.common import Robot, console, say
 from runtime.cli.options import Cutoff, Recipe, Run, read_data
 from runtime.cli.prediction import (
+    EarlierLogs,
+    PayloadAlone,
     base_table,
     link_table,
     payload_sentence,
@@ -79,22 +81,14 @@ def predict_command(
             f"recipe, else {','.join(FRICTION)}.",
         ),
     ] = None,
-    payload: Annotated[
-        bool,
-        typer.Option(
-            "--payload", help="Only the last link's ten parameters are unknown, the arm is known."
-        ),
-    ] = False,
-    prior: Annotated[
-        list[str] | None,
-        typer.Option(metavar="LOG", help="What this log tells counts already; repeatable."),
-    ] = None,
+    payload: PayloadAlone = False,
+    prior: EarlierLogs = None,
     more: Annotated[
         str | None,
         typer.Option(
             metavar=f"MOTION|{SAME}",
-            help=f"What {', '.join(f'{s:g}' for s in SECONDS)} s more of this motion or log would "
-            f"improve, or of the {SAME} motion again.",
+            help=f"What {', '.join(f'{s:g}' for s in SECONDS)} s more would improve, of the {SAME} "
+            "motion again, or of another motion or log.",
         ),
     ] = None,
     recipe: Recipe = None,
@@ -121,7 +115,7 @@ def predict_command(
     """
     lib = load(robot)
     if log_rate is not None:
-        information(lib, rate=log_rate)  # a rate?
+        information(lib, rate=log_rate)  # raises where it is none
     options = {"recipe": recipe, "run": run, "friction": friction, "cutoff": cutoff}
     moved = _moved(lib, trajectory, log_rate, options)
     situation = _situation(lib, moved, noise, prior, payload)

@@ -1,8 +1,10 @@
 """What a motion will tell, as tables and sentences; and the options that decide about it."""
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
+import typer
 from rich.table import Table
 
 from runtime.accuracy import Expected, Worth, base_names
@@ -13,6 +15,17 @@ from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
 from runtime.prior import prior_information
 from runtime.recording import read_recording
+
+EarlierLogs = Annotated[
+    list[str] | None,
+    typer.Option("--prior", metavar="LOG", help="What this log tells counts already; repeatable."),
+]
+PayloadAlone = Annotated[
+    bool,
+    typer.Option(
+        "--payload", help="Only the last link's ten parameters are unknown, the arm is known."
+    ),
+]
 
 
 def torque_noise(text: str, joints: int) -> Array:

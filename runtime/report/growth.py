@@ -7,20 +7,8 @@ import numpy as np
 from runtime.accuracy import Growth
 from runtime.atomic import replacing
 from runtime.report.log import picture_format
-from runtime.report.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    INK,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    blank,
-    settings,
-)
+from runtime.report.style import CYCLE, GREY, INK, blank, settings
 
-_COLOURS = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
 _DASHES = ("-", "--", ":")
 
 
@@ -38,8 +26,8 @@ def draw_growth(growth: Growth, path: Path) -> None:
     with blank((10.0, 4.6), settings(), dpi=130) as figure:
         masses, worst = figure.subplots(1, 2, sharex=True)
         for k, (name, sigma) in enumerate(zip(growth.links, growth.masses.T, strict=True)):
-            style = _DASHES[k // len(_COLOURS) % len(_DASHES)]
-            colour = _COLOURS[k % len(_COLOURS)]
+            style = _DASHES[k // len(CYCLE) % len(_DASHES)]
+            colour = CYCLE[k % len(CYCLE)]
             masses.plot(growth.seconds, 1e3 * sigma, color=colour, linestyle=style, label=name)
         told = np.isfinite(growth.payload)
         if told.any():

@@ -9,11 +9,10 @@ from runtime.atomic import replacing
 from runtime.errors import RecordingError
 from runtime.recording import Recording
 from runtime.report.figures import thinned
-from runtime.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, blank, settings
+from runtime.report.style import BLUE, CYCLE, GREY, VERMILION, blank, settings
 
 FORMATS = ("png", "pdf", "svg")
 POINTS = 4000
-_COLOURS = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
 _HOLE = 10.0
 
 
@@ -61,7 +60,7 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
         axes[0].set_title("step of time [ms]")
         for axis, (title, values) in zip(axes[1:], panels.items(), strict=True):
             for j, name in enumerate(names):
-                colour = _COLOURS[j % len(_COLOURS)]
+                colour = CYCLE[j % len(CYCLE)]
                 axis.plot(*thinned(t, values[:, j], POINTS), color=colour, label=name)
             axis.set_title(title)
         holes = np.flatnonzero(steps > _HOLE * np.median(steps)) if len(steps) else steps[:0]

@@ -11,6 +11,8 @@ BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PURPLE, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
 """Okabe and Ito, told apart with any colour vision."""
 INK, GREY, PALE = "#222222", "#BBBBBB", "#E4E4E4"
+CYCLE = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
+"""For lines side by side."""
 
 
 def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, Any]:

@@ -267,6 +267,12 @@ def test_growth_ends_where_the_prediction_is(lib: Library, moved: Moved) -> None
     assert not np.isnan(found.payload).any()
 
 
+def test_motions_with_other_friction_are_not_joined(moved: Moved) -> None:
+    """Property: one sentence that names both."""
+    with pytest.raises(IdentificationError, match="'train' has the friction columns viscous, "):
+        moved.require_columns(("rotor",))
+
+
 @pytest.fixture
 def motion(lib: Library, trajectories: tuple[Trajectory, ...], tmp_path: Path) -> Path:
     """A motion's file."""

@@ -161,9 +161,7 @@ def test_a_wrong_weight_and_a_circular_payload_are_pointed_at(runs, lib):
     pair = measured(runs, noise, gains=np.ones(7))
     wrong = identify_gains(*pair, lib, Known(2.7, COM, 0.9 * INERTIA), friction=TERMS)
     assert any("all gains agree on 1.11" in note for note in wrong.notes)
-    assert any("a payload of 3 kg instead of 2.7 kg" in note for note in wrong.notes) or any(
-        "a payload of 2.99" in note or "a payload of 3.0" in note for note in wrong.notes
-    )
+    assert any(" kg instead of 2.7 kg would look the same" in note for note in wrong.notes)
     fine = identify_gains(*pair, lib, Known(3.0, COM, INERTIA, identified=True), friction=TERMS)
     assert not any("agree" in note for note in fine.notes)
     assert any("mass from a scale" in note for note in fine.notes)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from runtime.library import Library
 from symgen.cli import main
 from tests.conftest import REPOSITORY, TINY_URDF
 from tests.symgen.builds import snapshot
@@ -219,11 +220,9 @@ def test_describe(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "describe", "r2d2", "--out", tiny.parent)[0] == 2
 
 
-def test_describe_regroups_readably(
-    tiny: Path, root: Path, fr3: object, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_describe_regroups_readably(fr3: Library, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: b_1 of the FR3 is ZZ of link 1 with YY of link 2 added."""
-    _, out, _ = run(capsys, "describe", "fr3", "--json", "--out", root)
+    _, out, _ = run(capsys, "describe", "fr3", "--json", "--out", fr3.folder.parent)
     first = json.loads(out)["base_parameters"][0]
     assert first.startswith("fr3_link1.ZZ + fr3_link2.YY")
 
@@ -239,12 +238,12 @@ def test_clean(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_clean_keeps_the_reviewed_files_of_bundled_robots(
-    root: Path, fr3: object, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    fr3: Library, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Property: of a bundled robot only the library and its record go."""
     folder = tmp_path / "fr3"
     folder.mkdir()
-    for path in (root / "fr3").iterdir():
+    for path in fr3.folder.iterdir():
         (folder / path.name).write_bytes(path.read_bytes())
     before = {path.name for path in folder.iterdir()}
     assert run(capsys, "clean", "--out", tmp_path)[0] == 0

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model bb36c7342bd1bcbdd1850049f4a1672ef4e8f7349d2dd15c06d206710c6a9115.
+ * Model b5893e68ecb6a69ce4d4678c2489d26816330decac16683c8f2ec4e05ae480cc.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "bb36c7342bd1bcbdd1850049f4a1672ef4e8f7349d2dd15c06d206710c6a9115";
+    return "b5893e68ecb6a69ce4d4678c2489d26816330decac16683c8f2ec4e05ae480cc";
 }
 
 const char *fr3_level(void)
@@ -46399,6 +46399,15 @@ void fr3_torque_course(const double q[7], const double dq[7], const double ddq[7
     ddtau[6] = t2747;
 }
 
+/* The same for n of them; each input with its step in doubles from one to the next. */
+void fr3_torque_course_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *ddddq, long ddddq_step, const double *pi, long pi_step, double *tau, double *dtau, double *ddtau);
+void fr3_torque_course_batch(long n, const double *q, long q_step, const double *dq, long dq_step, const double *ddq, long ddq_step, const double *dddq, long dddq_step, const double *ddddq, long ddddq_step, const double *pi, long pi_step, double *tau, double *dtau, double *ddtau)
+{
+    for (long i = 0; i < n; ++i) {
+        fr3_torque_course(q + i * q_step, dq + i * dq_step, ddq + i * ddq_step, dddq + i * dddq_step, ddddq + i * ddddq_step, pi + i * pi_step, tau + i * 7, dtau + i * 7, ddtau + i * 7);
+    }
+}
+
 /* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations. */
 void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21])
 {
@@ -55554,45 +55563,4 @@ void fr3_loss_gradient_prepare(const double *weight, const double *beta, double 
     u[3] = t491;
     u[4] = t528;
     u[5] = t637;
-}
-
-HIDDEN void fr3_torque_course_prepare(const double *pi, double *u);
-void fr3_torque_course_prepare(const double *pi, double *u)
-{
-    const double t120 = pi[66] - pi[65];
-    const double t260 = pi[64] - pi[66];
-    const double t288 = pi[56] - pi[55];
-    const double t311 = pi[54] - pi[56];
-    const double t326 = pi[65] - pi[64];
-    const double t376 = pi[46] - pi[45];
-    const double t404 = pi[44] - pi[46];
-    const double t433 = pi[55] - pi[54];
-    const double t521 = pi[36] - pi[35];
-    const double t546 = pi[45] - pi[44];
-    const double t564 = pi[34] - pi[36];
-    const double t587 = pi[26] - pi[25];
-    const double t610 = pi[24] - pi[26];
-    const double t647 = pi[35] - pi[34];
-    const double t738 = pi[16] - pi[15];
-    const double t757 = pi[14] - pi[16];
-    const double t774 = pi[25] - pi[24];
-    const double t805 = pi[15] - pi[14];
-    u[0] = t120;
-    u[1] = t260;
-    u[2] = t288;
-    u[3] = t311;
-    u[4] = t326;
-    u[5] = t376;
-    u[6] = t404;
-    u[7] = t433;
-    u[8] = t521;
-    u[9] = t546;
-    u[10] = t564;
-    u[11] = t587;
-    u[12] = t610;
-    u[13] = t647;
-    u[14] = t738;
-    u[15] = t757;
-    u[16] = t774;
-    u[17] = t805;
 }

@@ -124,12 +124,6 @@ HIDDEN void OWN(regressor_adjoint_sines)(long tiles, const double *q, double *sc
 HIDDEN void OWN(regressor_adjoint_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *seed, double *gradient);
 
-/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 3306 operations per sample. */
-HIDDEN void OWN(torque_course_sines)(long tiles, const double *q, double *sc);
-HIDDEN void fr3_torque_course_prepare(const double *pi, double *u);
-HIDDEN void OWN(torque_course_tile)(
-const double *sc,const double *q, const double *dq, const double *ddq, const double *dddq, const double *ddddq, const double *pi, const double *u, double *tau, double *dtau, double *ddtau);
-
 /* distance of the capsules of each pair, negative where they overlap. 1795 operations per sample. */
 HIDDEN void OWN(clearance_sines)(long tiles, const double *q, double *sc);
 HIDDEN void OWN(clearance_tile)(

@@ -83,6 +83,7 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
                 Argument("ddtau", (n,), f"({effort})/s^2"): bend,
             },
             "tau of Eq. 4.3 and its two first derivatives in time along a motion",
+            rare=True,
         ),
     )
 

@@ -209,4 +209,4 @@ def _finish(result: Identification, folder: Path, study: Study | None = None) ->
 
 def _exported(result: Identification, folder: Path) -> str:
     path = folder / "identified.urdf"
-    return write_urdf(result.lib, result.pi, path, result.friction, result.phi)
+    return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)

@@ -10,19 +10,12 @@ from collections.abc import Iterator
 from markupsafe import Markup
 
 from runtime.report.experiments.drawing import has_figure, inline
-from runtime.report.experiments.reading import Experiment, View
+from runtime.report.experiments.reading import WANTED, Experiment, View
 from runtime.report.experiments.tables import tables
 from runtime.report.experiments.words import AIRM, best_method, case_name, short_hash
 from runtime.report.layout import Page, Section, Table, Tile
 
 DOCUMENT_TRIALS = 150
-WANTED = (
-    *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
-    *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
-    *(f"fig-5.{k}" for k in (1, 2, 3, 4, 5, 7, 8)),
-    *("fig-A.1", "fig-A.2", "fig-A.3", "fig-A.4", "tables-B"),
-)
-"""What the document has, by id."""
 GLOSSARY = (
     ("document", "the number that the source document prints"),
     ("λ-Adam", "the document's method with the document's settings, on our data"),
@@ -36,8 +29,7 @@ GLOSSARY = (
 
 def experiments_page(experiments: tuple[Experiment, ...], notes: tuple[str, ...]) -> Page:
     """The whole report."""
-    ordered = sorted(experiments, key=_first)
-    shown = [section for experiment in ordered for section in _sections(experiment)]
+    shown = [section for experiment in experiments for section in _sections(experiment)]
     return Page(
         title="Experiments beside the document's",
         subtitle="the document's tables and figures, reproduced",
@@ -45,7 +37,7 @@ def experiments_page(experiments: tuple[Experiment, ...], notes: tuple[str, ...]
         status="",
         warnings=(*notes, *_warnings(experiments)),
         tiles=_tiles(experiments),
-        sections=(*shown, *map(_origin, ordered)),
+        sections=(*shown, *map(_origin, experiments)),
         glossary=GLOSSARY,
     )
 
@@ -178,9 +170,3 @@ def _text(value: object) -> str:
         return value
     rounded = json.loads(json.dumps(value), parse_float=lambda text: float(f"{float(text):.4g}"))
     return json.dumps(rounded, ensure_ascii=False).replace('"', "")
-
-
-def _first(experiment: Experiment) -> tuple[int, str]:
-    """Where the document has it."""
-    places = [WANTED.index(view.id) for view in experiment.views if view.id in WANTED]
-    return min(places, default=len(WANTED)), experiment.name

@@ -25,6 +25,13 @@ RESULT, CONFIG, TRIALS, SERIES = "result.json", "config.json", "trials.parquet",
 KINDS = ("table", "band", "lines", "path", "motion", "loglog", "bars")
 AGREEMENT = 1e-9
 """Relative, of summary and trials: sums of doubles in another order."""
+WANTED = (
+    *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
+    *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
+    *(f"fig-5.{k}" for k in (1, 2, 3, 4, 5, 7, 8)),
+    *("fig-A.1", "fig-A.2", "fig-A.3", "fig-A.4", "tables-B"),
+)
+"""What the document has, by id."""
 _AGAIN = "run python -m runtime reproduce again"
 
 
@@ -101,7 +108,13 @@ def read_experiments(folder: Path) -> tuple[tuple[Experiment, ...], tuple[str, .
             notes.append(f"{place.name} is not finished and is left out; {_AGAIN}")
     if not found:
         raise RuntimeFault(f"'{folder}' holds no finished experiment; {_AGAIN}")
-    return tuple(found), tuple(notes)
+    return tuple(sorted(found, key=_first)), tuple(notes)
+
+
+def _first(experiment: Experiment) -> tuple[int, str]:
+    """Where the document has it."""
+    places = [WANTED.index(view.id) for view in experiment.views if view.id in WANTED]
+    return min(places, default=len(WANTED)), experiment.name
 
 
 def _places(folder: Path) -> list[Path]:

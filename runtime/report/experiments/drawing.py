@@ -30,6 +30,8 @@ POINTS = 700
 MOTION = ("position", "velocity", "acceleration", "torque")
 UNITS = ("rad", "rad/s", "rad/s²", "N·m")
 _BAR = 0.8
+_ENTRY = 1.85
+"""Width of an entry of a legend, inches."""
 
 
 def has_figure(view: View) -> bool:
@@ -195,7 +197,8 @@ def _bars(figure: Figure, experiment: Experiment, view: View) -> None:
         axis.grid(visible=False, axis="x")
         axis.set_title(experiment.cases.get(case, case_name(case)))
         axis.set_ylabel(view.axes[1] or "%")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    columns = min(4, int(figure.get_figwidth() / _ENTRY))
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=columns)
 
 
 def _heights(known: Mapping[Key, Value], case: str, method: str, metrics: tuple[str, ...]) -> Array:

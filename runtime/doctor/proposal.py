@@ -4,13 +4,12 @@ What only the user can know (gears, the zero of motor angles) is a block to be f
 """
 
 import dataclasses
-import json
 import textwrap
-from typing import Any
 
 from runtime.doctor.finding import ERROR, WARNING
 from runtime.doctor.inspection import Inspection
 from runtime.recording import Recipe
+from runtime.recording.recipe_text import toml_value
 
 _TABLES = (
     *("time", "position", "velocity", "acceleration", "torque", "gear"),
@@ -30,7 +29,7 @@ def recipe_text(inspection: Inspection) -> str:
         said = f"{finding.level}: {finding.sentence}"
         lines += textwrap.wrap(said, 96, initial_indent="#   ", subsequent_indent="#     ")
     lines.append("")
-    lines += [f"{key} = {_value(getattr(plan, key))}" for key in _KEYS if getattr(plan, key)]
+    lines += [f"{key} = {toml_value(getattr(plan, key))}" for key in _KEYS if getattr(plan, key)]
     for name in _TABLES:
         table = _table(plan, name)
         if name == "time" and blind:
@@ -51,8 +50,7 @@ def recipe_text(inspection: Inspection) -> str:
 def _table(plan: Recipe, name: str) -> dict[str, str]:
     """The entries of one table that are not the default."""
     if name == "gear":
-        rows = ",\n".join(f"    {_value(row)}" for row in plan.gear)
-        return {"matrix": f"[\n{rows},\n]"} if plan.gear else {}
+        return {"matrix": toml_value(plan.gear)} if plan.gear else {}
     part = getattr(plan, name)
     if part is None:
         return {}
@@ -62,16 +60,8 @@ def _table(plan: Recipe, name: str) -> dict[str, str]:
         default = item.default
         needed = item.name in {"unit", "columns"} and value not in ("", ())
         if item.name != "gear" and (needed or value != default) and value is not None:
-            told[item.name] = _value(value)
+            told[item.name] = toml_value(value)
     return told
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, tuple):
-        return "[" + ", ".join(_value(each) for each in value) + "]"
-    if isinstance(value, str | bool):
-        return json.dumps(value, ensure_ascii=False)
-    return repr(value)
 
 
 def _gear_stub(n: int) -> list[str]:

@@ -35,7 +35,7 @@ def _table(facts: dict[str, Any], path: tuple[str, ...]) -> Iterator[str]:
     """Lines of a table: its values first, then the tables within."""
     for key, value in facts.items():
         if not isinstance(value, dict):
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{_key(key)} = {toml_value(value)}"
     for key, value in facts.items():
         if isinstance(value, dict):
             yield f"\n[{'.'.join(map(_key, (*path, key)))}]"
@@ -44,13 +44,14 @@ def _table(facts: dict[str, Any], path: tuple[str, ...]) -> Iterator[str]:
 
 def _key(key: str) -> str:
     bare = key.replace("_", "").replace("-", "")
-    return key if bare.isascii() and bare.isalnum() else _value(key)
+    return key if bare.isascii() and bare.isalnum() else toml_value(key)
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """A number, a text, a truth value or a tuple of them."""
     if isinstance(value, tuple):
         rows = value and isinstance(value[0], tuple)
-        inner = (",\n    " if rows else ", ").join(map(_value, value))
+        inner = (",\n    " if rows else ", ").join(map(toml_value, value))
         return f"[\n    {inner},\n]" if rows else f"[{inner}]"
     if isinstance(value, str):
         # TOML has no \/ and JSON no DEL; all other escapes are the same.

@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 
 from runtime import Identification, Recording, identify, read_recording, write_recording
+from runtime.accuracy import Moved, moved_of, planned
 from runtime.cli import main
 from runtime.excitation import Design, Trajectory
+from runtime.excitation.prediction import FRICTION
 from runtime.library import Library, load
+from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
 from runtime.trajectory_file import write_trajectory
 from symgen.build import build
@@ -25,6 +28,7 @@ from tests.robots import DATA
 from tests.runtime.desk import Desk
 from tests.runtime.diagnosis import EXAMPLE
 from tests.runtime.exporting import ARM
+from tests.runtime.trials import T
 
 # Link 7 of the document's "true" robot: twice the mass and the inertia of the URDF's, at full
 # precision (the document's Table B.4 is rounded twice).
@@ -193,3 +197,9 @@ def desk(
     write_trajectory(Design(trajectories[0], 4.9, (4.9,), {}, ()), lib, tmp_path / "good.json")
     (tmp_path / "file").write_text("in the way")
     return Desk(tmp_path, log, lib, load(tiny_built))
+
+
+@pytest.fixture(scope="module")
+def moved(lib: Library, trajectories: tuple[Trajectory, ...]) -> Moved:
+    """The training trajectory at 100 Hz, nothing measured."""
+    return moved_of(planned(trajectories[0], T, lib, "train"), lib, None, Friction(FRICTION))

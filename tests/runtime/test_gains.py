@@ -1,7 +1,6 @@
 """runtime.gains: torque gains and biases from a weighed payload, with honest intervals."""
 
 import json
-import tomllib
 
 import numpy as np
 import pinocchio
@@ -14,9 +13,8 @@ from runtime.gains import identify_gains
 from runtime.gains.problem import problem_of
 from runtime.gains.solve import linear, reduced
 from runtime.payload import Known, mount_of, pi_of_body, read_known
-from runtime.recording import Friction, Recipe, bundled_names, load_recipe, plan_of, recipe_text
-from runtime.recording.recipe import Signal, Time
-from runtime.recording.recipe_file import recipe_from_table
+from runtime.recording import Friction, Recipe, load_recipe, plan_of, recipe_text
+from runtime.recording.recipe import Signal
 
 GAINS = np.array([1.05, 0.97, 1.02, 0.93, 1.1, 0.95, 1.03])
 BIAS = np.array([[0.3, -0.2, 0.1, 0.5, -0.1, 0.05, 1.2], [-0.3, 0.2, 0.4, 0.1, 0.1, 0.15, -0.8]])
@@ -307,26 +305,3 @@ def test_the_command_refuses_with_one_sentence(runs, lib, command, tmp_path):
     assert len(ran.err.splitlines()) == 1
     assert "hold the same torques" in ran.err
     assert not (tmp_path / "r.toml").exists()
-
-
-ODD = Recipe(
-    run="odd",
-    name='quo"te\\\n\x7fπ',
-    joints=("a", "b"),
-    time=Time(column=3, unit="ms", layout="csv", from_zero=True),
-    position=Signal(("deg", "rad"), columns=("x y", 2), order=(1, 0), sign=(1.0, -1.0)),
-    torque=Signal("A", columns=(1, 2), gain=(0.1 + 0.2, 1e-300)),
-    gear=((1.0, 0.0), (0.5, 1e11)),
-    friction=Friction(()),
-)
-
-
-@pytest.mark.parametrize(
-    "recipe", [*bundled_names(), ODD], ids=lambda each: getattr(each, "run", each)
-)
-def test_a_recipe_as_text_reads_back_as_itself(recipe):
-    """Property: TOML by Python's own reader, and the recipe's; a comment stays one line."""
-    whole = load_recipe(recipe)
-    text = recipe_text(whole, "two\nlines")
-    assert text.startswith("# two lines\n")
-    assert recipe_from_table(tomllib.loads(text)) == whole

@@ -12,6 +12,10 @@ from tests.oracle import pinocchio_model
 
 TRIALS = 200
 
+SIGMA = np.array([0.05, 0.05, 0.08, 0.05, 0.02, 0.05, 0.01])
+"""Noise of the torques, N·m."""
+T = np.arange(1001) / 100
+
 
 def pinocchio_rows(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.ndarray:
     """All 10 n columns at each time, in our order, (N, n, 10 n)."""

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.lanes import padded_size
+from runtime.library.lanes import padded, padded_size
 
 Array = NDArray[np.float64]
 
@@ -132,12 +132,11 @@ class CompiledConvex:
         width, gammas = padded_size(size), len(task.gammas)
         job.links, job.width, job.rows, job.gammas = len(task.share), width, rows, gammas
         job.rest, job.count = task.rest, task.count
-        spare = width - size
-        job.factor = self._pointer(np.pad(task.factor, [(0, 0), (0, spare)]))
+        job.factor = self._pointer(padded(task.factor, width))
         job.target = self._pointer(task.target)
         job.slope, job.share = self._pointer(task.slope), self._pointer(task.share)
         job.gamma = self._pointer(task.gammas)
-        self._starts.append(np.pad(np.asarray(task.start, dtype=float), [(0, spare)]))
+        self._starts.append(padded(np.asarray(task.start, dtype=float), width))
         self._pi.append(self._starts[-1].copy())
         answer = (np.zeros((gammas, width)), np.zeros(gammas), np.zeros(gammas))
         steps = np.zeros(gammas, dtype=ctypes.c_long)

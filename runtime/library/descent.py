@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.lanes import LANES, padded_size
+from runtime.library.lanes import LANES, padded, padded_size
 
 Array = NDArray[np.float64]
 
@@ -185,8 +185,7 @@ class CompiledAdam(_Jobs):
         if batch and problem.samples is not None:
             job.batch, width = batch, problem.samples.shape[1]
             job.columns_per_joint = width // n - 4
-            room = padded_size(width) - width
-            job.samples = self._pointer(np.pad(problem.samples, [(0, 0), (0, room)]))
+            job.samples = self._pointer(padded(problem.samples, padded_size(width)))
             job.weight = self._pointer(problem.weights)
         scratch = LANES * (_GATHERED * max(width, 4 * n) + size) + 3 * job.equations + job.padded
         job.work = self._pointer(np.zeros(scratch))

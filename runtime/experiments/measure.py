@@ -55,8 +55,7 @@ class Judge:
                 "base_error": 100 * float(np.linalg.norm(beta - truth) / np.linalg.norm(truth)),
             }
         row |= {"consistent": bool(possible), "smallest_eigenvalue": smallest}
-        row |= {f"tau_error_{j}": float(x) for j, x in enumerate(error.percent, start=1)}
-        row |= {f"tau_rms_{j}": float(x) for j, x in enumerate(error.rms, start=1)}
+        row |= per_joint("tau_error", error.percent) | per_joint("tau_rms", error.rms)
         return row | {"tau_error": error.overall}
 
     def airm(self, pi: Array) -> float:
@@ -71,3 +70,13 @@ def judge(lib: Library, test: Samples, pi: Array | None, configurations: int) ->
     q = np.ascontiguousarray(test.q[rows])
     mass = np.zeros((0, lib.n_joints, lib.n_joints)) if pi is None else lib.mass_matrix(q, pi)
     return Judge(lib, test, pi, q, mass)
+
+
+def per_joint(name: str, values: Array) -> Row:
+    """`NAME_1` … `NAME_n` of values (n,)."""
+    return {f"{name}_{joint}": float(x) for joint, x in enumerate(values, start=1)}
+
+
+def torque_rms(tau: Array) -> Array:
+    """√(Σ τ²/N) per joint of (N, n), N·m."""
+    return np.asarray(np.sqrt(np.mean(tau**2, axis=0)))

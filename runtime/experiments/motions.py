@@ -4,6 +4,7 @@ import numpy as np
 
 from runtime.excitation import Trajectory, log_condition
 from runtime.experiments.study import Arrays
+from runtime.experiments.views import MOTION
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.recording import Recording
@@ -11,10 +12,12 @@ from runtime.simulation import sample_times
 
 PULSATION = 2.0
 """Of Eq. 5.5, rad/s."""
+ROLES = ("training", "validation", "test")
+"""Of the three best designs, best first."""
 
 
 def designed(lib: Library, needed: Arrays) -> list[Trajectory]:
-    """The three best designs, best first: training, validation, test."""
+    """The best designs in the order of `ROLES`."""
     duration = float(needed["duration"])
     return [Trajectory(lib.home, np.array(a), duration) for a in needed["coefficients"]]
 
@@ -54,5 +57,5 @@ def condition(lib: Library, samples: Samples) -> float:
 
 def curves(prefix: str, recording: Recording) -> dict[str, Array]:
     """t, q, dq, ddq, tau of a recording under names of one prefix."""
-    named = {key: getattr(recording, key) for key in ("t", "q", "dq", "ddq", "tau")}
+    named = {key: getattr(recording, key) for key in MOTION}
     return {f"{prefix}_{key}": value for key, value in named.items() if value is not None}

@@ -32,6 +32,19 @@ class Config(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class Fixed:
+    """The config of a study in which nothing is random and nothing to be chosen."""
+
+    seed: int = 0
+
+
+def library_alone(lib: Library, config: Config, needed: Arrays) -> Library:
+    """What trials share that need nothing but the library."""
+    del config, needed
+    return lib
+
+
+@dataclass(frozen=True, slots=True)
 class View:
     """One id: a table or a figure of the document, and where its numbers stand.
 
@@ -77,10 +90,11 @@ class Study:
 
     Attributes:
         name: of its folder.
-        config: default; its seed may be replaced.
-        prepare: (library, config, arrays of `needs`) → what `run` and `finish` are given.
         run: (prepared, numbers, threads) → rows; a row depends on its number alone.
         finish: (prepared, all rows) → curves and facts.
+        views: its ids.
+        config: default; its seed may be replaced.
+        prepare: (library, config, arrays of `needs`) → what `run` and `finish` are given.
         cases, methods: name → a sentence.
         told: what else of the library's robot belongs to the config.
         trials: number of them where that is fixed, None where it is asked for.
@@ -91,11 +105,11 @@ class Study:
 
     name: str
     title: str
-    config: Config
-    prepare: Callable[[Library, Any, Arrays], Any]
     run: Callable[[Any, range, int], list[Row]]
     finish: Callable[[Any, list[Row]], Finished]
     views: tuple[View, ...]
+    config: Config = Fixed()
+    prepare: Callable[[Library, Any, Arrays], Any] = library_alone
     cases: Mapping[str, str] = field(default_factory=dict)
     methods: Mapping[str, str] = field(default_factory=dict)
     told: Callable[[Library], Mapping[str, Any]] | None = None

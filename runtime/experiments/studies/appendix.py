@@ -1,27 +1,12 @@
 """Tables B.4 to B.6: π of the document's robot, its λ and its base parameters."""
 
-from dataclasses import dataclass
-
 from runtime.experiments.robot import document_robot
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Finished, Row, Study, View
 from runtime.library import Library
 from runtime.library.manifest import PI_NAMES
 
 LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
 LINKS, BASE = 7, 43
-
-
-@dataclass(frozen=True, slots=True)
-class Config:
-    """Nothing is random."""
-
-    seed: int = 0
-
-
-def prepare(lib: Library, config: Config, needed: Arrays) -> Library:
-    """The library alone."""
-    del config, needed
-    return lib
 
 
 def run(lib: Library, numbers: range, threads: int) -> list[Row]:
@@ -56,8 +41,6 @@ def finish(lib: Library, rows: list[Row]) -> Finished:
 STUDY = Study(
     name="appendix",
     title="Parameters of the FR3: π, λ and base",
-    config=Config(),
-    prepare=prepare,
     run=run,
     finish=finish,
     cases={**{f"link {k}": f"link {k}" for k in range(1, LINKS + 1)}, "base": "all links"},

@@ -9,13 +9,13 @@ from runtime.baselines.pc_ols import fit_pc_ols
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
 from runtime.experiments.frozen import fit_frozen, link_rows
-from runtime.experiments.measure import Judge, judge
-from runtime.experiments.motions import condition
+from runtime.experiments.measure import Judge, judge, torque_rms
+from runtime.experiments.motions import ROLES, condition
 from runtime.experiments.robot import document_robot
 from runtime.experiments.solving import adam_of_all, stream, timed
-from runtime.experiments.studies.ideal import TORQUE
-from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, ROLES, log_of
+from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, log_of
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.views import TORQUE, torque_bars, torque_table
 from runtime.fitting import PRESETS
 from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of, thesis_weights
@@ -190,10 +190,7 @@ def _facts(setting: Setting) -> dict[str, Any]:
         "friction_columns": {name: terms.facts() for name, terms in _terms(config).items()},
         "weights": {case: thesis_weights(p.train.tau).tolist() for case, p in plain.items()},
         "weights_of_map": "1/s_j^2 from the residuals, three passes",
-        "torque_rms": {
-            case: np.sqrt(np.mean(part.test.tau**2, axis=0)).tolist()
-            for case, part in plain.items()
-        },
+        "torque_rms": {case: torque_rms(part.test.tau).tolist() for case, part in plain.items()},
         "condition_numbers": {case: condition(lib, part.train) for case, part in plain.items()},
         "condition_columns": f"{len(lib.base_columns)} base parameters, columns of unit length",
         "truth": "airm, frobenius and base_error are against the links of the virtual robot",
@@ -203,11 +200,6 @@ def _facts(setting: Setting) -> dict[str, Any]:
 
 
 _BOTH = tuple(LOGS)
-
-
-def _bars(name: str, title: str, cases: tuple[str, ...]) -> View:
-    return View(name, "bars", title, cases, TORQUE, axes=("joint", "torque error [%]"))
-
 
 STUDY = Study(
     name="bench",
@@ -231,8 +223,8 @@ STUDY = Study(
     },
     needs=("excitation", "logs"),
     views=(
-        View("table-5.9", "table", "Parameter tuning: torque errors, %", ("tuning",), TORQUE),
-        _bars("fig-5.5", "Parameter tuning: before and after", ("tuning",)),
+        torque_table("table-5.9", "Parameter tuning", ("tuning",)),
+        torque_bars("fig-5.5", "Parameter tuning: before and after", ("tuning",)),
         View(
             "table-5.10",
             "table",
@@ -240,7 +232,7 @@ STUDY = Study(
             ("payload",),
             (*TORQUE, "mass_error_g", "com_error_mm"),
         ),
-        _bars("fig-5.7", "Payload adaptation: before and after", ("payload",)),
+        torque_bars("fig-5.7", "Payload adaptation: before and after", ("payload",)),
         View(
             "table-5.11",
             "table",
@@ -248,7 +240,7 @@ STUDY = Study(
             _BOTH,
             ("time_s", "iterations", "consistent"),
         ),
-        View("table-5.12", "table", "λ-Adam against PC-IDIM-OLS: torque errors, %", _BOTH, TORQUE),
-        _bars("fig-5.8", "λ-Adam against PC-IDIM-OLS", _BOTH),
+        torque_table("table-5.12", "λ-Adam against PC-IDIM-OLS", _BOTH),
+        torque_bars("fig-5.8", "λ-Adam against PC-IDIM-OLS", _BOTH),
     ),
 )

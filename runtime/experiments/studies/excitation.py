@@ -7,15 +7,13 @@ import numpy as np
 from runtime.excitation import COST_SAMPLES, ConditionCost
 from runtime.excitation.finish import repaired
 from runtime.excitation.search import Problem, Search
-from runtime.experiments.motions import condition, curves
+from runtime.experiments.motions import ROLES, condition, curves
 from runtime.experiments.robot import document_robot
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.views import motion
 from runtime.library import Array, Library
 from runtime.objective import samples_of
 from runtime.simulation import Plant, ideal
-
-KEPT = 3
-"""Best designs: training, validation and test of the other studies."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +43,7 @@ class Setting:
 def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
     """The search in document mode."""
     del needed
-    document_robot(lib)
+    document_robot(lib)  # no other one
     problem = Problem(
         lib.folder, lib.level, lib.home, config.harmonics, config.duration, config.seed
     )
@@ -71,7 +69,7 @@ def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
 def finish(setting: Setting, rows: list[Row]) -> Finished:
     """The best three, strictly inside their limits at 1 kHz; the path of the tip."""
     lib, config, search = setting.lib, setting.config, setting.search
-    ranked = sorted(rows, key=lambda row: (row["cost_after"], row["trial"]))[:KEPT]
+    ranked = sorted(rows, key=lambda row: (row["cost_after"], row["trial"]))[: len(ROLES)]
     shape = (lib.n_joints, -1)
     starts = [np.array(row["curve"]).reshape(shape) for row in ranked]
     ends = [repaired(lib, search, search.refined(a)) for a in starts]
@@ -94,7 +92,7 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
         "condition_at_100_Hz": condition(lib, samples_of(recording, lib)),
         "condition_numbers_of_starts": [row["condition_after"] for row in rows],
         "use_of_limits": [end.use for end in ends],
-        "roles": ["training", "validation", "test"],
+        "roles": list(ROLES),
         "seed": config.seed,
         "seed_choice": "of the seeds 0 to 19 the one nearest to the torque errors of Table 5.3; "
         "the document does not tell its motions",
@@ -143,12 +141,10 @@ STUDY = Study(
             series=("path",),
             axes=("m", "m"),
         ),
-        View(
+        motion(
             "fig-A.2",
-            "motion",
             "Positions, velocities, accelerations and torques of the best trajectory",
-            series=("best_t", "best_q", "best_dq", "best_ddq", "best_tau"),
-            axes=("time [s]", ""),
+            "best",
         ),
     ),
 )

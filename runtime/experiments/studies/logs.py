@@ -12,9 +12,11 @@ import numpy as np
 from runtime.excitation import Trajectory
 from runtime.excitation.finish import repaired
 from runtime.excitation.search import Problem, Search
-from runtime.experiments.motions import curves, designed
+from runtime.experiments.measure import per_joint, torque_rms
+from runtime.experiments.motions import ROLES, curves, designed
 from runtime.experiments.robot import document_robot
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Arrays, Finished, Row, Study
+from runtime.experiments.views import motion as motion_view
 from runtime.library import Array, Library
 from runtime.preprocessing import DOCUMENT
 from runtime.preprocessing import prepare as prepared
@@ -22,7 +24,6 @@ from runtime.recording import Recording
 from runtime.simulation import Box, read_payload, record, sample_times, settings_of
 
 EMPTY, LOADED = "empty", "payload"
-ROLES = ("training", "validation", "test")
 KEYS = ("q", "dq", "tau")
 PREPARATION = replace(DOCUMENT, trim_s=0.15)
 """The document's, without the ends, where centred windows narrow and ddq is not averaged like τ."""
@@ -96,9 +97,8 @@ def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
             pi=setting.pi,
         )
         told = [np.asarray(getattr(log.recording, key)) for key in KEYS]
-        rms = np.sqrt(np.mean(told[-1] ** 2, axis=0))
         row: Row = {"case": case, "method": role, "trial": number}
-        row |= {f"measured_rms_{j}": float(x) for j, x in enumerate(rms, start=1)}
+        row |= per_joint("measured_rms", torque_rms(told[-1]))
         row |= {"saturated": float(log.truth.saturated.max())}
         rows.append(row | {"curve": np.concatenate([log.truth.pi, *map(np.ravel, told)]).tolist()})
     return rows
@@ -151,11 +151,6 @@ def told(lib: Library) -> dict[str, Any]:
     return {"settings_sha256": settings_of(lib).sha256}
 
 
-def _motion(name: str, title: str, prefix: str) -> View:
-    series = tuple(f"{prefix}_{key}" for key in ("t", "q", "dq", "ddq", "tau"))
-    return View(name, "motion", title, series=series, axes=("time [s]", ""))
-
-
 STUDY = Study(
     name="logs",
     title="Logs of the virtual FR3",
@@ -170,7 +165,7 @@ STUDY = Study(
     told=told,
     per_chunk=1,
     views=(
-        _motion("fig-A.3", "Measured training trajectory, parameter tuning", "tuning"),
-        _motion("fig-A.4", "Measured training trajectory, payload adaptation", "loaded"),
+        motion_view("fig-A.3", "Measured training trajectory, parameter tuning", "tuning"),
+        motion_view("fig-A.4", "Measured training trajectory, payload adaptation", "loaded"),
     ),
 )

@@ -11,11 +11,12 @@ import numpy as np
 
 from runtime.assembly import Assembly, assemble
 from runtime.comparison import Figures, Truth, compare
+from runtime.experiments.measure import per_joint, torque_rms
 from runtime.experiments.motions import designed
 from runtime.experiments.robot import document_robot
 from runtime.experiments.solving import stream
-from runtime.experiments.studies.ideal import TORQUE
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.views import TORQUE
 from runtime.library import Array, Library
 from runtime.loop import Loop
 from runtime.methods import METHODS
@@ -124,7 +125,7 @@ def _row(setting: Setting, number: int) -> Row:
 
 
 def _figures(setting: Setting, f: Figures) -> Row:
-    percent = 100 * f.rms / np.sqrt(np.mean(setting.test**2, axis=0))
+    percent = 100 * f.rms / torque_rms(setting.test)
     row: Row = {
         "tau_error": f.test_percent,
         "base_error": f.base_error,
@@ -136,8 +137,7 @@ def _figures(setting: Setting, f: Figures) -> Row:
         row["iterations"] = f.iterations
     if np.isfinite(f.gap):
         row["gap"] = f.gap
-    row |= {f"tau_error_{j}": float(x) for j, x in enumerate(percent, start=1)}
-    return row | {f"tau_rms_{j}": float(x) for j, x in enumerate(f.rms, start=1)}
+    return row | per_joint("tau_error", percent) | per_joint("tau_rms", f.rms)
 
 
 def finish(setting: Setting, rows: list[Row]) -> Finished:
@@ -155,7 +155,7 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
         "friction_columns": config.friction.facts(),
         "weights": setting.assembly.problem.weights.tolist(),
         "test": "another motion in closed loop, without noise, filtered alike",
-        "torque_rms": {"test": np.sqrt(np.mean(setting.test**2, axis=0)).tolist()},
+        "torque_rms": {"test": torque_rms(setting.test).tolist()},
         "seed": config.seed,
     }
     return Finished(facts=facts)

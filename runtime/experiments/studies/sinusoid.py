@@ -2,17 +2,19 @@
 
 from dataclasses import replace
 
-from runtime.experiments.montecarlo import METHODS, Case, Config, Setting, run_cases, setting_of
-from runtime.experiments.montecarlo_facts import data_facts
+from runtime.experiments.montecarlo import Case, Config, Setting, setting_of
+from runtime.experiments.montecarlo_study import data_facts, final_tables, monte_carlo
 from runtime.experiments.motions import curves, sinusoidal
-from runtime.experiments.studies.ideal import MAIN, TORQUE
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Arrays, Finished, Row
+from runtime.experiments.views import motion
 from runtime.library import Library
 from runtime.objective import samples_of
 from runtime.recording import Recording
 
-CASES = (Case("sinusoidal", 0.15, training="sinusoidal"), Case("optimised", 0.15))
-NAMES = tuple(case.name for case in CASES)
+CASES = {
+    Case("sinusoidal", 0.15, training="sinusoidal"): "trained on sines of 2 rad/s",
+    Case("optimised", 0.15): "trained on the best design",
+}
 
 
 def _sines(lib: Library, config: Config, setting: Setting) -> Recording:
@@ -37,8 +39,7 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
     """The motion of Fig. A.1."""
     del rows
     lib, config = setting.lib, setting.config
-    recording, amplitude = sinusoidal(lib, 1.0, config.rate_hz, *config.sinusoid)
-    del recording
+    _, amplitude = sinusoidal(lib, 1.0, config.rate_hz, *config.sinusoid)
     facts = data_facts(setting) | {
         "sinusoid": f"q = default pose + b sin(2 t + phase), b = {config.sinusoid[0]:g} of the "
         "largest within the limits, phases from their seed; the document gives neither, so "
@@ -49,25 +50,14 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
     return Finished(curves("sine", _sines(lib, config, setting)), facts)
 
 
-STUDY = Study(
-    name="sinusoid",
-    title="Sinusoidal against optimised training trajectory",
-    config=Config(CASES),
-    prepare=prepare,
-    run=run_cases,
-    finish=finish,
-    cases={"sinusoidal": "trained on sines of 2 rad/s", "optimised": "trained on the best design"},
-    methods={name: METHODS[name] for name in ("adam", "lm")},
-    needs=("excitation",),
+STUDY = monte_carlo(
+    "sinusoid",
+    "Sinusoidal against optimised training trajectory",
+    CASES,
+    finish,
     views=(
-        View("table-5.4", "table", "Sines against design: final distances", NAMES, MAIN),
-        View("table-5.5", "table", "Sines against design: torque errors, %", NAMES, TORQUE),
-        View(
-            "fig-A.1",
-            "motion",
-            "The sinusoidal training trajectory",
-            series=("sine_t", "sine_q", "sine_dq", "sine_ddq", "sine_tau"),
-            axes=("time [s]", ""),
-        ),
+        *final_tables(("table-5.4", "table-5.5"), "Sines against design", CASES),
+        motion("fig-A.1", "The sinusoidal training trajectory", "sine"),
     ),
+    prepare=prepare,
 )

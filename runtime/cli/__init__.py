@@ -20,10 +20,8 @@ from runtime.cli import (
     tutorial,
     view,
 )
+from runtime.cli.common import INTERRUPTED
 from runtime.errors import RuntimeFault
-
-INTERRUPTED = 130
-"""Exit code that typer makes of a KeyboardInterrupt which no method has caught."""
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -14,6 +14,9 @@ from runtime.recording import Preparation, Recording
 
 console = Console()
 
+INTERRUPTED = 130
+"""Exit code that typer makes of a KeyboardInterrupt which no method has caught."""
+
 Robot = Annotated[
     str, typer.Option("--robot", help="Name of a generated robot, or its folder under generated/.")
 ]

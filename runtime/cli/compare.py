@@ -1,16 +1,17 @@
 """`python -m runtime compare`."""
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from runtime.assembly import Assembly, assemble
 from runtime.cli.common import Robot, Seed, command_line, console, say
 from runtime.cli.options import (
+    Asked,
     CoulombSpeed,
     Cutoff,
     FrictionNames,
@@ -23,6 +24,7 @@ from runtime.cli.options import (
     listed,
     read_data,
 )
+from runtime.cli.progress import TOLD, counting
 from runtime.comparison import Comparison, Truth, compare, read_truth, write_comparison
 from runtime.comparison.output import HEAD, LEGEND, cells
 from runtime.comparison.truth import beside
@@ -70,17 +72,8 @@ def compare_command(
     names = listed(methods, tuple(METHODS), "--methods") if methods else tuple(METHODS)
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None
-    data = read_data(
-        lib,
-        log,
-        recipe=recipe,
-        run=run,
-        friction=friction,
-        coulomb_speed=coulomb_speed,
-        cutoff=cutoff,
-        rate=rate,
-        split=split,
-    )
+    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split)
+    data = read_data(lib, log, asked)
     assembly = assemble(
         data.recording,
         lib,
@@ -90,15 +83,11 @@ def compare_command(
         loop=read_loop(loop, lib) if loop else None,
         seed=seed,
     )
+    told = dataclasses.asdict(asked)
+    del told["stream"]  # no choice here
     options = {
         "methods": list(names),
-        "recipe": recipe,
-        "run": run,
-        "friction": friction,
-        "coulomb_speed": coulomb_speed,
-        "cutoff": cutoff,
-        "rate": rate,
-        "split": split,
+        **told,
         "loop": None if loop is None else loop.name,
         "truth": None if place is None else place.name,
         "seed": seed,
@@ -109,22 +98,15 @@ def compare_command(
 
 
 def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | None) -> Comparison:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[at]}"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console, transient=True) as progress:
-        task = progress.add_task("comparing", total=len(names), at="")
+    with counting(TOLD) as progress:
+        task = progress.add_task("comparing", total=len(names), told="")
 
         def started(method: str) -> None:
             done = names.index(method)
-            progress.update(task, description=f"{method}", completed=done, at="")
+            progress.update(task, description=method, completed=done, told="")
 
         def reported(iteration: int, best: float) -> None:
-            progress.update(task, at=f"iteration {iteration}, best validation loss {best:.6g}")
+            progress.update(task, told=f"iteration {iteration}, best validation loss {best:.6g}")
 
         return compare(assembly, names, truth=truth, started=started, progress=reported)
 

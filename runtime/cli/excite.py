@@ -1,5 +1,6 @@
 """`python -m runtime excite`."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
@@ -14,10 +15,19 @@ from runtime.cli.prediction import EarlierLogs, PayloadAlone, information_of, te
 from runtime.cli.safety import certificate_table, notes, safety_of
 from runtime.course import course
 from runtime.errors import RuntimeFault
-from runtime.excitation import BASES, CRITERIA, basis_of, design, predict
+from runtime.excitation import (
+    BASES,
+    CRITERIA,
+    Design,
+    Safety,
+    Trajectory,
+    basis_of,
+    design,
+    predict,
+)
 from runtime.excitation.relatives import relatives
 from runtime.excitation.safety import TABLE_MARGIN
-from runtime.library import load
+from runtime.library import Library, load
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 from runtime.threads import cores
@@ -160,16 +170,14 @@ def excite_command(
     path = _json(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
     told = information_of(lib, noise, log_rate, prior, payload)
-    # The document's criterion knows only the regressor.
-    known = None if wanted == "cond" and not prior and not payload else told
     sample_times(duration, rate)  # before the search: they may be too many
     options = clearance, table, box, friction
-    safety = None if document else safety_of(lib, torque_fraction, *options)
     if document and any(option is not None for option in options):
         raise RuntimeFault(
             "--document knows no --table, --box, --clearance or --friction; take --criterion cond "
             "instead, which keeps all limits"
         )
+    safety = None if document else safety_of(lib, torque_fraction, *options)
     side_by_side = cores() if starts >= WORTH_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
@@ -190,23 +198,17 @@ def excite_command(
             processes=processes if processes is not None else side_by_side,
             criterion=wanted,
             basis=basis_of(basis, zero_jerk),
-            information=known,
+            # The document's criterion knows only the regressor.
+            information=None if wanted == "cond" and not prior and not payload else told,
             safety=safety,
             scheduler=scheduler,
         )
     found = replace(found, trajectory=pulled_inside(lib, found.trajectory))
     expected = predict(lib, found.trajectory, told)
     write_trajectory(found, lib, path, expected)
-    t = sample_times(found.trajectory.duration, rate)
-    q, dq, ddq, _ = found.trajectory.at(lib, t)
     written = [path]
     if not export:
-        sentence = f"Designed by symgen, condition number {found.condition:.4f}."
-        beside = path.with_suffix(".csv")
-        names = lib.joint_names
-        log = Recording(t, q, dq, ddq, name=beside.stem, joint_names=names, history=(sentence,))
-        write_recording(log, beside)
-        written.append(beside)
+        written.append(_log(found, lib, rate, path.with_suffix(".csv")))
     if plot:
         from runtime.report.trajectory import write_pictures  # matplotlib loads slowly
 
@@ -219,17 +221,37 @@ def excite_command(
     for percent, stage in stages.items():
         console.print(certificate_table(certificate(lib, stage, safety), percent))
     say(f"trajectory: {', '.join(map(str, written))}")
-    for stage in stages.values() if export else ():  # all of them before the first file
+    if export:
+        _export(lib, stages, path.with_suffix(""), [kind.value for kind in export], rate, safety)
+
+
+def _log(found: Design, lib: Library, rate: float, path: Path) -> Path:
+    """The designed motion at the rate, as a log without torque."""
+    t = sample_times(found.trajectory.duration, rate)
+    q, dq, ddq, _ = found.trajectory.at(lib, t)
+    sentence = f"Designed by symgen, condition number {found.condition:.4f}."
+    names = lib.joint_names
+    write_recording(
+        Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,)), path
+    )
+    return path
+
+
+def _export(
+    lib: Library,
+    stages: Mapping[float, Trajectory],
+    base: Path,
+    kinds: Sequence[str],
+    rate: float,
+    safety: Safety | None,
+) -> None:
+    """Every stage as files for a robot, none unless the certificates of all hold."""
+    for stage in stages.values():
         require_proof(lib, stage, safety)
-    for percent, stage in stages.items() if export else ():
-        base = path.with_suffix("")
-        if percent != 100:
-            base = base.with_name(f"{base.name}-speed{percent:g}")
-        files = [
-            str(export_trajectory(lib, stage, base, kind.value, rate, safety))
-            for kind in export or ()
-        ]
-        say(f"exported: {', '.join(files)}, {base}.certificate.json")
+    for percent, stage in stages.items():
+        own = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
+        files = [str(export_trajectory(lib, stage, own, kind, rate, safety)) for kind in kinds]
+        say(f"exported: {', '.join(files)}, {own}.certificate.json")
 
 
 def _json(path: Path) -> Path:

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from runtime.atomic import replacing
 from runtime.cli.common import Robot, command_line, console, preparation_of, say
-from runtime.cli.options import CoulombSpeed, Rate, Recipe, Run, friction_of
+from runtime.cli.options import CarryingLink, CoulombSpeed, Rate, Recipe, Run, friction_of
 from runtime.errors import RecordingError
 from runtime.gains import Gains, identify_gains
 from runtime.library import load
@@ -35,9 +35,7 @@ def gains_command(
         ),
     ],
     robot: Robot = "fr3",
-    link: Annotated[
-        str | None, typer.Option(help="Link that carries it; default the link of the tip.")
-    ] = None,
+    link: CarryingLink = None,
     friction: Annotated[
         str | None,
         typer.Option(

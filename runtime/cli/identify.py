@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from runtime.baselines import INPUTS
 from runtime.cli.common import Robot, Seed, command_line, console, say, torque_table
 from runtime.cli.options import (
+    AUTO,
+    Asked,
     CoulombSpeed,
     Cutoff,
     Data,
@@ -22,6 +23,7 @@ from runtime.cli.options import (
     Stream,
     read_data,
 )
+from runtime.cli.progress import TOLD, counting
 from runtime.cli.sessions import Logs, PayloadOf, identify_several, runs_of, tell_study
 from runtime.errors import IdentificationError
 from runtime.export import write_urdf
@@ -87,17 +89,9 @@ def identify_command(
     predict every one of them.
     """
     lib, log = load(robot), logs[0]
-    asked = {
-        "recipe": recipe,
-        "friction": friction,
-        "coulomb_speed": coulomb_speed,
-        "cutoff": cutoff,
-        "rate": rate,
-        "split": split,
-        "stream": stream,
-    }
-    if stream is None and (method not in {None, "map"} or preset or loop or friction == "auto"):
-        asked["stream"] = False  # what only a whole log has
+    if stream is None and (method not in {None, "map"} or preset or loop or friction == AUTO):
+        stream = False  # what only a whole log has
+    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, stream)
     known = None if prior is None else read_prior(prior, lib)
     runs = runs_of(logs, run)
     if len(runs) > 1 or payload_of:
@@ -108,7 +102,7 @@ def identify_command(
         )
         _finish(result, out or _folder(log, f"{len(runs)}-{result.method}"), study)
         return
-    data = read_data(lib, log, run=run, **asked)  # type: ignore[arg-type]
+    data = read_data(lib, log, asked)
     if data.streamed is not None:
         if method not in {None, "map"} or preset is not None or loop is not None:
             raise IdentificationError(
@@ -159,22 +153,15 @@ def _streamed(
 def _with_progress(
     recording: Recording, lib: Library, method: str | None, **options: object
 ) -> Identification:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("best validation loss {task.fields[best]}"),
-        TimeElapsedColumn(),
-    )
     named = options.get("preset")
     method = method or ("map" if named is None else "adam")
     chosen = PRESETS.get(str(named or "full"))
-    with Progress(*columns, console=console, transient=True) as progress:
+    with counting(TOLD) as progress:
         total = chosen.rule.max_iterations if chosen and method == "adam" else None
-        task = progress.add_task(f"{method} on {lib.name}", total=total, best="-")
+        task = progress.add_task(f"{method} on {lib.name}", total=total, told="")
 
         def report(iteration: int, best: float) -> None:
-            progress.update(task, completed=iteration, best=f"{best:.6g}")
+            progress.update(task, completed=iteration, told=f"best validation loss {best:.6g}")
 
         return identify(recording, lib, method, progress=report, **options)  # type: ignore[arg-type]
 

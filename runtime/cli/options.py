@@ -1,4 +1,4 @@
-"""The options that `identify` and `compare` share, and what they mean."""
+"""The options on logs that several commands share, and what they mean."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -62,6 +62,9 @@ Cutoff = Annotated[
         help="Low-pass q, dq, tau at this frequency, Hz; auto lets cross-validation choose.",
     ),
 ]
+CarryingLink = Annotated[
+    str | None, typer.Option("--link", help="Link that carries it; default the link of the tip.")
+]
 Rate = Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")]
 Parts = Annotated[
     str | None,
@@ -85,6 +88,24 @@ LoopFile = Annotated[
 
 
 @dataclass(frozen=True, slots=True)
+class Asked:
+    """What the options say about a log; None is nothing.
+
+    Attributes:
+        stream: leave it in its file; None does so where it is large.
+    """
+
+    recipe: str | None = None
+    run: str | None = None
+    friction: str | None = None
+    coulomb_speed: float | None = None
+    cutoff: str | None = None
+    rate: float | None = None
+    split: str | None = None
+    stream: bool | None = False
+
+
+@dataclass(frozen=True, slots=True)
 class Data:
     """A recording with how to prepare, split and model it, as asked for.
 
@@ -101,42 +122,29 @@ class Data:
     streamed: StreamedRecording | None = None
 
 
-def read_data(
-    lib: Library,
-    log: str,
-    *,
-    recipe: str | None,
-    run: str | None,
-    friction: str | None,
-    coulomb_speed: float | None,
-    cutoff: str | None,
-    rate: float | None,
-    split: str | None,
-    stream: bool | None = False,
-) -> Data:
+def read_data(lib: Library, log: str, asked: Asked) -> Data:
     """Read the log; choose the cut-off and climb the ladder of friction where that is asked for.
-
-    `stream` leaves it in its file; None does so where it is large.
 
     Raises:
         RuntimeFault: the log or an option is none.
     """
-    streamed = _streamed(log, recipe, run, stream)
+    streamed = _streamed(log, asked)
     if streamed is not None:
         recording = head_of(streamed)
     else:
-        recording = read_recording(log, recipe, run, lib.joint_names)
-    parts, terms = _split(split), friction_of(recording, friction, coulomb_speed)
+        recording = read_recording(log, asked.recipe, asked.run, lib.joint_names)
+    parts = _split(asked.split)
+    terms = friction_of(recording, asked.friction, asked.coulomb_speed)
     climbs = terms is not None and terms.columns[:1] == (AUTO,)
-    if streamed is not None and (climbs or cutoff == AUTO):
+    if streamed is not None and (climbs or asked.cutoff == AUTO):
         raise IdentificationError(
             "a cut-off or a friction model is chosen on a log that is read as a whole, but this "
             "one is streamed; give --cutoff and --friction themselves, or use --no-stream"
         )
     notes: tuple[str, ...] = ()
-    prepared = preparation_of(recording, _hz(cutoff), rate)
-    if cutoff == AUTO:
-        base = preparation_of(recording, _ANY_HZ, rate)
+    prepared = preparation_of(recording, _hz(asked.cutoff), asked.rate)
+    if asked.cutoff == AUTO:
+        base = preparation_of(recording, _ANY_HZ, asked.rate)
         with console.status("choosing a cut-off"):
             found = choose_cutoff(recording, lib, base, parts, None if climbs else terms)
         console.print(_cutoff_table(found))
@@ -145,21 +153,19 @@ def read_data(
         return Data(recording, prepared, parts, terms, notes, streamed=streamed)
     with console.status("choosing a friction model"):
         choice = choose_friction(
-            recording, lib, prepared, parts, coulomb_speed, extra=terms.columns[1:]
+            recording, lib, prepared, parts, asked.coulomb_speed, extra=terms.columns[1:]
         )
     console.print(_ladder_table(choice))
     return Data(recording, prepared, parts, choice.chosen.terms, (*notes, choice.sentence))
 
 
-def _streamed(
-    log: str, recipe: str | None, run: str | None, stream: bool | None
-) -> StreamedRecording | None:
+def _streamed(log: str, asked: Asked) -> StreamedRecording | None:
     """The log in its file, where that was asked for, or is possible and worth while."""
-    if stream:
-        return open_streamed(log, recipe, run)
-    if stream is None and is_large(log):
+    if asked.stream:
+        return open_streamed(log, asked.recipe, asked.run)
+    if asked.stream is None and is_large(log):
         with suppress(RecordingError):  # compressed, or no log at all, as reading it will tell
-            return open_streamed(log, recipe, run)
+            return open_streamed(log, asked.recipe, asked.run)
     return None
 
 

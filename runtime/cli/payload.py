@@ -8,6 +8,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, preparation_of, say
+from runtime.cli.options import CarryingLink, Rate, Recipe, Run
 from runtime.library import load
 from runtime.payload import (
     Payload,
@@ -29,9 +30,7 @@ def payload_command(
         str, typer.Argument(metavar="LOG", help="A recording with the payload, as for identify.")
     ],
     robot: Robot = "fr3",
-    link: Annotated[
-        str | None, typer.Option(help="Link that carries it; default the link of the tip.")
-    ] = None,
+    link: CarryingLink = None,
     empty: Annotated[
         str | None,
         typer.Option(
@@ -47,15 +46,13 @@ def payload_command(
     out: Annotated[
         Path | None, typer.Option(help="Folder of the result; default results/LOG-payload.")
     ] = None,
-    recipe: Annotated[
-        str | None, typer.Option(help="TOML with columns, units, order, sign, gears, filters.")
-    ] = None,
-    run: Annotated[str | None, typer.Option(help="Which run, where a recipe has several.")] = None,
+    recipe: Recipe = None,
+    run: Run = None,
     empty_run: Annotated[str | None, typer.Option(help="Which run is the empty one.")] = None,
     cutoff: Annotated[
         float | None, typer.Option(help="Low-pass q, dq, tau at this frequency, Hz.")
     ] = None,
-    rate: Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")] = None,
+    rate: Rate = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print payload.json only.")] = False,
 ) -> None:
     r"""Mass, centre of mass and inertia of what the arm carries, with 95 % intervals.

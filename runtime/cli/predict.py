@@ -1,48 +1,40 @@
 """`python -m runtime predict`."""
 
 import json
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-import numpy as np
 import typer
 
 from runtime.accuracy import (
     SECONDS,
     Expected,
-    Knowledge,
     Moved,
-    Noise,
     Worth,
     base_names,
-    expected,
     facts,
     gained,
     growth,
     moved_of,
-    noise_of,
     planned,
     verdict,
 )
 from runtime.cli.common import Robot, console, say
-from runtime.cli.options import Cutoff, Recipe, Run, read_data
+from runtime.cli.options import Asked, Cutoff, Recipe, Run, read_data
 from runtime.cli.prediction import (
     EarlierLogs,
     PayloadAlone,
     base_table,
     link_table,
     payload_sentence,
-    torque_noise,
     torque_sentence,
     worth_table,
 )
-from runtime.errors import IdentificationError
+from runtime.cli.situation import Situation, situation_of
 from runtime.excitation.information import NOISE, RATE, information
 from runtime.excitation.prediction import FRICTION, unseen_joints
 from runtime.library import Array, Library, load
-from runtime.prior import prior_information
-from runtime.recording import Friction, read_recording
+from runtime.recording import Friction
 from runtime.simulation import sample_times
 from runtime.trajectory_file import read_trajectory
 
@@ -116,126 +108,65 @@ def predict_command(
     lib = load(robot)
     if log_rate is not None:
         information(lib, rate=log_rate)  # raises where it is none
-    options = {"recipe": recipe, "run": run, "friction": friction, "cutoff": cutoff}
-    moved = _moved(lib, trajectory, log_rate, options)
-    situation = _situation(lib, moved, noise, prior, payload)
+    asked = Asked(recipe=recipe, run=run, friction=friction, cutoff=cutoff, rate=log_rate)
+    situation = situation_of(lib, _moved(lib, trajectory, asked), noise, prior, payload)
     now = situation.expected()
-    worths = _worths(situation, now, more, log_rate, options) if more is not None else ()
-    unseen = unseen_joints(lib, lib.home)
-    bands = now.torque(lib, unseen)
+    worths = () if more is None else _worths(situation, now, more, asked)
     if plot is not None:
-        _draw(situation, more, log_rate, options, plot)
+        _draw(situation, more, asked, plot)
     if as_json:
-        told = situation.facts() | facts(now, lib, payload)
-        if not payload:
-            told["torque_of_unseen_motions"] = bands.tolist()
-        if worths:
-            told["more"] = [
-                {"seconds": w.seconds, "motion": w.motion, "gains": dict(w.gains)} for w in worths
-            ]
-            told["verdict"] = verdict(worths)
+        told = _facts(situation, now, worths)
         print(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
         return
-    say(situation.sentence())
-    if not payload:
-        console.print(base_table(now, lib))
-        console.print(link_table(now, lib))
-        say(torque_sentence(bands))
-    say(payload_sentence(now, payload))
-    if worths:
-        console.print(worth_table(worths))
-        say(verdict(worths))
+    _show(situation, now, worths)
     if plot is not None:
         say(f"plot: {plot}")
 
 
-@dataclass(frozen=True, slots=True)
-class _Situation:
-    """A motion, its noise, and what is known before."""
-
-    lib: Library
-    moved: Moved
-    noise: Array
-    unit: float
-    from_residuals: bool
-    known: Knowledge
-
-    def expected(self, more: Moved | None = None, seconds: float = 0.0) -> Expected:
-        """σ of the motion, and of some more seconds of another one."""
-        statistics = self.moved.statistics(self.lib, self.noise)
-        if more is not None:
-            statistics = statistics.merged(more.statistics(self.lib, self.noise, seconds))
-        found = expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
-        if self.known.payload_only and found.payload is None:
-            raise IdentificationError(
-                f"'{self.moved.name}' does not tell all ten parameters of a payload; give a motion "
-                "that turns the last link about all axes (excite --payload designs one)"
-            )
-        return found
-
-    def sentence(self) -> str:
-        """What is taken for granted."""
-        low, high = self.noise.min(), self.noise.max()
-        size = f"{low:.3g}" + ("" if low == high else f"–{high:.3g}")
-        origin = " (RMS of the log's residuals)" if self.from_residuals else ""
-        count = len(self.moved.samples)
-        worth = f", worth {count / self.unit:.0f} independent ones" if self.unit > 1 else ""
-        earlier = ", earlier logs counted" if self.known.earlier is not None else ""
-        beside = ", ".join(self.moved.columns) or "none"
-        return (
-            f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{worth}; torque noise "
-            f"{size} N·m{origin}; friction beside: {beside}{earlier}"
-        )
-
-    def facts(self) -> dict[str, object]:
-        """The same for JSON files."""
-        count = len(self.moved.samples)
-        return {
-            "robot": self.lib.name,
-            "motion": self.moved.name,
-            "seconds": self.moved.seconds,
-            "rate_hz": self.moved.rate,
-            "n_samples": count,
-            "n_eff": count / self.unit,
-            "torque_noise": self.noise.tolist(),
-            "noise_from_residuals": self.from_residuals,
-            "friction": list(self.moved.columns),
-            "earlier_logs_count": self.known.earlier is not None,
-        }
+def _facts(situation: Situation, now: Expected, worths: tuple[Worth, ...]) -> dict[str, object]:
+    lib, alone = situation.lib, situation.known.payload_only
+    told = situation.facts() | facts(now, lib, alone)
+    if not alone:
+        told["torque_of_unseen_motions"] = _unseen(now, lib).tolist()
+    if worths:
+        told["more"] = [
+            {"seconds": w.seconds, "motion": w.motion, "gains": dict(w.gains)} for w in worths
+        ]
+        told["verdict"] = verdict(worths)
+    return told
 
 
-def _situation(
-    lib: Library, moved: Moved, noise: str | None, prior: list[str] | None, payload: bool
-) -> _Situation:
-    given = None if noise is None else information(lib, torque_noise(noise, lib.n_joints)).noise
-    own: Noise | None = noise_of(lib, moved)
-    known = replace(Knowledge.of(lib), payload_only=payload)
-    if own is not None:
-        known = replace(known, pi=own.pi)
-    sigma = given if given is not None else own.sigma if own is not None else None
-    if sigma is None:
-        sigma = np.full(lib.n_joints, NOISE)
-    if prior:
-        logs = [read_recording(log, joints=lib.joint_names) for log in prior]
-        known = replace(known, earlier=prior_information(lib, logs, sigma, moved.columns))
-    unit = own.inflation if own is not None else 1.0
-    return _Situation(lib, moved, sigma, unit, given is None and own is not None, known)
+def _show(situation: Situation, now: Expected, worths: tuple[Worth, ...]) -> None:
+    lib, alone = situation.lib, situation.known.payload_only
+    say(situation.sentence())
+    if not alone:
+        console.print(base_table(now, lib))
+        console.print(link_table(now, lib))
+        say(torque_sentence(_unseen(now, lib)))
+    say(payload_sentence(now, alone))
+    if worths:
+        console.print(worth_table(worths))
+        say(verdict(worths))
+
+
+def _unseen(now: Expected, lib: Library) -> Array:
+    """σ of the torque of motions never seen, per joint."""
+    return now.torque(lib, unseen_joints(lib, lib.home))
 
 
 def _moved(
     lib: Library,
     source: str,
-    rate: float | None,
-    options: dict[str, str | None],
+    asked: Asked,
     terms: Friction | None = None,
 ) -> Moved:
     """A trajectory, sampled, or a log, prepared; `terms` are those of the motion before."""
     if Path(source).suffix == ".json":
         found = read_trajectory(Path(source), lib)
-        t = sample_times(found.duration, rate or RATE)
+        t = sample_times(found.duration, asked.rate or RATE)
         recording = planned(found, t, lib, Path(source).stem)
-        return moved_of(recording, lib, None, terms or _friction(options["friction"]))
-    data = read_data(lib, source, coulomb_speed=None, rate=rate, split=None, **options)  # type: ignore[arg-type]
+        return moved_of(recording, lib, None, terms or _friction(asked.friction))
+    data = read_data(lib, source, asked)
     terms = terms or data.friction or _friction(None)
     return moved_of(data.recording, lib, data.preparation, terms)
 
@@ -246,29 +177,27 @@ def _friction(text: str | None) -> Friction:
     return Friction(() if text == "none" else tuple(text.split(",")))
 
 
-def _further(
-    situation: _Situation, more: str, rate: float | None, options: dict[str, str | None]
-) -> Moved:
+def _further(situation: Situation, more: str, asked: Asked) -> Moved:
     """The motion that goes on, with the friction of the one before."""
     moved = situation.moved
     if more == SAME:
         return moved
+    rate = asked.rate
     if rate is None and Path(more).suffix == ".json":
         rate = moved.rate
-    own = options | {"recipe": None, "run": None, "friction": None}
-    found = _moved(situation.lib, more, rate, own, moved.terms)
+    own = Asked(cutoff=asked.cutoff, rate=rate)
+    found = _moved(situation.lib, more, own, moved.terms)
     found.require_columns(moved.columns)
     return found
 
 
 def _worths(
-    situation: _Situation,
+    situation: Situation,
     now: Expected,
     more: str,
-    rate: float | None,
-    options: dict[str, str | None],
+    asked: Asked,
 ) -> tuple[Worth, ...]:
-    further, lib = _further(situation, more, rate, options), situation.lib
+    further, lib = _further(situation, more, asked), situation.lib
     name = "the same motion" if more == SAME else further.name
     only = situation.known.payload_only
     before = now.by_name(lib, only)
@@ -277,17 +206,11 @@ def _worths(
     )
 
 
-def _draw(
-    situation: _Situation,
-    more: str | None,
-    rate: float | None,
-    options: dict[str, str | None],
-    path: Path,
-) -> None:
+def _draw(situation: Situation, more: str | None, asked: Asked, path: Path) -> None:
     from runtime.report.growth import draw_growth  # matplotlib loads slowly
 
     lib = situation.lib
-    further = None if more in {None, SAME} else _further(situation, str(more), rate, options)
+    further = None if more in {None, SAME} else _further(situation, str(more), asked)
     until = SECONDS[-1] if more is not None else 0.0
     common = lib, situation.moved, situation.noise, situation.known, situation.unit
     draw_growth(growth(*common, base_names(lib), more=further, until=until), path)

@@ -4,17 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from runtime.cli.common import Robot, command_line, console, say
+from runtime.cli.common import INTERRUPTED, Robot, command_line, console, say
+from runtime.cli.progress import counting
 from runtime.experiments import (
     DEFAULT_TRIALS,
     IDS,
@@ -27,7 +21,6 @@ from runtime.experiments import (
 )
 from runtime.library import Library, load
 
-INTERRUPTED = 130
 EVERYTHING, LISTED = "all", "list"
 
 
@@ -71,7 +64,7 @@ def reproduce_command(
         return
     studies = list(STUDIES.values()) if what == EVERYTHING else [study_of(what)]
     lib = load(robot)
-    with _progress() as progress:
+    with counting(TextColumn("left"), TimeRemainingColumn()) as progress:
         tasks: dict[str, int] = {}
 
         def reported(name: str, done: int, total: int) -> None:
@@ -107,16 +100,3 @@ def _list(lib: Library, request: Request) -> None:
         title = next(view.title for view in study.views if view.id == name)
         table.add_row(name, title, study.name, states[study.name])
     console.print(table)
-
-
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-    )

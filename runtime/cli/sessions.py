@@ -1,6 +1,7 @@
 """Several logs on the command line: which they are, what they carried, what they say together."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,7 +9,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import console, say
-from runtime.cli.options import read_data
+from runtime.cli.options import AUTO, Asked, read_data
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
 from runtime.identification import Identification
@@ -46,7 +47,7 @@ def identify_several(
     lib: Library,
     method: str | None,
     payload_of: Sequence[str],
-    asked: dict[str, Any],
+    asked: Asked,
     *,
     preset: str | Preset | None,
     prior: PriorFile | None,
@@ -59,15 +60,14 @@ def identify_several(
     """
     if len(runs) < 2:
         raise IdentificationError("--payload-of belongs to a fit of several logs; name them all")
-    if asked.get("stream"):
+    if asked.stream:
         raise IdentificationError("several logs are read as a whole; leave out --stream")
-    if (asked["friction"] or "").split(",")[0] == "auto":
+    if (asked.friction or "").split(",")[0] == AUTO:
         raise IdentificationError(
             "a friction model is chosen on one log; name the columns with --friction"
         )
     carried = _carried(payload_of, [log for log, _ in runs], lib)
-    asked = asked | {"stream": False}
-    data = [read_data(lib, log, **asked | {"run": run}) for log, run in runs]
+    data = [read_data(lib, log, replace(asked, run=run, stream=False)) for log, run in runs]
     names = _names(runs)
     sessions = [
         Session(name, each.recording, each.preparation, carried.get(log))

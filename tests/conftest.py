@@ -14,7 +14,6 @@ from hypothesis import settings
 
 from runtime.library import Library, load
 from symgen.build import build, is_current
-from symgen.compiler import level_names
 from symgen.request import BuildRequest, bundled_request
 from tests.robots import CASES
 
@@ -73,7 +72,8 @@ def robot(root: Path, request: pytest.FixtureRequest) -> Callable[[str], Library
             models = None
             if case.published:
                 models = request.getfixturevalue("shared_data") / "models"
-            levels = () if case.every_level else (level_names()[0], "portable")
+            # Those of one level get the best that this processor runs.
+            levels = () if case.every_level else (request.getfixturevalue("fr3").level,)
             loaded[name] = load(build(case.request(name, models), root, levels=levels).folder)
         return loaded[name]
 
@@ -99,9 +99,9 @@ def tiny_request() -> BuildRequest:
 
 
 @pytest.fixture(scope="session")
-def tiny_built(tmp_path_factory: pytest.TempPathFactory, tiny_request: BuildRequest) -> Path:
+def tiny_built(root: Path, tiny_request: BuildRequest) -> Path:
     """The folder of the pendulum; not to be written, `tiny` is a copy."""
-    return build(tiny_request, tmp_path_factory.mktemp("tiny")).folder
+    return build(tiny_request, root).folder
 
 
 @pytest.fixture

@@ -38,12 +38,13 @@ def run(command: list[str], cwd: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory):
-    """A user's folder: a URDF, a log, and the FR3 built."""
+def desk(tmp_path_factory, fr3):
+    """A user's folder: a URDF, a log, and the FR3 as `symgen build` makes it."""
     folder = tmp_path_factory.mktemp("readme")
+    (folder / "generated").mkdir()
+    (folder / "generated" / "fr3").symlink_to(fr3.folder)
     shutil.copy(ROOT / "symgen/robots/fr3.urdf", folder / "my.urdf")
     shutil.copy(ROOT / "runtime/examples/fr3_simulated.npz", folder)
-    run([sys.executable, "-m", "symgen", "build"], folder)
     return folder
 
 

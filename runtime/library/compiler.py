@@ -100,8 +100,9 @@ def compile_folder(
 
 def _spelled(flag: str, compiler: Words) -> str:
     """Zig writes the names of instruction sets with underscores."""
-    zig = "ziglang" in compiler and flag.startswith("-march=")
-    return flag.replace("x86-64-v", "x86_64_v") if zig else flag
+    if not flag.startswith("-march=") or "ziglang" not in compiler:
+        return flag
+    return f"-march={flag.removeprefix('-march=').replace('-', '_')}"
 
 
 def _knows(compiler: Words, flags: list[str]) -> bool:

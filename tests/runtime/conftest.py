@@ -24,7 +24,7 @@ from runtime.trajectory_file import write_trajectory
 from symgen.build import build
 from symgen.chain import ChainOptions
 from symgen.request import BuildRequest
-from tests.robots import DATA
+from tests.robots import DATA, ONE_LEVEL
 from tests.runtime.desk import Desk
 from tests.runtime.diagnosis import EXAMPLE
 from tests.runtime.exporting import ARM
@@ -139,13 +139,8 @@ def saved(tmp_path: Path):
 @pytest.fixture(scope="session")
 def arm(root: Path) -> Library:
     """The arm with every trap of an export."""
-    return load(
-        build(
-            BuildRequest("arm", ARM, ChainOptions(gravity=(1.5, -3.0, 9.0))),
-            root,
-            levels=["portable"],
-        ).folder
-    )
+    request = BuildRequest("arm", ARM, ChainOptions(gravity=(1.5, -3.0, 9.0)))
+    return load(build(request, root, levels=ONE_LEVEL).folder)
 
 
 @dataclass(frozen=True, slots=True)

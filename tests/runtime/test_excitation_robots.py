@@ -17,7 +17,7 @@ from runtime.trajectory_file import read_trajectory
 from symgen.build import build
 from symgen.request import BuildRequest
 from tests.oracle import pinocchio_model
-from tests.robots import DATA
+from tests.robots import DATA, ONE_LEVEL
 from tests.runtime.conftest import Command
 from tests.runtime.test_excitation import closed_form
 
@@ -31,7 +31,7 @@ def double(tmp_path_factory: pytest.TempPathFactory) -> Library:
     """Two joints, the second turns without end."""
     request = BuildRequest("double", (DATA / "double.urdf").read_text())
     folder = tmp_path_factory.mktemp("double")
-    return load(build(request, folder, levels=("portable",)).folder)  # the fastest to compile
+    return load(build(request, folder, levels=ONE_LEVEL).folder)
 
 
 @pytest.fixture

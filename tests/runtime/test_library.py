@@ -15,6 +15,7 @@ from runtime.library import Library, load
 from symgen.build import build
 from symgen.compiler import sha256_of
 from symgen.request import BuildRequest
+from tests.robots import ONE_LEVEL
 
 
 def test_loads_by_folder_and_by_name(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,7 +126,7 @@ def test_library_of_another_robot(tiny: Path, fr3: Library) -> None:
 def test_library_of_another_model_of_the_same_name(tiny: Path, tmp_path: Path) -> None:
     """Property: the model hash inside the library is compared, whatever the record says."""
     heavy = BuildRequest("tiny", (tiny / "tiny.urdf").read_text().replace('"1.5"', '"1.7"'))
-    other = build(heavy, tmp_path / "other").folder
+    other = build(heavy, tmp_path / "other", levels=ONE_LEVEL).folder
     shutil.copy(other / "libtiny.so", tiny / "libtiny.so")
     record = json.loads((tiny / "build.json").read_text())
     record["sha256"] = sha256_of(tiny / "libtiny.so")
@@ -139,7 +140,7 @@ def test_rebuilt_under_an_open_library(tiny: Path) -> None:
     old = load(tiny)
     before = old.inverse_dynamics([0.3], [0.0], [0.0], old.pi0)
     heavy = BuildRequest("tiny", (tiny / "tiny.urdf").read_text().replace('"1.5"', '"3.0"'))
-    build(heavy, tiny.parent)
+    build(heavy, tiny.parent, levels=ONE_LEVEL)
     new = load(tiny)
     assert new.pi0[0] == 3.0
     assert new.manifest.model_hash != old.manifest.model_hash

@@ -10,6 +10,7 @@ from runtime.errors import NotRealisableError, ShapeError
 from runtime.library import Library, load, to_pinocchio_order
 from symgen.build import build
 from symgen.request import BuildRequest, RobotConfig
+from tests.robots import ONE_LEVEL
 
 PRINTED_LINK_7 = [1.2543, 0.0057, 0.0108, -0.0203, 9e-4, 8e-4, 3e-4, -1e-4, 2e-4, 4e-4]
 """Table B.4: rounding made a body that cannot exist."""
@@ -41,7 +42,8 @@ def test_absent_limits_are_infinite(robot: Callable[[str], Library]) -> None:
 def test_robot_configuration_arrives(tmp_path: Path, tiny_request: BuildRequest) -> None:
     """Property: home, acceleration and jerk of the TOML come out of the library."""
     config = RobotConfig((0.25,), (5.0,), (100.0,))
-    lib = load(build(BuildRequest("tiny", tiny_request.urdf, config=config), tmp_path).folder)
+    request = BuildRequest("tiny", tiny_request.urdf, config=config)
+    lib = load(build(request, tmp_path, levels=ONE_LEVEL).folder)
     limits = lib.limits()
     assert (lib.home[0], limits["acceleration"][0], limits["jerk"][0]) == (0.25, 5.0, 100.0)
 

@@ -1,9 +1,11 @@
-"""Folders of the pendulum before and after a build."""
+"""Builds of the pendulum, and its folder before and after them."""
 
 from pathlib import Path
 
 from runtime.library import load
+from symgen.build import build
 from symgen.request import BuildRequest
+from tests.robots import ONE_LEVEL
 
 
 def snapshot(folder: Path) -> dict[str, tuple[bytes, int]]:
@@ -17,6 +19,11 @@ def snapshot(folder: Path) -> dict[str, tuple[bytes, int]]:
 
 def heavier(request: BuildRequest, kilograms: str = "2.5") -> BuildRequest:
     return BuildRequest(request.name, request.urdf.replace('"1.5"', f'"{kilograms}"'))
+
+
+def rebuild(request: BuildRequest, root: Path) -> bool:
+    """Builds; whether there was anything to do."""
+    return build(request, root, levels=ONE_LEVEL).rebuilt
 
 
 def mass(folder: Path) -> float:

@@ -17,7 +17,7 @@ from symgen.chain import ChainOptions, read_chain
 from symgen.request import BuildRequest, RobotConfig, bundled_request
 from tests.conftest import REPOSITORY, TINY_URDF
 from tests.robots import DATA
-from tests.symgen.builds import heavier, mass, snapshot
+from tests.symgen.builds import heavier, mass, rebuild, snapshot
 
 
 def test_second_build_does_nothing(tiny: Path, tiny_request: BuildRequest) -> None:
@@ -54,7 +54,7 @@ def test_a_change_is_built(tiny: Path, tiny_request: BuildRequest) -> None:
     """Oracle: the torque of a level pendulum is m g 0.1 m."""
     # One division and the rounding of an arm 0.1 m long.
     assert mass(tiny) == pytest.approx(1.5, rel=1e-14)
-    assert build(heavier(tiny_request), tiny.parent).rebuilt
+    assert rebuild(heavier(tiny_request), tiny.parent)
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
 
 

@@ -9,11 +9,10 @@ import pytest
 
 import symgen.build
 import symgen.exchange
-from symgen.build import build
 from symgen.errors import BuildError, CompilerError, UrdfError
 from symgen.request import BuildRequest
 from tests.conftest import TINY_URDF
-from tests.symgen.builds import heavier, mass, snapshot
+from tests.symgen.builds import heavier, mass, rebuild, snapshot
 
 
 def no_space(*_: object, **__: object) -> NoReturn:
@@ -29,10 +28,10 @@ def test_full_disk_leaves_the_old_library(
     with monkeypatch.context() as patch:
         patch.setattr(symgen.build, stage, no_space)
         with pytest.raises(BuildError, match=r"cannot write '.*tiny'.*previous library.*unchanged"):
-            build(heavier(tiny_request), tiny.parent)
+            rebuild(heavier(tiny_request), tiny.parent)
     assert snapshot(tiny.parent) == before
     assert mass(tiny) == pytest.approx(1.5, rel=1e-14)
-    assert build(heavier(tiny_request), tiny.parent).rebuilt
+    assert rebuild(heavier(tiny_request), tiny.parent)
 
 
 def test_half_written_file(
@@ -51,7 +50,7 @@ def test_half_written_file(
     before = snapshot(tiny.parent)
     monkeypatch.setattr(Path, "write_text", write)
     with pytest.raises(BuildError, match="No space left on device"):
-        build(heavier(tiny_request), tiny.parent)
+        rebuild(heavier(tiny_request), tiny.parent)
     assert snapshot(tiny.parent) == before
 
 
@@ -62,7 +61,7 @@ def test_refused_compilation_leaves_the_old_library(
     before = snapshot(tiny.parent)
     monkeypatch.setenv("CC", "false")
     with pytest.raises(CompilerError, match="'false "):
-        build(heavier(tiny_request), tiny.parent)
+        rebuild(heavier(tiny_request), tiny.parent)
     assert snapshot(tiny.parent) == before
 
 
@@ -70,7 +69,7 @@ def test_bad_urdf_leaves_the_old_library(tiny: Path) -> None:
     """Property: so does a URDF that cannot be read."""
     before = snapshot(tiny.parent)
     with pytest.raises(UrdfError):
-        build(BuildRequest("tiny", "<robot/>"), tiny.parent)
+        rebuild(BuildRequest("tiny", "<robot/>"), tiny.parent)
     assert snapshot(tiny.parent) == before
 
 
@@ -78,9 +77,9 @@ def test_folder_that_cannot_be_made(tmp_path: Path, tiny_request: BuildRequest) 
     """Property: a file where the folder should be, or a name too long, is one sentence."""
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(BuildError, match="cannot write"):
-        build(tiny_request, tmp_path / "taken")
+        rebuild(tiny_request, tmp_path / "taken")
     with pytest.raises(BuildError, match="cannot write"):
-        build(BuildRequest("a" * 300, TINY_URDF), tmp_path)
+        rebuild(BuildRequest("a" * 300, TINY_URDF), tmp_path)
     assert (tmp_path / "taken").read_text() == "a file"
 
 
@@ -89,7 +88,7 @@ def test_foreign_files_survive(tiny: Path, tiny_request: BuildRequest) -> None:
     (tiny / "notes.txt").write_text("mine")
     (tiny / "meshes").mkdir()
     (tiny / "meshes" / "rod.stl").write_text("solid")
-    build(heavier(tiny_request), tiny.parent)
+    rebuild(heavier(tiny_request), tiny.parent)
     assert (tiny / "notes.txt").read_text() == "mine"
     assert (tiny / "meshes" / "rod.stl").read_text() == "solid"
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
@@ -100,7 +99,7 @@ def test_exchange_without_renameat2(
 ) -> None:
     """Property: where the system cannot exchange folders, two renames do, and undo themselves."""
     monkeypatch.setattr(symgen.exchange, "_exchange", lambda a, b: False)
-    assert build(heavier(tiny_request), tiny.parent).rebuilt
+    assert rebuild(heavier(tiny_request), tiny.parent)
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
     before = snapshot(tiny.parent)
     original = Path.rename
@@ -112,5 +111,5 @@ def test_exchange_without_renameat2(
 
     monkeypatch.setattr(Path, "rename", rename)
     with pytest.raises(BuildError, match="No space left"):
-        build(tiny_request, tiny.parent)
+        rebuild(tiny_request, tiny.parent)
     assert snapshot(tiny.parent) == before

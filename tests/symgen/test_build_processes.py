@@ -7,23 +7,25 @@ from pathlib import Path
 
 import pytest
 
-from symgen.build import build
 from symgen.request import BuildRequest
 from tests.conftest import REPOSITORY
-from tests.symgen.builds import heavier, mass, snapshot
+from tests.symgen.builds import heavier, mass, rebuild, snapshot
 
 BUILD = """
 import sys
 from pathlib import Path
 from symgen.build import build
 from symgen.request import BuildRequest
-build(BuildRequest("tiny", Path(sys.argv[1]).read_text()), Path(sys.argv[2]), force=True)
+from tests.robots import ONE_LEVEL
+request = BuildRequest("tiny", Path(sys.argv[1]).read_text())
+build(request, Path(sys.argv[2]), force=True, levels=ONE_LEVEL)
 """
 BUILD_AND_HANG = """
 import sys, time
 from pathlib import Path
 import symgen.build
 from symgen.request import BuildRequest
+from tests.robots import ONE_LEVEL
 stage = getattr(symgen.build, sys.argv[3])
 def hang(*arguments):
     if sys.argv[3] != "replace_folder":
@@ -31,7 +33,8 @@ def hang(*arguments):
     print("here", flush=True)
     time.sleep(float(sys.argv[4]))
 setattr(symgen.build, sys.argv[3], hang)
-symgen.build.build(BuildRequest("tiny", Path(sys.argv[1]).read_text()), Path(sys.argv[2]))
+request = BuildRequest("tiny", Path(sys.argv[1]).read_text())
+symgen.build.build(request, Path(sys.argv[2]), levels=ONE_LEVEL)
 """
 
 
@@ -68,7 +71,7 @@ def test_second_build_waits_for_the_first(
     first = child(BUILD_AND_HANG, light, tiny.parent, "_write_files", 0.5)
     assert first.stdout is not None
     assert first.stdout.readline() == "here\n"
-    assert build(heavier(tiny_request), tiny.parent).rebuilt
+    assert rebuild(heavier(tiny_request), tiny.parent)
     _, complaint = first.communicate(timeout=60)
     assert first.returncode == 0, complaint
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
@@ -83,7 +86,7 @@ def test_waiting_build_takes_what_the_first_has_built(
     first = child(BUILD_AND_HANG, heavy, tiny.parent, "_write_files", 0.5)
     assert first.stdout is not None
     assert first.stdout.readline() == "here\n"
-    assert not build(heavier(tiny_request), tiny.parent).rebuilt
+    assert not rebuild(heavier(tiny_request), tiny.parent)
     _, complaint = first.communicate(timeout=60)
     assert first.returncode == 0, complaint
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
@@ -102,6 +105,6 @@ def test_killed_build(tiny: Path, tiny_request: BuildRequest, tmp_path: Path, st
     one.communicate(timeout=60)
     assert snapshot(tiny) == before
     assert mass(tiny) == pytest.approx(1.5, rel=1e-14)
-    assert build(heavier(tiny_request), tiny.parent).rebuilt
+    assert rebuild(heavier(tiny_request), tiny.parent)
     assert mass(tiny) == pytest.approx(2.5, rel=1e-14)
     assert [path.name for path in tiny.parent.iterdir() if path.is_dir()] == ["tiny"]

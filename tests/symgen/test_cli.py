@@ -11,8 +11,11 @@ import pytest
 from runtime.library import Library
 from symgen.cli import main
 from tests.conftest import REPOSITORY, TINY_URDF
+from tests.robots import ONE_LEVEL
 from tests.symgen.builds import snapshot
 from tests.symgen.test_chain import MALFORMED
+
+QUICKLY = ("--level", *ONE_LEVEL)
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str, str]:
@@ -149,7 +152,7 @@ def test_build_says_what_happened(
     tmp_path: Path, urdf: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Property: built, then up to date, and rebuilt when forced."""
-    build = ("build", "--urdf", urdf, "--name", "own", "--gravity", "0,0,-1.62")
+    build = ("build", "--urdf", urdf, "--name", "own", "--gravity", "0,0,-1.62", *QUICKLY)
     for extra, state in (((), "built"), ((), "up to date"), (("--force",), "built")):
         code, out, _ = run(capsys, *build, *extra, "--out", tmp_path / "out")
         assert (code, out.strip()) == (0, f"{tmp_path / 'out' / 'own'}: {state}")
@@ -160,8 +163,8 @@ def test_build_says_what_happened(
 def test_build_notes(tmp_path: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Property: a projection is never silent."""
     urdf.write_text(TINY_URDF.replace('izz="0.01"', 'izz="0.5"'))
-    build = ("build", "--urdf", urdf, "--name", "own", "--project", "--out", tmp_path / "out")
-    code, out, _ = run(capsys, *build)
+    build = ("build", "--urdf", urdf, "--name", "own", "--project", *QUICKLY)
+    code, out, _ = run(capsys, *build, "--out", tmp_path / "out")
     assert code == 0
     assert "note: the inertia of 'rod' cannot exist and was projected" in out
 
@@ -186,7 +189,8 @@ def test_check_names_each_robot(tiny: Path, capsys: pytest.CaptureFixture[str]) 
     """Property: one robot's difference is not another's."""
     (tiny / "tiny.h").write_text("")
     second = tiny.parent / "zwei"
-    run(capsys, "build", "--urdf", tiny / "tiny.urdf", "--name", "zwei", "--out", tiny.parent)
+    build = ("build", "--urdf", tiny / "tiny.urdf", "--name", "zwei", *QUICKLY)
+    run(capsys, *build, "--out", tiny.parent)
     code, out, _ = run(capsys, "check", "--out", tiny.parent)
     assert code == 1
     assert f"{tiny}: differs" in out

@@ -22,7 +22,7 @@ from tests.oracle import (
     random_states,
     with_parameters,
 )
-from tests.robots import CASES, DATA
+from tests.robots import CASES, DATA, ONE_LEVEL
 from tests.taylor import assert_second_order, taylor_slope
 
 STATES = 1000
@@ -178,11 +178,16 @@ def test_tip_drops_the_hand(robot: Callable[[str], Library], shared_data: Path) 
     assert removed == ["panda_hand", "panda_hand_tcp", "panda_leftfinger", "panda_rightfinger"]
 
 
+def one_level(name: str, urdf: str, options: ChainOptions, root: Path) -> Library:
+    request = BuildRequest(name, urdf, options)
+    return load(build(request, root, levels=ONE_LEVEL).folder)
+
+
 def test_lock_equals_the_reduced_model(tmp_path: Path) -> None:
     """Oracle: pinocchio's buildReducedModel at the locked values."""
     text = (DATA / "gantry.urdf").read_text()
     locks = {"turn": 0.7, "plunge": 0.12}
-    lib = load(build(BuildRequest("locked", text, ChainOptions(locks=locks)), tmp_path).folder)
+    lib = one_level("locked", text, ChainOptions(locks=locks), tmp_path)
     full = pinocchio_model(text)
     reference = pinocchio.neutral(full)
     for name, value in locks.items():
@@ -198,7 +203,7 @@ def test_lock_equals_the_reduced_model(tmp_path: Path) -> None:
 def test_base_turns_gravity_with_it(tmp_path: Path) -> None:
     """Oracle: the arm from --base rail feels the gravity of the whole file's world."""
     text = (DATA / "gantry.urdf").read_text()
-    lib = load(build(BuildRequest("rail", text, ChainOptions(base="rail")), tmp_path).folder)
+    lib = one_level("rail", text, ChainOptions(base="rail"), tmp_path)
     a = ask_pinocchio(pinocchio_model(text), lib, 100)
     assert lib.manifest.base == "rail"
     assert lib.gravity == pytest.approx(
@@ -210,8 +215,7 @@ def test_base_turns_gravity_with_it(tmp_path: Path) -> None:
 def test_gravity_option(tmp_path: Path, tiny_request: BuildRequest) -> None:
     """Oracle: a wall-mounted arm, and an arm without gravity."""
     for name, gravity in {"wall": (9.81, 0.0, 0.0), "space": (0.0, 0.0, 0.0)}.items():
-        options = ChainOptions(gravity=gravity)
-        lib = load(build(BuildRequest(name, tiny_request.urdf, options), tmp_path).folder)
+        lib = one_level(name, tiny_request.urdf, ChainOptions(gravity=gravity), tmp_path)
         a = ask_pinocchio(pinocchio_model(lib.urdf(), np.array(gravity)), lib, 20)
         ours = lib.inverse_dynamics(a.q, a.dq, a.ddq, lib.pi0)
         assert relative_error(ours, a.tau) < ROUNDING

@@ -4,6 +4,8 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -173,6 +175,8 @@ PROGRAMS = """
         }
     }
 """
+INDEPENDENT = (*ONCE, "reference.c")
+"""Sources of no level."""
 EXPECTED = "1 1 20 1 20 1 5 1 1 42 1 1 2 2 4 0 4 0"
 """All numbers finite, all iterations made."""
 
@@ -227,30 +231,61 @@ def driver(manifest: dict, name: str, level: str, tiles_h: str) -> str:
     return text.replace("NAME", name).replace("LEVEL", level)
 
 
-def build_driver(lib: Library, level: str, folder: Path, flags: list[str]) -> Path:
-    """The program for one level; skips where the compiler lacks the sanitizers' libraries."""
+@dataclass(frozen=True, slots=True)
+class Workbench:
+    """A folder with the sources of a robot; those of no level are compiled, with the flags."""
+
+    lib: Library
+    folder: Path
+    flags: tuple[str, ...]
+
+    def cc(self, *words: str) -> None:
+        """One compilation; skips where the compiler lacks the sanitizers' libraries."""
+        command = [*find_compiler(), "-std=c99", "-O1", *self.flags, *words]
+        done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False)
+        if re.search(r"cannot find .*(?:asan|ubsan)", done.stderr):
+            pytest.skip(f"this compiler has no sanitizer libraries: {done.stderr.strip()[:100]}")
+        assert done.returncode == 0, done.stderr[:2000]
+
+    def program(self, level: str) -> Path:
+        """The program for one level; skips where this machine does not run it."""
+        lib = self.lib
+        if level not in lib.levels[: lib.levels.index(lib.level) + 1]:
+            pytest.skip(f"this machine does not run the level {level}")
+        manifest = json.loads((lib.folder / "manifest.json").read_text(encoding="utf-8"))
+        tiles_h = (lib.folder / "tiles.h").read_text(encoding="utf-8")
+        text = driver(manifest, lib.name, level, tiles_h)
+        (self.folder / f"{level}.c").write_text(text, encoding="utf-8")
+        per_level = [name for name in PER_LEVEL if (self.folder / name).exists()]
+        objects = [f"{Path(name).stem}.o" for name in INDEPENDENT]
+        width, march = LEVELS[machine()][level]
+        flags = [f"-DLEVEL={level}", f"-DW={width}", "-ffp-contract=fast"]
+        flags += [f"-march={march}"] if march else []
+        self.cc(*flags, f"{level}.c", *per_level, *objects, "-o", level, "-lm")
+        return self.folder / level
+
+
+def workbench(lib: Library, folder: Path, *flags: str) -> Workbench:
     for file in lib.folder.glob("*.[ch]"):
         shutil.copy(file, folder)
-    manifest = json.loads((lib.folder / "manifest.json").read_text(encoding="utf-8"))
-    per_level = [name for name in PER_LEVEL if (folder / name).exists()]
-    tiles_h = (folder / "tiles.h").read_text(encoding="utf-8")
-    text = driver(manifest, lib.name, level, tiles_h)
-    (folder / "main.c").write_text(text, encoding="utf-8")
-    width, march = LEVELS[machine()][level]
-    flags = ["-std=c99", "-O1", *flags, f"-DLEVEL={level}", f"-DW={width}", "-ffp-contract=fast"]
-    flags += [f"-march={march}"] if march else []
-    sources = ["main.c", *ONCE, "reference.c", *per_level]
-    build = subprocess.run(
-        [*find_compiler(), *flags, *sources, "-o", "main", "-lm"],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if re.search(r"cannot find .*(?:asan|ubsan)", build.stderr):
-        pytest.skip(f"this compiler has no sanitizer libraries: {build.stderr.strip()[:100]}")
-    assert build.returncode == 0, build.stderr[:2000]
-    return folder / "main"
+    made = Workbench(lib, folder, flags)
+    made.cc("-c", *INDEPENDENT)
+    return made
+
+
+@pytest.fixture(scope="module")
+def sanitized(
+    robot: Callable[[str], Library], tmp_path_factory: pytest.TempPathFactory
+) -> Workbench:
+    """Every access and every number watched by the compiler's sanitizers."""
+    flags = "-g0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"
+    return workbench(robot("gantry"), tmp_path_factory.mktemp("sanitized"), *flags)
+
+
+@pytest.fixture(scope="module")
+def plain(robot: Callable[[str], Library], tmp_path_factory: pytest.TempPathFactory) -> Workbench:
+    """With the names of functions, for valgrind to tell."""
+    return workbench(robot("gantry"), tmp_path_factory.mktemp("plain"), "-g")
 
 
 def assert_ran(done: subprocess.CompletedProcess[str]) -> None:
@@ -260,16 +295,11 @@ def assert_ran(done: subprocess.CompletedProcess[str]) -> None:
 
 
 @pytest.mark.parametrize("level", ["portable", "v2", "v3", "v4"])
-def test_no_byte_out_of_place(robot, tmp_path: Path, level: str):
+def test_no_byte_out_of_place(sanitized: Workbench, level: str):
     """Oracle: the sanitizers of the compiler; reads and writes, shifts, conversions, alignment."""
-    lib = robot("gantry")
-    if level not in lib.levels[: lib.levels.index(lib.level) + 1]:
-        pytest.skip(f"this machine does not run the level {level}")
-    flags = ["-g0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    program = build_driver(lib, level, tmp_path, flags)
     done = subprocess.run(
-        [str(program)],
-        cwd=tmp_path,
+        [str(sanitized.program(level))],
+        cwd=sanitized.folder,
         capture_output=True,
         text=True,
         check=False,
@@ -279,18 +309,14 @@ def test_no_byte_out_of_place(robot, tmp_path: Path, level: str):
 
 
 @pytest.mark.parametrize("level", ["portable", "v3"])
-def test_no_uninitialised_byte_decides(robot, tmp_path: Path, level: str):
+def test_no_uninitialised_byte_decides(plain: Workbench, level: str):
     """Oracle: valgrind's memcheck, up to AVX2, which is all that it knows."""
     valgrind = shutil.which("valgrind")
     if valgrind is None:
         pytest.skip("valgrind is not installed: apt-get install valgrind")
-    lib = robot("gantry")
-    if level not in lib.levels[: lib.levels.index(lib.level) + 1]:
-        pytest.skip(f"this machine does not run the level {level}")
-    program = build_driver(lib, level, tmp_path, ["-g"])
     done = subprocess.run(
-        [valgrind, "--error-exitcode=9", "--leak-check=no", "--quiet", str(program)],
-        cwd=tmp_path,
+        [valgrind, "--error-exitcode=9", "--leak-check=no", "--quiet", str(plain.program(level))],
+        cwd=plain.folder,
         capture_output=True,
         text=True,
         check=False,

@@ -1,0 +1,78 @@
+"""Both workshops look for a compiler, each for itself since neither imports the other: as one."""
+
+import importlib.util
+import itertools
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import runtime.library.compiler as at_run_time
+import symgen.compiler as at_build_time
+from runtime.errors import LibraryError
+from symgen.errors import CompilerError
+
+ON_PATH = ("cc", "gcc", "clang")
+PATHS = [names for count in range(4) for names in itertools.combinations(ON_PATH, count)]
+ASKED = ("", "gcc", "clang -m64", "no-such-cc")
+MARCHES = ("x86-64-v4", "x86-64-v2", "no-such-set")
+
+
+def answer(find: Callable[[], tuple[str, ...]]) -> tuple[str, ...] | None:
+    """The words that call it; None where there is none."""
+    try:
+        return find()
+    except (CompilerError, LibraryError):
+        return None
+
+
+@pytest.mark.parametrize("wheel", [True, False])
+def test_one_compiler_for_both(
+    wheel: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Property: the same words, or none, whatever $CC asks for and the PATH and wheels offer."""
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: wheel and name == "ziglang")
+    found = set()
+    for names, asked in itertools.product(PATHS, ASKED):
+        folder = tmp_path / "-".join(("path", *names))
+        folder.mkdir(exist_ok=True)
+        for name in names:
+            (folder / name).write_text("#!/bin/sh\n")
+            (folder / name).chmod(0o755)
+        monkeypatch.setenv("PATH", str(folder))
+        monkeypatch.setenv("CC", asked)
+        one, other = (answer(room.find_compiler) for room in (at_build_time, at_run_time))
+        assert one == other, (names, asked)
+        found.add(one)
+    last = (sys.executable, "-m", "ziglang", "cc") if wheel else None
+    assert found == {("cc",), ("gcc",), ("clang",), ("clang", "-m64"), None, last}
+
+
+def test_flags_are_spelled_and_known_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: instruction sets in the words of gcc and zig, and which of them there are."""
+    zig = (sys.executable, "-m", "ziglang", "cc")
+    for march, compiler in itertools.product(MARCHES, (("cc",), zig)):
+        flag = f"-march={march}"
+        assert at_build_time._spelled(flag, compiler) == at_run_time._spelled(flag, compiler)
+    # A compiler that refuses all but one set, so that the test asks none of this machine.
+    monkeypatch.setattr(
+        subprocess,
+        "run",
+        lambda command, **_: subprocess.CompletedProcess(
+            command, "-march=x86-64-v2" not in command
+        ),
+    )
+    for flags in ([f"-march={MARCHES[1]}"], [f"-march={MARCHES[2]}"], ["-O2"]):
+        one, other = (room._knows(("cc",), flags) for room in (at_build_time, at_run_time))
+        assert one == other == (flags != [f"-march={MARCHES[2]}"])
+
+
+def test_machine_and_version_are_told_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: the names that the recipe's groups and build records are held against."""
+    for name in ("x86_64", "AMD64", "arm64", "aarch64", "riscv64"):
+        monkeypatch.setattr("platform.machine", lambda name=name: name)
+        assert at_build_time.machine() == at_run_time.machine()
+    words = at_build_time.find_compiler()
+    assert at_build_time.compiler_version(words) == at_run_time.version_of(words)

@@ -126,8 +126,14 @@ def _write_certificate(
 def _facts(use: Use) -> dict[str, object]:
     how = "proven" if use.is_proven else "measured at 1 kHz with exact derivatives"
     return {
-        **{"limit": use.kind, "bound": use.bound, "margin": use.margin, "where": use.where},
-        **{"t": use.time, "value": use.value, "allowed": use.limit, "unit": use.unit},
+        "limit": use.kind,
+        "bound": use.bound,
+        "margin": use.margin,
+        "where": use.where,
+        "t": use.time,
+        "value": use.value,
+        "allowed": use.limit,
+        "unit": use.unit,
         "how": how,
     }
 

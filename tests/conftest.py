@@ -19,6 +19,24 @@ from tests.robots import CASES
 
 REPOSITORY = Path(__file__).parents[1]
 
+FIRST = (
+    *("symgen/test_dynamics.py", "symgen/test_memory.py", "test_readme.py", "test_bench.py"),
+    *("runtime/test_excitation_robots.py", "symgen/test_build_processes.py"),
+    *("symgen/test_objects.py", "runtime/test_statistics.py", "symgen/test_build.py"),
+    *("runtime/test_cli.py", "symgen/test_build_failures.py", "runtime/test_doctor.py"),
+    *("symgen/test_cli.py", "runtime/test_excitation.py", "runtime/test_experiments.py"),
+    *("symgen/test_compiler.py", "test_tutorials.py", "test_packages.py", "test_fuzz.py"),
+    *("runtime/test_experiments_cluster.py", "runtime/test_excitation_cluster.py"),
+)
+"""Files of a dozen seconds and more, roughly from the longest on."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first: of several workers none is left alone with one at the end."""
+    place = {Path(__file__).parent / name: k for k, name in enumerate(FIRST)}
+    items.sort(key=lambda item: place.get(item.path, len(FIRST)))
+
+
 # Derandomised: the same commit passes or fails the same way everywhere.
 settings.register_profile("tests", max_examples=60, deadline=None, derandomize=True, database=None)
 settings.load_profile("tests")

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-REPOSITORY = Path(__file__).parents[1]
+from tests.conftest import FIRST, REPOSITORY
+
 MODULES = sorted(
     path for package in ("symgen", "runtime") for path in (REPOSITORY / package).rglob("*.py")
 )
@@ -37,6 +38,13 @@ def test_modules_are_found() -> None:
     """Property: the tests above look at the right folders."""
     names = {path.relative_to(REPOSITORY).as_posix() for path in MODULES}
     assert {"symgen/emit/ssa.py", "runtime/library/library.py"} <= names
+
+
+def test_the_longest_tests_are_there() -> None:
+    """Property: the names by which files of tests come first are names of files."""
+    missing = [name for name in FIRST if not (Path(__file__).parent / name).is_file()]
+    assert not missing
+    assert len(set(FIRST)) == len(FIRST)
 
 
 def test_run_time_needs_no_build_tool() -> None:

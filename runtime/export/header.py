@@ -14,11 +14,9 @@ from runtime.export.model import Model
 from runtime.library import Array
 from runtime.library.manifest import PI_NAMES
 
-ARRAYS = ("pi", "lam", "beta", "friction")
-
 
 def header_arrays(model: Model) -> dict[str, Array]:
-    """π, λ, β and φ (n, k) where there is some, by the names of `ARRAYS`."""
+    """π, λ, β and φ (n, k) where there is some, by the ends of their names in C."""
     lib = model.lib
     found = {
         "pi": model.pi,

@@ -21,7 +21,6 @@ class JointFriction:
     def __init__(self, law: Friction, step: float, places: Array) -> None:
         """In the order of `places`, from z = 0, with steps of the engine."""
         order = np.argsort(places)
-        self._step = step
         self.z = np.zeros(len(order))
         f_c = law.coulomb[order]
         self._forward, self._backward = (

@@ -50,7 +50,7 @@ class Encoders:
     def __init__(self, sensors: Sensors, noise: Array, period: float, places: Array) -> None:
         """With the noise (N, n) of a log in the order of `places`."""
         order = np.argsort(places)
-        self._noise, self._period = noise, period
+        self._noise = noise
         quantum = sensors.position_quantum[order]
         self._inverse = 1 / np.where(quantum > 0, quantum, 1.0)
         self._quantum = np.where(quantum > 0, quantum, 0.0)

@@ -101,9 +101,7 @@ def test_rows_say_what_identify_says(lib: Library) -> None:
             assert figures.gap == pytest.approx(alone.gap, rel=1e-6)
 
 
-def test_same_input_same_bytes(
-    facts_of_all: dict[str, Any], lib: Library, command: Command, tmp_path: Path
-) -> None:
+def test_same_input_same_bytes(lib: Library, command: Command, tmp_path: Path) -> None:
     """Property: two runs differ in times only; provenance names log, truth, model and options."""
     words = ("compare", EXAMPLE, "--robot", lib.folder, *TERMS, "--methods", "map,ols,nn")
     texts = []

@@ -45,7 +45,7 @@ def by_hand(dq, ddq, eps):
 
 
 @pytest.fixture
-def run(ideal_runs, fr3) -> Recording:
+def run(ideal_runs) -> Recording:
     """The simulated FR3 with friction of its joints and of two coupled motors."""
     bare = ideal_runs[0]
     own = 0.3 * np.tanh(bare.dq / 0.05) + 0.5 * bare.dq

@@ -55,7 +55,7 @@ def test_interrupting_relatives_keeps_the_best(lib: Library, alone: Design) -> N
     assert not multiprocessing.active_children()
 
 
-def test_rounds(lib: Library) -> None:
+def test_rounds() -> None:
     """Property: starts first; then the best and different ones become parents, round by round."""
     values = 1 + np.random.default_rng(2).permutation(20) // 2 / 10  # every value twice
     found = {k: (float(value), np.array([[value]])) for k, value in enumerate(values)}

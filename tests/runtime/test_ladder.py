@@ -67,7 +67,7 @@ def test_without_friction_none_is_chosen(lib, ideal_runs):
     assert "'none'" in choice.sentence
 
 
-def test_a_real_log_gets_below_the_bar_with_the_chosen_model(panda, lib, shared_data):
+def test_a_real_log_gets_below_the_bar_with_the_chosen_model(panda, lib):
     """Oracle: a Franka's log; chosen on the first 60 %, least squares there, the rest held out.
 
     Bar 1.3 % of torque (with tanh-Coulomb at 0.02 rad/s: 1.31 %).

@@ -143,7 +143,7 @@ def test_wrong_parameter_lengths(fr3: Library) -> None:
                 method(wrong)
 
 
-def test_results_do_not_depend_on_the_number_of_threads(fr3, monkeypatch):
+def test_results_do_not_depend_on_the_number_of_threads(fr3):
     """Property: pieces of fixed length, so 1, 2 and 5 threads give the same bits, sums included."""
     rng = np.random.default_rng(4)
     n = 2 * PART + 137

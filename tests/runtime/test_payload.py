@@ -51,7 +51,7 @@ def loaded(ideal_runs, mount, payload_pi, lib):
 
 
 @pytest.fixture(scope="module")
-def arm(lib, pi_true):
+def arm(pi_true):
     return ArmModel(pi_true, Friction(()), np.zeros((7, 0)), "the truth")
 
 
@@ -130,7 +130,7 @@ def test_covariance_of_the_body_is_the_delta_method(mount, payload_pi):
     np.testing.assert_allclose(covariance, slope @ C @ slope.T, rtol=1e-14)
 
 
-def test_files_say_what_was_found(loaded, lib, arm, command, tmp_path):
+def test_files_say_what_was_found(loaded, lib, command, tmp_path):
     """Oracle: the URDF reloaded by Pinocchio; setLoad's and Desk's fields column by column."""
     noise = NOISE * np.random.default_rng(1).normal(size=(2, *loaded[0].tau.shape))
     for name, run, own in zip(("loaded", "empty"), loaded, noise, strict=True):

@@ -118,7 +118,7 @@ def test_joined_logs_keep_every_row_and_a_hole(lib, sessions):
     assert np.diff(whole.t).max() == pytest.approx(10.0)
 
 
-def test_what_is_written_can_be_used(lib, answer, tmp_path):
+def test_what_is_written_can_be_used(answer, tmp_path):
     """Oracle: result.json serves evaluate and payload, the report shows both tables."""
     result, study = answer
     facts = write_result(result, tmp_path, "test", study.facts())

@@ -210,7 +210,7 @@ def test_files_bring_back_every_bit(lib: Library, robot, tmp_path) -> None:
         load_statistics(tmp_path / "none.npz", lib)
 
 
-def test_what_is_no_data_is_refused(lib: Library, robot) -> None:
+def test_what_is_no_data_is_refused(lib: Library) -> None:
     """Property: NaN and infinity pass through the C to the door; weights and robots are checked."""
     for level in levels(lib):
         own = load(lib.folder, level)

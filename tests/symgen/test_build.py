@@ -115,7 +115,7 @@ def test_committed_fr3_is_in_sync() -> None:
         )
 
 
-def test_notes_tell_what_was_done(tmp_path: Path) -> None:
+def test_notes_tell_what_was_done() -> None:
     """Property: lumped, cut and projected bodies are reported to the user."""
     text = (DATA / "tree.urdf").read_text()
     options = ChainOptions(tip="left_arm")

@@ -27,7 +27,7 @@ def arguments_of(lib: Library, count: int, seed: int = 1) -> dict[str, list[np.n
     lam = lib.lam0 * (1 + 0.05 * rng.normal(size=(count, lib.lam0.size)))
     pi = lib.pi_from_lam(lam)
 
-    def numbers(kernel: str, name: str, size: int) -> np.ndarray:
+    def numbers(name: str, size: int) -> np.ndarray:
         if name in {"lam", "pi"}:
             return np.ascontiguousarray({"lam": lam, "pi": pi}[name][:, :size])
         if name in {"weight", "rotor", "t_f", "floor"}:
@@ -35,7 +35,7 @@ def arguments_of(lib: Library, count: int, seed: int = 1) -> dict[str, list[np.n
         return rng.normal(size=(count, size))
 
     return {
-        kernel.name: [numbers(kernel.name, a.name, a.size) for a in kernel.inputs]
+        kernel.name: [numbers(a.name, a.size) for a in kernel.inputs]
         for kernel in lib.manifest.kernels.values()
     }
 

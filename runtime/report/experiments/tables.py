@@ -36,13 +36,11 @@ def tables(experiment: Experiment, view: View) -> Iterator[Table]:
         rows = [row for row in rows if any(cell != NOTHING for cell in row[1:])]
         if not columns or not rows:
             continue
-        made = _table(experiment, view, columns, rows)
+        made = _table(columns, rows)
         yield _turned(made) if len(methods) > MANY and not made.groups else made
 
 
-def _table(
-    experiment: Experiment, view: View, columns: list[Column], rows: list[tuple[str, ...]]
-) -> Table:
+def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> Table:
     told = {column[1] for column in columns if column[2]}
     names = [_head(column, told) for column in columns]
     cases = list(dict.fromkeys(case for case, _, _ in columns))

@@ -40,7 +40,13 @@ _STATUS = {
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """Settings of the λ-Adam method; batch None takes all samples at every iteration."""
+    """Settings of the λ-Adam method.
+
+    Attributes:
+        adam: learning rate and decay of the moments.
+        rule: when to stop.
+        batch: samples drawn for every iteration; None takes all of them.
+    """
 
     adam: AdamOptions
     rule: StoppingRule

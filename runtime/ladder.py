@@ -107,7 +107,9 @@ def choose_friction(
     names: Sequence[str] = tuple(RUNGS),
     extra: tuple[str, ...] = (),
 ) -> Choice:
-    """Climb the ladder on the training and validation parts of a recording.
+    """The lowest rung whose cross-validated score is within one standard error of the best one.
+
+    Training and validation parts of the recording are tried, the test part is not looked at.
 
     Args:
         recording: as read; its columns, if it has any, are not used.

@@ -61,7 +61,7 @@ class OnlineEstimate:
 
 
 class OnlineEstimator:
-    """Takes samples, one or many at a time, and tells the model every `every` samples.
+    """RᵀR ← ϑ RᵀR + [F Y_b τ]ᵀ W [F Y_b τ] with every sample, and the model of it now and then.
 
     Args:
         lib: of the robot.

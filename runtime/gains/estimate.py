@@ -76,7 +76,7 @@ def identify_gains(
     friction: Friction | None = None,
     preparation: Preparation | None = None,
 ) -> Gains:
-    """Find the gains from a run without and a run with a known payload; their motions may differ.
+    """G of τᵐ = G (Y_b β + F φ + [loaded] Y_k π_L) + b + e, from two runs whose motions may differ.
 
     Args:
         empty: without it.

@@ -89,7 +89,7 @@ def identify_payload(
     preparation: Preparation | None = None,
     kappa: float = NONE,
 ) -> Payload:
-    """Find the payload of a recording.
+    """π and b of τ − Y π_arm − F φ_arm = Y_k π + b + e: the payload of a recording.
 
     Args:
         recording: with the payload.

@@ -9,7 +9,7 @@ import numpy as np
 
 from symgen import inertia
 from symgen.base_parameters import Array, BaseParameters
-from symgen.chain import Chain
+from symgen.chain import Chain, Joint
 from symgen.collision.distance import moving
 from symgen.collision.tables import tables_from_collision
 from symgen.config import Braking, home_of
@@ -67,23 +67,7 @@ def model_facts(
             "translation": list(chain.tip.translation),
         },
         "gravity": list(chain.gravity),
-        "joints": [
-            {
-                "name": j.name,
-                "kind": j.kind,
-                "link": j.link,
-                "unit": "m" if j.kind == "prismatic" else "rad",
-                "lower": j.lower,
-                "upper": j.upper,
-                "velocity": j.velocity,
-                "effort": j.effort,
-                "parent": j.parent,
-                "rotation": [list(row) for row in j.rotation],
-                "translation": list(j.translation),
-                "axis": list(j.axis),
-            }
-            for j in chain.joints
-        ],
+        "joints": [_joint_facts(joint) for joint in chain.joints],
         "home": list(home_of(chain, config)),
         "acceleration": list(config.acceleration) if config.acceleration else None,
         "jerk": list(config.jerk) if config.jerk else None,
@@ -110,6 +94,23 @@ def model_facts(
         },
         "options": {"tip": request.options.tip, "project": request.project},
         "urdf_sha256": hashlib.sha256(chain.urdf.encode()).hexdigest(),
+    }
+
+
+def _joint_facts(j: Joint) -> dict[str, Any]:
+    return {
+        "name": j.name,
+        "kind": j.kind,
+        "link": j.link,
+        "unit": "m" if j.kind == "prismatic" else "rad",
+        "lower": j.lower,
+        "upper": j.upper,
+        "velocity": j.velocity,
+        "effort": j.effort,
+        "parent": j.parent,
+        "rotation": [list(row) for row in j.rotation],
+        "translation": list(j.translation),
+        "axis": list(j.axis),
     }
 
 

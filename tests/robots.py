@@ -1,14 +1,22 @@
-"""The robots that the tests build: our own toys, and published URDFs that stay outside."""
+"""The robots that the tests build: our own toys, and published URDFs; levels of libraries."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from runtime.library import Library, load
 from symgen.chain import ChainOptions
+from symgen.compiler import REFERENCE
 from symgen.request import BuildRequest
 
 DATA = Path(__file__).parent / "data"
 ONE_LEVEL = ("portable",)
 """For builds whose levels are not asked about: a third of the time of all of them."""
+
+
+def levels_here(lib: Library) -> tuple[str, ...]:
+    """Levels of the library that this processor runs, the plainest first, without CasADi's own."""
+    here = lib.levels[: lib.levels.index(load(lib.folder).level) + 1]
+    return tuple(level for level in here if level != REFERENCE)
 
 
 @dataclass(frozen=True, slots=True)

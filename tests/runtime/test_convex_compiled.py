@@ -23,6 +23,7 @@ from runtime.convex import (
 from runtime.convex.constraints import Constraints, constrained
 from runtime.errors import LibraryError
 from runtime.library import Library, load
+from tests.robots import levels_here
 from tests.runtime.test_convex import compressed
 from tests.taylor import assert_second_order, taylor_slope
 
@@ -32,10 +33,6 @@ def problem(lib: Library, seed: int = 0, columns: int = 0) -> ConvexProblem:
     return convex_problem(data, prior_of(lib), CAD * data.variance / data.count)
 
 
-def levels(lib: Library) -> list[str]:
-    return [level for level in lib.levels if level != "casadi"]
-
-
 @pytest.mark.parametrize("columns", [0, 2])
 @pytest.mark.parametrize("name", ["fr3", "tree"])
 def test_compiled_equals_reference(robot, name, columns):
@@ -43,7 +40,7 @@ def test_compiled_equals_reference(robot, name, columns):
     lib = robot(name)
     p = problem(lib, 1, columns)
     reference = minimise(p)
-    for level in levels(lib):
+    for level in levels_here(lib):
         found = solve(load(lib.folder, level), p)
         assert (found.converged, found.steps) == (True, reference.steps)
         # Rounding through a Hessian of condition 1e6; measured 1e-11.

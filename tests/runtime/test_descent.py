@@ -22,6 +22,7 @@ from runtime.library import Library, load
 from runtime.objective import Samples, TorqueObjective, thesis_weights
 from runtime.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.problem import Problem
+from tests.robots import levels_here
 
 NEVER = 10**9
 
@@ -54,12 +55,6 @@ def both(p: Problem, preset: Preset):
     return [f(descent(p), preset) for f in (descend, descend_by_steps)]
 
 
-def levels(lib: Library) -> tuple[str, ...]:
-    """Those that run here and have compiled loops."""
-    runnable = lib.levels[: lib.levels.index(lib.level) + 1]
-    return tuple(name for name in runnable if load(lib.folder, name).descends)
-
-
 @pytest.mark.parametrize("columns", [0, 2])
 @pytest.mark.parametrize("batch", [None, 64])
 @pytest.mark.parametrize("name", ["fr3", "tree"])
@@ -67,7 +62,7 @@ def test_same_answers_as_the_reference(robot, name, batch, columns):
     """Oracle: the NumPy loop; 100 steps on every level, same draws, same validations."""
     lib = robot(name)
     preset = Preset(AdamOptions(1e-3), StoppingRule(100, NEVER), batch)
-    for level in levels(lib):
+    for level in levels_here(lib):
         compiled, reference = both(problem(load(lib.folder, level), columns), preset)
         assert (compiled.iterations, compiled.status) == (100, Status.MAX_ITERATIONS)
         assert compiled.trace.iteration == reference.trace.iteration
@@ -165,7 +160,7 @@ def test_levels_without_a_loop_take_the_reference(fr3, monkeypatch):
 def test_levenberg_gives_the_answers_of_its_reference(robot, name, columns):
     """Oracle: the NumPy steps; every level, accepted and rejected steps alike."""
     lib = robot(name)
-    for level in levels(lib):
+    for level in levels_here(lib):
         d = descent(problem(load(lib.folder, level), columns))
         ours, theirs = (f(d, LevenbergOptions(30)) for f in (levenberg_descend, levenberg_by_steps))
         assert (ours.iterations, ours.status) == (theirs.iterations, theirs.status)

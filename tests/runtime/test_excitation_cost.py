@@ -8,6 +8,7 @@ import pytest
 from runtime import load
 from runtime.excitation import ConditionCost, Trajectory, fourier_basis, log_condition
 from runtime.library import Library
+from tests.robots import levels_here
 from tests.taylor import assert_second_order, taylor_slope
 
 DURATION, HARMONICS = 10.0, 5
@@ -16,10 +17,8 @@ SCALE = np.array([1.0, 0.25, 0.1, 0.06, 0.04])
 """Of the coefficients, so that every harmonic moves the joints about as fast."""
 
 
-def levels_here(lib: Library) -> list[Library]:
-    """The library at every level that runs here and has the cost in C; CasADi's has not."""
-    here = lib.levels[: lib.levels.index(lib.level) + 1]
-    return [load(lib.folder, level) for level in here if level != "casadi"]
+def at_every_level(lib: Library) -> list[Library]:
+    return [load(lib.folder, level) for level in levels_here(lib)]
 
 
 def by_numpy(lib: Library, basis: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
@@ -44,7 +43,7 @@ def assert_same(got: tuple[float, np.ndarray], wanted: tuple[float, np.ndarray])
 def test_the_cost_is_that_of_lapack_on_all_levels(robot, name: str) -> None:
     """Oracle: numpy.linalg.eigh on the regressor of the portable kernels."""
     lib = robot(name)
-    levels = levels_here(lib)
+    levels = at_every_level(lib)
     rng = np.random.default_rng(0)
     for duration, size in ((10.0, 0.2), (10.0, 0.5), (4.0, 0.2)):
         costs = [ConditionCost(one, lib.home, HARMONICS, duration) for one in levels]
@@ -68,7 +67,7 @@ def test_gradient_by_taylor_on_all_levels(
     """
     a = 0.8 * trajectories[1].coefficients
     direction = a * np.random.default_rng(1).normal(size=a.shape)
-    for one in levels_here(lib):
+    for one in at_every_level(lib):
         cost = ConditionCost(one, lib.home, HARMONICS, DURATION).compiled
         assert cost is not None
         slope = float(np.sum(cost.value_gradient(a)[1] * direction))
@@ -84,7 +83,7 @@ def test_samples_that_fill_no_tile(lib: Library, samples: int) -> None:
     basis = fourier_basis(lib, 3, np.linspace(0.1, 7.0, samples), DURATION)[..., :3]
     a = 0.3 * SCALE[:3] * np.random.default_rng(samples).normal(size=(7, 3))
     wanted = by_numpy(lib, basis, a)
-    for one in levels_here(lib):
+    for one in at_every_level(lib):
         cost = one.excitation_cost(lib.home, basis)
         assert cost is not None
         for _ in range(2):  # what the first call leaves behind must not count, either
@@ -100,7 +99,7 @@ def test_a_regressor_without_full_rank(lib: Library, case: str) -> None:
     if case != "few samples":
         a[0 if case == "rest" else 1 :] = 0.0
     columns = len(lib.base_columns)
-    for one in levels_here(lib):
+    for one in at_every_level(lib):
         cost = one.excitation_cost(lib.home, basis)
         assert cost is not None
         value, gradient = cost.value_gradient(a)

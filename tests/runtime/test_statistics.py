@@ -19,6 +19,7 @@ from runtime.statistics import (
     reference_triangle,
 )
 from symgen.compiler import find_compiler, machine
+from tests.robots import levels_here
 
 ROBOTS = ["fr3", "tree", "gantry", "tiny"]
 
@@ -27,12 +28,6 @@ ROBOTS = ["fr3", "tree", "gantry", "tiny"]
 def any_robot(robot, tiny_built):
     """A robot by name, the pendulum included."""
     return lambda name: load(tiny_built) if name == "tiny" else robot(name)
-
-
-def levels(lib: Library) -> tuple[str, ...]:
-    """Levels that this processor can run."""
-    own = lib.levels[: lib.levels.index(load(lib.folder).level) + 1]
-    return tuple(level for level in own if level != "casadi")
 
 
 def drawn(lib: Library, count: int, k: int = 0, seed: int = 0, size: float = 1.0) -> Samples:
@@ -86,7 +81,7 @@ def test_factor_equals_that_of_all_rows(any_robot, name, k):
     """Oracle: explicit rows; every level, N below p, no multiple of 8 or 64, none at all."""
     lib = any_robot(name)
     weights = np.random.default_rng(1).uniform(0.5, 2.0, lib.n_joints)
-    for level in levels(lib):
+    for level in levels_here(lib):
         own = load(lib.folder, level)
         assert own.compiled_statistics is not None
         for count in (1, 3, 8, 61, 64, 203):
@@ -134,7 +129,7 @@ def test_ill_conditioned_data_keep_their_digits(lib: Library) -> None:
 
     best = error(np.linalg.lstsq(matrix, rows[:, -1], rcond=None)[0])
     normal = error(np.linalg.solve(matrix.T @ matrix, matrix.T @ rows[:, -1]))
-    for level in levels(lib):
+    for level in levels_here(lib):
         statistics = compress(load(lib.folder, level), s, np.ones(7))
         own = error(np.linalg.solve(statistics.factor / lengths, statistics.target))
         # Both errors are rounding times the condition number; their ratio is luck.
@@ -212,7 +207,7 @@ def test_files_bring_back_every_bit(lib: Library, robot, tmp_path) -> None:
 
 def test_what_is_no_data_is_refused(lib: Library) -> None:
     """Property: NaN and infinity pass through the C to the door; weights and robots are checked."""
-    for level in levels(lib):
+    for level in levels_here(lib):
         own = load(lib.folder, level)
         for bad in (np.nan, np.inf):
             for key in ("q", "ddq", "tau", "columns"):

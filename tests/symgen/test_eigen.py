@@ -9,6 +9,7 @@ import pytest
 
 import symgen
 from symgen.compiler import compile_library
+from tests.robots import levels_here
 
 EPS = np.finfo(float).eps
 DRIVER = r"""
@@ -42,8 +43,7 @@ def solvers(tmp_path_factory: pytest.TempPathFactory, fr3) -> dict[str, Pairs]:
     (folder / "nothing.c").write_text("int nothing;\n", encoding="utf-8")
     compile_library([folder / "nothing.c"], folder / "eigen.so", [folder / "driver.c"])
     dll = ctypes.CDLL(str(folder / "eigen.so"))
-    own = fr3.levels[: fr3.levels.index(fr3.level) + 1]
-    return {level: _solver(dll[f"pairs_{level}"]) for level in own if level != "casadi"}
+    return {level: _solver(dll[f"pairs_{level}"]) for level in levels_here(fr3)}
 
 
 def _solver(function) -> Pairs:

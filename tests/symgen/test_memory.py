@@ -13,6 +13,7 @@ import pytest
 from runtime.library import Library
 from symgen.build import ONCE, PER_LEVEL
 from symgen.compiler import LEVELS, find_compiler, machine
+from tests.robots import levels_here
 
 # Every buffer is exactly as long as the header says, so one number too far is caught.
 HEAD = """
@@ -250,7 +251,7 @@ class Workbench:
     def program(self, level: str) -> Path:
         """The program for one level; skips where this machine does not run it."""
         lib = self.lib
-        if level not in lib.levels[: lib.levels.index(lib.level) + 1]:
+        if level not in levels_here(lib):
             pytest.skip(f"this machine does not run the level {level}")
         manifest = json.loads((lib.folder / "manifest.json").read_text(encoding="utf-8"))
         tiles_h = (lib.folder / "tiles.h").read_text(encoding="utf-8")

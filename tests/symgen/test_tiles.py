@@ -10,15 +10,11 @@ import pytest
 
 from runtime.errors import LibraryError
 from runtime.library import Library, load
+from tests.robots import levels_here
 
 # Kernels of 1000 operations on numbers of order one: rounding grows to a few hundred units in the
 # last place of the largest entry; measured 6e-16.
 SAME = 1e-13
-
-
-def levels_here(lib: Library) -> tuple[str, ...]:
-    """Levels of the library that this processor can run: all up to its best one."""
-    return lib.levels[: lib.levels.index(load(lib.folder).level) + 1]
 
 
 def arguments_of(lib: Library, count: int, seed: int = 1) -> dict[str, list[np.ndarray]]:
@@ -84,13 +80,13 @@ def test_all_kernels_equal_casadi_on_all_levels(robot, name, n):
     """
     lib = robot(name)
     levels = levels_here(lib)
-    assert levels[:2] == ("casadi", "portable")
+    assert lib.levels[:2] == ("casadi", "portable")
     for kernel, inputs in arguments_of(lib, max(n, 1)).items():
         facts = lib.manifest.kernels[kernel].inputs
         every = [a.size for a in facts]
         for steps in (every, [0 if a.shared else a.size for a in facts], [0] * len(every)):
             wanted = batch(lib, "casadi", kernel, inputs, steps, n)
-            for level in levels[1:]:
+            for level in levels:
                 got = batch(lib, level, kernel, inputs, steps, n)
                 assert_same(got, wanted, kernel, (level, n, steps))
 
@@ -109,7 +105,7 @@ def test_what_is_not_a_number_spoils_its_own_sample_only(robot, name, bad):
         wanted = batch(lib, "casadi", kernel, inputs, steps, 9)
         assert not np.isfinite(wanted[0][4]).all()
         assert np.isfinite(np.delete(wanted[0], 4, axis=0)).all()
-        for level in levels_here(lib)[1:]:
+        for level in levels_here(lib):
             got = batch(lib, level, kernel, inputs, steps, 9)
             rest = [[np.delete(x, 4, axis=0) for x in side] for side in (got, wanted)]
             assert_same(*rest, kernel, (level, bad))
@@ -136,7 +132,7 @@ def test_tiles_in_place_equal_batches(robot, name, count):
             for a, x in zip(facts.inputs, inputs, strict=True)
         ]
         stored = [in_tiles(sines_of(x)) for x in inputs[:1]]
-        for level in levels_here(lib)[1:]:
+        for level in levels_here(lib):
             function = ctypes.CDLL(lib._binding._dll._name)[f"{lib.name}_{level}_{kernel}_tiles"]
             for sc in ([None], [ctypes.c_void_p(stored[0].ctypes.data)]):
                 out = [np.zeros((count, a.size, 8)) for a in facts.outputs]

@@ -83,7 +83,7 @@ def test_filters_on_the_common_plant(plant: Bench) -> None:
             assert any("links that cannot exist at" in note for note in found.notes)
 
 
-def test_filters_say_what_they_need(plant: Bench) -> None:
+def test_filters_say_what_they_need(plant: Bench, lib: Library) -> None:
     """Property: a slow log, a hole, foreign friction and a robot that is another: one sentence."""
     slow = plant.log.take(np.arange(0, len(plant.log), 10), "Kept every tenth.")
     for method in ("ekf", "ukf"):

@@ -29,7 +29,7 @@ def found(lib, noisy):
     return identify(noisy, lib, friction_columns=Friction(("viscous", "coulomb"), 0.03))
 
 
-def test_the_default_finds_what_made_the_data(found):
+def test_the_default_finds_what_made_the_data(lib, noisy, found, pi_true):
     """Oracle: friction 0.5 and 0.3 behind 480 samples; torques of unseen samples; weights 1/σ²."""
     assert found.method == "map"
     assert found.status.startswith("converged")
@@ -108,7 +108,7 @@ def test_bands_cover_unseen_torque(found):
     assert 0.92 < np.mean(miss < 1.96) < 0.98
 
 
-def test_correlated_residuals_count_less():
+def test_correlated_residuals_count_less(lib):
     """Oracle: AR(1) with ρ = 0.8 inflates by (1 + ρ)/(1 − ρ) = 9; white noise by 1."""
     rng = np.random.default_rng(0)
     rest = rng.normal(size=(20000, 3))

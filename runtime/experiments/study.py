@@ -1,8 +1,8 @@
 """What an experiment is: a frozen config, trials that depend on (config, number) alone, views.
 
-A `Study` is data and three functions of its module, so that a worker elsewhere finds them by the
-study's name: `prepare` makes what all trials share, `run` does some trials, `finish` turns all
-rows into curves and facts.
+A `Study` is data and three functions, which a worker elsewhere finds by the study's name:
+`prepare` makes what all trials share, `run` does some trials, `finish` turns all rows into curves
+and facts.
 """
 
 import hashlib

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
@@ -22,7 +23,7 @@ def torques(
     measured: Array,
     before: Array,
     after: Array,
-) -> str:
+) -> Markup:
     """Torque (left) and measured − predicted (right) of each joint over the test split.
 
     Args:
@@ -56,7 +57,7 @@ def torques(
         return svg(figure, "torques")
 
 
-def mass_change(links: Sequence[str], before: Array, after: Array) -> str:
+def mass_change(links: Sequence[str], before: Array, after: Array) -> Markup:
     """Bars of m_after − m_before per link, kg, labelled with the two masses."""
     n = len(links)
     change = after - before
@@ -74,7 +75,7 @@ def mass_change(links: Sequence[str], before: Array, after: Array) -> str:
         return svg(figure, "mass")
 
 
-def convergence(iteration: Array, training: Array, validation: Array) -> str:
+def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
     """Training and validation loss over iterations, logarithmic."""
     with page_figure(height=2.6) as figure:
         axis = figure.subplots()
@@ -106,7 +107,7 @@ def method_bars(
     methods: Sequence[str],
     rms: Array,
     good: Sequence[bool],
-) -> str:
+) -> Markup:
     """A panel per joint with a bar of RMS error per method; `good` ones in the colour of after.
 
     Args:

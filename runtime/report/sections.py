@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from markupsafe import Markup
 
 from runtime.metrics import CONSISTENCY_TOLERANCE
 from runtime.report import figures
@@ -126,7 +125,7 @@ def _torques(result: Result) -> Section:
     return Section(
         "Measured and predicted torque",
         "Left: torque over the test split. Right: what the prediction misses.",
-        figure=Markup(drawn),  # noqa: S704  our own SVG; matplotlib escapes its text
+        figure=drawn,
     )
 
 
@@ -169,7 +168,7 @@ def _masses(result: Result) -> Section | None:
         np.array([link.mass_before for link in result.links]),
         np.array([link.mass for link in result.links]),
     )
-    return Section("Change of mass", figure=Markup(drawn))  # noqa: S704  our own SVG
+    return Section("Change of mass", figure=drawn)
 
 
 def _friction(result: Result) -> Section | None:
@@ -194,8 +193,7 @@ def _convergence(result: Result) -> Section | None:
     if result.convergence is None:
         return None
     c = result.convergence
-    drawn = figures.convergence(c.iteration, c.training, c.validation)
-    return Section("Convergence", figure=Markup(drawn))  # noqa: S704  our own SVG
+    return Section("Convergence", figure=figures.convergence(c.iteration, c.training, c.validation))
 
 
 def _preparation(result: Result) -> Section:

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from markupsafe import Markup
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -56,7 +57,7 @@ def page_figure(height: float) -> Iterator[Figure]:
         yield figure
 
 
-def svg(figure: Figure, name: str) -> str:
+def svg(figure: Figure, name: str) -> Markup:
     """The bare <svg> element: page colours, short numbers, ids that no other figure has."""
     buffer = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
@@ -76,7 +77,7 @@ def svg(figure: Figure, name: str) -> str:
     text = re.sub(r'\sd="[^"]*"', lambda m: re.sub(r"\d+\.\d{3,}", _short, m.group()), text)
     width, height = figure.get_size_inches() * 72
     head = f'<svg viewBox="0 0 {width:g} {height:g}" role="img" aria-label="{name}">'
-    return re.sub(r"<svg[^>]*>", head, text, count=1)
+    return Markup(re.sub(r"<svg[^>]*>", head, text, count=1))  # noqa: S704  matplotlib escapes text
 
 
 def _short(match: re.Match[str]) -> str:

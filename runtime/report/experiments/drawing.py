@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
@@ -47,7 +48,7 @@ def height(experiment: Experiment, view: View) -> float:
     return {"path": 5.0, "motion": 5.2, "bars": per_case}.get(view.kind, 3.4)
 
 
-def inline(experiment: Experiment, view: View) -> str:
+def inline(experiment: Experiment, view: View) -> Markup:
     """SVG for the page."""
     with page_figure(height(experiment, view)) as figure:
         draw(figure, experiment, view)

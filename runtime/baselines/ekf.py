@@ -76,6 +76,7 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
     p[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi] = prior_covariance(lib, lam)
     tail = np.arange(2 * n + n_pi, x.size)
     p[tail, tail] = stream.extra_variance
+    late = tail[-n:]
     noise, bad = np.diag(stream.sigma_q**2), 0
     top = np.zeros((2 * n, x.size))
     for step, q in enumerate(stream.q):
@@ -94,6 +95,7 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
         p[2 * n :, : 2 * n] = rows[:, 2 * n :].T
         p[: 2 * n, : 2 * n] = rows @ top.T
         p[: 2 * n, : 2 * n] += spread
+        p[late, late] += stream.wander
         p = (p + p.T) / 2
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(

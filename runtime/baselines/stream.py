@@ -42,8 +42,9 @@ SPEED_VARIANCE = 1e-4
 """Of the first velocity, (rad/s)²."""
 SMOOTH_HZ = 20.0
 """Cut-off of ā and τ̇, at most a fifth of the rate: above what arms do, and below the noise."""
-DELAY = 0.5
-"""Standard deviation of δ in steps."""
+DELAY, WANDER = 0.5, 0.5
+"""Standard deviation of δ, in steps, and of what it changes by in a second: behind a rotor J it
+is (M + J)⁻¹ M of half a step, and M is another in every posture."""
 JITTER = 1e-10
 """Process noise of every velocity and step, (rad/s)², so that no covariance is singular."""
 
@@ -107,6 +108,11 @@ class Stream:
         """φ (…, n, k) without what drives the joints: negative friction would run away."""
         least = [-np.inf if name == "offset" else 0.0 for name in self.names]
         return np.maximum(phi, least)
+
+    @property
+    def wander(self) -> float:
+        """Process noise of δ per step, s²."""
+        return (WANDER * self.dt) ** 2 * self.dt
 
     @property
     def first_speed(self) -> Array:

@@ -67,6 +67,7 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
     p[inside, inside] = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
     tail = np.arange(2 * n + n_b, x.size)
     p[tail, tail] = stream.extra_variance
+    late = tail[-n:]
     noise = np.diag(stream.sigma_q**2)
     far = np.full(x.size, ALPHA * np.sqrt(x.size))
     reach = far
@@ -89,6 +90,7 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
         p = (centred * weights[:, None]).T @ centred + centre * np.outer(shift, shift)
         spread = stream.dt * inverse * stream.sigma_tau
         p[: 2 * n, : 2 * n] += process_noise(spread, stream.dt)
+        p[late, late] += stream.wander
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
             f"the filter diverged after {step * stream.dt:.2f} s; the first guess is too far from "

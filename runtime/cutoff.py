@@ -8,20 +8,20 @@ one, and predicts the torque of that one as it was logged:
 so all candidates are held against the same numbers: too low a cut-off misses torque, too high a
 one predicts noise. Differences are paired over blocks, which cancels the noise of τ. Those within
 one standard error of the best (Breiman et al. 1984, Sec. 3.4.3), or half a percent, predict alike;
-of them the one is taken whose residuals are whitest, N_eff = N / (1 + 2 Σ ρ_l).
+of them the one is taken whose residuals are whitest, with the largest N_eff (`runtime.colour`).
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.colour import colour_of
 from runtime.errors import IdentificationError
 from runtime.ladder import BLOCKS, WORTH, solved
 from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.preprocessing import prepare
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.residuals import inflation
 from runtime.statistics import Statistics, compress
 from runtime.threads import one_blas_thread
 
@@ -43,7 +43,7 @@ class Candidate:
         score: cross-validated mean square error over the smallest of all candidates, per joint.
         excess: score minus the best.
         excess_error: standard error of that, from the differences of the blocks.
-        n_eff: independent samples by the autocorrelation of the residuals.
+        n_eff: independent samples by the colour of the residuals.
     """
 
     cutoff_hz: float
@@ -184,9 +184,9 @@ class _Bench:
         blocks = [whole.rows(rows) for rows in self._blocks]
         weights = thesis_weights(np.concatenate([b.tau for b in blocks]))
         stats: list[Statistics] = []
-        rest = np.zeros((0, 0))
+        weighted, rest = weights, np.zeros((0, 0))
         for _ in range(_PASSES):
-            stats = [compress(self._lib, block, weights) for block in blocks]
+            weighted, stats = weights, [compress(self._lib, block, weights) for block in blocks]
             x, _rank = solved(stats)
             rest = np.concatenate([block.tau - self._predicted(block, x) for block in blocks])
             weights = 1.0 / np.maximum(rest.var(axis=0), 1e-12 * rest.var(axis=0).max() + 1e-30)
@@ -194,7 +194,8 @@ class _Bench:
         for k, rows in enumerate(self._blocks):
             x, _rank = solved([s for i, s in enumerate(stats) if i != k])
             errors.append(np.mean((self._tau[rows] - self._predicted(blocks[k], x)) ** 2, axis=0))
-        return np.array(errors), len(rest) / inflation(rest, weights)
+        colour = colour_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
+        return np.array(errors), len(rest) / colour.inflation
 
     def _prepared(self, cutoff_hz: float, derivative: str) -> Recording:
         filtered = replace(

@@ -252,6 +252,7 @@ def identify_assembled(
             first_guess=guess,
             kappa=kappa,
             statistics=fit.statistics,
+            colour=fit.colour,
         )
     return Identification(
         method=method,

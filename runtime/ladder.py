@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from runtime.colour import colour_of
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import Samples, samples_of
 from runtime.preprocessing import prepare
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.residuals import inflation
 from runtime.statistics import Statistics, compress
 from runtime.threads import one_blas_thread
 
@@ -247,15 +247,14 @@ class _Trial:
 def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
     """1/σ_j² per joint from the residuals of a fit, and samples per independent one."""
     weights = np.ones(lib.n_joints)
-    residuals: list[Array] = []
     for _ in range(_PASSES):
         x, _rank = solved([compress(lib, block, weights) for block in blocks])
         beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :]
         residuals = [_residual(lib, block, beta, phi) for block in blocks]
         variance = np.mean(np.concatenate(residuals) ** 2, axis=0)
         weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
-    correlation = np.mean([inflation(r, weights) for r in residuals])
-    return weights, float(correlation)
+    first, *others = (compress(lib, block, weights) for block in blocks)
+    return weights, colour_of(lib, blocks, first.merged(*others), weights).inflation
 
 
 def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:

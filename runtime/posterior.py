@@ -1,18 +1,19 @@
 """Maximum a posteriori with an entropic prior: the default method.
 
-Weights w_j = 1/s_j² come from the residuals, γ = κ s²/N_eff from the trust in the URDF and from how
-many independent samples the correlated residuals are worth, N_eff = N / (1 + 2 Σ ρ_l).
+Weights w_j = 1/s_j² come from the residuals, γ = κ S/N = κ s²/N_eff from the trust in the URDF and
+from the noise at the frequencies of the motion (`runtime.colour`).
 """
 
 import numpy as np
 
+from runtime.colour import Colour, colour_of
 from runtime.convex import CAD, Minimum, Prior, convex_problem, prior_of, reduce, solve
 from runtime.convex.constraints import Constraints, constrained
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.problem import Fit, Problem
-from runtime.residuals import inflation, noise, residuals, weights_from
+from runtime.residuals import noise, residuals, weights_from
 from runtime.statistics import Statistics, compress
 
 PASSES = 3
@@ -44,13 +45,12 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     few = _thinned(train)
     weights = problem.weights
     for _ in range(PASSES):
-        phi, found, _ = _fitted(lib, compress(lib, few, weights), prior, kappa, 1.0, None)
+        phi, found, _ = _fitted(lib, compress(lib, few, weights), prior, kappa)
         rest = residuals(lib, few, found.pi, phi)
         weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = problem.statistics(weights)
-    phi, found, _ = _fitted(lib, statistics, prior, kappa, 1.0, None)
-    worth = inflation(residuals(lib, train, found.pi, phi), weights)
-    phi, found, notes = _fitted(lib, statistics, prior, kappa, worth, constraints)
+    colour = colour_of(lib, [train], statistics, weights)
+    phi, found, notes = _fitted(lib, statistics, prior, kappa, colour, constraints)
     return Fit(
         pi=found.pi,
         phi=phi.reshape(train.columns.shape[1:]),
@@ -60,7 +60,7 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
         notes=(*prior.notes, *notes),
         statistics=statistics,
         weights=weights,
-        n_eff=statistics.n_samples / worth,
+        colour=colour,
     )
 
 
@@ -69,12 +69,13 @@ def _fitted(
     statistics: Statistics,
     prior: Prior,
     kappa: float,
-    worth: float,
-    constraints: Constraints | None,
+    colour: Colour | None = None,
+    constraints: Constraints | None = None,
 ) -> tuple[Array, Minimum, tuple[str, ...]]:
-    """φ and the minimum of one weighting."""
+    """φ and the minimum of one weighting; the noise is white unless its colour is known."""
     data, eliminated = reduce(statistics, lib.n_joints)
-    gamma = kappa * max(data.variance, LEAST_VARIANCE) * worth / data.count
+    level = data.variance if colour is None else colour.level
+    gamma = kappa * max(level, LEAST_VARIANCE) / data.count
     notes: tuple[str, ...] = ()
     if constraints is None:
         found = solve(lib, convex_problem(data, prior, gamma))

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from runtime.colour import Colour
 from runtime.library import Array, Library
 from runtime.loop import Loop
 from runtime.network import FrictionNet
@@ -86,7 +87,7 @@ class Fit:
         notes: sentences about what was done on the way.
         weights: diagonal of W, where the method has its own.
         statistics: of the training samples with these weights.
-        n_eff: independent training samples, where the method has counted them.
+        colour: of the noise with these weights, where the method has asked for it.
         net: friction beyond φ, where the method learned one.
     """
 
@@ -100,8 +101,15 @@ class Fit:
     notes: tuple[str, ...] = ()
     weights: Array | None = None
     statistics: Statistics | None = None
-    n_eff: float | None = None
+    colour: Colour | None = None
     net: FrictionNet | None = None
+
+    @property
+    def n_eff(self) -> float | None:
+        """Independent training samples, where the colour of the noise is known."""
+        if self.statistics is None or self.colour is None:
+            return None
+        return self.statistics.n_samples / self.colour.inflation
 
 
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:

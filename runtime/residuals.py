@@ -1,8 +1,6 @@
-"""Residuals r = Y π + F φ − τ, their noise per joint, and how far they are from white.
+"""Residuals r = Y π + F φ − τ, their noise per joint, and their autocorrelation.
 
-Filtered data repeat themselves: the mean of N samples is as good as that of
-N_eff = N / (1 + 2 Σ ρ_l) independent ones, ρ_l the autocorrelation at lag l.
-Source: Bartlett 1946 for the sum.
+What filtered residuals, which repeat themselves, are worth is told by `runtime.colour`.
 """
 
 import numpy as np
@@ -23,9 +21,12 @@ def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
     return rest
 
 
-def noise(rest: Array, lib: Library, n_phi: int) -> Array:
-    """s_j (n,): RMS of the residual, corrected for the unknowns it has absorbed."""
-    used = (len(lib.base_columns) + n_phi) / rest.shape[1]
+def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Array:
+    """s_j (n,): RMS of the residual, corrected for what the unknowns have absorbed of it.
+
+    Each takes up one independent sample's worth of noise, `inflation` = N/N_eff times a row's.
+    """
+    used = inflation * (len(lib.base_columns) + n_phi) / rest.shape[1]
     return np.asarray(np.sqrt(_power(rest) / max(len(rest) - used, 1.0)))
 
 
@@ -45,14 +46,6 @@ def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
             count = min(lags, len(rest) - 1)
             out[:count, j] = [centred[k:] @ centred[:-k] / power for k in range(1, count + 1)]
     return out
-
-
-def inflation(rest: Array, weights: Array) -> float:
-    """1 + 2 Σ ρ_l over the joints together, by their weighted power; at least 1."""
-    power = weights * _power(rest - rest.mean(axis=0))
-    if not power.sum() > 0:
-        return 1.0
-    return max(1.0, float(1 + 2 * (autocorrelation(rest).sum(axis=0) @ power) / power.sum()))
 
 
 def _power(rest: Array) -> Array:

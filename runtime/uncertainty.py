@@ -1,21 +1,22 @@
 """How sure an answer is: covariance in π, what the data say and what the prior says, torque bands.
 
-    C = (N_eff H / s²)⁻¹ = (AᵀA N_eff/(N s²) + κ B)⁻¹,  B = ∇² Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]
+    C = (N H / S)⁻¹ = (AᵀA / S + κ B)⁻¹,  B = ∇² Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]
 
-with A and the residual noise s_j of weighted, friction-eliminated data. C lives in π, not in λ,
-where the delta method is undefined at a = b or c = 0. N_eff counts what correlated residuals are
-worth. Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
+with A of weighted, friction-eliminated data and S, their noise at the frequencies of the motion
+(`runtime.colour`). C lives in π, not in λ, where the delta method is undefined at a = b or c = 0.
+Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.colour import Colour, colour_of
 from runtime.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
 from runtime.convex.spread import DETERMINED
 from runtime.library import Array, Library
 from runtime.objective import Samples
-from runtime.residuals import LAGS, autocorrelation, inflation, noise, residuals, weights_from
+from runtime.residuals import LAGS, autocorrelation, noise, residuals, weights_from
 from runtime.statistics import Statistics, compress
 
 IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
@@ -36,7 +37,7 @@ class Uncertainty:
         beta_sigma: standard deviation of the base parameters, (n_b,).
         noise: s_j, residual RMS per joint, (n,), N·m or N.
         n_samples, n_eff: training samples, and what they are worth.
-        inflation: 1 + 2 Σ ρ_l over `LAGS` lags.
+        inflation: N / N_eff, 1 for white noise.
         white: share of lags, per joint, whose autocorrelation a white residual could have, (n,).
         rank: directions of β that the motion excites, of n_b.
         told: directions of π of which the data say ten times more than the prior, at most n_b.
@@ -108,6 +109,7 @@ def uncertainty_of(
     first_guess: Array,
     kappa: float = CAD,
     statistics: Statistics | None = None,
+    colour: Colour | None = None,
 ) -> Uncertainty:
     """The uncertainty around an answer of any method.
 
@@ -120,20 +122,18 @@ def uncertainty_of(
         first_guess: π that the prior is around.
         kappa: trust in it.
         statistics: of the samples with weights 1/s_j², if they are there already.
+        colour: of their noise, likewise.
     """
     rest = residuals(lib, samples, pi, phi)
-    sigma = noise(rest, lib, phi.size)
-    weights = weights_from(sigma, samples.tau)
-    if statistics is None:
+    if statistics is None or colour is None:
+        weights = weights_from(noise(rest, lib, phi.size), samples.tau)
         statistics = compress(lib, samples, weights)
-    worth = inflation(rest, weights)
+        colour = colour_of(lib, [samples], statistics, weights)
     data, _ = reduce(statistics, lib.n_joints)
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
     inside = bodies.log_det(pi) is not None
-    noise_free = max(data.variance, np.finfo(float).tiny) * worth
-    spread = spread_of(
-        bodies, pi if inside else prior.centre, data.factor / np.sqrt(noise_free), kappa
-    )
+    level = max(colour.level, np.finfo(float).tiny)
+    spread = spread_of(bodies, pi if inside else prior.centre, data.factor / np.sqrt(level), kappa)
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
     lengths = np.linalg.norm(statistics.factor, axis=0)
@@ -150,10 +150,10 @@ def uncertainty_of(
         share=spread.share,
         verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, spread.share, strict=True)),
         beta_sigma=np.linalg.norm(base @ spread.root, axis=1),
-        noise=sigma,
+        noise=noise(rest, lib, phi.size, colour.inflation),
         n_samples=round(statistics.n_samples),
-        n_eff=statistics.n_samples / worth,
-        inflation=worth,
+        n_eff=statistics.n_samples / colour.inflation,
+        inflation=colour.inflation,
         white=_white(rest),
         rank=rank,
         told=spread.told,

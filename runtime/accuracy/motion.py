@@ -120,16 +120,13 @@ def moved_of(
 
 
 def noise_of(lib: Library, moved: Moved, kappa: float = CAD) -> Noise | None:
-    """Noise of a log by the most probable model; None where there is no torque, or too little.
-
-    A fit absorbs slow patterns of short logs: noise that is inflated five times looks like 3.6
-    in 10 s of seven joints with three friction columns, and like 4.8 in a minute.
-    """
+    """Noise of a log by the most probable model; None where there is no torque, or too little."""
     samples = moved.samples
     unknowns = len(lib.base_columns) + samples.columns[0].size
     if not moved.measured or samples.tau.size <= unknowns:
         return None
     weights = thesis_weights(samples.tau)
     fit = fit_map(Problem(lib, samples, samples.rows(slice(0, 1)), weights, lib.lam0), kappa)
-    assert fit.weights is not None and fit.n_eff is not None  # noqa: S101, PT018  it is a MAP
-    return Noise(1 / np.sqrt(fit.weights), len(samples) / fit.n_eff, fit.pi)
+    assert fit.weights is not None and fit.colour is not None  # noqa: S101, PT018  it is a MAP
+    sigma = np.sqrt(fit.colour.variance / fit.weights)
+    return Noise(sigma, fit.colour.inflation, fit.pi)

@@ -1,4 +1,4 @@
-"""EKF: state [q, dq, π, φ], one sample after the other, first-order covariance.
+"""EKF: state [q, dq, π, φ, δ], one sample after the other, first-order covariance.
 
 The derivatives of forward dynamics follow from the kernels of inverse dynamics,
 ∂ddq/∂x = −M⁻¹ ∂τ/∂x. Source: Gautier & Poignet 2001; the semi-implicit Jacobian is ours.
@@ -8,7 +8,6 @@ import numpy as np
 
 from runtime.baselines.ols import fit_of_pi
 from runtime.baselines.stream import (
-    FIRST_FRICTION,
     SPEED_VARIANCE,
     Stream,
     prior_covariance,
@@ -36,7 +35,7 @@ def fit_ekf(problem: Problem) -> Fit:
 def _fit(problem: Problem, stream: Stream, x: Array, covariance: Array, bad: int) -> Fit:
     lib = problem.lib
     n, n_pi = lib.n_joints, lib.pi0.size
-    pi, phi = x[2 * n : 2 * n + n_pi], x[2 * n + n_pi :].reshape(n, -1)
+    pi, phi = x[2 * n : 2 * n + n_pi], x[2 * n + n_pi : -n].reshape(n, -1)
     looks = 1 + (len(stream.q) - 1) // _LOOK
     base = lib.base_matrix @ covariance[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi]
     sigma = np.sqrt(np.einsum("ij,ij->i", base, lib.base_matrix).clip(0))
@@ -70,18 +69,17 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
     """
     n, n_pi = lib.n_joints, lib.pi0.size
     at = slice(2 * n, None)
-    x = np.concatenate(
-        [stream.q[0], stream.first_speed, lib.pi_from_lam(lam), stream.first_friction]
-    )
+    x = np.concatenate([stream.q[0], stream.first_speed, lib.pi_from_lam(lam), stream.first_extra])
     p = np.zeros((x.size, x.size))
     p[:n, :n] = np.diag(stream.sigma_q**2)
     p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
     p[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi] = prior_covariance(lib, lam)
     tail = np.arange(2 * n + n_pi, x.size)
-    p[tail, tail] = FIRST_FRICTION**2
+    p[tail, tail] = stream.extra_variance
+    late = tail[-n:]
     noise, bad = np.diag(stream.sigma_q**2), 0
     top = np.zeros((2 * n, x.size))
-    for step, (q, tau) in enumerate(zip(stream.q, stream.tau, strict=True)):
+    for step, q in enumerate(stream.q):
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
@@ -91,12 +89,13 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
             bad += bool((lib.relative_eigenvalues(x[at][:n_pi]) < 0).any())
         if step == len(stream.q) - 1:
             break
-        x[: 2 * n], spread = _advance(lib, stream, x, tau, top)
+        x[: 2 * n], spread = _advance(lib, stream, step, x, top)
         rows = top @ p
         p[: 2 * n, 2 * n :] = rows[:, 2 * n :]
         p[2 * n :, : 2 * n] = rows[:, 2 * n :].T
         p[: 2 * n, : 2 * n] = rows @ top.T
         p[: 2 * n, : 2 * n] += spread
+        p[late, late] += stream.wander
         p = (p + p.T) / 2
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
@@ -106,31 +105,35 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
     return x, p, bad
 
 
-def _advance(lib: Library, stream: Stream, x: Array, tau: Array, top: Array) -> tuple[Array, Array]:
+def _advance(lib: Library, stream: Stream, step: int, x: Array, top: Array) -> tuple[Array, Array]:
     """The next [q, dq] and its process noise; `top` receives its derivative by the state."""
     n, n_pi, dt = lib.n_joints, lib.pi0.size, stream.dt
-    q, dq, pi, phi = np.split(x, [n, 2 * n, 2 * n + n_pi])
-    secants, bends, constants = stream.friction(dq)
-    phi = stream.passive(phi.reshape(n, -1))
-    secant, bend, constant = (np.sum(part * phi, axis=1) for part in (secants, bends, constants))
-    mass = lib.mass_matrix(q, pi)
-    implicit = mass + dt * np.diag(secant)
-    force = tau - secant * dq - constant - lib.bias_forces(q, dq, pi)
-    ddq = np.linalg.solve(implicit, force)
-    after = dq + dt * ddq
-    _, by_q, by_dq, _ = lib.torque_derivatives(q, dq, ddq, pi)
+    q, dq, pi, phi, delay = np.split(x, [n, 2 * n, 2 * n + n_pi, x.size - n])
+    speed, push, drift = stream.speed[step], stream.push[step], stream.drift[step]
+    middle = q + dt / 2 * dq
+    secants, constants = stream.friction(step)
+    phi = phi.reshape(n, -1)
+    drag = np.sum(secants * stream.passive(phi), axis=1)
+    steady = np.sum((secants * speed[:, None] + constants) * phi, axis=1) - drag * speed
+    implicit = lib.mass_matrix(middle, pi) + dt / 2 * np.diag(drag)
+    force = stream.tau[step] + delay * drift - steady - drag * dq
+    ddq = np.linalg.solve(implicit, force - lib.bias_forces(middle, dq + dt / 2 * push, pi))
+    _, by_q, by_dq, _ = lib.torque_derivatives(middle, speed, push, pi)
     k = secants.shape[1]
-    right = np.zeros((n, 3 * n + n_pi + n * k))
-    right[:, :n] = -dt * by_q
-    right[:, n : 2 * n] = mass - dt * by_dq - dt * np.diag(bend * after)
-    right[:, 2 * n : 2 * n + n_pi] = -dt * lib.regressor(q, dq, ddq)
-    columns = secants * after[:, None] + constants
+    right = np.zeros((n, x.size + n))
+    right[:, :n] = -by_q
+    right[:, n : 2 * n] = -dt / 2 * by_q - by_dq - np.diag(drag)
+    right[:, 2 * n : 2 * n + n_pi] = -lib.regressor(middle, speed, push)
+    columns = secants * speed[:, None] + constants
     for j in range(n):
-        right[j, 2 * n + n_pi + j * k : 2 * n + n_pi + (j + 1) * k] = -dt * columns[j]
-    right[:, -n:] = dt * np.diag(stream.sigma_tau)
-    solved = np.linalg.solve(implicit, right)
-    top[n:] = solved[:, :-n]
+        right[j, 2 * n + n_pi + j * k : 2 * n + n_pi + (j + 1) * k] = -columns[j]
+    right[:, x.size - n : x.size] = np.diag(drift)
+    right[:, x.size :] = np.diag(stream.sigma_tau)
+    solved = dt * np.linalg.solve(implicit, right)
+    top[n:] = solved[:, : x.size]
+    top[n:, n : 2 * n] += np.eye(n)
     top[:n] = dt / 2 * top[n:]
     top[:n, : 2 * n] += np.concatenate([np.eye(n), dt / 2 * np.eye(n)], axis=1)
+    after = dq + dt * ddq
     moved = np.concatenate([q + dt / 2 * (dq + after), after])
-    return moved, process_noise(np.asarray(solved[:, -n:], dtype=float), dt)
+    return moved, process_noise(np.asarray(solved[:, x.size :], dtype=float), dt)

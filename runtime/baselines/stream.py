@@ -1,12 +1,20 @@
 """What the filters work on: the recording at its full rate, its noise, the friction in their state.
 
 Measured torque is their input and measured position their output; the state is
-[q, dq, parameters], and one step of dt is
+[q, dq, parameters, δ], and one step of dt is
 
-    (M + dt S) dq⁺ = M dq + dt (τ − h − offset),   q⁺ = q + dt (dq + dq⁺)/2,   S = f(dq)/dq,
+    (M + dt/2 S) a = τ + δ τ̇ − h − S dq − offset,   dq⁺ = dq + dt a,   q⁺ = q + dt (dq + dq⁺)/2
 
-because smooth Coulomb friction on a light wrist is far too fast for an explicit step. S, the secant
-of friction, keeps its sign: unlike the tangent it cannot push a joint through rest.
+with M and h in the middle of the step. It is implicit in friction because smooth Coulomb friction
+on a light wrist is far too fast for an explicit step; S = f(v̄)/v̄, its secant, keeps its sign and
+cannot push a joint through rest. δ, one per joint, is what nobody knows of when within a step a
+torque acts (held or not, sampled before or after): 0.2 ms of it, left out, bend the parameters by
+many of their deviations.
+
+v̄ and ā are those of the smoothed positions, and how a step answers to the parameters is asked
+there: the noise of τ over a small inertia is a large a, which the robot never had, and a filter
+that takes it for motion believes to have seen the inertia. Source: instruments against errors in
+variables (Söderström 2018, Ch. 6); in a filter they are ours.
 """
 
 from dataclasses import dataclass
@@ -15,8 +23,10 @@ import numpy as np
 
 from runtime.errors import NeedsError, RecordingError
 from runtime.library import Array, Library
+from runtime.preprocessing import differentiate, low_pass
 from runtime.preprocessing.segments import segments, uniform_step
 from runtime.problem import Problem
+from runtime.recording import Friction, Recording
 
 SLOWEST = 200.0
 """Hz below which a step of a filter is too long for the friction of a wrist."""
@@ -30,6 +40,11 @@ TRUST = 0.05
 """Relative standard deviation of the first guess in λ."""
 SPEED_VARIANCE = 1e-4
 """Of the first velocity, (rad/s)²."""
+SMOOTH_HZ = 20.0
+"""Cut-off of ā and τ̇, at most a fifth of the rate: above what arms do, and below the noise."""
+DELAY, WANDER = 0.5, 0.5
+"""Standard deviation of δ, in steps, and of what it changes by in a second: behind a rotor J it
+is (M + J)⁻¹ M of half a step, and M is another in every posture."""
 JITTER = 1e-10
 """Process noise of every velocity and step, (rad/s)², so that no covariance is singular."""
 
@@ -41,50 +56,63 @@ class Stream:
     Attributes:
         dt: step, s.
         q, tau: (N, n).
+        speed, push, drift: v̄, ā and τ̇ in the middle of every step, (N − 1, n).
         sigma_q, sigma_tau: standard deviations of their noise, (n,).
         names: friction columns.
-        speed: ε of the Coulomb column.
+        width: ε of the Coulomb column.
     """
 
     dt: float
     q: Array
     tau: Array
+    speed: Array
+    push: Array
+    drift: Array
     sigma_q: Array
     sigma_tau: Array
     names: tuple[str, ...]
-    speed: float
+    width: float
 
-    def friction(self, dq: Array) -> tuple[Array, Array, Array]:
-        """Secants s = column/dq, ds/d(dq), and constant columns; each (…, n, k)."""
-        inside = np.abs(dq) < 1e-3 * self.speed
-        safe = np.where(inside, self.speed, dq)
-        soft = np.tanh(safe / self.speed)
-        secant = np.where(inside, 1 / self.speed, soft / safe)
-        bend = ((1 - soft**2) / self.speed - soft / safe) / safe
-        bend = np.where(inside, -2 / 3 * dq / self.speed**3, bend)
-        one, zero = np.ones_like(dq), np.zeros_like(dq)
+    def friction(self, step: int) -> tuple[Array, Array]:
+        """Secants column/dq at the smoothed speed of a step, and constant columns; each (n, k)."""
+        speed = self.speed[step]
+        slow = np.abs(speed) < 1e-3 * self.width
+        coulomb = np.tanh(speed / self.width) / np.where(slow, 1.0, speed)
+        one, zero = np.ones_like(speed), np.zeros_like(speed)
         table = {
-            "viscous": (one, zero, zero),
-            "coulomb": (secant, bend, zero),
-            "offset": (zero, zero, one),
+            "viscous": (one, zero),
+            "coulomb": (np.where(slow, 1 / self.width, coulomb), zero),
+            "offset": (zero, one),
         }
-        if not self.names:
-            empty = np.zeros((*dq.shape, 0))
-            return empty, empty, empty
-        parts = zip(*(table[name] for name in self.names), strict=True)
-        secants, bends, constants = (np.stack(part, axis=-1) for part in parts)
-        return secants, bends, constants
+        parts = [table[name] for name in self.names]
+        secants, constants = (
+            np.array([part[i] for part in parts]).reshape(len(parts), -1).T for i in (0, 1)
+        )
+        return secants, constants
 
     @property
-    def first_friction(self) -> Array:
-        """φ before the first sample, joint by joint, (n k,)."""
+    def first_extra(self) -> Array:
+        """φ joint by joint, and δ, before the first sample, (n k + n,)."""
+        n = self.q.shape[1]
         start = [0.0 if name == "offset" else FIRST_FRICTION for name in self.names]
-        return np.tile(start, self.q.shape[1])
+        return np.concatenate([np.tile(start, n), np.zeros(n)])
+
+    @property
+    def extra_variance(self) -> Array:
+        """Of the same, (n k + n,)."""
+        n = self.q.shape[1]
+        friction = np.full(n * len(self.names), FIRST_FRICTION**2)
+        return np.concatenate([friction, np.full(n, (DELAY * self.dt) ** 2)])
 
     def passive(self, phi: Array) -> Array:
         """φ (…, n, k) without what drives the joints: negative friction would run away."""
         least = [-np.inf if name == "offset" else 0.0 for name in self.names]
         return np.maximum(phi, least)
+
+    @property
+    def wander(self) -> float:
+        """Process noise of δ per step, s²."""
+        return (WANDER * self.dt) ** 2 * self.dt
 
     @property
     def first_speed(self) -> Array:
@@ -125,11 +153,29 @@ def stream_of(problem: Problem, method: str) -> Stream:
             f"without holes at {SLOWEST:g} Hz or more, got {len(segments(part.t))} at "
             f"{1 / dt:g} Hz; record at the controller's rate, or choose another method"
         )
-    assert part.tau is not None  # noqa: S101  checked above
-    sigma_q = np.maximum(noise_of(part.q), LEAST_NOISE[0])
-    sigma_tau = np.maximum(noise_of(part.tau), LEAST_NOISE[1])
-    names, speed = columns.columns, columns.coulomb_speed
-    return Stream(dt, part.q, part.tau, sigma_q, sigma_tau, names, speed)
+    return stream_from(part, dt, columns)
+
+
+def stream_from(part: Recording, dt: float, terms: Friction) -> Stream:
+    """A recording with torque and a uniform clock, its noise and what is smooth of it."""
+    assert part.tau is not None  # noqa: S101  the caller has checked it
+    bare = part.replace(dq=None, ddq=None, columns=None, column_names=())
+    smooth = differentiate(low_pass(bare, min(SMOOTH_HZ, 0.2 / dt)))
+    assert smooth.dq is not None  # noqa: S101  just filled
+    assert smooth.ddq is not None  # noqa: S101
+    assert smooth.tau is not None  # noqa: S101
+    return Stream(
+        dt=dt,
+        q=part.q,
+        tau=part.tau,
+        speed=(smooth.dq[1:] + smooth.dq[:-1]) / 2,
+        push=(smooth.ddq[1:] + smooth.ddq[:-1]) / 2,
+        drift=np.diff(smooth.tau, axis=0) / dt,
+        sigma_q=np.maximum(noise_of(part.q), LEAST_NOISE[0]),
+        sigma_tau=np.maximum(noise_of(part.tau), LEAST_NOISE[1]),
+        names=terms.columns,
+        width=terms.coulomb_speed,
+    )
 
 
 def noise_of(values: Array) -> Array:

@@ -1,9 +1,11 @@
-"""UKF: state [q, dq, β, φ], one sample after the other, covariance from sigma points.
+"""UKF: state [q, dq, β, φ, δ], one sample after the other, covariance from sigma points.
 
 2 L + 1 points x ± h columns of the Cholesky factor of P, h = α √L, α = 0.1, β = 2, κ = 0. Base
 parameters, because a direction that the data never see would only make the points wander. Points
 whose mass matrix falls below a fifth of the mean's belong to no robot that moves; their pair is
-taken with a smaller h, whose weights 1/(2 h²) keep mean and covariance what they are.
+taken with a smaller h, whose weights 1/(2 h²) keep mean and covariance what they are. All points
+move under the torque that gives their mean the acceleration ā of the smoothed positions, and
+together by what the measured torque says beyond it (`stream` tells why).
 Source: Julier & Uhlmann 1997; van der Merwe 2004 for the weights.
 """
 
@@ -11,7 +13,6 @@ import numpy as np
 
 from runtime.baselines.ols import fit_of_base
 from runtime.baselines.stream import (
-    FIRST_FRICTION,
     SPEED_VARIANCE,
     Stream,
     prior_covariance,
@@ -45,7 +46,7 @@ def fit_ukf(problem: Problem) -> Fit:
         f"filtered {len(stream.q)} samples; largest standard deviation of a base parameter "
         f"{sigma.max():.2g}"
     )
-    beta, phi = x[2 * n : 2 * n + n_b], x[2 * n + n_b :].reshape(n, -1)
+    beta, phi = x[2 * n : 2 * n + n_b], x[2 * n + n_b : -n].reshape(n, -1)
     return fit_of_base(problem, beta, phi, status, len(stream.q))
 
 
@@ -58,25 +59,26 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
     """
     n, n_b = lib.n_joints, len(lib.base_columns)
     beta = lib.base_matrix @ lib.pi_from_lam(lam)
-    x = np.concatenate([stream.q[0], stream.first_speed, beta, stream.first_friction])
+    x = np.concatenate([stream.q[0], stream.first_speed, beta, stream.first_extra])
     p = np.zeros((x.size, x.size))
     p[:n, :n] = np.diag(stream.sigma_q**2)
     p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
     inside = slice(2 * n, 2 * n + n_b)
     p[inside, inside] = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
     tail = np.arange(2 * n + n_b, x.size)
-    p[tail, tail] = FIRST_FRICTION**2
+    p[tail, tail] = stream.extra_variance
+    late = tail[-n:]
     noise = np.diag(stream.sigma_q**2)
     far = np.full(x.size, ALPHA * np.sqrt(x.size))
     reach = far
-    for step, (q, tau) in enumerate(zip(stream.q, stream.tau, strict=True)):
+    for step, q in enumerate(stream.q):
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
         if step == len(stream.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
             break
         points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
-        moved, inverse = _advance(lib, stream, points, tau)
+        moved, inverse = _advance(lib, stream, step, points)
         points[:, : 2 * n] = moved
         # Offsets from the image of the mean: its own large weight then multiplies zero.
         offsets = points[1:] - points[0]
@@ -88,6 +90,7 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
         p = (centred * weights[:, None]).T @ centred + centre * np.outer(shift, shift)
         spread = stream.dt * inverse * stream.sigma_tau
         p[: 2 * n, : 2 * n] += process_noise(spread, stream.dt)
+        p[late, late] += stream.wander
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
             f"the filter diverged after {step * stream.dt:.2f} s; the first guess is too far from "
@@ -133,14 +136,20 @@ def _pi(lib: Library, beta: Array) -> Array:
     return pi
 
 
-def _advance(lib: Library, stream: Stream, points: Array, tau: Array) -> tuple[Array, Array]:
-    """[q, dq] of all points after a step, and (M + dt S)⁻¹ of the first one."""
+def _advance(lib: Library, stream: Stream, step: int, points: Array) -> tuple[Array, Array]:
+    """[q, dq] of all points after a step, and (M + dt/2 S)⁻¹ of the first one."""
     n, n_b, dt = lib.n_joints, len(lib.base_columns), stream.dt
-    q, dq, beta, phi = np.split(points, [n, 2 * n, 2 * n + n_b], axis=1)
-    phi = stream.passive(phi.reshape(len(points), n, -1))
-    secant, _, constant = (np.sum(part * phi, axis=2) for part in stream.friction(dq))
-    pi = _pi(lib, beta)
-    free = tau - secant * dq - constant
-    ddq = lib.forward_dynamics(q, dq, free, pi, dt * secant)
-    inverse = np.asarray(np.linalg.inv(lib.mass_matrix(q[0], pi[0]) + dt * np.diag(secant[0])))
-    return np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1), inverse
+    q, dq, beta, phi, delay = np.split(points, [n, 2 * n, 2 * n + n_b, points.shape[1] - n], axis=1)
+    push = stream.push[step]
+    middle, speed = q + dt / 2 * dq, dq + dt / 2 * push
+    secants, constants = stream.friction(step)
+    phi = phi.reshape(len(points), n, -1)
+    columns = secants * stream.speed[step][:, None] + constants
+    pi, drag = _pi(lib, beta), np.sum(secants * stream.passive(phi[0]), axis=1)
+    late = delay * stream.drift[step] - np.sum(columns * phi, axis=2) + drag * stream.speed[step]
+    smooth = lib.inverse_dynamics(middle[0], speed[0], push, pi[0]) + drag * speed[0] - late[0]
+    ddq = lib.forward_dynamics(middle, speed, smooth + late - drag * dq, pi, dt / 2 * drag)
+    inverse = np.linalg.inv(lib.mass_matrix(middle[0], pi[0]) + dt / 2 * np.diag(drag))
+    ddq = ddq + inverse @ (stream.tau[step] - smooth)
+    moved = np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1)
+    return moved, np.asarray(inverse, dtype=float)

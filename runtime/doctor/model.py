@@ -6,11 +6,11 @@ is asked of the residual of least squares on base parameters and friction, W x =
 
 import numpy as np
 
+from runtime.colour import colour_of_rows
 from runtime.doctor.bench import Bench, least_squares
 from runtime.doctor.finding import INFO, WARNING, Finding
 from runtime.library import Array
 from runtime.recording import Friction, Recipe
-from runtime.residuals import inflation
 
 PERFECT = 5e-4
 """Residual over torque that no sensor reaches."""
@@ -71,7 +71,7 @@ def delay(bench: Bench, matrix: Array, plan: Recipe) -> list[Finding]:
     late = float(grid[k] - (high - low) / (2 * (grid[1] - grid[0]) * curve))
     stay = float(np.sum(now**2 @ weights))
     gain = 1.0 - mid / stay
-    worth = inflation(now, weights)
+    worth = _inflation(matrix[keep], now, weights)
     freedom = max(now.size / worth - 1.0, 1.0)
     sigma_late = float(np.sqrt(2.0 * mid / curve / freedom))
     if gain < LATE_GAIN or abs(late) < SURE * sigma_late or abs(late) < 0.3 * step:
@@ -162,7 +162,7 @@ def tool(bench: Bench) -> list[Finding]:
     basis = np.linalg.qr(np.hstack([extra, last[:, 1:]]) * scale[:, None])[0]
     own = last[:, 0] * scale
     own = own - basis @ (basis.T @ own)
-    worth = inflation(errors, weights)
+    worth = _inflation(np.hstack([last, extra]), errors, weights)
     sigma = float(np.sqrt(worth * np.mean(rest**2)) / max(float(np.linalg.norm(own)), 1e-300))
     if abs(mass) < max(TOOL_KG, SURE * sigma) or gain > TOOL_GAIN:
         return []
@@ -195,7 +195,7 @@ def coupling(bench: Bench, matrix: Array, terms: Friction) -> list[Finding]:
     _, rest = least_squares(matrix, s.tau.ravel())
     errors = rest.reshape(-1, lib.n_joints)
     findings = []
-    worth = inflation(errors, 1.0 / np.maximum(errors.var(axis=0), 1e-300))
+    worth = _inflation(matrix, errors, 1.0 / np.maximum(errors.var(axis=0), 1e-300))
     if len(errors) / worth < INDEPENDENT:
         return []
     for j in range(lib.n_joints):
@@ -241,6 +241,13 @@ def one_run(bench: Bench) -> Finding:
         {"duration_s": bench.whole.duration},
         trap=12,
     )
+
+
+def _inflation(matrix: Array, errors: Array, weights: Array) -> float:
+    """N / N_eff of errors (N, n) that the columns (N n, p) leave."""
+    scale = np.sqrt(weights)
+    rows = matrix.reshape(*errors.shape, -1) * scale[:, None]
+    return colour_of_rows(rows, errors * scale).inflation
 
 
 def _drive(dq: Array, ddq: Array) -> Array:

@@ -2,8 +2,8 @@
 
 What a joint reads is g_j times the true torque. Without a known load, parameters and friction take
 up any factor that all g_j have in common; the payload settles it, and β, which the joints share,
-hands it on to joints that the payload hardly moves. Correlated residuals count as
-N_eff = N / (1 + 2 Σ ρ_l) samples. Source: Gautier & Briot 2014 for the joint problem.
+hands it on to joints that the payload hardly moves. Correlated residuals count as N_eff samples
+(`runtime.colour`). Source: Gautier & Briot 2014 for the joint problem.
 """
 
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from runtime.colour import Colour, colour_of_basis
 from runtime.errors import IdentificationError
 from runtime.gains.problem import RUNS, Problem, problem_of
 from runtime.gains.solve import Solution, reduced, solve
 from runtime.library import Array, Library
 from runtime.payload import Known
 from runtime.recording import Friction, Preparation, Recording
-from runtime.residuals import inflation
 from runtime.threads import one_blas_thread
 
 Claims = NDArray[np.bool_]
@@ -93,17 +93,29 @@ def identify_gains(
     """
     problem = problem_of(empty, loaded, lib, payload, link, friction, preparation)
     found = solve(reduced(problem.blocks()), problem.n_samples, len(RUNS))
-    rest = np.concatenate([found.rest(block).T for block in problem.blocks()])
-    if not np.isfinite(rest).all():
+    stretches = [_over_noise(problem, found, block) for block in problem.blocks()]
+    if not all(np.isfinite(rest).all() for _, rest in stretches):
         raise IdentificationError(
             "the gains cannot be computed from values this large; check the units in the recipe"
         )
-    return _told(problem, found, inflation(rest, 1 / found.noise**2))
+    return _told(problem, found, colour_of_basis(stretches))
 
 
-def _told(problem: Problem, found: Solution, inflated: float) -> Gains:
+def _over_noise(problem: Problem, found: Solution, block: Array) -> tuple[Array, Array]:
+    """An orthonormal basis of what the fit takes up, (N, n, ·), and what it leaves, (N, n)."""
+    slopes = found.slopes(block) / found.noise[:, None, None] @ found.root
+    n, count, _ = slopes.shape
+    levels = np.zeros((n, count, len(RUNS) * n))
+    for run, samples in enumerate(problem.runs):
+        own = block[0, :, run] / np.sqrt(len(samples))
+        levels[range(n), :, run * n + np.arange(n)] = own
+    basis = np.concatenate([slopes, levels], axis=2)
+    return basis.transpose(1, 0, 2), (found.rest(block) / found.noise[:, None]).T
+
+
+def _told(problem: Problem, found: Solution, colour: Colour) -> Gains:
     n, names = len(found.g), problem.channels
-    root = found.root * np.sqrt(inflated)
+    root = found.root * np.sqrt(colour.level)
     covariance = root[-n:] @ root[-n:].T
     sigma = np.sqrt(np.diagonal(covariance))
     share = sigma / np.maximum(np.abs(found.g), np.finfo(float).tiny)
@@ -114,8 +126,8 @@ def _told(problem: Problem, found: Solution, inflated: float) -> Gains:
     # b/g, with the error of g where g divides.
     slopes[:, np.arange(n), np.arange(n) - n] -= np.where(is_told, offsets / gain, 0.0)
     spread = np.sum((slopes @ root) ** 2, axis=2)
-    counts = np.array([[len(run)] for run in problem.runs]) / inflated
-    bias_sigma = np.sqrt(spread + found.noise**2 / counts) / np.abs(gain)
+    counts = np.array([[len(run)] for run in problem.runs])
+    bias_sigma = np.sqrt(spread + found.noise**2 * colour.level / counts) / np.abs(gain)
     notes = _notes(problem, found.g, covariance, share, is_told)
     told = ", ".join(name for name, told in zip(names, is_told, strict=True) if told)
     return Gains(
@@ -126,9 +138,9 @@ def _told(problem: Problem, found: Solution, inflated: float) -> Gains:
         is_told=is_told,
         bias=offsets / gain,
         bias_sigma=bias_sigma,
-        noise=found.noise,
+        noise=found.noise * np.sqrt(colour.variance),
         n_samples=problem.n_samples,
-        n_effective=problem.n_samples / inflated,
+        n_effective=problem.n_samples / colour.inflation,
         status=f"found the gains of {'all ' if is_told.all() else ''}{told}",
         notes=notes,
     )

@@ -43,14 +43,22 @@ class Solution:
 
     def rest(self, block: Array) -> Array:
         """τᵐ − g (X θ + y) − b of rows [1 per run, X, y, τᵐ], (n, N)."""
-        k = self.levels.shape[1]
-        return _rest(block[:, :, k:] - block[:, :, :k] @ self.levels, self.theta, self.g)
+        return _rest(self._centred(block), self.theta, self.g)
+
+    def slopes(self, block: Array) -> Array:
+        """∂(g (X θ + y) + b)/∂(θ, g) of the same rows, b following the rest, (n, N, p + n)."""
+        return _slopes(self._centred(block), self.theta, self.g)
 
     def offsets(self) -> tuple[Array, Array]:
         """b (runs, n) and its slopes in (θ, g), (runs, n, p + n)."""
         return _rest(self.levels, self.theta, self.g).T, -np.swapaxes(
             _slopes(self.levels, self.theta, self.g), 0, 1
         )
+
+    def _centred(self, block: Array) -> Array:
+        """[X, y, τᵐ] less the means of their run."""
+        k = self.levels.shape[1]
+        return np.asarray(block[:, :, k:] - block[:, :, :k] @ self.levels)
 
 
 def reduced(blocks: Iterable[Array]) -> Array:

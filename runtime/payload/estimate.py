@@ -5,7 +5,7 @@
 Y_k are the columns of the link that carries the payload, b one offset per joint, eliminated by
 taking means. Against a run of the same motion without the payload, its residual is subtracted
 first: bias and friction cancel, whatever they are. σ_j comes from the residuals in three passes;
-correlated residuals count as N_eff = N / (1 + 2 Σ ρ_l) samples, in the prior's weight too.
+correlated residuals count as N_eff samples (`runtime.colour`), in the prior's weight too.
 Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload).
 """
 
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.colour import Colour, colour_of_rows
 from runtime.convex import NONE, Reduced, convex_problem, minimise, prior_from
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
@@ -24,7 +25,6 @@ from runtime.payload.reading import ArmModel, arm_model
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
 from runtime.recording import Preparation, Recording
-from runtime.residuals import inflation
 from runtime.threads import one_blas_thread
 
 BALL_MASS, BALL_RADIUS = 0.5, 0.06
@@ -164,9 +164,8 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
             "be told from a torque offset; record a motion that turns it against gravity"
         )
     noise, spread = np.ones(n), float(np.abs(residual).max())
-    n_effective = float(count)
-    pi, errors = prior.centre, target
-    for _ in range(PASSES + 1):
+    used, pi, errors = 1 + 10 / n, prior.centre, target
+    for done in range(PASSES + 1):
         scaled = (rows / noise[:, None]).reshape(-1, rows.shape[2])
         aim = (target / noise).ravel()
         triangle: Array = np.asarray(np.linalg.qr(np.column_stack([scaled, aim]), mode="r"))
@@ -177,23 +176,30 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
             count=float(count),
             freedom=float(count * n - 10 - n),
         )
-        gamma = kappa * max(data.variance, _PERFECT**2) / n_effective
+        colour = Colour(data.variance, data.variance)
+        if done == 0:  # as if all were noise: from far away Newton needs the prior's guidance
+            whole = float(aim @ aim) / aim.size
+            colour = Colour(whole, whole)
+        elif done == PASSES:
+            levels = np.broadcast_to(np.eye(n), (count, n, n)) / np.sqrt(count)
+            own = np.concatenate([rows / noise[:, None], levels], axis=2)
+            colour = colour_of_rows(own, target / noise)
+        gamma = kappa * max(colour.level, _PERFECT**2) / count
         found = minimise(convex_problem(data, prior, gamma), pi)
         pi = found.pi
         errors = target - rows @ pi
-        variance = np.mean(errors**2, axis=0) * count / max(count - 1 - 10 / n, 1.0)
-        noise = np.sqrt(np.maximum(variance, (_PERFECT * spread) ** 2 + 1e-300))
-        n_effective = count / inflation(errors, 1 / noise**2)
-    shape = found.hessian() / data.variance
+        power = np.sum(errors**2, axis=0) / max(count - used * colour.inflation, 1.0)
+        noise = np.sqrt(np.maximum(power, (_PERFECT * spread) ** 2 + 1e-300))
+    precision = count * found.hessian()
     return _Found(
         pi=pi,
         prior=np.asarray(np.linalg.inv(kappa * _curvature(mount, pi))),
         noise=noise,
         errors=errors,
         offsets=level - means @ pi,
-        white=np.asarray(np.linalg.inv(count * shape)),
-        covariance=np.asarray(np.linalg.inv(n_effective * shape)),
-        n_effective=n_effective,
+        white=colour.variance * np.linalg.inv(precision),
+        covariance=colour.level * np.linalg.inv(precision),
+        n_effective=count / colour.inflation,
         converged=found.converged,
     )
 

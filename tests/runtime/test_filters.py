@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from runtime.baselines.ekf import _advance, run_ekf
-from runtime.baselines.stream import Stream, noise_of, prior_covariance
+from runtime.baselines.stream import Stream, noise_of, prior_covariance, stream_from
 from runtime.baselines.ukf import run_ukf
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.library import Library
-from runtime.recording import Friction, Split
-from scripts.bench.plant import COULOMB, SPEED, VISCOUS, Bench, bench
+from runtime.recording import Friction, Recording, Split
+from scripts.bench.plant import COULOMB, FRICTION, SPEED, VISCOUS, Bench, bench
 from tests.taylor import assert_second_order, taylor_slope
 
 SIGMA_Q, SIGMA_TAU, DT = 1e-5, 0.05, 1e-3
@@ -42,15 +42,22 @@ def modelled(
         q, dq = q + DT * (dq + after) / 2, after
     log_q += SIGMA_Q * rng.normal(size=log_q.shape)
     log_tau += SIGMA_TAU * rng.normal(size=log_tau.shape)
-    one = np.ones(7)
-    names = ("coulomb", "viscous")
-    return Stream(DT, log_q, log_tau, SIGMA_Q * one, SIGMA_TAU * one, names, SPEED)
+    log = Recording(np.arange(count) * DT, log_q, None, None, log_tau)
+    return stream_from(log, DT, FRICTION)
+
+
+def scores(lib: Library, pi: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Base parameters, then φ, as found by the EKF: errors over their deviations."""
+    k, friction = lib.base_matrix, np.stack([COULOMB, VISCOUS], 1).ravel()
+    sigma = np.sqrt(np.diag(k @ p[14:84, 14:84] @ k.T))
+    base = (k @ (x[14:84] - pi)) / sigma
+    return np.concatenate([base, (x[84:98] - friction) / np.sqrt(np.diag(p)[84:98])])
 
 
 def test_both_filters_follow_their_model(
     lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray, plant: Bench
 ) -> None:
-    """Oracle: the model's own parameters; EKF and UKF agree within three deviations."""
+    """Oracle: parameters of a robot that is stepped as filters once did; EKF and UKF agree."""
     stream = modelled(lib, trajectories[0], pi_true, 800, np.random.default_rng(5))
     x, p, _ = run_ekf(lib, stream, plant.lam_cad)
     y, r = run_ukf(lib, stream, plant.lam_cad)
@@ -58,11 +65,13 @@ def test_both_filters_follow_their_model(
     first = np.linalg.norm(k @ lib.pi_from_lam(plant.lam_cad) - beta)
     assert first > 0.02 * np.linalg.norm(beta)
     sigma = np.sqrt(np.diag(k @ p[14:84, 14:84] @ k.T))
-    assert np.all(np.abs(k @ x[14:84] - y[14:57]) < 3 * sigma)
-    assert np.all(np.abs(k @ x[14:84] - y[14:57]) < 3 * np.sqrt(np.diag(r)[14:57]))
-    # What the first joints feel is known to its deviation; the last one's friction bends within
-    # the noise of its speed, which both filters linearise alike.
-    assert np.all(np.abs(k @ x[14:84] - beta)[:10] < 4 * sigma[:10])
+    # What is left of second order: measured 0.1 of a deviation.
+    assert np.all(np.abs(k @ x[14:84] - y[14:57]) < 0.3 * sigma)
+    assert np.sqrt(np.diag(r)[14:57]) == pytest.approx(sigma, rel=0.05)
+    # 57 numbers of size one, some of them alike: 3/√(2·20).
+    found = scores(lib, pi_true, x, p)
+    assert np.sqrt(np.mean(found**2)) < 1.5
+    assert np.abs(found).max() < 4
 
 
 def test_filters_on_the_common_plant(plant: Bench) -> None:
@@ -83,6 +92,22 @@ def test_filters_on_the_common_plant(plant: Bench) -> None:
             assert any("links that cannot exist at" in note for note in found.notes)
 
 
+@pytest.mark.parametrize(("seed", "every"), [(0, 1), (2, 5)])
+def test_deviations_hold_on_the_common_plant(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray, seed: int, every: int
+) -> None:
+    """Monte Carlo, small: two logs and CAD models in closed loop, one of them at 200 Hz.
+
+    Rotors, a torque that is held for a period and noise in the loop are in no filter's model.
+    """
+    own = bench(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q, seed=seed)
+    stream = stream_from(own.log.take(slice(0, 2000, every), "Cut."), DT * every, FRICTION)
+    found = scores(lib, pi_true, *run_ekf(lib, stream, own.lam_cad)[:2])
+    # As above; ten seeds of 10 s have 0.9 and 3.2 at most.
+    assert np.sqrt(np.mean(found**2)) < 1.5
+    assert np.abs(found).max() < 4.5
+
+
 def test_filters_say_what_they_need(plant: Bench, lib: Library) -> None:
     """Property: a slow log, a hole, foreign friction and a robot that is another: one sentence."""
     slow = plant.log.take(np.arange(0, len(plant.log), 10), "Kept every tenth.")
@@ -100,12 +125,9 @@ def test_filters_say_what_they_need(plant: Bench, lib: Library) -> None:
 
 def test_a_filter_that_diverges_is_told(plant: Bench, lib: Library) -> None:
     """Property: a torque beyond all numbers ends in a sentence, not in NaN."""
-    one = np.ones(7)
-    log = plant.log
+    stream = stream_from(plant.log.take(slice(0, 400), "Cut."), DT, Friction(("viscous",)))
+    stream = replace(stream, tau=1e200 * stream.tau)
     for run in (run_ekf, run_ukf):
-        stream = Stream(
-            DT, log.q[:400], 1e200 * log.tau[:400], SIGMA_Q * one, one, ("viscous",), SPEED
-        )
         with pytest.raises(IdentificationError, match=r"the filter diverged after \d"):
             run(lib, stream, plant.lam_cad)
 
@@ -126,19 +148,26 @@ def test_prior_covariance_is_that_of_perturbed_bodies(lib: Library) -> None:
 def test_derivative_of_a_step(lib: Library, plant: Bench, pi_true: np.ndarray) -> None:
     """Derivative: the Taylor remainder of [q, dq] after a step falls as h²."""
     rng = np.random.default_rng(0)
-    names = ("coulomb", "viscous", "offset")
-    one = np.ones(7)
-    stream = Stream(DT, plant.log.q, plant.log.tau, one, one, names, 0.3)
-    phi = rng.uniform(0.2, 0.6, 21)
-    x = np.concatenate([lib.home, rng.normal(0, 0.5, 7), pi_true, phi])
-    tau, top = rng.normal(0, 5, 7), np.zeros((14, x.size))
-    scale = np.concatenate([np.ones(14), np.abs(pi_true) + 1e-3, phi])
+    stream = stream_from(plant.log, DT, Friction(("coulomb", "viscous", "offset"), 0.3))
+    phi, delay = rng.uniform(0.2, 0.6, 21), rng.normal(0, DT, 7)
+    push, speed, drift = rng.normal(0, 1, (3, 7))
+    dq = speed - DT / 2 * push
+    x = np.concatenate([lib.home, dq, pi_true, phi, delay])
+    # A torque that gives the acceleration at which the derivative is asked.
+    middle, by_joint = lib.home + DT / 2 * dq, phi.reshape(7, 3)
+    friction = np.tanh(speed / 0.3) * by_joint[:, 0] + speed * by_joint[:, 1] + by_joint[:, 2]
+    tau = lib.inverse_dynamics(middle, speed, push, pi_true) + friction - delay * drift
+    ways = {"speed": speed, "push": push, "drift": drift, "tau": tau}
+    stream = replace(stream, **{name: value[None] for name, value in ways.items()})
+    top = np.zeros((14, x.size))
+    scale = np.concatenate([np.ones(14), np.abs(pi_true) + 1e-3, phi, np.full(7, DT)])
     along = 0.1 * scale * rng.normal(size=x.size)
-    _advance(lib, stream, x, tau, top)
+    moved, _ = _advance(lib, stream, 0, x, top)
+    assert moved[7:14] == pytest.approx(dq + DT * push, abs=1e-12)
     slope = top @ along
 
     def step(at: np.ndarray) -> np.ndarray:
-        return _advance(lib, stream, at, tau, np.zeros_like(top))[0]
+        return _advance(lib, stream, 0, at, np.zeros_like(top))[0]
 
     # Positions of size 1 round at 1e-16 and remainders begin at 1e-4: five decades of h at most.
     assert_second_order(taylor_slope(step, x, along, slope, largest=0.1), 3.0)

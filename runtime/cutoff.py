@@ -34,6 +34,8 @@ CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
 BELOW_RATE = 0.4
 ROWS_PER_CUTOFF = 10.0
 """Rate of the rows to keep over the cut-off."""
+FEWEST = 100
+"""Rows of a block that are kept all the same."""
 EDGE = 0.05
 """Part of the duration that the trimming of both ends may take."""
 _PASSES = 2
@@ -204,8 +206,11 @@ class _Bench:
         self._tau = np.stack([np.interp(middle.t, self._raw.t, row) for row in tau.T], axis=1)
 
     def fitted(self, cutoff_hz: float, derivative: str) -> _Fit:
-        """The estimates of one candidate, and how they do with its own motion."""
-        blocks = self._cut(cutoff_hz, derivative)
+        """The estimates of one candidate from its rows, and how they do with its own motion."""
+        whole = self._cut(cutoff_hz, derivative)
+        needed = self._raw.rate_hz / (ROWS_PER_CUTOFF * cutoff_hz)
+        step = max(1, int(min(needed, min(len(b) for b in whole) / FEWEST)))
+        blocks = [block.rows(slice(None, None, step)) for block in whole]
         weights = thesis_weights(np.concatenate([b.tau for b in blocks]))
         stats: list[Statistics] = []
         rests: list[Array] = []
@@ -218,9 +223,8 @@ class _Bench:
         held = tuple(
             solved([s for i, s in enumerate(stats) if i != k])[0] for k in range(len(blocks))
         )
-        step = max(1, round(self._raw.rate_hz / (ROWS_PER_CUTOFF * cutoff_hz)))
-        white = 1.0 / inflation(np.concatenate(rests)[::step], weights)
-        return _Fit(held, self._missed(blocks, held), white)
+        white = 1.0 / inflation(np.concatenate(rests)[:: max(1, round(needed / step))], weights)
+        return _Fit(held, self._missed(whole, held), white)
 
     def errors(
         self, cutoff_hz: float, derivative: str, held: dict[_Key, tuple[Array, ...]]

@@ -100,7 +100,7 @@ def _build(lib: Library, suffix: str, gravity: str) -> str:
     urdf = lib.folder / f"{lib.name}.urdf"
     return (
         f"python -m symgen build --urdf {shlex.quote(str(urdf))} --name {name} --gravity {gravity} "
-        "(and the --tip and --config that it was built with)"
+        "(and what else it was built with: --tip, --project, --config)"
     )
 
 

@@ -1,14 +1,18 @@
 """Which cut-off do the data carry? Candidates judged by what they predict of the unfiltered torque.
 
 Each candidate f_c is fitted (base parameters and friction) on the filtered rows of all blocks but
-one, and predicts the torque of that one as it was logged:
+one, and that estimate predicts the torque of the one as it was logged:
 
-    score_b = mean over rows and joints of w_j (τ_j − [Y_b(q_f, dq_f, ddq_f) β + F φ]_j)²
+    score_b = mean over rows and joints of w_j (τ_j − [Y(q_p, dq_p, ddq_p) β(f_c) + F_p φ(f_c)]_j)²
 
-so all candidates are held against the same numbers: too low a cut-off misses torque, too high a
-one predicts noise. Differences are paired over blocks, which cancels the noise of τ. Those within
-one standard error of the best (Breiman et al. 1984, Sec. 3.4.3), or half a percent, predict alike;
-of them the one is taken whose residuals are whitest, with the largest N_eff (`runtime.colour`).
+The motion of the prediction, p, is the same for all: the candidate whose own estimate predicts
+best with its own motion. A motion of a wider band repeats more of an unfiltered torque with the
+very same parameters; were each judged by its own, the widest would win wherever positions are good,
+and what is looked for is the best β. So too low a cut-off is found out, which has not seen the
+torque, and too high a one, whose noise in Y has bent β. Blocks are paired, which cancels the noise
+of τ. What the best saves by less than half a percent is worth nothing; of those candidates the one
+is taken whose rows are whitest, N_eff / N at `ROWS_PER_CUTOFF` f_c, N_eff by `runtime.colour`:
+the covariances of its fit promise least too much.
 """
 
 from dataclasses import dataclass, replace
@@ -28,6 +32,10 @@ from runtime.threads import one_blas_thread
 CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
 """Hz; those below 0.4 of the rate are tried."""
 BELOW_RATE = 0.4
+ROWS_PER_CUTOFF = 10.0
+"""Rate of the rows to keep over the cut-off."""
+FEWEST = 100
+"""Rows of a block that are kept all the same."""
 EDGE = 0.05
 """Part of the duration that the trimming of both ends may take."""
 _PASSES = 2
@@ -43,7 +51,7 @@ class Candidate:
         score: cross-validated mean square error over the smallest of all candidates, per joint.
         excess: score minus the best.
         excess_error: standard error of that, from the differences of the blocks.
-        n_eff: independent samples by the colour of the residuals.
+        white: independent rows over rows, by the colour of the residuals.
     """
 
     cutoff_hz: float
@@ -51,7 +59,7 @@ class Candidate:
     score: float
     excess: float
     excess_error: float
-    n_eff: float
+    white: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,32 +107,37 @@ def choose_cutoff(
     parts = splitting or (recipe.split if recipe else None) or Split()
     terms = friction or (recipe.friction if recipe else None) or Friction()
     bench = _Bench(recording.replace(columns=None, column_names=()), lib, base, parts, terms)
-    tried = {(f_c, base.derivative): bench.judged(f_c, base.derivative) for f_c in bench.cutoffs}
+    fits = {(f_c, base.derivative): bench.fitted(f_c, base.derivative) for f_c in bench.cutoffs}
     if base.derivative == "measured" and recording.dq is not None:
-        (f_c, _), _ = min(_scored(tried).items(), key=lambda item: float(item[1].mean()))
-        tried[f_c, "position"] = bench.judged(f_c, "position")
-    return _chosen(tried, base)
+        f_c, _ = _best({key: fit.own for key, fit in fits.items()})
+        fits[f_c, "position"] = bench.fitted(f_c, "position")
+    motion = _best({key: fit.own for key, fit in fits.items()})
+    errors = bench.errors(*motion, {key: fit.held for key, fit in fits.items()})
+    return _chosen(errors, {key: fit.white for key, fit in fits.items()}, base)
 
 
-def _chosen(tried: dict[tuple[float, str], tuple[Array, float]], base: Preparation) -> CutoffChoice:
-    scores = _scored(tried)
-    best = min(scores, key=lambda key: float(scores[key].mean()))
+_Key = tuple[float, str]
+"""Cut-off and derivative."""
+
+
+def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparation) -> CutoffChoice:
+    scores = _scored(errors)
+    best = _best(errors)
     found = []
     for key, blocks in scores.items():
         gap = blocks - scores[best]
         error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
-        found.append(Candidate(*key, float(blocks.mean()), float(gap.mean()), error, tried[key][1]))
-    least = float(scores[best].mean())
-    alike = [c for c in found if c.excess <= max(c.excess_error, WORTH * least)]
+        found.append(Candidate(*key, float(blocks.mean()), float(gap.mean()), error, white[key]))
+    alike = [c for c in found if c.excess <= WORTH * scores[best].mean()]
     measured = [c for c in alike if c.derivative == base.derivative]
-    chosen = max(measured or alike, key=lambda c: c.n_eff)
+    chosen = max(measured or alike, key=lambda c: c.white)
     other = {c.derivative: " (velocity from q)" * (c.derivative != base.derivative) for c in found}
     told = ", ".join(f"{c.cutoff_hz:g} Hz{other[c.derivative]} {c.score:.3f}" for c in found)
     aside = " Velocities from q predict better than the measured ones, which are set aside."
     sentence = (
         f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {BLOCKS} blocks, the "
-        f"whitest residual ({chosen.n_eff:.0f} independent samples) of those that predict the "
-        f"unfiltered torque within one standard error of the best; scores: {told}."
+        f"whitest rows ({100 * chosen.white:.0f} % of them independent) of those whose parameters "
+        f"predict the unfiltered torque as well as the best; scores: {told}."
         f"{aside * (chosen.derivative != base.derivative)}"
     )
     ready = replace(
@@ -137,11 +150,25 @@ def _chosen(tried: dict[tuple[float, str], tuple[Array, float]], base: Preparati
     return CutoffChoice(tuple(found), chosen, ready, sentence)
 
 
-def _scored(tried: dict[tuple[float, str], tuple[Array, float]]) -> dict[tuple[float, str], Array]:
+def _best(errors: dict[_Key, Array]) -> _Key:
+    scores = _scored(errors)
+    return min(scores, key=lambda key: float(scores[key].mean()))
+
+
+def _scored(errors: dict[_Key, Array]) -> dict[_Key, Array]:
     """Score per block, in units of the smallest error of each joint."""
-    least = np.min([errors.mean(axis=0) for errors, _ in tried.values()], axis=0)
+    least = np.min([each.mean(axis=0) for each in errors.values()], axis=0)
     unit = np.maximum(least, 1e-12 * least.max() + 1e-300)
-    return {key: np.asarray((errors / unit).mean(axis=1)) for key, (errors, _) in tried.items()}
+    return {key: np.asarray((each / unit).mean(axis=1)) for key, each in errors.items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A candidate: per block the estimate without it and its own error there; whiteness."""
+
+    held: tuple[Array, ...]
+    own: Array
+    white: float
 
 
 class _Bench:
@@ -178,24 +205,48 @@ class _Bench:
         assert tau is not None  # noqa: S101  samples_of has checked it
         self._tau = np.stack([np.interp(middle.t, self._raw.t, row) for row in tau.T], axis=1)
 
-    def judged(self, cutoff_hz: float, derivative: str) -> tuple[Array, float]:
-        """Mean square error per block and joint on the unfiltered torque, and N_eff."""
-        whole = samples_of(self._prepared(cutoff_hz, derivative), self._lib)
-        blocks = [whole.rows(rows) for rows in self._blocks]
+    def fitted(self, cutoff_hz: float, derivative: str) -> _Fit:
+        """The estimates of one candidate from its rows, and how they do with its own motion."""
+        whole = self._cut(cutoff_hz, derivative)
+        needed = self._raw.rate_hz / (ROWS_PER_CUTOFF * cutoff_hz)
+        step = max(1, int(min(needed, min(len(b) for b in whole) / FEWEST)))
+        blocks = [block.rows(slice(None, None, step)) for block in whole]
         weights = thesis_weights(np.concatenate([b.tau for b in blocks]))
         stats: list[Statistics] = []
-        weighted, rest = weights, np.zeros((0, 0))
+        weighted = weights
         for _ in range(_PASSES):
             weighted, stats = weights, [compress(self._lib, block, weights) for block in blocks]
             x, _rank = solved(stats)
             rest = np.concatenate([block.tau - self._predicted(block, x) for block in blocks])
-            weights = 1.0 / np.maximum(rest.var(axis=0), 1e-12 * rest.var(axis=0).max() + 1e-30)
-        errors = []
-        for k, rows in enumerate(self._blocks):
-            x, _rank = solved([s for i, s in enumerate(stats) if i != k])
-            errors.append(np.mean((self._tau[rows] - self._predicted(blocks[k], x)) ** 2, axis=0))
+            power = rest.var(axis=0)
+            weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-30)
+        held = tuple(
+            solved([s for i, s in enumerate(stats) if i != k])[0] for k in range(len(blocks))
+        )
         colour = colour_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
-        return np.array(errors), len(rest) / colour.inflation
+        white = min(1.0, max(1.0, needed / step) / colour.inflation)
+        return _Fit(held, self._missed(whole, held), white)
+
+    def errors(
+        self, cutoff_hz: float, derivative: str, held: dict[_Key, tuple[Array, ...]]
+    ) -> dict[_Key, Array]:
+        """Mean square errors of all estimates per block and joint, with the motion of one."""
+        blocks = self._cut(cutoff_hz, derivative)
+        return {key: self._missed(blocks, each) for key, each in held.items()}
+
+    def _cut(self, cutoff_hz: float, derivative: str) -> list[Samples]:
+        whole = samples_of(self._prepared(cutoff_hz, derivative), self._lib)
+        return [whole.rows(rows) for rows in self._blocks]
+
+    def _missed(self, blocks: list[Samples], held: tuple[Array, ...]) -> Array:
+        """Mean of (τ − τ̂)² per block and joint, τ as it was logged."""
+        pairs = zip(blocks, held, self._blocks, strict=True)
+        return np.array(
+            [
+                np.mean((self._tau[rows] - self._predicted(b, x)) ** 2, axis=0)
+                for b, x, rows in pairs
+            ]
+        )
 
     def _prepared(self, cutoff_hz: float, derivative: str) -> Recording:
         filtered = replace(

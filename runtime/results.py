@@ -16,6 +16,7 @@ from runtime.identification import Identification
 from runtime.library import Array
 from runtime.library.manifest import PI_NAMES
 from runtime.objective import samples_of
+from runtime.saved import model_facts
 from runtime.statistics import compress
 from runtime.uncertainty import BAND_SAMPLES
 
@@ -41,6 +42,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "format": FORMAT,
         "method": result.method,
         "robot": lib.name,
+        "model": model_facts(lib),
         "status": result.status,
         "joints": list(lib.joint_names),
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],

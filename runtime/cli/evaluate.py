@@ -7,7 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from runtime import metrics
-from runtime.cli.common import Robot, console, say, torque_table
+from runtime.cli.common import Robot, console, preparation_of, say, torque_table
+from runtime.cli.options import Rate
 from runtime.datasets import locate
 from runtime.library import load
 from runtime.objective import samples_of
@@ -15,7 +16,7 @@ from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
 from runtime.recording import read_recording
 from runtime.results import error_facts
-from runtime.saved import read_result, require_robot
+from runtime.saved import read_result, require_model
 
 Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 
@@ -26,20 +27,28 @@ def evaluate_command(
     robot: Robot = "fr3",
     recipe: Annotated[str | None, typer.Option(help="How to read the log.")] = None,
     run: Annotated[str | None, typer.Option(help="Which run of the recipe.")] = None,
+    cutoff: Annotated[
+        float | None,
+        typer.Option(help="Low-pass q, dq, tau at this frequency, Hz; default the recipe's."),
+    ] = None,
+    rate: Rate = None,
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON.")] = False,
 ) -> None:
     r"""Torque errors of an identified model on another recording, before and after.
 
+    Percentages compare in one band only: a wider one has more of the noise of the torque.
+
     \b
     python -m runtime evaluate results/first-map second.csv --robot my
+    python -m runtime evaluate results/first-map second.csv --robot my --cutoff 20
     """
     saved = read_result(result)
     lib = load(robot)
-    require_robot(saved, lib, result)
+    notes = require_model(saved, lib, result)
     recording = read_recording(log, recipe, run, lib.joint_names)
     require_plausible(recording, lib)
     terms = saved.friction
-    prepared = prepare(recording, None, terms, lib=lib)
+    prepared = prepare(recording, preparation_of(recording, cutoff, rate), terms, lib=lib)
     samples = samples_of(prepared, lib)
     before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
     after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, saved.pi)
@@ -54,11 +63,14 @@ def evaluate_command(
         "joints": list(saved.joints),
         "units": list(saved.units),
         **error_facts(*errors),
+        "notes": list(notes),
     }
     if as_json:
         print(json.dumps(figures, indent=1))
     else:
         console.print(torque_table(figures))
+        for note in notes:
+            say(f"note: {note}")
 
 
 def locate_command(

@@ -10,7 +10,7 @@ from runtime.cli.options import listed
 from runtime.errors import ExportError
 from runtime.export import FORMATS, export_model
 from runtime.library import load
-from runtime.saved import read_result, require_robot
+from runtime.saved import read_result, require_model
 
 
 def export_command(
@@ -39,13 +39,15 @@ def export_command(
     kinds = listed(to, tuple(FORMATS), "--to") if to else tuple(FORMATS)
     saved = read_result(result)
     lib = load(robot or saved.robot)
-    require_robot(saved, lib, result)
+    notes = require_model(saved, lib, result, same_bodies=True)
     terms, folder = saved.friction, out or result / "export"
     done = export_model(
         lib, saved.pi, kinds, folder, terms=terms, phi=saved.phi, overwrite=overwrite
     )
     for each in done:
         say(f"{each.kind}: {f'{each.path} ({each.sentence})' if each.path else each.sentence}")
+    for note in notes:
+        say(f"note: {note}")
     if saved.net is not None:
         say("note: the friction network of the method nn has no counterpart in any of these")
     failed = [each.kind for each in done if each.path is None]

@@ -210,7 +210,7 @@ def _hz(text: str | None) -> float | None:
 
 def _cutoff_table(choice: CutoffChoice) -> Table:
     table = Table("cut-off", title="Cut-off: cross-validated error on the unfiltered torque")
-    for head in ("velocity", "score", "above the best", "independent samples"):
+    for head in ("velocity", "score", "above the best", "independent rows"):
         table.add_column(head, justify="right")
     for c in choice.candidates:
         table.add_row(
@@ -218,7 +218,7 @@ def _cutoff_table(choice: CutoffChoice) -> Table:
             {"measured": "measured", "position": "from q"}[c.derivative],
             f"{c.score:.3f}",
             f"{c.excess:.3f} ± {c.excess_error:.3f}",
-            f"{c.n_eff:.0f}",
+            f"{100 * c.white:.0f} %",
         )
     return table
 

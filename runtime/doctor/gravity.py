@@ -10,6 +10,7 @@ the poses of the tip with the outer joints at zero, unit masses in a frame of ea
     τ_d = ∂/∂q [e_d · (p_k, R_k)] θ_k,   d = x, y, z in the base frame
 """
 
+import shlex
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from runtime.convex import NONE, Reduced, convex_problem, prior_of, solve
 from runtime.doctor.bench import Bench, least_squares
 from runtime.doctor.finding import ERROR, WARNING, Finding
 from runtime.errors import RuntimeFault
-from runtime.library import Array
+from runtime.library import Array, Library
 from runtime.recording import Recipe
 
 MUCH = 0.6
@@ -28,6 +29,8 @@ ALIKE = 1.3
 FEW = 250
 TILTED, UNEXPLAINED = 0.6, 0.1
 _STEP = 1e-5
+G = 9.81
+"""m/s², where the model has none."""
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
 
 
@@ -49,14 +52,14 @@ def gravity(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
         f"tau {t.sign:+.0f}, gravity {t.gravity:+.0f}": [t.consistent, t.free] for t in trials
     }
     if best is not own and best.consistent < MUCH * own.consistent:
-        return _turned(plan, own, best, trials, evidence)
+        return _turned(bench.lib, plan, own, best, trials, evidence)
     if own.consistent > UNEXPLAINED:
         return plan, _tilted(bench, own, evidence)
     return plan, []
 
 
 def _turned(
-    plan: Recipe, own: Trial, best: Trial, trials: list[Trial], evidence: dict
+    lib: Library, plan: Recipe, own: Trial, best: Trial, trials: list[Trial], evidence: dict
 ) -> tuple[Recipe, list[Finding]]:
     rivals = [t for t in trials if t is not best and t.consistent < ALIKE * best.consistent]
     doubt = f" (the motion is too slow to tell this from {_told(rivals[0])})" if rivals else ""
@@ -81,14 +84,28 @@ def _turned(
     if best.gravity == 0.0:
         what = (
             "the controller's own gravity compensation is not in this signal; log the whole "
-            "torque, or build the robot with --gravity 0,0,0"
+            f"torque, or build the robot without: {_build(lib, 'weightless', '0,0,0')}"
         )
     else:
         what = (
-            "the arm hangs the other way round than in the model; build it with "
-            "symgen build --gravity X,Y,Z in the frame of the base"
+            "the arm hangs the other way round than in the model; build it so: "
+            f"{_build(lib, 'turned', _numbers(-lib.gravity))}"
         )
     return plan, [Finding("gravity", ERROR, f"{found}: {what}", evidence, trap=5)]
+
+
+def _build(lib: Library, suffix: str, gravity: str) -> str:
+    """The command that builds the same arm under another gravity, in the frame of the base."""
+    name = f"{lib.name}_{suffix}"
+    urdf = lib.folder / f"{lib.name}.urdf"
+    return (
+        f"python -m symgen build --urdf {shlex.quote(str(urdf))} --name {name} --gravity {gravity} "
+        "(and what else it was built with: --tip, --project, --config)"
+    )
+
+
+def _numbers(vector: Array) -> str:
+    return ",".join(f"{x:g}" for x in vector + 0.0)
 
 
 def _told(trial: Trial) -> str:
@@ -161,14 +178,16 @@ def _tilted(bench: Bench, own: Trial, evidence: dict) -> list[Finding]:
     if along < UNEXPLAINED or every > TILTED * along:
         return []
     exact = others[best] < 1.5 * every
+    wall = _numbers((float(np.linalg.norm(lib.gravity)) or G) * np.eye(3)[best])
     told = (
         f"horizontal gravity, along {names[best]} of the base, explains it to "
-        f"{100 * others[best]:.2g} %: the arm is mounted on a wall; build the robot with "
-        f"--gravity along ±{names[best]} and identify with both signs, the wrong one will not fit "
-        "with bodies that can exist"
+        f"{100 * others[best]:.2g} %: the arm is mounted on a wall; build it so: "
+        f"{_build(lib, 'wall', wall)}, and once more with gravity along -{names[best]}: the "
+        "wrong one will not fit with bodies that can exist"
         if exact
         else f"a gravity off the model's axis explains it to {100 * every:.2g} %: the base is "
-        "tilted; measure its angles and build the robot with --gravity X,Y,Z"
+        "tilted; measure its angles and build it so: "
+        f"{_build(lib, 'tilted', 'X,Y,Z')}"
     )
     return [
         Finding(

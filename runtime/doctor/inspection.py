@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runtime.cutoff import CutoffChoice, choose_cutoff
+from runtime.cutoff import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
 from runtime.doctor import clock, effort, gravity, model, motion, order, signals, units
 from runtime.doctor.bench import Bench, bench_of, rough
 from runtime.doctor.finding import ERROR, INFO, LEVELS, WARNING, Finding
@@ -21,8 +21,6 @@ from runtime.recording import Friction, Preparation, Recipe, Recording, load_rec
 from runtime.recording.reader import Raw, locate, read_raw, settled
 from runtime.threads import one_blas_thread
 
-ROWS_PER_CUTOFF = 10.0
-"""Rate of the proposed rows over the cut-off."""
 _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
 """One row of so many is kept."""
 _BASE = ("viscous", "coulomb", "offset")
@@ -101,7 +99,9 @@ def inspect_log(
     else:
         _torque(asked, lib, propose)
         findings += signals.little_torque(asked.recording, lib)
-    plan = _completed(asked.plan, lib)
+    motors = any(f.kind == "position_range" for f in findings) and not asked.plan.gear
+    # Whether motors are coupled, and need columns of their own, the matrix will tell.
+    plan = asked.plan.replace(robot=lib.name) if motors else _completed(asked.plan, lib)
     return Inspection(
         robot=lib.name,
         findings=tuple(sorted(findings, key=lambda f: LEVELS.index(f.level))),

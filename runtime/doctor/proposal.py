@@ -73,7 +73,7 @@ def _gear_stub(n: int) -> list[str]:
         "# If these are motor angles and motor torques, only the manufacturer knows the gears.",
         "# Write R of q_motor = R q_joint (the row of a motor that turns with another joint has",
         "# two entries), and under [position] the offset of the zero of each joint, in rad; then",
-        "# inspect again with --recipe.",
+        "# inspect again with --recipe, which proposes the filter and the friction, too.",
         "# [gear]",
         "# matrix = [",
         *rows,

@@ -3,7 +3,10 @@
 <cache>/<robot>-<hash of recipe, levels, machine>/<hash of the compiler>/lib<robot>.so, build.json
 
 The recipe's bytes hold the hash of every source, so the name says what is inside. An entry comes
-whole, by one rename; processes that want the same one wait for the first of them.
+whole, by one rename; processes that want the same one wait for the first of them. Each use renews
+the date of its build.json. Who compiles, prunes: of a robot stay the newest `KEPT` and whatever was
+used within `UNUSED_S`. So nothing goes that a process is about to open; a library that is open
+outlives its file.
 """
 
 import fcntl
@@ -14,6 +17,7 @@ import shlex
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,6 +28,10 @@ from runtime.errors import LibraryError
 from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
 from runtime.library.recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
 
+KEPT = 3
+"""Libraries per robot that stay, however old."""
+UNUSED_S = 30 * 86400.0
+"""Seconds without use after which one of the others goes."""
 _ELSEWHERE = "set SYMGEN_CACHE to a folder that can be written"
 
 
@@ -48,12 +56,12 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
     except LibraryError:
         made = [entry for root in roots for entry in (root / key).glob("[0-9a-f]*/")]
         for entry in filter(lambda e: is_whole(e, robot), made):
-            return entry  # whichever compiler made it
+            return _used(entry)  # whichever compiler made it
         raise
     name = Path(key, hashlib.sha256(version.encode()).hexdigest()[:8])
     for root in roots:
         if is_whole(root / name, robot):
-            return root / name
+            return _used(root / name)
     require_intact(folder, recipe)
     root = _writable(roots)
     with _lock(root / key):
@@ -73,7 +81,32 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
                     "commands": [shlex.join(command) for command in commands],
                 }
                 (made_in / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+    prune(root, robot)
     return root / name
+
+
+def prune(root: Path, robot: str) -> list[Path]:
+    """Delete the libraries of a robot that nobody has used for long; returns their folders."""
+    ages = {}
+    for entry in root.glob(f"{robot}-{'[0-9a-f]' * 16}/{'[0-9a-f]' * 8}"):
+        with suppress(OSError):  # another process prunes, too
+            ages[entry] = time.time() - (entry / "build.json").stat().st_mtime
+    old = [entry for entry in sorted(ages, key=lambda e: ages[e])[KEPT:] if ages[entry] > UNUSED_S]
+    for entry in old:
+        shutil.rmtree(entry, ignore_errors=True)
+    if old:
+        sys.stderr.write(
+            f"symgen: deleted {len(old)} compiled libraries of '{robot}' from {root} that nobody "
+            f"had used for {UNUSED_S / 86400:.0f} days\n"
+        )
+    return old
+
+
+def _used(entry: Path) -> Path:
+    """The entry, dated of now; where that cannot be written, nothing is deleted either."""
+    with suppress(OSError):
+        os.utime(entry / "build.json")
+    return entry
 
 
 def is_whole(entry: Path, robot: str) -> bool:

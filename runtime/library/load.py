@@ -32,10 +32,12 @@ def load(
         roots = [folder / "generated" for folder in (Path.cwd(), package, package.parent)]
         found = [root / given for root in roots if (root / given / "manifest.json").exists()]
         if not found:
+            bundled = (package.parent / "symgen" / "robots" / f"{robot}.urdf").exists()
+            options = f"--robot {robot}" if bundled else f"--urdf FILE --name {robot}"
             raise LibraryError(
                 f"no generated robot is called '{robot}' (looked in "
                 f"{', '.join(str(root) for root in dict.fromkeys(roots))}); run: "
-                f"python -m symgen build --urdf FILE --name {robot}"
+                f"python -m symgen build {options}"
             )
         folder = found[0]
     return Library(folder, level, threads)

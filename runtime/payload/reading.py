@@ -1,14 +1,13 @@
 """The arm as it is known: parameters and friction, from the URDF or from what identify wrote."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from runtime.errors import RecordingError
 from runtime.library import Array, Library
 from runtime.recording import Friction
+from runtime.saved import read_result, require_model
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,23 +38,7 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
     Raises:
         RecordingError: no such result, or one of another robot.
     """
-    file = path / "result.json" if path.is_dir() else path
-    n = lib.n_joints
-    try:
-        facts = dict(json.loads(file.read_text(encoding="utf-8")))
-        terms = facts["friction"] or {"columns": [], "values": [[]] * n}
-        pi, phi = np.array(facts["pi"], dtype=float), np.array(terms["values"], dtype=float)
-        friction = Friction.from_facts(terms)
-        joints, robot = list(facts["joints"]), str(facts["robot"])
-        if pi.shape != (10 * len(joints),) or phi.shape != (len(joints), len(friction.columns)):
-            raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
-        raise RecordingError(
-            f"'{path}' holds no valid result.json; give the folder that identify wrote, or its file"
-        ) from None
-    if joints != list(lib.joint_names):
-        raise RecordingError(
-            f"'{path}' identified {robot}, whose joints differ from those of '{lib.name}'; "
-            "name its robot with --robot"
-        )
-    return ArmModel(pi, friction, phi, f"identified, '{path}'")
+    saved = read_result(path)
+    notes = require_model(saved, lib, path)
+    origin = "; ".join((f"identified, '{path}'", *notes))
+    return ArmModel(saved.pi, saved.friction, saved.phi, origin)

@@ -21,8 +21,11 @@ from runtime.library import Library, load, to_pinocchio_order
 from symgen.build import build
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file
+from symgen.request import BuildRequest
 from tests.oracle import Array, ask_pinocchio, pinocchio_model, with_parameters
 from tests.robots import CASES, DATA, MORE, Case
+
+from .chains import branching, serial
 
 STATES = 300
 ALLOWED = 1e-12
@@ -70,34 +73,55 @@ def study(models: Path, names: list[str]) -> Iterator[Row]:
 
 def commands(name: str, models: Path) -> Iterator[tuple[str, float, str]]:
     """Every command on a robot in an empty folder: its words, seconds, and what went wrong."""
-    case = (CASES | MORE)[name]
     with tempfile.TemporaryDirectory(prefix="check_models.") as home:
-        folder = build(case.request(name, models), Path(home) / "generated").folder
-        for program, words in _CHAIN:
-            line = [*words.split(), *(() if program == "symgen" else ("--robot", str(folder)))]
-            line += [name] if program == "symgen" else []
+        made = build(_request(name, models), Path(home) / "generated", levels=["portable"])
+        joints = json.loads((made.folder / "manifest.json").read_text(encoding="utf-8"))["joints"]
+        for words, fine in _CHAIN:
+            known = {"robot": name, "urdf": made.folder / f"{name}.urdf"}
+            line = words.format(**known, link=joints[-1]["link"]).split()
             start = time.perf_counter()
             ran = subprocess.run(
-                [sys.executable, "-m", program, *line],
+                [sys.executable, "-m", *line],
                 cwd=home,
                 capture_output=True,
                 text=True,
                 check=False,
                 env={**os.environ, "PYTHONPATH": str(DATA.parents[1])},
             )
-            error = "" if ran.returncode == 0 else ran.stderr.strip()[-500:] or "failed"
-            yield f"{program} {words}", time.perf_counter() - start, error
+            error = "" if ran.returncode in fine else ran.stderr.strip()[-500:] or "failed"
+            yield words, time.perf_counter() - start, error
 
 
+def _request(name: str, models: Path) -> BuildRequest:
+    if name in MADE:
+        return BuildRequest(name, MADE[name])
+    return (CASES | MORE)[name].request(name, models)
+
+
+MADE = {"serial1": serial(1), "serial2": serial(2), "tree12": branching(3, 3, 3)}
+"""Robots that no file describes: one and two joints, and twelve with three arms on a trunk."""
+
+_LOG = "--cutoff 10 --rate 100 --friction viscous,coulomb"
 _CHAIN = (
-    ("symgen", "describe"),
-    ("runtime", "excite --duration 5 --starts 2 --out motion.json"),
-    ("runtime", "simulate --trajectory motion.json --keep-every 5 --out log.csv"),
-    ("runtime", "identify log.csv --cutoff 10 --rate 100 --friction viscous,coulomb --out mine"),
-    ("runtime", "evaluate mine log.csv"),
-    ("runtime", "compare log.csv --methods map,pc-ols,ols --cutoff 10 --rate 100"),
-    ("runtime", "export mine"),
+    ("symgen describe {robot}", {0}),
+    ("symgen inspect {urdf}", {0, 1}),
+    ("runtime excite --robot {robot} --duration 5 --starts 2 --out motion.json", {0}),
+    ("runtime predict motion.json --robot {robot}", {0}),
+    ("runtime view motion.json --robot {robot} --export film.html", {0}),
+    (
+        "runtime simulate --robot {robot} --trajectory motion.json --keep-every 5 --out log.csv",
+        {0},
+    ),
+    ("runtime inspect log.csv --robot {robot} --recipe-out recipe.toml", {0, 1}),
+    (f"runtime identify log.csv --robot {{robot}} {_LOG} --out mine", {0}),
+    ("runtime identify log.csv --robot {robot} --recipe recipe.toml --out proposed", {0}),
+    ("runtime evaluate mine log.csv --robot {robot}", {0}),
+    ("runtime payload log.csv --robot {robot} --link {link} --model mine --cutoff 10", {0}),
+    (f"runtime compare log.csv --robot {{robot}} --methods map,pc-ols,ols {_LOG}", {0}),
+    ("runtime report mine", {0}),
+    ("runtime export mine --robot {robot}", {0}),
 )
+"""A command and the exit codes that are right; findings about a robot or a log are 1."""
 
 
 def table(rows: list[Row]) -> Table:

@@ -104,7 +104,7 @@ def check(
         emitted, _ = generate(request)
         for file, text in emitted.files.items():
             path = folder / file
-            old = path.read_text(encoding="utf-8") if path.exists() else ""
+            old = path.read_text(encoding="utf-8", errors="replace") if path.exists() else ""
             if old != text:
                 different.append(folder)
                 diff = difflib.unified_diff(

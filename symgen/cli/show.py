@@ -9,6 +9,7 @@ from rich.table import Table
 from symgen.base_parameters import describe_combination
 from symgen.build import is_current
 from symgen.cli.common import DEFAULT_ROOT, Root, app, console, folders_of
+from symgen.errors import BuildError
 from symgen.request import bundled_request, bundled_robots
 
 
@@ -39,11 +40,20 @@ def describe(
 ) -> None:
     """Joints, limits, base parameters, and kernels with shapes and operation counts."""
     (folder,) = folders_of(out, robot)
-    manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
+    path = folder / "manifest.json"
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+        facts = json.dumps(_description(manifest), indent=1)
+        tables = (_joint_table(manifest), _base_table(manifest), _kernel_table(manifest))
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+        raise BuildError(
+            f"'{path}' is damaged ({type(error).__name__}: {error}); build the robot again with: "
+            "python -m symgen build"
+        ) from None
     if as_json:
-        print(json.dumps(_description(manifest), indent=1))
+        print(facts)
         return
-    for table in (_joint_table(manifest), _base_table(manifest), _kernel_table(manifest)):
+    for table in tables:
         console.print(table)
 
 

@@ -98,14 +98,3 @@ def test_command(command, lib: Library, clean: Recording, saved, tmp_path: Path)
     assert not (tmp_path / "no.toml").exists()
     assert "--cutoff needs" in command("identify", log, *robot, "--cutoff", "high").err
     assert "expected to end in" in command("inspect", EXAMPLE, *robot, "--plot", "a.bmp").err
-
-
-def test_raw_files_to_result(command, lib: Library, shared_data: Path, tmp_path: Path) -> None:
-    """Real data: bare files of a Panda to 1.32 % or less, without a line by hand."""
-    raw, robot = shared_data / "data" / "panda_gaz", ("--robot", lib.folder)
-    assert command("inspect", raw, *robot, "--recipe-out", "r.toml").code == 1
-    ran = command("identify", raw, *robot, "--recipe", "r.toml", "--out", "out")
-    assert ran.code == 0, ran.err
-    facts = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert facts["torque_error_percent"]["after_overall"] < 1.32
-    assert (tmp_path / "out" / "report.html").exists()

@@ -101,12 +101,19 @@ def test_4_a_name_that_says_command(lib: Library, clean: Recording, tmp_path: Pa
     assert "not_measured" not in told(found)
 
 
-@pytest.mark.parametrize(("scale", "said"), [(-1.0, "reversed"), (0.0, "absent")])
-def test_5_gravity_the_other_way_round(lib, clean, saved, scale, said) -> None:
+@pytest.mark.parametrize(
+    ("scale", "said", "build"),
+    [
+        (-1.0, "reversed", "--name fr3_turned --gravity 0,0,9.81 "),
+        (0.0, "absent", "--name fr3_weightless --gravity 0,0,0 "),
+    ],
+)
+def test_5_gravity_the_other_way_round(lib, clean, saved, scale, said, build) -> None:
     """Property: only bodies that can exist tell the sign; a free fit is as good either way."""
     tau = clean.tau + (scale - 1.0) * gravity_of(lib, clean.q, lib.pi0)
     found = inspect_log(saved(clean, tau=tau), lib)
     assert said in told(found)["gravity"]
+    assert f"symgen build --urdf {lib.folder / 'fr3.urdf'} {build}" in told(found)["gravity"]
     assert trap_of(found, "gravity") == 5
 
 
@@ -119,7 +126,10 @@ def test_5_an_arm_on_the_wall(lib: Library, clean: Recording, saved) -> None:
     )
     noise = np.random.default_rng(0).normal(0, 0.05, tau.shape)
     found = inspect_log(saved(clean, tau=tau + noise), lib)
-    assert "along ±x" in told(found)["gravity"]
+    said = told(found)["gravity"]
+    assert f"--urdf {lib.folder / 'fr3.urdf'} --name fr3_wall --gravity 9.81,0,0 " in said
+    assert (lib.folder / "fr3.urdf").exists()
+    assert "once more with gravity along -x" in said
 
 
 def test_6_coupled_gears(robot, shared_data: Path) -> None:

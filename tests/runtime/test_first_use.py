@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -216,6 +217,37 @@ def test_a_full_disk_leaves_nothing(toy: Path, kept: Path, monkeypatch: pytest.M
     with pytest.raises(LibraryError, match="No space left on device"):
         compiled_library(toy, "toy")
     assert not [path for path in kept.glob("*/*") if path.name != ".lock"]
+
+
+def test_old_libraries_are_deleted(
+    toy: Path, kept: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Property: the newest three stay, so does what was used within a month, so do other robots."""
+    now = time.time()
+
+    def made(key: str, days: float) -> Path:
+        entry = kept / key / "01234567"
+        entry.mkdir(parents=True)
+        (entry / "libtoy.so").write_text("")
+        (entry / "build.json").write_text("{}")
+        os.utime(entry / "build.json", (now - days * 86400, now - days * 86400))
+        return entry
+
+    recent = [made(f"toy-{k:016x}", days) for k, days in enumerate((1, 20, 29))]
+    old = [made(f"toy-{k:016x}", days) for k, days in enumerate((31, 400), 8)]
+    other = [made(f"toys-{k:016x}", 400) for k in range(5)]
+    place = compiled_library(toy, "toy")
+    assert "deleted 2 compiled libraries of 'toy'" in capfd.readouterr().err
+    assert works(place)
+    assert all(entry.exists() for entry in (*recent, *other))
+    assert not any(entry.exists() for entry in old)
+    # Three stay however old, and a use makes an entry the newest.
+    for entry in (place, *recent):
+        os.utime(entry / "build.json", (now - 9e6, now - 9e6))
+    assert compiled_library(toy, "toy") == place
+    assert len(cache.prune(kept, "toy")) == 1
+    assert works(place)
+    assert cache.prune(kept, "toy") == []
 
 
 def test_changed_sources_are_not_compiled(toy: Path, kept: Path) -> None:

@@ -14,7 +14,8 @@ from runtime.errors import LibraryError
 from runtime.library import Library, load
 from symgen.build import build
 from symgen.compiler import sha256_of
-from symgen.request import BuildRequest
+from symgen.request import BuildRequest, bundled_robots
+from tests.conftest import REPOSITORY
 from tests.robots import ONE_LEVEL
 
 
@@ -34,6 +35,10 @@ def test_unknown_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(LibraryError, match=r"called 'r2d2' .*symgen build --urdf FILE --name r2d2"):
         load("r2d2")
+    for name in bundled_robots():
+        if not (REPOSITORY / "generated" / name).exists():
+            with pytest.raises(LibraryError, match=rf"run: python -m symgen build --robot {name}$"):
+                load(name)
     with pytest.raises(LibraryError, match=r"holds no manifest.json; run: python -m symgen build"):
         load(tmp_path / "r2d2")
 

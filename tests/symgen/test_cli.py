@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -252,3 +253,30 @@ def test_clean_keeps_the_reviewed_files_of_bundled_robots(
     before = {path.name for path in folder.iterdir()}
     assert run(capsys, "clean", "--out", tmp_path)[0] == 0
     assert before - {path.name for path in folder.iterdir()} == {"libfr3.so", "build.json"}
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[: len(text) // 2],
+        lambda text: "[]",
+        lambda text: "[" * 100000,
+        lambda text: text.replace('"matrix"', '"matrices"', 1),
+        lambda text: text.replace('"joints": [', '"joints": [7, ', 1),
+        lambda text: text.replace('"pi_names": [', '"pi_names": 3, "more": [', 1),
+        lambda text: text.replace('"kernels": [', '"kernels": [null, ', 1),
+    ],
+    ids=["cut short", "a list", "deep", "no matrix", "a number", "no names", "null"],
+)
+def test_describe_refuses_a_damaged_manifest(
+    damage: Callable[[str], str], tiny: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: one sentence, exit code 2, nothing printed and nothing changed."""
+    path = tiny / "manifest.json"
+    text = path.read_text()
+    path.write_text(damage(text))
+    assert path.read_text() != text
+    for words in ((), ("--json",)):
+        sentence = refuses(capsys, tiny.parent, "describe", "tiny", *words)
+        assert "is damaged" in sentence
+        assert "build the robot again with: python -m symgen build" in sentence

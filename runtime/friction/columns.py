@@ -47,7 +47,8 @@ class Motion:
 
 
 def _sign(motion: Motion, terms: Friction) -> FloatArray:
-    return np.tanh(motion.dq / terms.coulomb_speed)
+    speed = motion.dq / terms.coulomb_speed
+    return np.tanh(speed, out=speed)
 
 
 def _stribeck(motion: Motion, terms: Friction) -> FloatArray:
@@ -200,18 +201,18 @@ def add_columns(
     gear = next((each.gear for each in terms if each.gear), None)
     told = "; ".join(str(each) for each in terms)
     motors = None if gear is None else directions(gear)
-    return recording.replace(
-        columns=columns(motion, *now), column_names=names, motors=motors
-    ).noted(f"Added the friction columns {told}.")
+    values = columns(motion, *now) if names or not later else None
+    return recording.replace(columns=values, column_names=names, motors=motors).noted(
+        f"Added the friction columns {told}."
+    )
 
 
 def completed(recording: Recording, *terms: Friction) -> Recording:
     """With the columns of `LINEAR` that `add_columns` left out, of the motion as it is now."""
-    assert recording.columns is not None  # noqa: S101  the others
     assert recording.dq is not None  # noqa: S101  they were made of it
     motion = Motion(recording.dq, recording.q, recording.ddq)
     terms = tuple(geared(each, recording) for each in terms)
-    others = iter(np.moveaxis(recording.columns, -1, 0))
+    others = iter(() if recording.columns is None else np.moveaxis(recording.columns, -1, 0))
     found = [
         COLUMNS[name](motion, each) if name in LINEAR else next(others)
         for each in terms

@@ -80,7 +80,7 @@ def low_passed(
     `period` as for `zero_phase`.
     """
     present = {k: v for k in only if (v := getattr(recording, k)) is not None}
-    flat = [x.reshape(len(x), int(np.prod(x.shape[1:]))) for x in present.values()]
+    flat = [values.reshape(len(recording), -1) for values in present.values()]
     parts = []
     for part in segments(recording.t):
         length = part.stop - part.start
@@ -193,8 +193,9 @@ def _gradient(t: FloatArray, values: FloatArray) -> FloatArray:
     off = 2.0 * (t - t[centre])  # 0 but at edges
     left = (off - after) / (before * (before + after))
     right = (off + before) / (after * (before + after))
-    slope = left[:, None] * (values[centre - 1] - values[centre])
-    slope += right[:, None] * (values[centre + 1] - values[centre])
+    here = values.take(centre, axis=0)
+    slope = left[:, None] * (values.take(centre - 1, axis=0) - here)
+    slope += right[:, None] * (values.take(centre + 1, axis=0) - here)
     return slope
 
 
@@ -212,11 +213,9 @@ def _per_segment(
 ) -> Recording:
     recording = without_short(recording, minimum)
     parts = segments(recording.t)
-
-    def by_parts(values: FloatArray) -> FloatArray:
-        return np.concatenate([function(values[part]) for part in parts]) if values.size else values
-
-    return recording.mapped(by_parts, sentence, only)
+    return recording.mapped(
+        lambda values: np.concatenate([function(values[part]) for part in parts]), sentence, only
+    )
 
 
 def without_short(recording: Recording, minimum: int) -> Recording:

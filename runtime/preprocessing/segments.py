@@ -20,7 +20,9 @@ JITTER = 0.01
 def holes(t: FloatArray) -> NDArray[np.bool_]:
     """Which of the steps of t (N,) are holes, (N − 1,)."""
     steps = np.diff(t)
-    return np.asarray(steps > HOLE * np.median(steps)) if steps.size else np.zeros(0, dtype=bool)
+    if not steps.size or steps.max() <= HOLE * steps.min():  # nor of their median
+        return np.zeros(steps.shape, dtype=bool)
+    return np.asarray(steps > HOLE * np.median(steps))
 
 
 def segments(t: FloatArray) -> list[slice]:

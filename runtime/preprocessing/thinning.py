@@ -17,6 +17,7 @@ from runtime.preprocessing.filters import (
 )
 from runtime.preprocessing.segments import decimate, segments, trim
 from runtime.recording import Preparation, Recording
+from runtime.recording.recording import FloatArray
 
 
 def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
@@ -39,25 +40,38 @@ def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
         marked = trim(marked, preparation.trim_s)
     marked = decimate(marked, rate)
     stay = marked.q[:, 0].astype(np.int64)
-    if len(marked) > len(stay) or not np.array_equal(data.t[stay], marked.t):
+    if not np.array_equal(data.t[stay], marked.t):
         return None
-    reach = (data.dq is None) + (data.ddq is None)
-    rows = _with_neighbours(data, stay, reach)
     period = int(np.median(np.diff(stay))) if len(stay) > 1 else 1
-    found = low_passed(data, design, ALL, rows, period)
-    data = data.replace(t=data.t[rows], **found)
-    data = differentiate(data.noted(low_pass_sentence(cutoff, preparation.order)))
-    history = (*data.history, *marked.history)
-    return data.take(np.searchsorted(rows, stay), "").replace(history=history)
+    missing = [key for key in ("dq", "ddq") if getattr(data, key) is None]
+    measured = {"dq", "ddq"} - set(missing)
+    others: tuple[str, ...] = ALL
+    history: tuple[str, ...] = ()
+    derived: dict[str, FloatArray] = {}
+    if missing:
+        source = "q" if "dq" in missing else "dq"
+        others = tuple(key for key in ALL if key != source)
+        rows = _with_neighbours(data, stay, len(missing))
+        values = low_passed(data, design, (source,), rows, period)[source]
+        near = Recording(t=data.t[rows], q=values)
+        slopes = differentiate(near.replace(**dict.fromkeys(measured, values)))
+        own = np.searchsorted(rows, stay)
+        derived = {key: getattr(slopes, key).take(own, axis=0) for key in missing}
+        derived[source], history = values.take(own, axis=0), slopes.history
+    derived |= low_passed(data, design, others, stay, period)
+    sentence = low_pass_sentence(cutoff, preparation.order)
+    return data.replace(
+        t=marked.t, **derived, history=(*data.history, sentence, *history, *marked.history)
+    )
 
 
 def _with_neighbours(
     recording: Recording, rows: NDArray[np.int64], reach: int
 ) -> NDArray[np.int64]:
     """The rows and as many on both sides, or 2 · reach on one side at the edge of a segment."""
-    near = []
+    near = np.zeros(len(recording), dtype=bool)
     for part in segments(recording.t):
         own = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
         first = np.clip(own - reach, part.start, part.stop - 1 - 2 * reach)
-        near.append(np.unique(first[:, None] + np.arange(2 * reach + 1)))
-    return np.concatenate(near)
+        near[first[:, None] + np.arange(2 * reach + 1)] = True
+    return np.flatnonzero(near)

@@ -55,7 +55,7 @@ def zero_phase(
     cascade = _Cascade(sections)
     phi, gamma, free, forced = cascade.block(length)
     order, gamma_back = len(phi), gamma[:, ::-1]
-    blocks = [x[:cut].reshape(count, length, x.shape[1]) for x in signals]
+    blocks = [x[:cut].reshape(count, length, -1) for x in signals]
     into = np.vstack([gamma, gamma_back @ forced])
     driven = np.concatenate([into @ u for u in blocks], axis=2)
     x = _states(phi, driven[:, :order], cascade.entering(signals, padding))
@@ -64,21 +64,24 @@ def zero_phase(
     xz = np.concatenate([x[:-1], _states(phi, back[::-1], z)[-2::-1]], axis=1)
 
     inner = rows[: np.searchsorted(rows, cut)]
-    asked, place = np.unique(inner % length, return_inverse=True)
+    block, place = np.divmod(inner, length)
+    asked = np.flatnonzero(np.bincount(place, minlength=length))
     first = count * len(asked)
-    index = np.concatenate([inner // length * len(asked) + place, rows[len(inner) :] - cut + first])
+    index = np.concatenate(
+        [block * len(asked) + np.searchsorted(asked, place), rows[len(inner) :] - cut + first]
+    )
     taps = (forced @ forced[::-1])[::-1][asked]
     out = np.hstack([(forced @ free[::-1])[::-1], free[::-1]])[asked]
     found, column = [], 0
     for u in blocks:
         own = slice(column, column := column + u.shape[2])
         y = np.empty((first + len(tail), u.shape[2]))
-        inside = y[:first].reshape(count, len(asked), u.shape[2])
+        inside = y[:first].reshape(count, -1, u.shape[2])
         for part in (slice(k, k + TOGETHER) for k in range(0, count, TOGETHER)):
             np.matmul(taps, u[part], out=inside[part])
             inside[part] += out @ xz[part, :, own]
         y[first:] = tail[:, own]
-        found.append(y if len(index) == len(y) else y[index])
+        found.append(y if len(index) == len(y) else y.take(index, axis=0))
     return found
 
 

@@ -121,7 +121,7 @@ def read_data(
     Raises:
         RuntimeFault: the log or an option is none.
     """
-    streamed = _streamed(log, recipe, run, stream)
+    streamed = _streamed(lib, log, recipe, run, stream)
     if streamed is not None:
         recording = head_of(streamed)
     else:
@@ -152,14 +152,14 @@ def read_data(
 
 
 def _streamed(
-    log: str, recipe: str | None, run: str | None, stream: bool | None
+    lib: Library, log: str, recipe: str | None, run: str | None, stream: bool | None
 ) -> StreamedRecording | None:
     """The log in its file, where that was asked for, or is possible and worth while."""
     if stream:
-        return open_streamed(log, recipe, run)
+        return open_streamed(log, recipe, run, lib.joint_names)
     if stream is None and is_large(log):
         with suppress(RecordingError):  # compressed, or no log at all, as reading it will tell
-            return open_streamed(log, recipe, run)
+            return open_streamed(log, recipe, run, lib.joint_names)
     return None
 
 

@@ -153,7 +153,7 @@ def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
         assert message in ran.err
     ran = command("identify", "x.mcap", *words)
     assert ran.code == 2
-    assert "streamed from uncompressed NPZ, Parquet or CSV, got 'x.mcap'" in ran.err
+    assert "x.mcap is expected to hold messages of sensor_msgs/msg/JointState" in ran.err
 
 
 def test_arrays_that_cannot_be_read_in_place(tmp_path):

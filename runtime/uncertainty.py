@@ -7,6 +7,7 @@ where the delta method is undefined at a = b or c = 0. N_eff counts what correla
 worth. Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +109,7 @@ def uncertainty_of(
     first_guess: Array,
     kappa: float = CAD,
     statistics: Statistics | None = None,
+    compressed: Callable[[Array], Statistics] | None = None,
 ) -> Uncertainty:
     """The uncertainty around an answer of any method.
 
@@ -119,13 +121,14 @@ def uncertainty_of(
         phi: friction coefficients.
         first_guess: π that the prior is around.
         kappa: trust in it.
-        statistics: of the samples with weights 1/s_j², if they are there already.
+        statistics: of all samples with weights 1/s_j², if they are there already.
+        compressed: weights → statistics of all samples, where `samples` are only some of them.
     """
     rest = residuals(lib, samples, pi, phi)
     sigma = noise(rest, lib, phi.size)
     weights = weights_from(sigma, samples.tau)
     if statistics is None:
-        statistics = compress(lib, samples, weights)
+        statistics = compressed(weights) if compressed else compress(lib, samples, weights)
     worth = inflation(rest, weights)
     data, _ = reduce(statistics, lib.n_joints)
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)

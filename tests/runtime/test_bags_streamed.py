@@ -82,6 +82,17 @@ def test_a_publisher_that_says_little_and_one_that_begins_late(tmp_path):
     assert "30 incomplete rows dropped" in " ".join(found.remarks)
 
 
+def test_a_message_without_positions_is_a_corrupt_row(tmp_path):
+    """Oracle: it is dropped and told, as it is where a bag is read as a whole."""
+    told = states()
+    told[50] = (*told[50][:3], np.zeros(0), *told[50][4:])
+    path = mcap_json(tmp_path / "x.mcap", told)
+    found, whole = open_streamed(path).block(0, 200), read_recording(path)
+    assert np.array_equal(found.t, whole.t)
+    for each in (found, whole):
+        assert "Dropped 1 of 200 rows as corrupt" in " ".join(each.history)
+
+
 def test_late_messages_are_waited_for(tmp_path):
     """Oracle: a first message that comes last, and a bag backwards, are the rows in order."""
     told = states()

@@ -72,7 +72,7 @@ Stream = Annotated[
     typer.Option(
         "--stream/--no-stream",
         help="Leave the log in its file and pass over it block by block; default for NPZ, "
-        "Parquet and CSV above 200 MB.",
+        "Parquet, CSV and bags above 200 MB.",
     ),
 ]
 LoopFile = Annotated[

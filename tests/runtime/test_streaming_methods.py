@@ -103,8 +103,9 @@ def test_methods_that_need_samples_say_so(method):
         passes.require_streamable(method)
 
 
-def test_comparison_of_a_streamed_log(lib, log, tmp_path, command: Command):
+def test_comparison_of_a_streamed_log(lib, log, tmp_path, command: Command, monkeypatch):
     """Oracle: the table of the whole log, all rows counted, and the sentence for the others."""
+    monkeypatch.setattr(passes, "LENGTH", 200)
     write_recording(log, tmp_path / "x.npz")
     words = ("x.npz", "--robot", lib.folder, "--cutoff", "20", "--rate", "100")
     words += ("--friction", "viscous,coulomb,offset")

@@ -51,7 +51,8 @@ def prepare(
         data = add_columns(data, *friction, lib=lib, later=LINEAR)
         data = completed(_reduced(data, preparation), *friction)
     else:
-        late = (lambda each: add_columns(each, *friction, lib=lib)) if wanted else None
+        missing = wanted and data.columns is None
+        late = (lambda each: add_columns(each, *friction, lib=lib)) if missing else None
         data = renewed_rotor(_reduced(data, preparation, late))
     if preparation.rest_speed is not None:
         data = drop_rest(data, preparation.rest_speed)

@@ -144,6 +144,15 @@ def test_linear_columns_need_no_filter():
     )
 
 
+def test_columns_that_came_with_the_log_stay():
+    """Property: where there is no velocity to make others from, they are filtered as they are."""
+    data = add_columns(sine(1.0), Friction(("coulomb",))).replace(dq=None)
+    done = prepare(data, BUTTERWORTH, Friction(("viscous", "offset")))
+    assert done.column_names == ("coulomb",)
+    expected = decimate(low_pass(data, 10.0), 100.0).columns
+    np.testing.assert_allclose(done.columns, expected, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", sorted(LINEAR))
 def test_linear_columns_are_linear(name):
     """Property: twice the motion is twice the column, or the column is constant."""

@@ -4,7 +4,7 @@ Everything that does not depend on the method happens here: plausibility, prepar
 columns, split, weights, first guess. Several methods of one assembly see the same numbers.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +20,8 @@ from runtime.preprocessing import prepare, split
 from runtime.problem import Bench, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
 
+PARTS = ("train", "validation", "test")
+
 
 @dataclass(frozen=True, slots=True)
 class Assembly:
@@ -30,12 +32,20 @@ class Assembly:
         parts: prepared training, validation and test recording.
         friction: names and widths of the friction columns.
         one_run: the parts belong to one recording.
+        pieces: of "train", "validation" or "test", where `parts` hold only some of the rows.
     """
 
     problem: Problem
     parts: tuple[Recording, Recording, Recording]
     friction: Friction
     one_run: bool
+    pieces: Callable[[str], Iterable[Recording]] | None = None
+
+    def recordings(self, name: str) -> Iterable[Recording]:
+        """All rows of "train", "validation" or "test", a piece at a time."""
+        if self.pieces is not None:
+            return self.pieces(name)
+        return (self.parts[PARTS.index(name)],)
 
 
 def assemble(

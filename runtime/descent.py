@@ -24,7 +24,7 @@ from runtime.optimizers import (
     minimise,
 )
 from runtime.problem import Problem
-from runtime.statistics import CompressedObjective, Statistics, compress
+from runtime.statistics import CompressedObjective, Statistics
 
 CHUNK = 500
 """Iterations between two looks at progress and Ctrl-C."""
@@ -95,8 +95,7 @@ def descent_of(
     problem: Problem, objective: TorqueObjective, x0: Array, cholesky: bool = False
 ) -> Descent:
     """A descent from x0 with the statistics that it needs."""
-    held = compress(problem.lib, problem.validation, problem.weights)
-    return Descent(problem, objective, problem.statistics(), held, x0, cholesky)
+    return Descent(problem, objective, problem.statistics(), problem.held(), x0, cholesky)
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:

@@ -18,10 +18,9 @@ from runtime.assembly import Assembly, assemble
 from runtime.baselines import convex_optimum
 from runtime.convex import CAD
 from runtime.descent import Preset
-from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.loop import Loop
-from runtime.methods import fit_by, require_method
+from runtime.methods import chosen_method, fit_by
 from runtime.network import FrictionNet
 from runtime.objective import Samples, samples_of
 from runtime.optimizers import Trace
@@ -192,16 +191,7 @@ def identify(
     Raises:
         RuntimeFault: the data or options do not make an identification problem.
     """
-    method = method or ("map" if preset is None else "adam")
-    require_method(method)
-    if preset is not None and method != "adam":
-        raise IdentificationError(
-            f"a preset belongs to the method adam, the method is '{method}'; leave one out"
-        )
-    if prior is not None and method != "map":
-        raise IdentificationError(
-            f"a prior is known to the method map only, the method is '{method}'; leave one out"
-        )
+    method = chosen_method(method, preset, prior)
     assembly = assemble(
         recording,
         lib,
@@ -253,6 +243,7 @@ def identify_assembled(
             kappa=kappa,
             statistics=fit.statistics,
             colour=fit.colour,
+            compressed=problem.statistics,
         )
     return Identification(
         method=method,

@@ -37,6 +37,25 @@ def require_method(method: str) -> None:
         )
 
 
+def chosen_method(method: str | None, preset: str | Preset | None, prior: PriorFile | None) -> str:
+    """The method asked for, or that which the other options ask for.
+
+    Raises:
+        IdentificationError: there is none such, or the options belong to another.
+    """
+    method = method or ("map" if preset is None else "adam")
+    require_method(method)
+    if preset is not None and method != "adam":
+        raise IdentificationError(
+            f"a preset belongs to the method adam, the method is '{method}'; leave one out"
+        )
+    if prior is not None and method != "map":
+        raise IdentificationError(
+            f"a prior is known to the method map only, the method is '{method}'; leave one out"
+        )
+    return method
+
+
 def fit_by(
     problem: Problem,
     method: str,

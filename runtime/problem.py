@@ -1,6 +1,6 @@
 """One identification problem and one answer to it: what every method takes and gives."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,7 +13,7 @@ from runtime.network import FrictionNet
 from runtime.objective import Samples
 from runtime.optimizers import Trace
 from runtime.recording import Friction, Recording
-from runtime.statistics import Statistics, compress
+from runtime.statistics import Statistics, compress_all
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,9 @@ class Problem:
         seed: of mini-batches.
         progress: called with iteration and best validation loss.
         bench: how the samples came about.
-        compressor: weights → statistics, where `train` is only a part of the training data.
+        pieces: of "train" or "validation", where `train` and `validation` hold only some of the
+            samples.
+        terms: friction columns, where there is no bench that tells them.
     """
 
     lib: Library
@@ -58,7 +60,8 @@ class Problem:
     seed: int = 0
     progress: Callable[[int, float], None] | None = None
     bench: Bench | None = None
-    compressor: Callable[[Array], Statistics] | None = None
+    pieces: Callable[[str], Iterable[Samples]] | None = None
+    terms: Friction | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training data, with the problem's weights unless others are given."""
@@ -69,9 +72,23 @@ class Problem:
         return self._compressed(self.weights)
 
     def _compressed(self, weights: Array) -> Statistics:
-        if self.compressor is not None:
-            return self.compressor(weights)
-        return compress(self.lib, self.train, weights)
+        return compress_all(self.lib, self.samples("train"), weights)
+
+    def held(self) -> Statistics:
+        """Compressed held-out data with the problem's weights."""
+        return compress_all(self.lib, self.samples("validation"), self.weights)
+
+    def samples(self, part: str) -> Iterable[Samples]:
+        """All samples of "train" or "validation", a piece at a time."""
+        if self.pieces is not None:
+            return self.pieces(part)
+        return (self.train if part == "train" else self.validation,)
+
+    @property
+    def friction_names(self) -> tuple[str, ...]:
+        """Names of the friction columns; empty where nobody told them."""
+        terms = self.bench.friction if self.bench else self.terms
+        return terms.columns if terms else ()
 
 
 @dataclass(frozen=True, slots=True)

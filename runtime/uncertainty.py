@@ -7,6 +7,7 @@ with A of weighted, friction-eliminated data and S, their noise at the frequenci
 Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,6 +111,7 @@ def uncertainty_of(
     kappa: float = CAD,
     statistics: Statistics | None = None,
     colour: Colour | None = None,
+    compressed: Callable[[Array], Statistics] | None = None,
 ) -> Uncertainty:
     """The uncertainty around an answer of any method.
 
@@ -123,11 +125,12 @@ def uncertainty_of(
         kappa: trust in it.
         statistics: of the samples with weights 1/s_j², if they are there already.
         colour: of their noise, likewise.
+        compressed: weights → statistics of all samples, where `samples` are only some of them.
     """
     rest = residuals(lib, samples, pi, phi)
     if statistics is None or colour is None:
         weights = weights_from(noise(rest, lib, phi.size), samples.tau)
-        statistics = compress(lib, samples, weights)
+        statistics = compressed(weights) if compressed else compress(lib, samples, weights)
         colour = colour_of(lib, [samples], statistics, weights)
     data, _ = reduce(statistics, lib.n_joints)
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)

@@ -35,14 +35,10 @@ def fit_ols(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    found = solve(problem.statistics(np.ones(problem.lib.n_joints)), problem.lib, terms_of(problem))
+    lib = problem.lib
+    found = solve(problem.statistics(np.ones(lib.n_joints)), lib, problem.friction_names)
     text = f"solved by QR; condition number of the normalised columns {found.condition:.1f}"
     return fit_of_base(problem, found.beta, found.phi, text)
-
-
-def terms_of(problem: Problem) -> tuple[str, ...]:
-    """Names of the friction columns; empty where nobody told them."""
-    return problem.bench.friction.columns if problem.bench else ()
 
 
 def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> Solution:

@@ -13,7 +13,7 @@ import clarabel
 import numpy as np
 from scipy import sparse
 
-from runtime.baselines.ols import counted_in_links, terms_of
+from runtime.baselines.ols import counted_in_links
 from runtime.convex import Path, follow_compiled, prior_of, reduce
 from runtime.convex.path import PATIENCE, SHRINK
 from runtime.errors import IdentificationError
@@ -67,7 +67,7 @@ def convex_optimum(
 def fit_pc_ols(problem: Problem) -> Fit:
     """The first point of the path, so the nearest to the guess, within `SLACK` of the optimum."""
     lib, statistics = problem.lib, problem.statistics()
-    statistics = statistics.without(counted_in_links(statistics, lib, terms_of(problem)))
+    statistics = statistics.without(counted_in_links(statistics, lib, problem.friction_names))
     guess = lib.pi_from_lam(problem.start)
     path = _followed(lib, statistics, guess)
     best = _best(lib, statistics, path)

@@ -87,7 +87,7 @@ def fit_didim(problem: Problem) -> Fit:
             status = f"not converged, the last estimate is kept: {error}"
             break
         found = solve(compress(lib, motion, weights), lib, bench.friction.columns)
-        weights, _ = weights_of(residual(lib, motion, found), lib)
+        weights, _ = weights_of(residual(lib, motion, found).var(axis=0), lib)
         size, step = _change(train, now, found, lib)
         now = found
         if step < CONVERGED * size:

@@ -4,15 +4,17 @@ Four passes from equal weights (iteratively reweighted least squares). Source: G
 Janot, Vandanjon & Gautier 2014.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from runtime.baselines.ols import Solution, fit_of_base, solve, terms_of
+from runtime.baselines.ols import Solution, fit_of_base, solve
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.problem import Fit, Problem
-from runtime.statistics import compress
+from runtime.statistics import compress_all
 
 PASSES = 4
 SILENT = 1e-12
@@ -26,7 +28,9 @@ def fit_wls(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    found, weights, silent = reweighted(problem.lib, problem.train, terms_of(problem))
+    found, weights, silent = _reweighted(
+        problem.lib, partial(problem.samples, "train"), problem.friction_names
+    )
     sigma = ", ".join(f"{1 / np.sqrt(w):.3g}" for w in weights)
     notes = [f"standard deviations of the residuals, joint by joint: {sigma}"]
     if silent:
@@ -48,10 +52,16 @@ def reweighted(
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
+    return _reweighted(lib, lambda: (samples,), terms)
+
+
+def _reweighted(
+    lib: Library, pieces: Callable[[], Iterable[Samples]], terms: tuple[str, ...]
+) -> tuple[Solution, Array, str]:
     weights, silent = np.ones(lib.n_joints), ""
     for _ in range(PASSES):
-        found = solve(compress(lib, samples, weights), lib, terms)
-        weights, silent = weights_of(residual(lib, samples, found), lib)
+        found = solve(compress_all(lib, pieces(), weights), lib, terms)
+        weights, silent = weights_of(variance_of(residual(lib, p, found) for p in pieces()), lib)
     return found, weights, silent
 
 
@@ -63,9 +73,22 @@ def residual(lib: Library, samples: Samples, found: Solution) -> Array:
     return samples.tau - rigid
 
 
-def weights_of(residual: Array, lib: Library) -> tuple[Array, str]:
+def variance_of(residuals: Iterable[Array]) -> Array:
+    """Variance per joint of all pieces together (Chan, Golub & LeVeque 1983)."""
+    count, mean, power = 0, np.zeros(0), np.zeros(0)
+    for rest in residuals:
+        own, more = rest.mean(axis=0), len(rest)
+        if not count:
+            count, mean, power = more, own, rest.var(axis=0) * more
+            continue
+        shift = own - mean
+        power = power + rest.var(axis=0) * more + shift**2 * (count * more / (count + more))
+        mean, count = mean + shift * (more / (count + more)), count + more
+    return power / count
+
+
+def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
     """1 / var per joint, and the names of joints whose residual is zero to rounding."""
-    variance = residual.var(axis=0)
     least = max(SILENT * float(variance.max()), np.finfo(float).tiny ** 0.5)
     silent = variance < least
     names = ", ".join(np.array(lib.joint_names)[silent])

@@ -11,6 +11,7 @@ from rich.table import Table
 from runtime.assembly import Assembly, assemble
 from runtime.cli.common import Robot, Seed, command_line, console, say
 from runtime.cli.options import (
+    AUTO,
     Asked,
     CoulombSpeed,
     Cutoff,
@@ -21,6 +22,7 @@ from runtime.cli.options import (
     Rate,
     Recipe,
     Run,
+    Stream,
     listed,
     read_data,
 )
@@ -31,6 +33,7 @@ from runtime.comparison.truth import beside
 from runtime.library import load
 from runtime.loop import read_loop
 from runtime.methods import METHODS
+from runtime.streaming import STREAMED, assemble_streamed, require_streamable
 
 
 def compare_command(
@@ -50,6 +53,7 @@ def compare_command(
     rate: Rate = None,
     split: Parts = None,
     loop: LoopFile = None,
+    stream: Stream = None,
     truth: Annotated[
         Path | None,
         typer.Option(
@@ -66,35 +70,56 @@ def compare_command(
     python -m runtime compare log.csv --loop log.loop.toml --friction viscous,coulomb
 
     Writes compare.json, compare.md and report.html. A method that lacks something or fails is a
-    row with its reason; Ctrl-C keeps the rows that are finished.
+    row with its reason; Ctrl-C keeps the rows that are finished. Of a streamed log, methods that
+    need no samples one by one.
     """
     lib = load(robot)
-    names = listed(methods, tuple(METHODS), "--methods") if methods else tuple(METHODS)
+    names = listed(methods, tuple(METHODS), "--methods") if methods else None
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None
-    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split)
+    streams = _streams(stream, names, loop, friction)
+    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, streams)
     data = read_data(lib, log, asked)
-    assembly = assemble(
-        data.recording,
-        lib,
-        preparation=data.preparation,
-        splitting=data.splitting,
-        friction_columns=data.friction,
-        loop=read_loop(loop, lib) if loop else None,
-        seed=seed,
-    )
-    told = dataclasses.asdict(asked)
-    del told["stream"]  # no choice here
-    options = {
+    options: dict[str, Any] = {
+        "preparation": data.preparation,
+        "splitting": data.splitting,
+        "friction_columns": data.friction,
+        "seed": seed,
+    }
+    notes = data.notes
+    if data.streamed is None:
+        names = names or tuple(METHODS)
+        known_loop = read_loop(loop, lib) if loop else None
+        assembly = assemble(data.recording, lib, loop=known_loop, **options)
+    else:
+        names = names or STREAMED
+        for name in names:
+            require_streamable(name)
+        others = ", ".join(name for name in METHODS if name not in STREAMED)
+        say(
+            f"streaming {data.streamed.rows} rows of {data.streamed.name}; --no-stream reads them "
+            f"as a whole, which {others} need"
+        )
+        passes = assemble_streamed(data.streamed, lib, **options)
+        assembly, notes = passes.assembly, (*notes, passes.note(passes.counts()))
+    told = {
         "methods": list(names),
-        **told,
+        **dataclasses.asdict(asked),
         "loop": None if loop is None else loop.name,
         "truth": None if place is None else place.name,
         "seed": seed,
     }
     found = _with_progress(assembly, names, known)
     folder = out or Path("results") / f"{Path(log).stem}-compare"
-    _finish(write_comparison(found, folder, command_line(), options, data.notes), folder)
+    _finish(write_comparison(found, folder, command_line(), told, notes), folder)
+
+
+def _streams(
+    asked: bool | None, names: tuple[str, ...] | None, loop: Path | None, friction: str | None
+) -> bool | None:
+    """Whether the log stays in its file: as asked, or not where something needs the whole of it."""
+    whole = loop or friction == AUTO or not set(names or STREAMED) <= set(STREAMED)
+    return False if asked is None and whole else asked
 
 
 def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | None) -> Comparison:

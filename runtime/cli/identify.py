@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -32,11 +32,11 @@ from runtime.identification import Identification, identify
 from runtime.library import Library, load
 from runtime.loop import read_loop
 from runtime.methods import METHODS
-from runtime.prior_file import PriorFile, read_prior
+from runtime.prior_file import read_prior
 from runtime.recording import Friction, Recording, StreamedRecording
 from runtime.results import write_result
 from runtime.sessions import Study
-from runtime.streaming import identify_streamed
+from runtime.streaming import identify_streamed, require_streamable
 
 
 def identify_command(
@@ -89,7 +89,7 @@ def identify_command(
     predict every one of them.
     """
     lib, log = load(robot), logs[0]
-    if stream is None and (method not in {None, "map"} or preset or loop or friction == AUTO):
+    if stream is None and (loop or friction == AUTO or not _is_streamable(method, preset)):
         stream = False  # what only a whole log has
     asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, stream)
     known = None if prior is None else read_prior(prior, lib)
@@ -104,12 +104,14 @@ def identify_command(
         return
     data = read_data(lib, log, asked)
     if data.streamed is not None:
-        if method not in {None, "map"} or preset is not None or loop is not None:
+        if loop is not None:
             raise IdentificationError(
-                "a streamed log is identified by the method map alone, without preset or loop; "
-                "leave them out, or use --no-stream"
+                "a loop is simulated sample by sample, but the log is streamed; leave out --loop, "
+                "or use --no-stream"
             )
-        _finish(_streamed(data.streamed, data, lib, known), out or _folder(log, "map"))
+        options = {"method": method, "preset": preset, "prior": known}
+        result = _streamed(data.streamed, data, lib, options)
+        _finish(result, out or _folder(log, result.method))
         return
     terms = data.friction
     if terms is None and method == "nn":
@@ -134,8 +136,16 @@ def _folder(log: str, method: str) -> Path:
     return Path("results") / f"{Path(log).stem}-{method}"
 
 
+def _is_streamable(method: str | None, preset: str | None) -> bool:
+    try:
+        require_streamable(method or "map", preset)
+    except IdentificationError:
+        return False
+    return True
+
+
 def _streamed(
-    log: StreamedRecording, data: Data, lib: Library, prior: PriorFile | None
+    log: StreamedRecording, data: Data, lib: Library, options: dict[str, Any]
 ) -> Identification:
     say(f"streaming {log.rows} rows of {log.name}; --no-stream reads them as a whole")
     with console.status("streaming") as status:
@@ -145,8 +155,8 @@ def _streamed(
             preparation=data.preparation,
             splitting=data.splitting,
             friction_columns=data.friction,
-            prior=prior,
             progress=status.update,
+            **options,
         )
 
 

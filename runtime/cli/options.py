@@ -75,7 +75,7 @@ Stream = Annotated[
     typer.Option(
         "--stream/--no-stream",
         help="Leave the log in its file and pass over it block by block; default for NPZ, "
-        "Parquet and CSV above 200 MB.",
+        "Parquet, CSV and bags above 200 MB.",
     ),
 ]
 LoopFile = Annotated[
@@ -128,7 +128,7 @@ def read_data(lib: Library, log: str, asked: Asked) -> Data:
     Raises:
         RuntimeFault: the log or an option is none.
     """
-    streamed = _streamed(log, asked)
+    streamed = _streamed(lib, log, asked)
     if streamed is not None:
         recording = head_of(streamed)
     else:
@@ -159,13 +159,13 @@ def read_data(lib: Library, log: str, asked: Asked) -> Data:
     return Data(recording, prepared, parts, choice.chosen.terms, (*notes, choice.sentence))
 
 
-def _streamed(log: str, asked: Asked) -> StreamedRecording | None:
+def _streamed(lib: Library, log: str, asked: Asked) -> StreamedRecording | None:
     """The log in its file, where that was asked for, or is possible and worth while."""
     if asked.stream:
-        return open_streamed(log, asked.recipe, asked.run)
+        return open_streamed(log, asked.recipe, asked.run, lib.joint_names)
     if asked.stream is None and is_large(log):
         with suppress(RecordingError):  # compressed, or no log at all, as reading it will tell
-            return open_streamed(log, asked.recipe, asked.run)
+            return open_streamed(log, asked.recipe, asked.run, lib.joint_names)
     return None
 
 

@@ -3,17 +3,19 @@ from run to run.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from runtime.assembly import PARTS
 from runtime.atomic import replacing
 from runtime.comparison.advice import Advice, advise
 from runtime.comparison.row import Figures, Row
 from runtime.comparison.run import Comparison
 from runtime.methods import METHODS
+from runtime.recording import Recording
 from runtime.results import versions
 
 FORMAT = 1
@@ -58,7 +60,7 @@ def _facts(
 ) -> dict[str, Any]:
     assembly, truth = comparison.assembly, comparison.truth
     lib = assembly.problem.lib
-    parts = dict(zip(("train", "validation", "test"), assembly.parts, strict=True))
+    parts = {name: _extent(assembly.recordings(name)) for name in PARTS}
     train = assembly.parts[0]
     flattered = ("training and test are parts of one run, which flatters every method",)
     return {
@@ -68,8 +70,8 @@ def _facts(
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
         "recording": {
             "name": train.name.removesuffix("/train"),
-            "samples": {name: len(part) for name, part in parts.items()},
-            "spans": {name: [float(part.t[0]), float(part.t[-1])] for name, part in parts.items()},
+            "samples": {name: count for name, (count, *_) in parts.items()},
+            "spans": {name: span for name, (_, *span) in parts.items()},
             "history": list(train.history),
         },
         "friction": assembly.friction.facts(),
@@ -88,6 +90,12 @@ def _facts(
             "seed": assembly.problem.seed,
         },
     }
+
+
+def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
+    """Rows, first and last instant."""
+    ends = [(len(piece), float(piece.t[0]), float(piece.t[-1])) for piece in pieces]
+    return sum(count for count, *_ in ends), ends[0][1], ends[-1][2]
 
 
 def _row_facts(row: Row) -> dict[str, Any]:

@@ -6,6 +6,7 @@ themselves: L = mean ½ rᵀWr of the training samples, the net's share included
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -17,10 +18,11 @@ from runtime.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
 from runtime.comparison.truth import Truth
 from runtime.errors import IdentificationError, NeedsError, RuntimeFault
 from runtime.identification import Identification, identify_assembled
-from runtime.library import Array
+from runtime.library import Array, Library
 from runtime.methods import require_method
 from runtime.objective import samples_of
 from runtime.optimizers import Status
+from runtime.recording import Recording
 from runtime.threads import one_blas_thread
 from runtime.uncertainty import uncertainty_of
 
@@ -90,9 +92,7 @@ def compare(
     except KeyboardInterrupt:
         pass
     rows += [Row(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
-    test = samples_of(assembly.parts[2], problem.lib)
-    still = problem.lib.inverse_dynamics(test.q, test.dq, test.ddq, problem.lib.pi0)
-    before = metrics.torque_error(test.tau, still).overall
+    before = _misfit(assembly, "test", partial(_silent, problem.lib)).error.overall
     return Comparison(assembly, tuple(rows), before, optimum, truth)
 
 
@@ -115,15 +115,19 @@ def _figures(
     assembly: Assembly, found: Identification, optimum: float, truth: Truth | None
 ) -> Figures:
     problem, lib = assembly.problem, found.lib
-    train, test = samples_of(assembly.parts[0], lib), samples_of(assembly.parts[2], lib)
-    own, unseen = found.predict_recording(found.train), found.predict_recording(found.test)
-    error = metrics.torque_error(test.tau, unseen)
+    own = _misfit(assembly, "train", found.predict_recording)
+    unseen = _misfit(assembly, "test", found.predict_recording)
 
-    def loss(rest: Array) -> float:
-        return float(np.mean(rest**2 @ problem.weights) / 2)
+    def loss(power: Array) -> float:
+        return float(power @ problem.weights / (2 * own.count))
 
     sure = uncertainty_of(
-        lib, train, found.pi, found.phi, first_guess=lib.pi_from_lam(problem.start)
+        lib,
+        problem.train,
+        found.pi,
+        found.phi,
+        first_guess=lib.pi_from_lam(problem.start),
+        compressed=problem.statistics,
     )
     smallest = found.relative_eigenvalues
     wrong = None
@@ -131,17 +135,57 @@ def _figures(
         distance = np.linalg.norm(found.beta - truth.beta) / np.linalg.norm(truth.beta)
         wrong = 100 * float(distance)
     return Figures(
-        train_percent=metrics.torque_error(train.tau, own).overall,
-        test_percent=error.overall,
-        rms=error.rms,
-        squares=np.sum((test.tau - unseen) ** 2, axis=1),
+        train_percent=own.error.overall,
+        test_percent=unseen.error.overall,
+        rms=unseen.error.rms,
+        squares=unseen.squares,
         base_error=wrong,
         seconds=found.seconds,
         iterations=found.iterations,
         smallest_eigenvalue=float(smallest.min()),
         is_consistent=found.is_consistent,
         is_boundary=found.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
-        gap=(loss(train.tau - own) - optimum) / max(optimum, TINY * loss(train.tau)),
+        gap=(loss(own.power) - optimum) / max(optimum, TINY * loss(own.silent)),
         excited=sure.rank,
         told=sure.told,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Misfit:
+    """What a model leaves of the torque of a part.
+
+    Attributes:
+        power, silent: Σ (τ − τ̂)² and Σ τ² per joint, (n,).
+        squares: Σ_j (τ_j − τ̂_j)² of every sample, (N,).
+    """
+
+    power: Array
+    silent: Array
+    squares: Array
+
+    @property
+    def count(self) -> int:
+        return len(self.squares)
+
+    @property
+    def error(self) -> metrics.TorqueError:
+        return metrics.torque_error_of(np.sqrt(self.power), np.sqrt(self.silent), self.count)
+
+
+def _misfit(assembly: Assembly, part: str, predict: Callable[[Recording], Array]) -> _Misfit:
+    """Over all rows of "train" or "test", a piece at a time."""
+    power, silent = np.zeros((2, assembly.problem.lib.n_joints))
+    squares = []
+    for recording in assembly.recordings(part):
+        tau = samples_of(recording, assembly.problem.lib).tau
+        rest = (tau - predict(recording)) ** 2
+        power, silent = power + rest.sum(axis=0), silent + np.sum(tau**2, axis=0)
+        squares.append(rest.sum(axis=1))
+    return _Misfit(power, silent, np.concatenate(squares))
+
+
+def _silent(lib: Library, recording: Recording) -> Array:
+    """τ̂ of the URDF without friction."""
+    samples = samples_of(recording, lib)
+    return lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)

@@ -1,6 +1,15 @@
 """Joint friction, linear in its coefficients: columns of the motion times φ."""
 
-from runtime.friction.columns import COLUMNS, Motion, add_columns, columns, renewed_rotor, torque
+from runtime.friction.columns import (
+    COLUMNS,
+    LINEAR,
+    Motion,
+    add_columns,
+    columns,
+    completed,
+    renewed_rotor,
+    torque,
+)
 from runtime.friction.mechanics import gravity_load
 from runtime.friction.motors import (
     Coupling,
@@ -13,10 +22,12 @@ from runtime.friction.motors import (
 
 __all__ = [
     "COLUMNS",
+    "LINEAR",
     "Coupling",
     "Motion",
     "add_columns",
     "columns",
+    "completed",
     "coupling_of",
     "coupling_of_terms",
     "directions",

@@ -13,8 +13,8 @@ rest of the data, because the filtered tanh is not the tanh of the filtered spee
 Source: Armstrong-Hélouvry 1994 (Stribeck), Dahl 1976, Hamon, Gautier & Garrec 2010 (load).
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Set
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,7 +47,8 @@ class Motion:
 
 
 def _sign(motion: Motion, terms: Friction) -> FloatArray:
-    return np.tanh(motion.dq / terms.coulomb_speed)
+    speed = motion.dq / terms.coulomb_speed
+    return np.tanh(speed, out=speed)
 
 
 def _stribeck(motion: Motion, terms: Friction) -> FloatArray:
@@ -118,6 +119,10 @@ COLUMNS: dict[str, Callable[[Motion, Friction], FloatArray]] = {
 }
 
 
+LINEAR = frozenset({"viscous", "offset", "rotor", "motor_viscous", "motor_rotor"})
+"""Columns that need no filter: after linear steps they are still what the motion makes of them."""
+
+
 def columns(motion: Motion, *terms: Friction) -> FloatArray:
     """C (N, n, k), one column per name, those of several terms side by side.
 
@@ -125,6 +130,14 @@ def columns(motion: Motion, *terms: Friction) -> FloatArray:
         RecordingError: an unknown name, one that terms repeat, or a motion that lacks what a
             column needs.
     """
+    _require_known(terms)
+    found = [COLUMNS[name](motion, each) for each in terms for name in each.columns]
+    if not found:
+        return np.zeros((*motion.dq.shape, 0))
+    return np.stack(found, axis=-1)
+
+
+def _require_known(terms: tuple[Friction, ...]) -> None:
     for each in terms:
         for name in each.columns:
             if name not in COLUMNS:
@@ -136,10 +149,6 @@ def columns(motion: Motion, *terms: Friction) -> FloatArray:
                 f"the friction columns {', '.join(each.columns)} name one twice, so that their "
                 "coefficients cannot be told apart; name each once"
             )
-    found = [COLUMNS[name](motion, each) for each in terms for name in each.columns]
-    if not found:
-        return np.zeros((*motion.dq.shape, 0))
-    return np.stack(found, axis=-1)
 
 
 def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = None) -> FloatArray:
@@ -162,8 +171,19 @@ def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = Non
     return total
 
 
-def add_columns(recording: Recording, *terms: Friction, lib: Library | None = None) -> Recording:
+def add_columns(
+    recording: Recording,
+    *terms: Friction,
+    lib: Library | None = None,
+    later: Set[str] = frozenset(),
+) -> Recording:
     """The recording with the friction columns of its motion.
+
+    Args:
+        recording: with dq.
+        terms: names and widths.
+        lib: of the robot, for the columns that need it.
+        later: names of `LINEAR` that are left out, for `completed` to make.
 
     Raises:
         RecordingError: the recording has no dq, or a column cannot be had from it.
@@ -172,14 +192,34 @@ def add_columns(recording: Recording, *terms: Friction, lib: Library | None = No
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
     motion = Motion(recording.dq, recording.q, recording.ddq, lib)
     terms = tuple(geared(each, recording) for each in terms)
-    values = columns(motion, *terms)
-    names = tuple(name for each in terms for name in each.columns)
+    _require_known(terms)
+    now = tuple(
+        replace(each, columns=tuple(name for name in each.columns if name not in later))
+        for each in terms
+    )
+    names = tuple(name for each in now for name in each.columns)
     gear = next((each.gear for each in terms if each.gear), None)
     told = "; ".join(str(each) for each in terms)
     motors = None if gear is None else directions(gear)
+    values = columns(motion, *now) if names or not later else None
     return recording.replace(columns=values, column_names=names, motors=motors).noted(
         f"Added the friction columns {told}."
     )
+
+
+def completed(recording: Recording, *terms: Friction) -> Recording:
+    """With the columns of `LINEAR` that `add_columns` left out, of the motion as it is now."""
+    assert recording.dq is not None  # noqa: S101  they were made of it
+    motion = Motion(recording.dq, recording.q, recording.ddq)
+    terms = tuple(geared(each, recording) for each in terms)
+    others = iter(() if recording.columns is None else np.moveaxis(recording.columns, -1, 0))
+    found = [
+        COLUMNS[name](motion, each) if name in LINEAR else next(others)
+        for each in terms
+        for name in each.columns
+    ]
+    names = tuple(name for each in terms for name in each.columns)
+    return recording.replace(columns=np.stack(found, axis=-1), column_names=names)
 
 
 def renewed_rotor(recording: Recording) -> Recording:

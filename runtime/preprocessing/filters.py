@@ -5,16 +5,51 @@ between signals survives only if all of them pass the same filter.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import signal as scipy_signal
 
 from runtime.errors import RecordingError
-from runtime.preprocessing.segments import segments, uniform_step
+from runtime.preprocessing.segments import holes, segments, uniform_step
+from runtime.preprocessing.zero_phase import zero_phase
 from runtime.recording import Recording
 from runtime.recording.recording import SIGNALS, FloatArray
 
 ALL = (*SIGNALS, "columns")
+
+
+@dataclass(frozen=True, slots=True)
+class Butterworth:
+    """A low-pass for one clock.
+
+    Attributes:
+        sections: second-order sections.
+        padding: rows of odd extension: ten time constants of the slowest pole.
+        minimum: rows of the shortest segment.
+    """
+
+    sections: FloatArray
+    padding: int
+    minimum: int
+
+
+def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butterworth:
+    """The low-pass for the clock of a recording.
+
+    Raises:
+        RecordingError: the clock is not uniform, or the cut-off not below half the rate.
+    """
+    step = uniform_step(recording, "low-pass")
+    if not 0.0 < cutoff_hz * step < 0.499:
+        raise RecordingError(
+            f"cutoff_hz expects a value between 0 and {0.5 / step:.4g} Hz (half the rate), "
+            f"got {cutoff_hz:g}; lower it"
+        )
+    sections = scipy_signal.butter(order, cutoff_hz * 2.0 * step, output="sos")
+    minimum = 3 * (order + 1)
+    return Butterworth(sections, max(int(np.ceil(4.0 / (cutoff_hz * step))), minimum), minimum)
 
 
 def low_pass(
@@ -27,22 +62,45 @@ def low_pass(
     Raises:
         RecordingError: the clock is not uniform, or the cut-off not below half the rate.
     """
-    step = uniform_step(recording, "low-pass")
-    if not 0.0 < cutoff_hz * step < 0.499:
-        raise RecordingError(
-            f"cutoff_hz expects a value between 0 and {0.5 / step:.4g} Hz (half the rate), "
-            f"got {cutoff_hz:g}; lower it"
-        )
-    sections = scipy_signal.butter(order, cutoff_hz * 2.0 * step, output="sos")
-    settle = int(np.ceil(4.0 / (cutoff_hz * step)))  # ten time constants of the slowest pole
-    minimum = 3 * (order + 1)
+    design = butterworth(recording, cutoff_hz, order)
+    data = without_short(recording, design.minimum)
+    found = low_passed(data, design, only, np.arange(len(data)))
+    return data.replace(**found).noted(low_pass_sentence(cutoff_hz, order))
 
-    def smooth(values: FloatArray) -> FloatArray:
-        padding = min(max(settle, minimum), len(values) - 1)
-        return np.asarray(scipy_signal.sosfiltfilt(sections, values, axis=0, padlen=padding))
 
-    sentence = f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
-    return _per_segment(recording, smooth, minimum, sentence, only)
+def low_passed(
+    recording: Recording,
+    design: Butterworth,
+    only: tuple[str, ...],
+    rows: NDArray[np.int64],
+    period: int = 1,
+) -> dict[str, FloatArray]:
+    """Some rows of every signal, filtered segment by segment; none of these may be too short.
+
+    `period` as for `zero_phase`.
+    """
+    present = {k: v for k in only if (v := getattr(recording, k)) is not None}
+    flat = [values.reshape(len(recording), -1) for values in present.values()]
+    parts = []
+    for part in segments(recording.t):
+        length = part.stop - part.start
+        own = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
+        padding = min(design.padding, length - 1)
+        segment = [values[part] for values in flat]
+        parts.append(zero_phase(design.sections, segment, padding, own - part.start, period))
+    whole = [
+        pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
+        for pieces in zip(*parts, strict=True)
+    ]
+    return {
+        key: values.reshape(len(rows), *present[key].shape[1:])
+        for key, values in zip(present, whole, strict=True)
+    }
+
+
+def low_pass_sentence(cutoff_hz: float, order: int) -> str:
+    """What the history says of it."""
+    return f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
 
 
 def moving_average(recording: Recording, window_s: float, only: tuple[str, ...] = ALL) -> Recording:
@@ -89,7 +147,7 @@ def savitzky_golay(
         )
 
     missing = [key for key in ("dq", "ddq") if key in only and getattr(recording, key) is None]
-    recording = _without_short(recording, width)
+    recording = without_short(recording, width)
     derived: dict[str, FloatArray] = {}
     for key in missing:
         base, derivative = ("q", 1) if key == "dq" else ("dq", 1)
@@ -110,12 +168,12 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
     """
     result = recording
     if from_position or recording.dq is None:
-        result = _without_short(result, 3)
+        result = without_short(result, 3)
         result = result.replace(dq=_gradient(result.t, result.q)).noted(
             "Differentiated q to dq by central differences."
         )
     if from_position or recording.ddq is None:
-        result = _without_short(result, 3)
+        result = without_short(result, 3)
         assert result.dq is not None  # noqa: S101  (just filled)
         result = result.replace(ddq=_gradient(result.t, result.dq)).noted(
             "Differentiated dq to ddq by central differences."
@@ -124,8 +182,21 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
 
 
 def _gradient(t: FloatArray, values: FloatArray) -> FloatArray:
-    parts = [np.gradient(values[part], t[part], axis=0, edge_order=2) for part in segments(t)]
-    return np.concatenate(parts)
+    """The slope of the parabola through three neighbours: the row itself, or next to an edge."""
+    hole = holes(t)
+    centre = np.arange(len(t))
+    centre[0] += 1
+    centre[1:] += hole
+    centre[:-1] -= hole
+    centre[-1] -= 1
+    before, after = t[centre] - t[centre - 1], t[centre + 1] - t[centre]
+    off = 2.0 * (t - t[centre])  # 0 but at edges
+    left = (off - after) / (before * (before + after))
+    right = (off + before) / (after * (before + after))
+    here = values.take(centre, axis=0)
+    slope = left[:, None] * (values.take(centre - 1, axis=0) - here)
+    slope += right[:, None] * (values.take(centre + 1, axis=0) - here)
+    return slope
 
 
 def _half_window(recording: Recording, window_s: float, purpose: str) -> int:
@@ -140,23 +211,22 @@ def _per_segment(
     sentence: str,
     only: tuple[str, ...],
 ) -> Recording:
-    recording = _without_short(recording, minimum)
+    recording = without_short(recording, minimum)
     parts = segments(recording.t)
     return recording.mapped(
         lambda values: np.concatenate([function(values[part]) for part in parts]), sentence, only
     )
 
 
-def _without_short(recording: Recording, minimum: int) -> Recording:
+def without_short(recording: Recording, minimum: int) -> Recording:
     """Without the segments that hold fewer samples than a step needs."""
-    parts = segments(recording.t)
-    short = [part for part in parts if part.stop - part.start < minimum]
-    if not short:
+    edges = np.flatnonzero(np.concatenate([[True], holes(recording.t), [True]]))
+    lengths = np.diff(edges)
+    short = lengths < minimum
+    if not short.any():
         return recording
-    keep = np.ones(len(recording), dtype=bool)
-    for part in short:
-        keep[part] = False
+    keep = np.repeat(~short, lengths)
     return recording.take(
         keep,
-        f"Dropped {len(short)} segments with fewer than {minimum} samples ({np.sum(~keep)} rows).",
+        f"Dropped {short.sum()} segments with fewer than {minimum} samples ({np.sum(~keep)} rows).",
     )

@@ -1,6 +1,8 @@
 """The usual order of the steps, driven by a `Preparation`; each step is skipped unless set."""
 
-from runtime.friction import add_columns, renewed_rotor
+from collections.abc import Callable
+
+from runtime.friction import LINEAR, add_columns, completed, renewed_rotor
 from runtime.library import Library
 from runtime.preprocessing.clock import repair_clock
 from runtime.preprocessing.filters import (
@@ -11,6 +13,7 @@ from runtime.preprocessing.filters import (
     savitzky_golay,
 )
 from runtime.preprocessing.segments import advance_torque, decimate, drop_rest, resample, trim
+from runtime.preprocessing.thinning import thinned
 from runtime.recording import Friction, Preparation, Recording
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
@@ -42,8 +45,23 @@ def prepare(
     """
     if preparation is None:
         preparation = recording.recipe.preparation if recording.recipe else Preparation()
-    data = recording
+    data = _settled(recording, preparation)
     wanted = any(terms.columns for terms in friction)
+    if wanted and data.dq is not None:
+        data = add_columns(data, *friction, lib=lib, later=LINEAR)
+        data = completed(_reduced(data, preparation), *friction)
+    else:
+        missing = wanted and data.columns is None
+        late = (lambda each: add_columns(each, *friction, lib=lib)) if missing else None
+        data = renewed_rotor(_reduced(data, preparation, late))
+    if preparation.rest_speed is not None:
+        data = drop_rest(data, preparation.rest_speed)
+    return data
+
+
+def _settled(recording: Recording, preparation: Preparation) -> Recording:
+    """Clock, grid, delay, and what was measured but is not wanted."""
+    data = recording
     if preparation.clock_tick is not None:
         data = repair_clock(data, preparation.clock_tick)
     if preparation.max_gap_s is not None:
@@ -52,20 +70,25 @@ def prepare(
         data = advance_torque(data, preparation.torque_delay_s)
     if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
         data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
-    if wanted and data.dq is not None:
-        data = add_columns(data, *friction, lib=lib)
-    data = _derived(_filtered(data, preparation), preparation)
-    if wanted and data.columns is None:
-        data = add_columns(data, *friction, lib=lib)
-        data = _filtered(data, preparation, ("columns",))
-    data = renewed_rotor(data)
+    return data
+
+
+def _reduced(
+    recording: Recording,
+    preparation: Preparation,
+    late: Callable[[Recording], Recording] | None = None,
+) -> Recording:
+    """Filter, derivatives, columns that need these, trim, rate."""
+    if preparation.filter == "butterworth" and preparation.rate_hz is not None and late is None:
+        rows = thinned(recording, preparation)
+        if rows is not None:
+            return rows
+    data = _derived(_filtered(recording, preparation), preparation)
+    if late is not None:
+        data = _filtered(late(data), preparation, ("columns",))
     if preparation.trim_s is not None:
         data = trim(data, preparation.trim_s)
-    if preparation.rate_hz is not None:
-        data = decimate(data, preparation.rate_hz)
-    if preparation.rest_speed is not None:
-        data = drop_rest(data, preparation.rest_speed)
-    return data
+    return data if preparation.rate_hz is None else decimate(data, preparation.rate_hz)
 
 
 def _grid_hz(recording: Recording, preparation: Preparation) -> float:

@@ -56,11 +56,12 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
     A step counts as a jump only if it is one turn to within 0.5 rad, at a joint whose steps are
     usually small; other steps are kept.
     """
-    if len(q) < 2:
+    steps = np.diff(q, axis=0)
+    if not steps.size or np.abs(steps).max() < np.pi:
         return q, np.zeros(q.shape[1], dtype=np.int64)
-    turns = np.round(np.diff(q, axis=0) / (2.0 * np.pi))
-    jump = (np.abs(turns) == 1.0) & (np.abs(np.diff(q, axis=0) - 2.0 * np.pi * turns) < 0.5)
-    jump &= np.median(np.abs(np.diff(q, axis=0)), axis=0) < USUAL_STEP
+    turns = np.round(steps / (2.0 * np.pi))
+    jump = (np.abs(turns) == 1.0) & (np.abs(steps - 2.0 * np.pi * turns) < 0.5)
+    jump &= np.median(np.abs(steps), axis=0) < USUAL_STEP
     if not jump.any():
         return q, np.zeros(q.shape[1], dtype=np.int64)
     correction = np.zeros_like(q)

@@ -12,7 +12,8 @@ import re
 from typing import Any
 
 from runtime.errors import RecordingError
-from runtime.recording.joint_states import FIELDS, JointLog
+from runtime.recording.joint_states import JointLog
+from runtime.recording.publisher import FIELDS
 from runtime.recording.recipe import Recipe, Signal, Time
 from runtime.recording.tables import cells_of, find_header
 

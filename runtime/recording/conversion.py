@@ -59,7 +59,9 @@ def converted(
     signals: dict[str, Any] = {}
     told: list[str] = []
     for kind, signal in plan.signals().items():
-        signals[FIELDS[kind]], done = _joint_side(kind, signal, raw[kind].values[keep], plan)
+        values = raw[kind].values
+        rows = values if len(keep) == len(values) else values[keep]
+        signals[FIELDS[kind]], done = _joint_side(kind, signal, rows, plan)
         told += done
     if "columns" in raw:
         signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, max(n_columns, 1))
@@ -74,8 +76,9 @@ def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
     good = np.zeros(most, dtype=bool)
     good[:rows] = True
     for kind, table in raw.items():
-        limit = HUGE_TIME if kind == "time" else HUGE
-        good[:rows] &= (np.abs(table.values[:rows]) < limit).all(axis=1)  # False for NaN
+        limit, values = HUGE_TIME if kind == "time" else HUGE, table.values[:rows]
+        if not (values.size and values.max() < limit and values.min() > -limit):  # NaN is neither
+            good[:rows] &= (np.abs(values) < limit).all(axis=1)
     bad = int(most - good.sum())
     told = ", ".join(f"{kind} {count}" for kind, count in counts.items())
     if rows < (1.0 - MAX_CORRUPT) * most:
@@ -137,14 +140,15 @@ def _joint_side(
     factor = unit * _per_joint(kind, "sign", signal.sign, n)
     if signal.gain is not None:
         factor = factor * _per_joint(kind, "gain", signal.gain, n)
-    x = raw[:, order] * factor
+    as_is = np.array_equal(order, np.arange(n)) and np.all(factor == 1.0)
+    x = raw if as_is else raw[:, order] * factor
     notes = []
     if kind == "position":
         angular = np.array(
             [each in {"rad", "deg"} for each in units] * (n if len(units) == 1 else 1)
         )
         unwrapped, jumps = unwrap(x)
-        x = np.where(angular, unwrapped, x)
+        x = unwrapped if angular.all() else np.where(angular, unwrapped, x)
         joints = ", ".join(str(j + 1) for j in np.flatnonzero(jumps * angular))
         if joints:
             count = int(jumps[angular].sum())
@@ -157,14 +161,16 @@ def _joint_side(
                 "give one row per joint"
             )
         x = x @ R if kind == "torque" else np.linalg.solve(R, x.T).T
-    x = x + _per_joint(kind, "offset", signal.offset, n) * unit
+    offset = _per_joint(kind, "offset", signal.offset, n)
+    if offset.any():
+        x = x + offset * unit
     steps = {
         f"from {'/'.join(dict.fromkeys(units))}": not bool(np.all(unit == 1.0)),
         "with a gain": signal.gain is not None,
         "reordered": bool(np.any(order != np.arange(n))),
         "with changed signs": bool(np.any(np.asarray(signal.sign) < 0)),
         "through the gear matrix": bool(plan.gear),
-        "plus an offset": bool(np.any(np.asarray(signal.offset))),
+        "plus an offset": bool(offset.any()),
     }
     done = [step for step, applies in steps.items() if applies]
     return x, [*notes, f"Converted {kind}: {', '.join(done)}."] if done else notes
@@ -185,6 +191,8 @@ def _without_repeats(
 ) -> tuple[FloatArray, dict[str, Any], list[str]]:
     """Leaves out rows written twice: the same stamp and the same values as the row before."""
     same = np.diff(t) == 0.0
+    if not same.any():
+        return t, signals, []
     for values in signals.values():
         axes = tuple(range(1, values.ndim))
         same &= np.all(np.diff(values, axis=0) == 0.0, axis=axes)

@@ -5,7 +5,7 @@ convention does.
 """
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +22,7 @@ from runtime.recording.convention import (
     parquet_convention,
 )
 from runtime.recording.in_place import NpzRows
-from runtime.recording.joint_states import JointLog, read_joint_states
+from runtime.recording.joint_states import JointLog, MessageRows, read_joint_states
 from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.recipe import Recipe, Signal, Time
 from runtime.recording.spool import head_of_text
@@ -104,8 +104,7 @@ class Files:
         name = self.file_of(part.file)
         layout = self.layout_of(name, part.layout)
         if layout == "bag":
-            usual = {"time": "", "torque": "effort"}.get(kind, kind)
-            return self._messages(name).table(part.key or usual, name)
+            return self._messages(name).table(_bag_key(kind, part), name)
         if layout == "parquet":
             with closing(ParquetLog(self.hashed(name))) as log:
                 return log.table(parquet_columns(columns_of(part), part.key, log.columns))
@@ -202,6 +201,15 @@ class Files:
                     self.sha256[key] = hashlib.file_digest(file, "sha256").hexdigest()
         return path
 
+    def message_rows(self, name: str, parts: Mapping[str, Signal | Time]) -> MessageRows:
+        """What parts of the recipe ask a bag for, row by row."""
+        keys = {kind: _bag_key(kind, part) for kind, part in parts.items()}
+        return self._messages(name).rows(keys, name)
+
+    def remarks(self) -> tuple[str, ...]:
+        """What a bag's form asked for, a sentence each."""
+        return () if self._bag is None else self._bag.remarks
+
     def _messages(self, name: str) -> JointLog:
         if self._bag_name not in {"", name}:
             raise RecordingError(
@@ -240,6 +248,11 @@ class Files:
                 "rename it or state its layout in a recipe"
             )
         return layout or SUFFIXES[suffix]
+
+
+def _bag_key(kind: str, part: Signal | Time) -> str:
+    """The field of JointState that a part means."""
+    return part.key or {"time": "", "torque": "effort"}.get(kind, kind)
 
 
 def is_bag(place: Path) -> bool:

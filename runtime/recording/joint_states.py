@@ -1,76 +1,94 @@
-"""JointState messages → one table per signal: joints by name, messages by stamp.
+"""JointState messages → one table: joints by name, messages by stamp.
 
 Publishers that tell some joints each are merged where their stamps agree. Messages that arrived
 out of order are sorted; a field that no message fills is missing.
 """
 
-from array import array
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.messages import Message, messages
+from runtime.recording.messages import messages
+from runtime.recording.publisher import FIELDS, Publisher, merged
+from runtime.recording.spool import Spool
 from runtime.recording.tables import MAX_CORRUPT, Table
 
-FIELDS = ("position", "velocity", "effort")
 MOST_JOINTS = 200
+Topic = dict[tuple[str, ...], Publisher]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLog:
-    """What a bag says about some joints.
+    """What a bag says about some joints; the numbers wait in a temporary file.
 
     Attributes:
         names: of the joints, in the order of the columns.
-        fields: position, velocity, effort as far as they were told, (N, n).
-        t: (N,) s from the first message on.
+        fields: which of position, velocity, effort were told.
+        count: of rows.
         remarks: sentences.
     """
 
     names: tuple[str, ...]
-    fields: dict[str, NDArray[np.float64]]
-    t: NDArray[np.float64]
+    fields: tuple[str, ...]
+    count: int
     remarks: tuple[str, ...]
+    _spool: Spool
 
     def table(self, key: str, name: str) -> Table:
-        """One field, or the time for the key "".
+        """One field, or the time from the first message on [s] for the key "".
 
         Raises:
             RecordingError: there is no such field.
         """
-        lines = np.arange(len(self.t), dtype=np.int64)
-        if not key:
-            return Table(self.t[:, None], lines, self.remarks)
-        if key not in self.fields:
-            raise RecordingError(
-                f"{name} is expected to tell the {key} of the joints, but its messages hold "
-                f"{', '.join(self.fields)} of JointState; leave it out of the recipe"
-            )
-        return Table(self.fields[key], lines, self.remarks)
+        values = self.rows({"": key}, name).read(0, self.count)[""]
+        return Table(values.copy(), np.arange(self.count, dtype=np.int64), self.remarks)
+
+    def rows(self, kinds: Mapping[str, str], name: str) -> "MessageRows":
+        """Several of them, kind by kind, row by row.
+
+        Raises:
+            RecordingError: there is no such field.
+        """
+        for key in kinds.values():
+            if key and key not in self.fields:
+                raise RecordingError(
+                    f"{name} is expected to tell the {key} of the joints, but its messages hold "
+                    f"{', '.join(self.fields)} of JointState; leave it out of the recipe"
+                )
+        n = len(self.names)
+        ends = {key: 1 + n * (k + 1) for k, key in enumerate(FIELDS)}
+        places = {
+            kind: slice(ends[key] - n, ends[key]) if key else slice(0, 1)
+            for kind, key in kinds.items()
+        }
+        return MessageRows(self._spool, 1 + n * len(FIELDS), places, self.count)
 
 
-@dataclass(slots=True)
-class _Publisher:
-    """All messages of one topic that name the same joints in the same order."""
+@dataclass(frozen=True, slots=True)
+class MessageRows:
+    """Merged messages as rows of numbers.
 
-    names: tuple[str, ...]
-    stamps: array = field(default_factory=lambda: array("q"))
-    logged: array = field(default_factory=lambda: array("q"))
-    values: tuple[array, ...] = field(default_factory=lambda: tuple(array("d") for _ in FIELDS))
+    Attributes:
+        spool: t and all fields, row by row.
+        width: of a row.
+        places: kind → its columns.
+        count: of rows.
+    """
 
-    def add(self, message: Message) -> None:
-        self.stamps.append(message.stamp)
-        self.logged.append(message.logged)
-        blank = [np.nan] * len(self.names)
-        for values, told in zip(self.values, message[4:], strict=True):
-            whole = told if len(told) == len(self.names) else blank
-            values.frombytes(np.asarray(whole, dtype=np.float64).tobytes())
+    spool: Spool
+    width: int
+    places: dict[str, slice]
+    count: int
 
-    def matrix(self, index: int) -> NDArray[np.float64]:
-        return np.frombuffer(self.values[index], dtype=np.float64).reshape(-1, len(self.names))
+    def read(self, start: int, stop: int) -> dict[str, NDArray[np.float64]]:
+        """Kind → its rows start … stop."""
+        rows = self.spool.read(start * self.width, (stop - start) * self.width)
+        table = rows.reshape(-1, self.width)
+        return {kind: table[:, place] for kind, place in self.places.items()}
 
 
 def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointLog:
@@ -85,13 +103,16 @@ def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointL
         RecordingError: which topic is meant is not clear, or joints are missing.
     """
     notes: list[str] = []
-    topics: dict[str, dict[tuple[str, ...], _Publisher]] = {}
+    topics: dict[str, Topic] = {}
+    spool = Spool(path.name)
     for message in messages(path, notes):
         if topic and message.topic != topic:
             topics.setdefault(message.topic, {})
             continue
         publishers = topics.setdefault(message.topic, {})
-        publishers.setdefault(message.names, _Publisher(message.names)).add(message)
+        if message.names not in publishers:
+            publishers[message.names] = Publisher(message.names, spool)
+        publishers[message.names].add(message)
     chosen = _topic(path.name, topic, topics, wanted)
     publishers = topics[chosen]
     names = wanted or tuple(dict.fromkeys(name for told in publishers for name in told))
@@ -110,7 +131,7 @@ def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointL
 def _topic(
     name: str,
     topic: str,
-    topics: dict[str, dict[tuple[str, ...], _Publisher]],
+    topics: dict[str, Topic],
     wanted: tuple[str, ...],
 ) -> str:
     """The topic asked for, or the only one that tells the joints."""
@@ -134,7 +155,7 @@ def _topic(
             "those of the log, in the order of the robot, in a recipe: joints = [...]"
         )
     if len(able) > 1:
-        counts = {t: sum(len(p.stamps) for p in topics[t].values()) for t in sorted(able)}
+        counts = {t: sum(p.count for p in topics[t].values()) for t in sorted(able)}
         listed = ", ".join(f"{t} ({count} messages)" for t, count in counts.items())
         raise RecordingError(
             f"{name} tells the joints in several topics, {listed}; choose one in a recipe: "
@@ -144,43 +165,36 @@ def _topic(
 
 
 def _merged(
-    name: str, parts: list[_Publisher], names: tuple[str, ...], notes: tuple[str, ...]
+    name: str, parts: Sequence[Publisher], names: tuple[str, ...], notes: tuple[str, ...]
 ) -> JointLog:
     """All messages on one clock, sorted; rows that not every joint has are dropped and told."""
-    clocks = [np.frombuffer(p.stamps, dtype=np.int64) for p in parts]
-    total = sum(map(len, clocks))
-    if total > 1 and all((clock == clock[0]).all() for clock in clocks):
-        clocks = [np.frombuffer(p.logged, dtype=np.int64) for p in parts]
+    by_stamp = sum(p.count for p in parts) < 2 or any(p.stamps.moves for p in parts)
+    if not by_stamp:
         notes += ("The stamps of the messages stand still; the instants of logging are used.",)
-    late = sum(int(np.sum(np.diff(clock) < 0)) for clock in clocks)
+    late = sum((p.stamps if by_stamp else p.logged).late for p in parts)
     if late:
         notes += (f"Sorted {late} messages that came out of order.",)
-    if len(parts) == 1:
-        order = np.argsort(clocks[0], kind="stable")
-        columns = [parts[0].names.index(each) for each in names]
-        ticks = clocks[0][order]
-        filled = [parts[0].matrix(i)[order][:, columns] for i in range(len(FIELDS))]
-    else:
-        ticks = np.unique(np.concatenate(clocks))
-        filled = [np.full((len(ticks), len(names)), np.nan) for _ in FIELDS]
-        for part, clock in zip(parts, clocks, strict=True):
-            rows = np.searchsorted(ticks, clock)
-            for j in (j for j, each in enumerate(names) if each in part.names):
-                for i, values in enumerate(filled):
-                    values[rows, j] = part.matrix(i)[:, part.names.index(names[j])]
-        complete = np.isfinite(filled[0]).all(axis=1)
-        if complete.sum() < (1.0 - MAX_CORRUPT) * len(ticks):
-            raise RecordingError(
-                f"the messages of {name} tell some joints each, and only {int(complete.sum())} of "
-                f"{len(ticks)} stamps have all of {', '.join(names)}; name joints of one "
-                "publisher in a recipe, or record a topic with all of them"
-            )
-        ticks, filled = ticks[complete], [values[complete] for values in filled]
-        dropped = f", {int((~complete).sum())} incomplete rows dropped" * (not complete.all())
+    spool, start, count, total = Spool(name), 0, 0, 0
+    told = np.zeros(len(FIELDS), dtype=bool)
+    for ticks, values in merged(parts, names, by_stamp):
+        total += len(ticks)
+        whole = np.isfinite(values[:, : len(names)]).all(axis=1) | (len(parts) == 1)
+        if not whole.any():
+            continue
+        start = start if count else int(ticks[whole][0])
+        rows = values[whole]
+        spool.append(np.column_stack([(ticks[whole] - start) * 1e-9, rows]))
+        told |= np.isfinite(rows).reshape(len(rows), len(FIELDS), -1).any(axis=(0, 2))
+        count += len(rows)
+    if count < (1.0 - MAX_CORRUPT) * total:
+        raise RecordingError(
+            f"the messages of {name} tell some joints each, and only {count} of "
+            f"{total} stamps have all of {', '.join(names)}; name joints of one "
+            "publisher in a recipe, or record a topic with all of them"
+        )
+    if len(parts) > 1:
+        dropped = f", {total - count} incomplete rows dropped" * (count < total)
         notes += (f"Merged {len(parts)} kinds of messages by name and stamp{dropped}.",)
-    told = dict(zip(FIELDS, filled, strict=True))
-    fields = {key: values for key, values in told.items() if np.isfinite(values).any()}
-    start = int(ticks[0])
     notes += (f"Joints {', '.join(names)}; time from the first message, {start / 1e9:.9f} s.",)
-    t = np.asarray((ticks - start) * 1e-9, dtype=np.float64)
-    return JointLog(names, fields, t, notes)
+    fields = tuple(key for key, is_told in zip(FIELDS, told, strict=True) if is_told)
+    return JointLog(names, fields, count, notes, spool)

@@ -8,6 +8,7 @@ believed only as far as the file reaches.
 import json
 import zlib
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -165,6 +166,7 @@ def _inflated(chunk: Any) -> bytes:
     return data
 
 
+@cache
 def _decoder(encoding: str) -> Callable[[str, int, bytes], Message]:
     """Bytes → message, by the name of the encoding."""
     if encoding == "json":

@@ -1,4 +1,4 @@
-"""CSV too large to be held: parsed once, piece by piece, into numbers in a temporary file."""
+"""Numbers in a temporary file: what is too large to be held, parsed once, piece by piece."""
 
 import tempfile
 import weakref
@@ -25,6 +25,46 @@ def head_of_text(path: Path) -> str:
     return next(_pieces(path), "")
 
 
+class Spool:
+    """Numbers one after the other, in a file as soon as they are many.
+
+    Args:
+        name: of the log, for messages.
+    """
+
+    SMALL = 2**24
+    """Bytes that stay in memory."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._file = tempfile.SpooledTemporaryFile(self.SMALL, prefix="symgen-")  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+        self.size = 0
+
+    def append(self, values: FloatArray) -> int:
+        """Writes numbers behind those that are there; the place of the first of them.
+
+        Raises:
+            RecordingError: there is no room.
+        """
+        start = self.size
+        try:
+            self._file.seek(8 * start)
+            self._file.write(np.ascontiguousarray(values).tobytes())
+        except OSError as error:
+            raise RecordingError(
+                f"the numbers of {self._name} find no room in {tempfile.gettempdir()} "
+                f"({error.strerror}); set TMPDIR to a larger place, or convert the log to Parquet"
+            ) from error
+        self.size += values.size
+        return start
+
+    def read(self, start: int, count: int) -> FloatArray:
+        """`count` numbers from a place on."""
+        self._file.seek(8 * start)
+        return np.frombuffer(self._file.read(8 * count), dtype=np.float64)
+
+
 class CsvRows:
     """Columns of a CSV as rows of numbers; a corrupt line is NaN.
 
@@ -33,32 +73,21 @@ class CsvRows:
     """
 
     def __init__(self, path: Path, kinds: Mapping[str, Columns]) -> None:
-        self._name = path.name
         ends = np.cumsum([0, *(len(columns) for columns in kinds.values())])
         self._places = {
             kind: slice(a, b) for kind, a, b in zip(kinds, ends, ends[1:], strict=False)
         }
         self._width = int(ends[-1])
-        self.count = 0
+        self._spool = Spool(path.name)
         columns = tuple(column for each in kinds.values() for column in each)
-        self._file = tempfile.TemporaryFile(prefix="symgen-")  # noqa: SIM115  lives with the rows
-        weakref.finalize(self, self._file.close)
-        try:
-            for values in _parsed(path, columns):
-                self._file.write(np.ascontiguousarray(values).tobytes())
-                self.count += len(values)
-        except OSError as error:
-            raise RecordingError(
-                f"the numbers of {path.name} find no room in {tempfile.gettempdir()} "
-                f"({error.strerror}); set TMPDIR to a larger place, or convert the log to Parquet"
-            ) from error
+        for values in _parsed(path, columns):
+            self._spool.append(values)
+        self.count = self._spool.size // self._width
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Kind → its rows start … stop."""
-        row = 8 * self._width
-        self._file.seek(start * row)
-        values = np.frombuffer(self._file.read((stop - start) * row), dtype=np.float64)
-        values = values.reshape(-1, self._width)
+        count = (stop - start) * self._width
+        values = self._spool.read(start * self._width, count).reshape(-1, self._width)
         return {kind: values[:, place] for kind, place in self._places.items()}
 
 

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.conversion import converted
-from runtime.recording.files import Files, columns_of, parts_of
+from runtime.recording.files import SUFFIXES, Files, columns_of, is_bag, parts_of
 from runtime.recording.in_place import NpzRows, ParquetRows, Rows
+from runtime.recording.joint_states import MessageRows
 from runtime.recording.parquet import ParquetLog, parquet_columns
 from runtime.recording.reader import place_and_recipe
 from runtime.recording.recipe import UNITS, Recipe, Signal, Time
@@ -20,7 +21,6 @@ from runtime.recording.tables import Table
 
 LARGE = 200_000_000
 """Bytes of a file above which a log is streamed unless the user says otherwise."""
-IN_PLACE = (".npz", ".parquet", ".csv", ".txt", ".tsv")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +37,7 @@ class StreamedRecording:
         origin: the first instant in its own unit, where time is counted from there.
         files: the sources of the signals, and of the time alone.
         clock: likewise.
+        remarks: what the files' form asked for, a sentence each.
     """
 
     name: str
@@ -48,6 +49,7 @@ class StreamedRecording:
     origin: float | None
     files: tuple[Rows, ...]
     clock: Rows | None
+    remarks: tuple[str, ...] = ()
 
     def block(self, start: int, stop: int) -> Recording:
         """Rows start … stop; corrupt ones among them are dropped and told.
@@ -67,7 +69,7 @@ class StreamedRecording:
             joint_names=self.joint_names,
             source=self.source,
             recipe=self.recipe,
-            history=data.notes,
+            history=(*self.remarks, *data.notes),
         )
 
     def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:
@@ -93,27 +95,26 @@ class StreamedRecording:
 
 
 def is_large(path: str | Path) -> bool:
-    """Whether a file is one that is streamed by default."""
+    """Whether a file or a bag is one that is streamed by default."""
     path = Path(path)
-    return path.suffix.lower() in IN_PLACE and path.is_file() and path.stat().st_size > LARGE
+    if path.is_dir():
+        return is_bag(path) and sum(p.stat().st_size for p in path.iterdir()) > LARGE
+    return path.suffix.lower() in SUFFIXES and path.is_file() and path.stat().st_size > LARGE
 
 
 def open_streamed(
-    path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
+    path: str | Path,
+    recipe: str | Path | Recipe | None = None,
+    run: str | None = None,
+    joints: Sequence[str] = (),
 ) -> StreamedRecording:
-    """A log in uncompressed NPZ, Parquet or CSV; arguments as for `read_recording`.
+    """A log in uncompressed NPZ, Parquet, CSV, or a bag; arguments as for `read_recording`.
 
     Raises:
         RecordingError: another kind of file, or one that is no log.
     """
     place, chosen = place_and_recipe(path, recipe, run)
-    files = Files(place, chosen or Recipe(), in_place=True)
-    name = files.file_of("") if place.is_file() else ""
-    if name and Path(name).suffix.lower() not in IN_PLACE:
-        raise RecordingError(
-            f"a log is streamed from uncompressed NPZ, Parquet or CSV, got {name!r}; convert it, "
-            "or read it as a whole with --no-stream"
-        )
+    files = Files(place, chosen or Recipe(), tuple(joints), in_place=True)
     plan = files.plan()
     by_file: dict[str, dict[str, Signal | Time]] = {}
     for kind, part in parts_of(plan).items():
@@ -129,7 +130,7 @@ def open_streamed(
     if plan.time is not None and plan.time.rate_hz is None:
         timed = sources[list(by_file).index(files.file_of(plan.time.file))]
         clock = timed
-        if not isinstance(timed, CsvRows):  # their columns can be read alone
+        if not isinstance(timed, CsvRows | MessageRows):  # columns that can be read alone
             clock = _rows(files, files.file_of(plan.time.file), {"time": plan.time})
         if plan.time.from_zero:
             origin = float(clock.read(0, 1)["time"][0, 0])
@@ -139,15 +140,18 @@ def open_streamed(
         plan=plan,
         recipe=chosen,
         source=files.sha256,
-        joint_names=plan.joints,
+        joint_names=plan.joints or files.extras().get("joint_names", ()),
         origin=origin,
         files=sources,
         clock=clock,
+        remarks=files.remarks(),
     )
 
 
 def _rows(files: Files, name: str, parts: dict[str, Signal | Time]) -> Rows:
     layout = files.layout_of(name, next(iter(parts.values())).layout)
+    if layout == "bag":
+        return files.message_rows(name, parts)
     path = files.hashed(name)
     if layout == "npz":
         if "columns" in NpzRows(path).keys:
@@ -160,8 +164,8 @@ def _rows(files: Files, name: str, parts: dict[str, Signal | Time]) -> Rows:
         return CsvRows(path, {kind: columns_of(part) for kind, part in parts.items()})
     if layout != "parquet":
         raise RecordingError(
-            f"a log is streamed from uncompressed NPZ, Parquet or CSV, got {name!r}; convert it, "
-            "or read it as a whole with --no-stream"
+            f"a log is streamed from uncompressed NPZ, Parquet, CSV or a bag, got {name!r}; "
+            "convert it, or read it as a whole with --no-stream"
         )
     log = ParquetLog(path)
     return ParquetRows(

@@ -4,7 +4,13 @@
 transformations take the rows in, never normal equations, so ill-conditioned data keep their digits.
 """
 
-from runtime.statistics.compression import BLOCK, CompressedObjective, compress, reference_triangle
+from runtime.statistics.compression import (
+    BLOCK,
+    CompressedObjective,
+    compress,
+    compress_all,
+    reference_triangle,
+)
 from runtime.statistics.factor import Statistics, from_triangle, joined, load_statistics
 
 __all__ = [
@@ -12,6 +18,7 @@ __all__ = [
     "CompressedObjective",
     "Statistics",
     "compress",
+    "compress_all",
     "from_triangle",
     "joined",
     "load_statistics",

@@ -1,6 +1,6 @@
 """Samples → statistics, in one pass; Y_b is never stored."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -12,6 +12,8 @@ from runtime.objective import Samples, TorqueObjective
 from runtime.statistics.factor import Statistics, from_triangle, joined
 from runtime.threads import cores
 
+TOGETHER = 16
+"""Factors of pieces that wait until they are joined."""
 BLOCK = 8192
 """Samples per factor of its own: fixed, so that threads change nothing, and some milliseconds of
 work, next to which neither joining two factors nor handing one to a thread counts."""
@@ -70,6 +72,22 @@ def compress(
             "compressing them"
         )
     return from_triangle(triangle, count, lib.base_matrix, lib.manifest.model_hash)
+
+
+def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Statistics:
+    """Statistics of all pieces together, few of whose factors are held at a time.
+
+    Raises:
+        IdentificationError: as `compress`, or there is no piece.
+    """
+    held: list[Statistics] = []
+    for piece in pieces:
+        held.append(compress(lib, piece, weights))
+        if len(held) == TOGETHER:
+            held = [held[0].merged(*held[1:])]
+    if not held:
+        raise IdentificationError("there are no samples to compress; use another --split")
+    return held[0].merged(*held[1:]) if len(held) > 1 else held[0]
 
 
 def reference_triangle(

@@ -1,6 +1,21 @@
 """Identification of logs that do not fit into memory: blocks of rows, prepared and compressed."""
 
 from runtime.streaming.blocks import Blocks, blocks_of, head_of
-from runtime.streaming.identify import identify_streamed
+from runtime.streaming.identify import (
+    STREAMED,
+    Passes,
+    assemble_streamed,
+    identify_streamed,
+    require_streamable,
+)
 
-__all__ = ["Blocks", "blocks_of", "head_of", "identify_streamed"]
+__all__ = [
+    "STREAMED",
+    "Blocks",
+    "Passes",
+    "assemble_streamed",
+    "blocks_of",
+    "head_of",
+    "identify_streamed",
+    "require_streamable",
+]

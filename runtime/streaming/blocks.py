@@ -2,11 +2,12 @@
 
 A Butterworth filter of order p forgets like exp(−t/T), T = 1 / (2π f_c sin(π/2p)); thirty T on both
 sides leave 1e-13 of what lies beyond the block. Blocks begin at instants that decimation keeps, so
-that block by block the rows are those of the whole log.
+that block by block the rows are those of the whole log. Each is prepared once; its rows then wait
+in a temporary file.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.preprocessing import prepare
 from runtime.recording import Friction, Preparation, Recording, StreamedRecording
-from runtime.recording.recording import FloatArray
+from runtime.recording.recording import SIGNALS, FloatArray
+from runtime.recording.spool import Spool
 
 BLOCK = 65536
 """Rows of a block: a minute at 1 kHz, some ten megabytes."""
@@ -37,6 +39,8 @@ class Blocks:
         edges: first row of each block, and the number of rows.
         instants: t [s] of these rows; −∞ and ∞ at the ends.
         half_step: s; edges are drawn between two rows.
+        spool: prepared rows.
+        kept: index of a block → where they are; None where all rest.
     """
 
     log: StreamedRecording
@@ -47,19 +51,27 @@ class Blocks:
     edges: tuple[int, ...]
     instants: FloatArray
     half_step: float
+    spool: Spool
+    kept: dict[int, "_Kept | None"] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.edges) - 1
 
-    def prepared(self, index: int, most: int | None = None) -> Recording | None:
-        """The prepared rows of one block, or the first `most` of them; None where all rest.
+    def prepared(self, index: int) -> Recording | None:
+        """The prepared rows of one block; None where all rest.
 
         Raises:
             RecordingError: a step cannot be taken.
         """
+        if index not in self.kept:
+            rows = self._prepare(index)
+            self.kept[index] = None if rows is None else _put_away(rows, self.spool)
+            return rows
+        kept = self.kept[index]
+        return None if kept is None else kept.read(self.spool)
+
+    def _prepare(self, index: int) -> Recording | None:
         start, stop = self.edges[index], self.edges[index + 1]
-        if most is not None:
-            stop = min(stop, start + most * self._ratio())
         first = max(start - self.overlap, 0)
         window = self.log.block(first, min(stop + self.overlap, self.log.rows))
         whole = prepare(
@@ -70,7 +82,7 @@ class Blocks:
         rest = self.preparation.rest_speed
         if rest is not None and whole.dq is not None:
             kept &= np.any(np.abs(whole.dq) >= rest, axis=1)
-        rows = np.flatnonzero(kept)[:most]
+        rows = np.flatnonzero(kept)
         return whole.take(rows, f"Took {len(rows)} rows of a block.") if rows.size else None
 
     def within(self, first: float, last: float) -> range:
@@ -93,10 +105,10 @@ class Blocks:
             ends.append(part)
         return float(ends[0].t[0]), float(ends[1].t[-1])
 
-    def parts(self, first: float, last: float, most: int | None = None) -> Iterator[Recording]:
+    def parts(self, first: float, last: float) -> Iterator[Recording]:
         """The prepared blocks between two instants, first ≤ t < last, one at a time."""
         for index in self.within(first, last):
-            block = self.prepared(index, most)
+            block = self.prepared(index)
             if block is None:
                 continue
             inside = (block.t >= first) & (block.t < last)
@@ -109,6 +121,38 @@ class Blocks:
         """Rows of the log per prepared row."""
         rate = self.preparation.rate_hz
         return 1 if rate is None else max(1, round(0.5 / self.half_step / rate))
+
+
+_ARRAYS = ("t", *SIGNALS, "columns")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """A recording without its rows: the first of them, and where all wait."""
+
+    first: Recording
+    start: int
+    count: int
+
+    def read(self, spool: Spool) -> Recording:
+        arrays, at = {}, self.start
+        for key in _ARRAYS:
+            like = getattr(self.first, key)
+            if like is not None:
+                arrays[key] = spool.read(at, self.count * like.size)
+                arrays[key] = arrays[key].reshape(self.count, *like.shape[1:])
+                at += arrays[key].size
+        return self.first.replace(**arrays)
+
+
+def _put_away(rows: Recording, spool: Spool) -> _Kept:
+    start = spool.size
+    for key in _ARRAYS:
+        values = getattr(rows, key)
+        if values is not None:
+            spool.append(values)
+    first = rows.take([0], "").replace(history=rows.history)
+    return _Kept(first, start, len(rows))
 
 
 def head_of(log: StreamedRecording) -> Recording:
@@ -125,7 +169,7 @@ def blocks_of(
         RecordingError: the log has no clock.
     """
     rate = head_of(log).rate_hz
-    blocks = Blocks(log, lib, preparation, terms, 0, (), np.zeros(0), 0.5 / rate)
+    blocks = Blocks(log, lib, preparation, terms, 0, (), np.zeros(0), 0.5 / rate, Spool(log.name))
     ratio = blocks._ratio()
     overlap = _rounded(int(np.ceil(_forgotten(preparation) * rate)) + 8, ratio)
     size = _rounded(max(BLOCK, 4 * overlap), ratio)

@@ -1,24 +1,28 @@
 """Identification of a log that stays in its file; what is held does not grow with its length.
 
-    pass 1  windows of every part: weights, residual correlations, pictures
+    pass 1  windows of every part: first weights, residual correlations, pictures
     pass 2  all rows of the training part → one triangular factor (`runtime.statistics`)
     pass 3  all rows of the test part → ‖τ − τ̂‖ of the answer
 
 Blocks are prepared as the whole log would be (`blocks`), so that the factor is that of the whole.
+Methods that need no more of the samples than factors and sums go the same way.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.assembly import Assembly, require_enough
+from runtime.assembly import PARTS, Assembly, require_enough
+from runtime.descent import Preset
 from runtime.errors import IdentificationError
+from runtime.fitting import PRESETS
 from runtime.friction import geared
 from runtime.identification import Identification, Streamed, identify_assembled
 from runtime.library import Array, Library
+from runtime.methods import chosen_method, require_method
 from runtime.metrics import TorqueError, torque_error_of
-from runtime.objective import samples_of, thesis_weights
+from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.plausibility import require_plausible
 from runtime.prior_file import PriorFile
 from runtime.problem import Problem
@@ -31,30 +35,91 @@ from runtime.recording import (
     check_consistency,
 )
 from runtime.residuals import residuals
-from runtime.statistics import Statistics, compress
 from runtime.streaming.blocks import Blocks, blocks_of, head_of
 from runtime.threads import one_blas_thread
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part and prepared rows in each: ten of them give noise and correlations to 1 %."""
-TOGETHER = 16
-"""Factors that wait until they are joined."""
+STREAMED = ("map", "adam", "lm", "log-cholesky", "pc-ols", "ols", "wls")
+"""What needs no samples one by one; of Adam's presets those without mini-batches."""
+
+
+def require_streamable(method: str, preset: str | Preset | None = None) -> None:
+    """Refuse a method that needs the samples themselves.
+
+    Raises:
+        IdentificationError: it does, or there is no such method.
+    """
+    require_method(method)
+    chosen = PRESETS.get(preset) if isinstance(preset, str) else preset
+    if method not in STREAMED or (chosen is not None and chosen.batch is not None):
+        what = f"the method {method}" if method not in STREAMED else "a preset with mini-batches"
+        raise IdentificationError(
+            f"{what} needs the samples one by one, which a streamed log does not hold; choose one "
+            f"of {', '.join(STREAMED)} (adam with the preset full), or use --no-stream"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Passes:
+    """A streamed log, assembled: what methods are given, and where all its rows are.
+
+    Attributes:
+        assembly: its parts are windows.
+        blocks: of the log.
+        spans: part → its first instant and that of the next part.
+        tell: is told what is being done.
+    """
+
+    assembly: Assembly
+    blocks: Blocks
+    spans: dict[str, tuple[float, float]]
+    tell: Callable[[str], None]
+
+    def counts(self) -> dict[str, int]:
+        """Part → its rows, as prepared."""
+        return {name: sum(map(len, self.assembly.recordings(name))) for name in PARTS}
+
+    def errors(self, result: Identification) -> tuple[TorqueError, TorqueError]:
+        """Errors of the first guess and of the answer over the test part."""
+        lib = self.blocks.lib
+        self.tell("predicting the test part")
+        scale, before, after = np.zeros((3, lib.n_joints))
+        count = 0
+        for part in self.assembly.recordings("test"):
+            samples = samples_of(part, lib)
+            count += len(samples)
+            scale += np.sum(samples.tau**2, axis=0)
+            before += np.sum(residuals(lib, samples, lib.pi0, np.zeros(0)) ** 2, axis=0)
+            after += np.sum(residuals(lib, samples, result.pi, result.phi) ** 2, axis=0)
+        size = np.sqrt(scale)
+        return (
+            torque_error_of(np.sqrt(before), size, count),
+            torque_error_of(np.sqrt(after), size, count),
+        )
+
+    def note(self, counts: dict[str, int]) -> str:
+        """What is of all rows, and what of windows."""
+        return (
+            f"streamed {self.blocks.log.rows} rows in {len(self.blocks)} blocks: the fit "
+            f"has seen all {counts['train']} training samples, the torque error all "
+            f"{counts['test']} test samples; first weights and residual correlations come from up "
+            f"to {WINDOWS} windows of {LENGTH} samples"
+        )
 
 
 @one_blas_thread
-def identify_streamed(
+def assemble_streamed(
     log: StreamedRecording,
     lib: Library,
     *,
     preparation: Preparation | None = None,
     splitting: Split | None = None,
     friction_columns: Friction | None = None,
-    prior: PriorFile | None = None,
+    seed: int = 0,
     progress: Callable[[str], None] | None = None,
-) -> Identification:
-    """The most probable consistent model ("map") of a log in its file; arguments as `identify`.
-
-    `train`, `validation` and `test` of the result are windows; `streamed` counts all rows.
+) -> Passes:
+    """A log in its file as a problem; arguments as for `assemble`.
 
     Raises:
         RuntimeFault: the data or options do not make an identification problem.
@@ -69,33 +134,65 @@ def identify_streamed(
     spans = _spans(blocks, splitting or (recipe.split if recipe else None) or Split())
     parts = {name: _windows(blocks, name, *span) for name, span in spans.items()}
     train, held = samples_of(parts["train"], lib), samples_of(parts["validation"], lib)
-    passes = _Passes(blocks, spans, tell)
+
+    def recordings(name: str) -> Iterator[Recording]:
+        tell(f"passing over the {name} part")
+        return blocks.parts(*spans[name])
+
+    def samples(name: str) -> Iterator[Samples]:
+        return (samples_of(part, lib) for part in recordings(name))
+
     problem = Problem(
         lib=lib,
         train=train,
         validation=held,
         weights=thesis_weights(train.tau),
         start=lib.lam0,
-        compressor=passes.compressed,
+        seed=seed,
+        pieces=samples,
+        terms=terms,
     )
     require_enough(train, lib)
-    recordings = (parts["train"], parts["validation"], parts["test"])
-    assembly = Assembly(problem, recordings, terms, one_run=True)
-    result = identify_assembled(assembly, "map", prior=prior)
-    before, after, tested = passes.errors(result)
-    samples = {
-        "train": passes.trained,
-        "validation": len(parts["validation"]),
-        "test": tested,
-    }
-    note = (
-        f"streamed {log.rows} rows in {len(blocks)} blocks: the fit "
-        f"has seen all {passes.trained} training samples, the torque error all {tested} test "
-        f"samples; weights and residual correlations come from up to {WINDOWS} windows of "
-        f"{LENGTH} samples"
+    windows = (parts["train"], parts["validation"], parts["test"])
+    assembly = Assembly(problem, windows, terms, one_run=True, pieces=recordings)
+    return Passes(assembly, blocks, spans, tell)
+
+
+@one_blas_thread
+def identify_streamed(
+    log: StreamedRecording,
+    lib: Library,
+    method: str | None = None,
+    *,
+    preset: str | Preset | None = None,
+    preparation: Preparation | None = None,
+    splitting: Split | None = None,
+    friction_columns: Friction | None = None,
+    prior: PriorFile | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Identification:
+    """Find π of a log in its file, by one of `STREAMED`; arguments as for `identify`.
+
+    `train`, `validation` and `test` of the result are windows; `streamed` counts all rows.
+
+    Raises:
+        RuntimeFault: the data or options do not make an identification problem.
+    """
+    method = chosen_method(method, preset, prior)
+    require_streamable(method, preset)
+    passes = assemble_streamed(
+        log,
+        lib,
+        preparation=preparation,
+        splitting=splitting,
+        friction_columns=friction_columns,
+        progress=progress,
     )
-    whole = Streamed(samples, spans, before, after)
-    return replace(result, streamed=whole, notes=(*result.notes, note))
+    result = identify_assembled(passes.assembly, method, preset=preset, prior=prior)
+    before, after = passes.errors(result)
+    counts = passes.counts()
+    whole = Streamed(counts, passes.spans, before, after)
+    return replace(result, streamed=whole, notes=(*result.notes, passes.note(counts)))
 
 
 def _head(log: StreamedRecording, lib: Library) -> Recording:
@@ -114,8 +211,7 @@ def _spans(blocks: Blocks, parts: Split) -> dict[str, tuple[float, float]]:
         return first + share * (last - first) + end
 
     return {
-        name: (instant(getattr(parts, name)[0]), instant(getattr(parts, name)[1]))
-        for name in ("train", "validation", "test")
+        name: (instant(getattr(parts, name)[0]), instant(getattr(parts, name)[1])) for name in PARTS
     }
 
 
@@ -144,53 +240,3 @@ def _windows(blocks: Blocks, name: str, first: float, last: float) -> Recording:
 
     signals = {key: joined(key) for key in ("t", "q", "dq", "ddq", "tau", "columns")}
     return head.replace(**signals, name=f"{head.name}/{name}").noted(sentence)
-
-
-@dataclass(slots=True)
-class _Passes:
-    """The passes over all rows of a part."""
-
-    blocks: Blocks
-    spans: dict[str, tuple[float, float]]
-    tell: Callable[[str], None]
-    trained: int = 0
-
-    def compressed(self, weights: Array) -> Statistics:
-        """The factor of the training part."""
-        lib = self.blocks.lib
-        self.tell("compressing the training part")
-        whole = _joined(
-            compress(lib, samples_of(part, lib), weights)
-            for part in self.blocks.parts(*self.spans["train"])
-        )
-        self.trained = round(whole.n_samples)
-        return whole
-
-    def errors(self, result: Identification) -> tuple[TorqueError, TorqueError, int]:
-        """Errors of the first guess and of the answer over the test part, and its samples."""
-        lib = self.blocks.lib
-        self.tell("predicting the test part")
-        scale, before, after = np.zeros((3, lib.n_joints))
-        count = 0
-        for part in self.blocks.parts(*self.spans["test"]):
-            samples = samples_of(part, lib)
-            count += len(samples)
-            scale += np.sum(samples.tau**2, axis=0)
-            before += np.sum(residuals(lib, samples, lib.pi0, np.zeros(0)) ** 2, axis=0)
-            after += np.sum(residuals(lib, samples, result.pi, result.phi) ** 2, axis=0)
-        size = np.sqrt(scale)
-        return (
-            torque_error_of(np.sqrt(before), size, count),
-            torque_error_of(np.sqrt(after), size, count),
-            count,
-        )
-
-
-def _joined(factors: Iterable[Statistics]) -> Statistics:
-    """All factors together, of which few are held at a time."""
-    held: list[Statistics] = []
-    for factor in factors:
-        held.append(factor)
-        if len(held) == TOGETHER:
-            held = [held[0].merged(*held[1:])]
-    return held[0].merged(*held[1:])

@@ -67,7 +67,7 @@ def mcap_json(path: Path, told: list[State], compression=CompressionType.LZ4) ->
         writer = McapWriter(file, chunk_size=8192, compression=compression)
         writer.start()
         schema = writer.register_schema(TYPE, "jsonschema", b"{}")
-        topics = {topic: writer.register_channel(topic, "json", schema) for topic, *_ in told}
+        topics = {x: writer.register_channel(x, "json", schema) for x in {x for x, *_ in told}}
         for topic, t, *state in told:
             logged = START + round(t * 1e9)
             writer.add_message(topics[topic], logged, json_state(t, *state), logged)
@@ -80,7 +80,7 @@ def mcap_cdr(path: Path, told: list[State]) -> Path:
         writer = McapWriter(file, chunk_size=8192, compression=CompressionType.NONE)
         writer.start()
         schema = writer.register_schema(TYPE, "ros2msg", b"")
-        topics = {topic: writer.register_channel(topic, "cdr", schema) for topic, *_ in told}
+        topics = {x: writer.register_channel(x, "cdr", schema) for x in {x for x, *_ in told}}
         for topic, t, *state in told:
             data = bytes(ROS2.serialize_cdr(ros_state(ROS2, t, *state), TYPE))
             writer.add_message(topics[topic], START, data, START)

@@ -18,7 +18,7 @@ from runtime.preprocessing import prepare, split
 from runtime.recording import Friction, Preparation, Split, open_streamed, spool, write_recording
 from runtime.recording.recipe_file import recipe_from_table
 from runtime.results import torque_errors
-from runtime.statistics import Statistics
+from runtime.statistics import Statistics, compress, compress_all
 from runtime.streaming import blocks, blocks_of, identify_streamed
 from runtime.streaming import identify as passes
 from tests.runtime.conftest import Command
@@ -40,13 +40,14 @@ def log(lib: Library) -> Recording:
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blocks, "BLOCK", 2048)
     monkeypatch.setattr(spool, "PIECE", 2**20)
+    monkeypatch.setattr(spool.Spool, "SMALL", 2**16)
 
 
 def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics:
     told = blocks_of(open_streamed(path), lib, PREPARATION, FRICTION)
     assert len(told) > 5
-    run = passes._Passes(told, passes._spans(told, Split()), lambda _: None)
-    return run.compressed(weights)
+    train = told.parts(*passes._spans(told, Split())["train"])
+    return compress_all(lib, (samples_of(part, lib) for part in train), weights)
 
 
 @pytest.mark.parametrize("suffix", ["npz", "parquet", "csv"])
@@ -58,7 +59,7 @@ def test_the_factor_is_that_of_the_whole_log(lib, log, tmp_path, suffix):
     """
     weights = np.linspace(1.0, 2.0, lib.n_joints)
     train = split(prepare(log, PREPARATION, FRICTION, lib=lib), Split())[0]
-    whole = passes.compress(lib, samples_of(train, lib), weights)
+    whole = compress(lib, samples_of(train, lib), weights)
     write_recording(log, tmp_path / f"x.{suffix}")
     found = streamed_factor(tmp_path / f"x.{suffix}", lib, weights)
     a, b = (s.triangle().T @ s.triangle() for s in (whole, found))
@@ -145,7 +146,8 @@ def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
     assert "streaming 20000 rows of x" in ran.out
     assert (tmp_path / "out" / "report.html").is_file()
     for extra, message in {
-        ("--method", "ols"): "by the method map alone",
+        ("--method", "nn"): "the method nn needs the samples one by one",
+        ("--preset", "real"): "a preset with mini-batches needs the samples one by one",
         ("--friction", "auto"): "a friction model is chosen on a log that is read as a whole",
     }.items():
         ran = command("identify", "x.parquet", *words, *extra)
@@ -153,7 +155,7 @@ def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
         assert message in ran.err
     ran = command("identify", "x.mcap", *words)
     assert ran.code == 2
-    assert "streamed from uncompressed NPZ, Parquet or CSV, got 'x.mcap'" in ran.err
+    assert "x.mcap is expected to hold messages of sensor_msgs/msg/JointState" in ran.err
 
 
 def test_arrays_that_cannot_be_read_in_place(tmp_path):

@@ -1,0 +1,151 @@
+"""Filtering forwards and backwards by matrix products, of which only some rows are asked for.
+
+A cascade of second-order sections takes L samples u at once from its state x, and then, against
+time, what came out of that from its state z (J reverses L rows):
+
+    x⁺ = Φ x + Γ u,   f = O x + T u;      z⁻ = Φ z + ΓJ f,   y = J (O z + TJ f)
+
+With f put in, y costs 4p + L products per row, and none for a row that nobody asks for. Φ, Γ, O, T
+are what `scipy.signal.sosfilt` makes of unit states and unit samples; near both ends it filters
+itself, so that the answer is that of `scipy.signal.sosfiltfilt` to rounding.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import signal as scipy_signal
+
+from runtime.recording.recording import FloatArray
+
+LENGTH = 64
+"""Rows of a block of which some are asked for; a shorter one (`DENSE`) where it is all of them."""
+DENSE = 32
+TOGETHER = 64
+"""Blocks whose products stay in the cache."""
+_FEW = 8
+
+
+def zero_phase(
+    sections: FloatArray,
+    signals: Sequence[FloatArray],
+    padding: int,
+    rows: NDArray[np.int64],
+    period: int = 1,
+) -> list[FloatArray]:
+    """Some rows of `sosfiltfilt(sections, signal, axis=0, padlen=padding)` of every signal.
+
+    Args:
+        sections: of a low-pass, (s, 6).
+        signals: (N, m) each, of any widths m.
+        padding: rows of odd extension at either end, fewer than N.
+        rows: ascending; (M,).
+        period: distance after which their pattern repeats itself; only the time depends on it.
+
+    Returns:
+        (M, m) each.
+    """
+    length = DENSE if period == 1 else period * -(-LENGTH // period)
+    count = len(signals[0]) // length
+    if count < _FEW:
+        return [
+            scipy_signal.sosfiltfilt(sections, x, axis=0, padlen=padding)[rows] for x in signals
+        ]
+    cut = count * length
+    cascade = _Cascade(sections)
+    phi, gamma, free, forced = cascade.block(length)
+    order, gamma_back = len(phi), gamma[:, ::-1]
+    blocks = [x[:cut].reshape(count, length, -1) for x in signals]
+    into = np.vstack([gamma, gamma_back @ forced])
+    driven = np.concatenate([into @ u for u in blocks], axis=2)
+    x = _states(phi, driven[:, :order], cascade.entering(signals, padding))
+    z, tail = cascade.returning(signals, padding, cut, x[-1])
+    back = driven[:, order:] + (gamma_back @ free) @ x[:-1]
+    xz = np.concatenate([x[:-1], _states(phi, back[::-1], z)[-2::-1]], axis=1)
+
+    inner = rows[: np.searchsorted(rows, cut)]
+    block, place = np.divmod(inner, length)
+    asked = np.flatnonzero(np.bincount(place, minlength=length))
+    first = count * len(asked)
+    index = np.concatenate(
+        [block * len(asked) + np.searchsorted(asked, place), rows[len(inner) :] - cut + first]
+    )
+    taps = (forced @ forced[::-1])[::-1][asked]
+    out = np.hstack([(forced @ free[::-1])[::-1], free[::-1]])[asked]
+    found, column = [], 0
+    for u in blocks:
+        own = slice(column, column := column + u.shape[2])
+        y = np.empty((first + len(tail), u.shape[2]))
+        inside = y[:first].reshape(count, -1, u.shape[2])
+        for part in (slice(k, k + TOGETHER) for k in range(0, count, TOGETHER)):
+            np.matmul(taps, u[part], out=inside[part])
+            inside[part] += out @ xz[part, :, own]
+        y[first:] = tail[:, own]
+        found.append(y if len(index) == len(y) else y.take(index, axis=0))
+    return found
+
+
+def _states(phi: FloatArray, drive: FloatArray, first: FloatArray) -> FloatArray:
+    """x₀ … x_N of x⁺ = Φ x + v, (N + 1, p, m): every other one from the same of Φ² and Φ v + v⁺."""
+    count = len(drive)
+    states = np.empty((count + 1, *first.shape))
+    states[0] = first
+    if count < _FEW:
+        for j, v in enumerate(drive):
+            states[j + 1] = phi @ states[j] + v
+        return states
+    even = count - count % 2
+    v = drive[0:even:2]
+    states[0 : even + 1 : 2] = _states(phi @ phi, phi @ v + drive[1:even:2], first)
+    states[1:even:2] = phi @ states[0:even:2] + v
+    if even < count:
+        states[-1] = phi @ states[-2] + drive[-1]
+    return states
+
+
+class _Cascade:
+    """Sections with their state as (z₁, (z₁ + z₂)/w), w = |1 − pole|.
+
+    z₁ and z₂ of a slow low-pass all but cancel; their sum over w is as large as they are, and keeps
+    the digits that they would lose (Middleton & Goodwin 1986, delta operator).
+    """
+
+    def __init__(self, sections: FloatArray) -> None:
+        self.sections = sections
+        self.slowness = np.sqrt(1.0 + sections[:, 4] + sections[:, 5])[:, None]
+        self.still = scipy_signal.sosfilt_zi(sections)[:, :, None]
+
+    def block(self, length: int) -> tuple[FloatArray, ...]:
+        """Φ (p, p), Γ (p, L), O (L, p) and T (L, L) of L samples."""
+        order = 2 * len(self.sections)
+        free, phi = self._run(np.zeros((length, order)), self._plain(np.eye(order)))
+        silent = np.zeros((len(self.sections), 2, length))
+        forced, gamma = self._run(np.eye(length), silent)
+        return phi, gamma, free, forced
+
+    def entering(self, signals: Sequence[FloatArray], padding: int) -> FloatArray:
+        """The state forwards behind the odd extension of the beginning, (p, m)."""
+        head = np.hstack([2 * x[0] - x[padding:0:-1] for x in signals])
+        return self._run(head, self.still * head[0])[1]
+
+    def returning(
+        self, signals: Sequence[FloatArray], padding: int, cut: int, state: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The state backwards at row `cut`, where it is `state` forwards, and the rows behind."""
+        tail = np.hstack(
+            [np.vstack([x[cut:], 2 * x[-1] - x[-2 : -padding - 2 : -1]]) for x in signals]
+        )
+        forwards, _ = self._run(tail, self._plain(state))
+        backwards, state = self._run(forwards[::-1], self.still * forwards[-1])
+        return state, backwards[: padding - 1 : -1]
+
+    def _run(self, values: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What comes out of values (N, m), and the state after them."""
+        out, end = scipy_signal.sosfilt(self.sections, values, axis=0, zi=start)
+        state = np.stack([end[:, 0], (end[:, 0] + end[:, 1]) / self.slowness], axis=1)
+        return out, state.reshape(-1, values.shape[1])
+
+    def _plain(self, state: FloatArray) -> FloatArray:
+        """z₁, z₂ of every section, as scipy has them, (s, 2, m)."""
+        pairs = state.reshape(len(self.sections), 2, -1)
+        return np.stack([pairs[:, 0], self.slowness * pairs[:, 1] - pairs[:, 0]], axis=1)

@@ -74,6 +74,21 @@ static inline int vi_any(vi m)
     return m[0] != 0;
 }
 
+/* The sum over the lanes, pair by pair. */
+static inline double vd_sum(vd x)
+{
+    double sum[W];
+    for (int l = 0; l < W; ++l) {
+        sum[l] = x[l];
+    }
+    for (int l = W / 2; l > 0; l /= 2) {
+        for (int i = 0; i < l; ++i) {
+            sum[i] += sum[i + l];
+        }
+    }
+    return sum[0];
+}
+
 /* W rows of W numbers become W columns: butterflies of distance 1, 2, 4. */
 static inline __attribute__((always_inline)) void transpose(vd r[W])
 {
@@ -174,8 +189,10 @@ static inline void turn(double *tile, const double *const *one, int size, int ro
                     block[l] = *(const vu *)(one[h + l] + k);
                 }
                 transpose(block);
-                for (int i = 0; i < W && k + i < size; ++i) {
-                    *(vu *)(tile + (k + i) * LANES + h) = block[i];
+                UNROLL for (int i = 0; i < W; ++i) {
+                    if (k + i < size) {
+                        *(vu *)(tile + (k + i) * LANES + h) = block[i];
+                    }
                 }
             } else {
                 for (int i = k; i < size; ++i) {
@@ -194,7 +211,7 @@ static APART void load(double *tile, const double *from, long step, int size, lo
 {
     const double *one[LANES];
     const long last = (have < LANES ? have : LANES) - 1;
-    for (int l = 0; l < LANES; ++l) {
+    UNROLL for (int l = 0; l < LANES; ++l) {
         one[l] = from + (l < last ? l : last) * step;
     }
     turn(tile, one, size, left - last * step >= (size + W - 1) / W * W);

@@ -1,5 +1,6 @@
 """Programs on top of the kernels: which of them a robot's kernels allow, and their tables."""
 
+import re
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Any
@@ -88,21 +89,29 @@ def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         )
         rows += p.rows
         columns += p.columns
-    runs = [_run([c for c in range(base) if row[c]]) for row in pattern]
     per_joint = [[c for c in range(base + 1) if row[c]] for row in pattern]
+    body = tiles["base_regressor"].body
     return {
         "joints": joints,
         "base": base,
+        "row_equation": kernels["base_regressor"].equation,
+        "rows_body": [_placed(line, output.name, base) for line in body],
         "panels": placed,
         "row_table": rows,
         "column_table": columns,
-        "runs": runs,
-        "cleared": [
-            (i, c) for i, c in fill_in(pattern, panels) if not runs[i][0] <= c < runs[i][1]
-        ],
+        "cleared": fill_in(pattern, panels),
         "joint_table": [c for row in per_joint for c in row],
         "joint_at": [sum(map(len, per_joint[:i])) for i in range(joints + 1)],
     }
+
+
+def _placed(line: str, output: str, columns: int) -> str:
+    """A statement of a tile, its output by joint and column: `PUT(joint, column, value)`."""
+    match = re.fullmatch(rf"{output}\[(\d+) \* VS\] = (.*);", line)
+    if match is None:
+        return line
+    joint, column = divmod(int(match[1]), columns)
+    return f"PUT({joint}, {column}, {match[2]});"
 
 
 def _run(columns: list[int]) -> tuple[int, int]:

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 5be3d3b6ecb8b68b02db80da12bcc11cd807846fea79669b148aeedf255fdcea.
+ * Model d2d63f26e3b5b1cf96610c9f98becac3d30e281c5327280f7fd8e21844694c0d.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "5be3d3b6ecb8b68b02db80da12bcc11cd807846fea79669b148aeedf255fdcea";
+    return "d2d63f26e3b5b1cf96610c9f98becac3d30e281c5327280f7fd8e21844694c0d";
 }
 
 const char *fr3_level(void)

@@ -26,8 +26,6 @@ enum {
     TOGETHER = REGISTERS < 32 ? 3 : 4 /* columns that are changed together by four reflections */
 };
 
-#define INLINE static inline __attribute__((always_inline))
-
 /* A number that is used several times is loaded once: compilers take it from memory for each use,
  * and the ports to memory are as busy as those that multiply. */
 #if W > 1 && defined(__x86_64__)

@@ -6,9 +6,11 @@ from itertools import combinations_with_replacement
 from typing import Any
 
 from symgen.emit.elimination import eliminate, fill_in
-from symgen.emit.ssa import TileProgram
-from symgen.kernel import Kernel
+from symgen.emit.ssa import TileProgram, c_body
+from symgen.kernel import Argument, Kernel
 
+LANES = 8
+"""Samples, or links, of a tile: LANES of lanes.h."""
 _SIDE = 4
 
 Kernels = dict[str, Kernel]
@@ -53,6 +55,8 @@ def programs(
 _STATISTICS = {"base_regressor"}
 _DESCENT = {
     "loss_gradient",
+    "pi_from_lam",
+    "pi_adjoint",
     "pi_jacobian",
     "cholesky_jacobian",
     "base_parameters",
@@ -129,10 +133,27 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         "links": pi.size // lam.size,
         "base": beta.size,
         "uniform": max(tiles["loss_gradient"].uniform, 1),
-        "block_rows": [
-            [k // lam.size for k in tiles["pi_jacobian"].filled["jacobian"] if k % lam.size == j]
-            for j in range(lam.size)
-        ],
+        "to_base": _on_tiles(kernels["base_parameters"], pi, lam.size),
+        "from_base": _on_tiles(
+            kernels["base_adjoint"], kernels["base_adjoint"].outputs[0], lam.size
+        ),
+    }
+
+
+def _on_tiles(kernel: Kernel, bodies: Argument, size: int) -> dict[str, Any]:
+    """A map with one argument over all links, `size` numbers each, as tiles whose lanes are links."""
+
+    def place(match: re.Match[str]) -> str:
+        link, entry = divmod(int(match[1]), size)
+        return f"{bodies.name}[{(link // LANES * size + entry) * LANES + link % LANES}]"
+
+    (given,), (wanted,) = kernel.inputs, kernel.outputs
+    pattern = re.compile(rf"\b{bodies.name}\[(\d+)\]")
+    return {
+        "equation": kernel.equation,
+        "input": given.name,
+        "output": wanted.name,
+        "body": [pattern.sub(place, line) for line in c_body(kernel)],
     }
 
 

@@ -141,7 +141,7 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
 
 
 def _on_tiles(kernel: Kernel, bodies: Argument, size: int) -> dict[str, Any]:
-    """A map with one argument over all links, `size` numbers each, as tiles whose lanes are links."""
+    """A map from or to all links, `size` numbers each, these as tiles whose lanes are links."""
 
     def place(match: re.Match[str]) -> str:
         link, entry = divmod(int(match[1]), size)

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model d2d63f26e3b5b1cf96610c9f98becac3d30e281c5327280f7fd8e21844694c0d.
+ * Model da776cb5d135996ffb6563faea0895c55db36057d3174093ac2b6ca27895e27a.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "d2d63f26e3b5b1cf96610c9f98becac3d30e281c5327280f7fd8e21844694c0d";
+    return "da776cb5d135996ffb6563faea0895c55db36057d3174093ac2b6ca27895e27a";
 }
 
 const char *fr3_level(void)

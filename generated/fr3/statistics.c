@@ -21,8 +21,8 @@ enum {
     BASE = 43,
     DEPTH = 16, /* tiles that are eliminated together: R is read and written once for all of them */
     HEIGHT = (N * DEPTH) | 1, /* vectors from column to column, off the powers of two */
-    AHEAD = 4 * LANES, /* samples */
-    CACHED = 64 * 8, /* rows times lanes for which a panel and TOGETHER columns fit into the first cache */
+    AHEAD = 4 * LANES, /* samples that are on their way from memory */
+    CACHED = 64 * 8, /* rows times lanes up to which a panel and the columns it changes stay in the first cache */
     TOGETHER = REGISTERS < 32 ? 3 : 4 /* columns that are changed together by four reflections */
 };
 
@@ -73,7 +73,7 @@ typedef struct {
     vd *r[4]; /* row of R, by column */
     vd top[4], inverse[4], cross[4][4];
     vd dot[4]; /* u_i'a of the column a that comes next */
-    const short *joints; /* `depth` of whose rows take part */
+    const short *joints; /* `depth` rows of each take part */
     int joint_count, depth, width;
 } team;
 
@@ -348,7 +348,8 @@ static void sweep(vd *b, vd *r, long shift, int from, int to, int depth)
     }
 }
 
-/* DEPTH samples per lane, b[column][joint][tile] with rows [F Y_b tau], into the triangle r. */
+/* DEPTH samples per lane, b[column][joint][tile] with rows [F Y_b tau], into the triangle r. Panels
+ * of many rows take the block in pieces. */
 static APART void eliminate(vd *b, vd *r, long k)
 {
     const long shift = N * k, size = shift + BASE + 1;
@@ -371,7 +372,7 @@ static APART void eliminate(vd *b, vd *r, long k)
     b += k * HEIGHT;
     for (int from = 0, to, depth = DEPTH; from < PANELS; from = to, depth /= 2) {
         to = fitting(from, depth);
-        for (int first = 0; first < DEPTH; first += depth) {
+        for (int first = 0; first < DEPTH && from < to; first += depth) {
             sweep(b + first, r, shift, from, to, depth);
         }
     }
@@ -434,6 +435,7 @@ INLINE void join_reflect(joiner *f, double *x, long c, const int which)
     f->inverse[which] = s <= TINY ? 0.0 : 1.0 / s;
     f->row[which * f->step + c] = f->length[which];
 }
+
 /* A team takes `vectors` vectors of columns from j on, in which the rows of R are still empty. */
 INLINE void join_apply(const joiner *f, double *rows, long j, const int vectors)
 {
@@ -2054,7 +2056,9 @@ static void fill_block(const samples *s, long first, double *b, long part, doubl
             fetch(s->dq + next * N, N);
             fetch(s->ddq + next * N, N);
             fetch(s->tau + next * N, N);
-            fetch(s->columns + next * width, width);
+            if (width) {
+                fetch(s->columns + next * width, width);
+            }
         }
         load(dq, s->dq + i * N, N, N, left, left * N);
         load(ddq, s->ddq + i * N, N, N, left, left * N);

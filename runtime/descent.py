@@ -140,7 +140,7 @@ def descend_many(
     sizes = [len(d.problem.train) for d in descents]
     done, interrupted = 0, False
     try:
-        while done < rule.max_iterations and any(job.finished == 0 for job in jobs):
+        while done < rule.max_iterations and not _ended(jobs):
             count = min(watch.every if watch else CHUNK, rule.max_iterations - done)
             rows = None
             if batch is not None:
@@ -158,7 +158,9 @@ def descend_many(
                 progress(sum(job.finished != 0 for job in jobs))
     except KeyboardInterrupt:
         interrupted = True
-    return [_adam_outcome(jobs, k, rule, interrupted) for k in range(len(jobs))]
+    # Ctrl-C in the piece that ends the last descent has to be told by someone.
+    told = [interrupted and (job.finished == 0 or _ended(jobs)) for job in jobs]
+    return [_adam_outcome(jobs, k, rule, stopped) for k, stopped in enumerate(told)]
 
 
 def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
@@ -268,11 +270,13 @@ def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
     )
 
 
+def _ended(jobs: CompiledAdam) -> bool:
+    return all(job.finished for job in jobs)
+
+
 def _adam_outcome(jobs: CompiledAdam, k: int, rule: StoppingRule, interrupted: bool) -> Outcome:
     job = jobs[k]
-    status = _STATUS[job.finished]
-    if interrupted and job.finished == 0:
-        status = Status.INTERRUPTED
+    status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
     validated = np.arange(1, job.traced + 1) * rule.validate_every
     trace = Trace(
         tuple(validated.tolist()),

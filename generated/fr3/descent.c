@@ -38,6 +38,14 @@ static void collect(double *numbers, const double *tiles)
     }
 }
 
+/* pi of all links, as tiles whose lanes are links. */
+static void masses(const double *lam, double *pi)
+{
+    for (long t = 0; t < LINK_TILES * PARAMETERS * LANES; t += PARAMETERS * LANES) {
+        OWN(pi_from_lam_tile)(NULL, lam + t, pi + t);
+    }
+}
+
 /* pi and d pi / d lambda (or theta) of all links, all as tiles whose lanes are links. */
 static void bodies(const double *lam, long cholesky, double *pi, double *blocks)
 {
@@ -51,12 +59,311 @@ static void bodies(const double *lam, long cholesky, double *pi, double *blocks)
     }
 }
 
-/* y = [K pi; psi], zero up to the padded end. */
-static void coordinates(const double *pi_tiles, const double *psi, long n_psi, double *y, long equations)
+/* beta = K pi, Eq. 3.11, of tiles whose lanes are links. */
+static void to_base(const double *restrict pi, double *restrict beta)
 {
-    double pi[LAMBDA];
-    collect(pi, pi_tiles);
-    fr3_base_parameters(pi, y);
+    const double t2 = pi[48] + pi[41];
+    beta[0] = t2;
+    beta[1] = pi[9];
+    const double t9 = (-0.316) * pi[2];
+    const double t10 = pi[17] + t9;
+    const double t12 = t10 - pi[26];
+    const double t14 = (-0.316) * pi[3];
+    const double t15 = t12 + t14;
+    const double t17 = (-0.316) * pi[4];
+    const double t18 = t15 + t17;
+    const double t20 = (-0.316) * pi[5];
+    const double t21 = t18 + t20;
+    const double t23 = (-0.316) * pi[6];
+    const double t24 = t21 + t23;
+    beta[2] = t24;
+    const double t27 = pi[33] - pi[41];
+    const double t29 = 0.099856 * pi[2];
+    const double t30 = t27 + t29;
+    const double t32 = 0.63200000000000001 * pi[26];
+    const double t33 = t30 + t32;
+    const double t35 = t33 + pi[42];
+    const double t37 = 0.10666225 * pi[3];
+    const double t38 = t35 + t37;
+    const double t39 = 0.10666225 * pi[4];
+    const double t40 = t38 + t39;
+    const double t41 = 0.10666225 * pi[5];
+    const double t42 = t40 + t41;
+    const double t43 = 0.10666225 * pi[6];
+    const double t44 = t42 + t43;
+    beta[3] = t44;
+    const double t47 = pi[49] + t29;
+    const double t48 = t47 + t32;
+    const double t49 = t48 + pi[42];
+    const double t50 = t49 + t37;
+    const double t51 = t50 + t39;
+    const double t52 = t51 + t41;
+    const double t53 = t52 + t43;
+    beta[4] = t53;
+    beta[5] = pi[57];
+    beta[6] = pi[65];
+    beta[7] = pi[73];
+    const double t63 = 0.082500000000000004 * pi[3];
+    const double t64 = pi[10] + t63;
+    const double t65 = 0.082500000000000004 * pi[4];
+    const double t66 = t64 + t65;
+    const double t67 = 0.082500000000000004 * pi[5];
+    const double t68 = t66 + t67;
+    const double t69 = 0.082500000000000004 * pi[6];
+    const double t70 = t68 + t69;
+    beta[8] = t70;
+    const double t74 = pi[18] - pi[27];
+    beta[9] = t74;
+    const double t77 = pi[34] - pi[42];
+    const double t79 = (-0.0068062499999999998) * pi[3];
+    const double t80 = t77 + t79;
+    const double t82 = t80 + pi[43];
+    beta[10] = t82;
+    const double t86 = 0.0068062499999999998 * pi[3];
+    const double t87 = pi[50] + t86;
+    const double t88 = t87 + pi[43];
+    const double t90 = 0.0136125 * pi[4];
+    const double t91 = t88 + t90;
+    const double t92 = 0.0136125 * pi[5];
+    const double t93 = t91 + t92;
+    const double t94 = 0.0136125 * pi[6];
+    const double t95 = t93 + t94;
+    beta[11] = t95;
+    const double t98 = 0.082500000000000004 * pi[27];
+    const double t99 = pi[58] + t98;
+    beta[12] = t99;
+    beta[13] = pi[66];
+    beta[14] = pi[74];
+    const double t107 = (-0.082500000000000004) * pi[4];
+    const double t108 = pi[11] + t107;
+    const double t109 = (-0.082500000000000004) * pi[5];
+    const double t110 = t108 + t109;
+    const double t111 = (-0.082500000000000004) * pi[6];
+    const double t112 = t110 + t111;
+    beta[15] = t112;
+    const double t116 = 0.38400000000000001 * pi[4];
+    const double t117 = pi[19] + t116;
+    const double t119 = t117 + pi[28];
+    const double t120 = 0.38400000000000001 * pi[5];
+    const double t121 = t119 + t120;
+    const double t122 = 0.38400000000000001 * pi[6];
+    const double t123 = t121 + t122;
+    beta[16] = t123;
+    const double t126 = pi[35] - pi[43];
+    const double t128 = 0.14064974999999999 * pi[4];
+    const double t129 = t126 + t128;
+    const double t131 = 0.76800000000000002 * pi[28];
+    const double t132 = t129 + t131;
+    const double t134 = t132 + pi[44];
+    const double t135 = 0.14064974999999999 * pi[5];
+    const double t136 = t134 + t135;
+    const double t137 = 0.14064974999999999 * pi[6];
+    const double t138 = t136 + t137;
+    beta[17] = t138;
+    const double t142 = 0.15426224999999999 * pi[4];
+    const double t143 = pi[51] + t142;
+    const double t144 = t143 + t131;
+    const double t145 = t144 + pi[44];
+    const double t146 = 0.15426224999999999 * pi[5];
+    const double t147 = t145 + t146;
+    const double t148 = 0.15426224999999999 * pi[6];
+    const double t149 = t147 + t148;
+    beta[18] = t149;
+    const double t153 = 0.03168 * pi[4];
+    const double t154 = pi[59] + t153;
+    const double t155 = 0.082500000000000004 * pi[28];
+    const double t156 = t154 + t155;
+    const double t157 = 0.03168 * pi[5];
+    const double t158 = t156 + t157;
+    const double t159 = 0.03168 * pi[6];
+    const double t160 = t158 + t159;
+    beta[19] = t160;
+    beta[20] = pi[67];
+    beta[21] = pi[75];
+    beta[22] = pi[12];
+    const double t170 = pi[20] - pi[29];
+    beta[23] = t170;
+    const double t173 = pi[36] - pi[44];
+    const double t175 = t173 + pi[45];
+    const double t177 = 0.007744 * pi[6];
+    const double t178 = t175 + t177;
+    beta[24] = t178;
+    const double t181 = pi[52] + pi[45];
+    const double t182 = t181 + t177;
+    beta[25] = t182;
+    beta[26] = pi[60];
+    beta[27] = pi[68];
+    beta[28] = pi[76];
+    const double t192 = 0.087999999999999995 * pi[6];
+    const double t193 = pi[13] + t192;
+    beta[29] = t193;
+    const double t197 = pi[21] - pi[30];
+    beta[30] = t197;
+    const double t200 = pi[37] - pi[45];
+    const double t202 = (-0.007744) * pi[6];
+    const double t203 = t200 + t202;
+    const double t205 = t203 + pi[46];
+    beta[31] = t205;
+    const double t208 = pi[53] + t177;
+    const double t209 = t208 + pi[46];
+    beta[32] = t209;
+    const double t212 = 0.087999999999999995 * pi[30];
+    const double t213 = pi[61] + t212;
+    beta[33] = t213;
+    beta[34] = pi[69];
+    beta[35] = pi[77];
+    beta[36] = pi[14];
+    beta[37] = pi[22];
+    const double t224 = pi[38] - pi[46];
+    beta[38] = t224;
+    beta[39] = pi[54];
+    beta[40] = pi[62];
+    beta[41] = pi[70];
+    beta[42] = pi[78];
+}
+
+/* K' slope, the adjoint of beta = K pi, into such tiles; unused lanes stay what they are. */
+static void from_base(const double *restrict slope, double *restrict gradient)
+{
+    gradient[0] = 0.0;
+    gradient[8] = 0.0;
+    gradient[16] = 0.0;
+    gradient[24] = 0.0;
+    gradient[32] = 0.0;
+    gradient[40] = 0.0;
+    gradient[48] = slope[0];
+    gradient[56] = 0.0;
+    gradient[64] = 0.0;
+    gradient[72] = 0.0;
+    gradient[1] = 0.0;
+    gradient[9] = slope[1];
+    gradient[17] = slope[2];
+    gradient[25] = 0.0;
+    gradient[33] = slope[3];
+    const double t20 = slope[0] - slope[3];
+    gradient[41] = t20;
+    gradient[49] = slope[4];
+    gradient[57] = slope[5];
+    gradient[65] = slope[6];
+    gradient[73] = slope[7];
+    const double t31 = (-0.316) * slope[2];
+    const double t33 = 0.099856 * slope[3];
+    const double t34 = t31 + t33;
+    const double t35 = 0.099856 * slope[4];
+    const double t36 = t34 + t35;
+    gradient[2] = t36;
+    gradient[10] = slope[8];
+    gradient[18] = slope[9];
+    const double t43 = 0.63200000000000001 * slope[3];
+    const double t44 = t43 - slope[2];
+    const double t45 = 0.63200000000000001 * slope[4];
+    const double t46 = t44 + t45;
+    gradient[26] = t46;
+    gradient[34] = slope[10];
+    const double t50 = slope[3] + slope[4];
+    const double t51 = t50 - slope[10];
+    gradient[42] = t51;
+    gradient[50] = slope[11];
+    gradient[58] = slope[12];
+    gradient[66] = slope[13];
+    gradient[74] = slope[14];
+    const double t62 = 0.10666225 * slope[3];
+    const double t63 = t31 + t62;
+    const double t64 = 0.10666225 * slope[4];
+    const double t65 = t63 + t64;
+    const double t67 = 0.082500000000000004 * slope[8];
+    const double t68 = t65 + t67;
+    const double t70 = (-0.0068062499999999998) * slope[10];
+    const double t71 = t68 + t70;
+    const double t73 = 0.0068062499999999998 * slope[11];
+    const double t74 = t71 + t73;
+    gradient[3] = t74;
+    gradient[11] = slope[15];
+    gradient[19] = slope[16];
+    const double t80 = 0.082500000000000004 * slope[12];
+    const double t81 = t80 - slope[9];
+    gradient[27] = t81;
+    gradient[35] = slope[17];
+    const double t85 = slope[10] + slope[11];
+    const double t86 = t85 - slope[17];
+    gradient[43] = t86;
+    gradient[51] = slope[18];
+    gradient[59] = slope[19];
+    gradient[67] = slope[20];
+    gradient[75] = slope[21];
+    const double t97 = 0.0136125 * slope[11];
+    const double t98 = t68 + t97;
+    const double t100 = (-0.082500000000000004) * slope[15];
+    const double t101 = t98 + t100;
+    const double t103 = 0.38400000000000001 * slope[16];
+    const double t104 = t101 + t103;
+    const double t106 = 0.14064974999999999 * slope[17];
+    const double t107 = t104 + t106;
+    const double t109 = 0.15426224999999999 * slope[18];
+    const double t110 = t107 + t109;
+    const double t112 = 0.03168 * slope[19];
+    const double t113 = t110 + t112;
+    gradient[4] = t113;
+    gradient[12] = slope[22];
+    gradient[20] = slope[23];
+    const double t120 = 0.76800000000000002 * slope[17];
+    const double t121 = slope[16] + t120;
+    const double t122 = 0.76800000000000002 * slope[18];
+    const double t123 = t121 + t122;
+    const double t124 = 0.082500000000000004 * slope[19];
+    const double t125 = t123 + t124;
+    gradient[28] = t125;
+    gradient[36] = slope[24];
+    const double t129 = slope[17] + slope[18];
+    const double t130 = t129 - slope[24];
+    gradient[44] = t130;
+    gradient[52] = slope[25];
+    gradient[60] = slope[26];
+    gradient[68] = slope[27];
+    gradient[76] = slope[28];
+    gradient[5] = t113;
+    gradient[13] = slope[29];
+    gradient[21] = slope[30];
+    const double t145 = -slope[23];
+    gradient[29] = t145;
+    gradient[37] = slope[31];
+    const double t149 = slope[24] + slope[25];
+    const double t150 = t149 - slope[31];
+    gradient[45] = t150;
+    gradient[53] = slope[32];
+    gradient[61] = slope[33];
+    gradient[69] = slope[34];
+    gradient[77] = slope[35];
+    const double t161 = 0.007744 * slope[24];
+    const double t162 = t113 + t161;
+    const double t163 = 0.007744 * slope[25];
+    const double t164 = t162 + t163;
+    const double t166 = 0.087999999999999995 * slope[29];
+    const double t167 = t164 + t166;
+    const double t169 = (-0.007744) * slope[31];
+    const double t170 = t167 + t169;
+    const double t171 = 0.007744 * slope[32];
+    const double t172 = t170 + t171;
+    gradient[6] = t172;
+    gradient[14] = slope[36];
+    gradient[22] = slope[37];
+    const double t178 = 0.087999999999999995 * slope[33];
+    const double t179 = t178 - slope[30];
+    gradient[30] = t179;
+    gradient[38] = slope[38];
+    const double t183 = slope[31] + slope[32];
+    const double t184 = t183 - slope[38];
+    gradient[46] = t184;
+    gradient[54] = slope[39];
+    gradient[62] = slope[40];
+    gradient[70] = slope[41];
+    gradient[78] = slope[42];
+}
+
+/* y = [K pi; psi], zero up to the padded end. */
+static void coordinates(const double *pi, const double *psi, long n_psi, double *y, long equations)
+{
+    to_base(pi, y);
     for (long i = 0; i < n_psi; ++i) {
         y[BASE + i] = psi[i];
     }
@@ -65,52 +372,41 @@ static void coordinates(const double *pi_tiles, const double *psi, long n_psi, d
     }
 }
 
-/* d L / d lambda as tiles from d L / d y, Eq. 4.32: K', then the blocks, link by link. */
-#define ENTRY(i, j) *(const vu *)(block + ((i) * PARAMETERS + (j)) * LANES) * *(const vu *)(from + (i) * LANES)
-static void chain_rule(const double *slope, const double *blocks, double *gradient)
+/* Entries [c, c + W blocks) of R y - r; R is upper triangular. */
+INLINE void misfit_part(const least_squares *p, long equations, const double *y, double *residual, long c, const int blocks)
 {
-    double by_pi[LAMBDA];
-    TILE(by_pi_tiles, LINK_TILES * PARAMETERS);
-    fr3_base_adjoint(slope, by_pi);
-    spread(by_pi_tiles, by_pi);
-    for (long t = 0; t < LINK_TILES * LANES; t += LANES) {
-        for (int h = 0; h < LANES; h += W) {
-            const double *block = blocks + t * PARAMETERS * PARAMETERS + h, *from = by_pi_tiles + t * PARAMETERS + h;
-            double *to = gradient + t * PARAMETERS + h;
-            *(vu *)(to + 0 * LANES) = ENTRY(0, 0) + ENTRY(1, 0) + ENTRY(2, 0) + ENTRY(3, 0) + ENTRY(4, 0) + ENTRY(5, 0) + ENTRY(6, 0) + ENTRY(7, 0) + ENTRY(8, 0) + ENTRY(9, 0);
-            *(vu *)(to + 1 * LANES) = ENTRY(1, 1) + ENTRY(5, 1) + ENTRY(6, 1) + ENTRY(7, 1) + ENTRY(8, 1);
-            *(vu *)(to + 2 * LANES) = ENTRY(2, 2) + ENTRY(4, 2) + ENTRY(6, 2) + ENTRY(7, 2) + ENTRY(9, 2);
-            *(vu *)(to + 3 * LANES) = ENTRY(3, 3) + ENTRY(4, 3) + ENTRY(5, 3) + ENTRY(8, 3) + ENTRY(9, 3);
-            *(vu *)(to + 4 * LANES) = ENTRY(4, 4) + ENTRY(5, 4) + ENTRY(6, 4) + ENTRY(7, 4) + ENTRY(8, 4) + ENTRY(9, 4);
-            *(vu *)(to + 5 * LANES) = ENTRY(4, 5) + ENTRY(5, 5) + ENTRY(6, 5) + ENTRY(7, 5) + ENTRY(8, 5) + ENTRY(9, 5);
-            *(vu *)(to + 6 * LANES) = ENTRY(4, 6) + ENTRY(5, 6) + ENTRY(6, 6) + ENTRY(7, 6) + ENTRY(8, 6) + ENTRY(9, 6);
-            *(vu *)(to + 7 * LANES) = ENTRY(4, 7) + ENTRY(5, 7) + ENTRY(6, 7) + ENTRY(7, 7) + ENTRY(8, 7) + ENTRY(9, 7);
-            *(vu *)(to + 8 * LANES) = ENTRY(4, 8) + ENTRY(5, 8) + ENTRY(6, 8) + ENTRY(7, 8) + ENTRY(8, 8) + ENTRY(9, 8);
-            *(vu *)(to + 9 * LANES) = ENTRY(4, 9) + ENTRY(5, 9) + ENTRY(6, 9) + ENTRY(7, 9) + ENTRY(8, 9) + ENTRY(9, 9);
+    vd part[2][4];
+    UNROLL for (int b = 0; b < blocks; ++b) {
+        part[b][0] = -*(const vu *)(p->target + c + b * W);
+        part[b][1] = part[b][2] = part[b][3] = vd_all(0.0);
+    }
+    for (long i = c / 4 * 4; i < equations; i += 4) {
+        UNROLL for (int k = 0; k < 4; ++k) {
+            UNROLL for (int b = 0; b < blocks; ++b) {
+                part[b][k] += *(const vu *)(p->factor + (i + k) * equations + c + b * W) * y[i + k];
+            }
         }
+    }
+    UNROLL for (int b = 0; b < blocks; ++b) {
+        *(vu *)(residual + c + b * W) = (part[b][0] + part[b][1]) + (part[b][2] + part[b][3]);
     }
 }
 
-/* residual = R y - r with R upper triangular, stored column after column; returns the loss. */
+/* residual = R y - r with R stored column after column; returns the loss. */
 static double misfit(const least_squares *p, long equations, const double *y, double *residual)
 {
+    long c = 0;
+    for (; c + W < equations; c += 2 * W) {
+        misfit_part(p, equations, y, residual, c, 2);
+    }
+    if (c < equations) {
+        misfit_part(p, equations, y, residual, c, 1);
+    }
     vd total = {0};
-    for (long c = 0; c < equations; c += W) {
-        vd part[4] = { -*(const vu *)(p->target + c) };
-        for (long i = c / 4 * 4; i < equations; i += 4) {
-            UNROLL for (int k = 0; k < 4; ++k) {
-                part[k] += *(const vu *)(p->factor + (i + k) * equations + c) * y[i + k];
-            }
-        }
-        const vd row = (part[0] + part[1]) + (part[2] + part[3]);
-        *(vu *)(residual + c) = row;
-        total += row * row;
+    for (c = 0; c < equations; c += W) {
+        total += *(const vu *)(residual + c) * *(const vu *)(residual + c);
     }
-    double sum = p->rest;
-    for (int l = 0; l < W; ++l) {
-        sum += total[l];
-    }
-    return sum * p->scale;
+    return (p->rest + vd_sum(total)) * p->scale;
 }
 
 /* d L / d y = 2 scale R' residual. */
@@ -127,18 +423,14 @@ static void pull_back(const least_squares *p, long equations, const double *resi
                 part[k] += *(const vu *)(p->factor + (i + k) * equations + c) * r;
             }
         }
-        transpose(part);
-        vd sum = part[0];
-        UNROLL for (int k = 1; k < W; ++k) {
-            sum += part[k];
-        }
-        *(vu *)(slope + i) = 2 * p->scale * sum;
+        *(vu *)(slope + i) = 2 * p->scale * fold(part);
     }
 }
 
 /* Mean loss over the named samples and its slope in y; a sample is [q dq ddq tau columns],
- * filled up to a multiple of LANES numbers. */
-static double mini_batch(const fr3_adam_job *job, const long *rows, const double *y, double *slope)
+ * filled up to a multiple of LANES numbers. `later` names those of the next mini-batch, which
+ * arrive from memory meanwhile. */
+static double mini_batch(const fr3_adam_job *job, const long *rows, const long *later, const double *y, double *slope)
 {
     const long n_psi = job->size - LAMBDA, k = job->columns_per_joint;
     const int width = (int)((4 + k) * JOINTS), stride = (width + LANES - 1) / LANES * LANES;
@@ -155,6 +447,11 @@ static double mini_batch(const fr3_adam_job *job, const long *rows, const double
         for (long b = first; b < end; b += LANES) {
             double *tile = samples + (b - first) * width;
             pick(tile, job->samples, rows + b, stride, width, end - b);
+            for (long i = b; i < b + LANES && i < end; ++i) {
+                for (int line = 0; line < stride; line += LANES) {
+                    __builtin_prefetch(job->samples + later[i] * stride + line, 0, 2);
+                }
+            }
             OWN(loss_gradient_sines)(1, tile, sc + (b - first) * 2 * JOINTS);
         }
         for (long b = first; b < end; b += LANES) {
@@ -229,15 +526,15 @@ static void adam(fr3_adam_job *job, long iterations)
     double *y = job->work + (BLOCK * (4 + job->columns_per_joint) * JOINTS + n_psi) * LANES;
     double *residual = y + equations, *slope = residual + equations, *gradient = slope + equations;
     TILE(pi, ROOM);
-    TILE(blocks, ROOM * PARAMETERS) = {0};
     TILE(lam, ROOM);
     TILE(m, ROOM);
     TILE(v, ROOM);
     TILE(by_lam, ROOM);
+    TILE(by_pi, ROOM) = {0};
     spread(lam, job->x);
     spread(m, job->m);
     spread(v, job->v);
-    bodies(lam, 0, pi, blocks);
+    masses(lam, pi);
     coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
     memset(gradient, 0, sizeof(double) * (size_t)job->padded);
     if (job->step == 0) {
@@ -246,7 +543,8 @@ static void adam(fr3_adam_job *job, long iterations)
     for (long k = 0; k < iterations && !job->finished; ++k) {
         double training;
         if (job->batch) {
-            training = mini_batch(job, job->rows + k * job->batch, y, slope);
+            const long *rows = job->rows + k * job->batch;
+            training = mini_batch(job, rows, k + 1 < iterations ? rows + job->batch : rows, y, slope);
         } else {
             training = misfit(&job->training, equations, y, residual);
             pull_back(&job->training, equations, residual, slope);
@@ -254,13 +552,16 @@ static void adam(fr3_adam_job *job, long iterations)
         job->step += 1;
         job->power1 *= job->beta1;
         job->power2 *= job->beta2;
-        chain_rule(slope, blocks, by_lam);
+        from_base(slope, by_pi);
+        for (long t = 0; t < ROOM * LANES; t += PARAMETERS * LANES) {
+            OWN(pi_adjoint_tile)(NULL, lam + t, by_pi + t, by_lam + t);
+        }
         adam_step(job, by_lam, lam, m, v, ROOM * LANES);
         if (n_psi) {
             memcpy(gradient + LAMBDA, slope + BASE, sizeof(double) * (size_t)n_psi);
             adam_step(job, gradient + AFTER, job->x + AFTER, job->m + AFTER, job->v + AFTER, job->padded - AFTER);
         }
-        bodies(lam, 0, pi, blocks);
+        masses(lam, pi);
         coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
         if (job->step % job->validate_every == 0) {
             collect(job->x, lam);

@@ -12,7 +12,6 @@
 #define PANEL (W == 8 ? 6 : 4)     /* vectors of a row that fit into the registers three times */
 #define SHIFTS (W >= 4 ? 2 : 4)    /* vectors of shifts that are tried at once, per end */
 #define NOTHING 1e-150             /* a square below which a row counts as reduced already: f*f is finite */
-#define INLINE static inline __attribute__((always_inline))
 
 /* True in the first `count` lanes. */
 INLINE vi first_lanes(int count)

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model b5893e68ecb6a69ce4d4678c2489d26816330decac16683c8f2ec4e05ae480cc.
+ * Model da776cb5d135996ffb6563faea0895c55db36057d3174093ac2b6ca27895e27a.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "b5893e68ecb6a69ce4d4678c2489d26816330decac16683c8f2ec4e05ae480cc";
+    return "da776cb5d135996ffb6563faea0895c55db36057d3174093ac2b6ca27895e27a";
 }
 
 const char *fr3_level(void)

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.lanes import padded, padded_size
+from runtime.library.lanes import padded, padded_size, zeros
 
 Array = NDArray[np.float64]
 
@@ -144,7 +144,7 @@ class CompiledConvex:
         job.pi = self._pointer(self._pi[-1])
         job.points, job.losses, job.decrements = (self._pointer(a) for a in answer)
         job.steps = steps.ctypes.data_as(_LONGS)
-        job.work = self._pointer(np.zeros(2 * width * width + 5 * width + 2 * rows))
+        job.work = self._pointer(zeros(2 * width * width + 5 * width + 2 * rows))
 
     def _pointer(self, array: Array) -> object:
         whole = np.ascontiguousarray(array, dtype=np.float64)

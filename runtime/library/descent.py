@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.lanes import LANES, padded, padded_size
+from runtime.library.lanes import LANES, padded, padded_size, zeros
 
 Array = NDArray[np.float64]
 
@@ -120,7 +120,7 @@ class _Jobs:
         return whole.ctypes.data_as(_POINTER)
 
     def _factor(self, side: Any, problem: LeastSquares, equations: int) -> None:
-        side.factor = self._pointer(_padded(problem.factor, equations).T)
+        side.factor = self._pointer(_padded(problem.factor.T, equations))
         side.target = self._pointer(_padded(problem.target, equations))
         side.rest, side.scale = problem.rest, problem.scale
 
@@ -176,9 +176,9 @@ class CompiledAdam(_Jobs):
         self._factor(job.training, problem.training, job.equations)
         self._factor(job.held, problem.held, job.equations)
         self._x.append(_padded(problem.start, job.padded))
-        self._best.append(np.zeros(job.padded))
+        self._best.append(zeros(job.padded))
         job.x, job.best_x = self._pointer(self._x[k]), self._pointer(self._best[k])
-        job.m, job.v = self._pointer(np.zeros(job.padded)), self._pointer(np.zeros(job.padded))
+        job.m, job.v = self._pointer(zeros(job.padded)), self._pointer(zeros(job.padded))
         job.training_trace = self._pointer(self.training_trace[k])
         job.held_trace = self._pointer(self.held_trace[k])
         n, width = problem.weights.size, 0
@@ -188,7 +188,7 @@ class CompiledAdam(_Jobs):
             job.samples = self._pointer(padded(problem.samples, padded_size(width)))
             job.weight = self._pointer(problem.weights)
         scratch = LANES * (_GATHERED * max(width, 4 * n) + size) + 3 * job.equations + job.padded
-        job.work = self._pointer(np.zeros(scratch))
+        job.work = self._pointer(zeros(scratch))
 
     def run(
         self,
@@ -245,7 +245,7 @@ class CompiledLevenberg(_Jobs):
             self._x.append(np.array(start, dtype=float))
             job.x, job.trace = self._pointer(self._x[k]), self._pointer(self.trace[k])
             scratch = equations * (size + 2 * equations + 3) + 2 * size
-            job.work = self._pointer(np.zeros(scratch))
+            job.work = self._pointer(zeros(scratch))
 
     def run(self, iterations: int, threads: int = 1) -> None:
         """Go on for so many iterations."""
@@ -257,4 +257,6 @@ class CompiledLevenberg(_Jobs):
 
 
 def _padded(array: Array, size: int) -> Array:
-    return np.ascontiguousarray(np.pad(array, [(0, size - n) for n in array.shape]))
+    whole = zeros(*(size for _ in array.shape))
+    whole[tuple(slice(n) for n in array.shape)] = array
+    return whole

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.library.lanes import LANES, padded_size
+from runtime.library.lanes import LANES, padded_size, zeros
 
 Array = NDArray[np.float64]
 
-_LINE = 64
-"""Bytes to which work is aligned, so that no vector lies in two cache lines."""
 
 _POINTER = ctypes.POINTER(ctypes.c_double)
 
@@ -84,7 +82,7 @@ class _Workplace:
 
     def __init__(self, functions: ExcitationFunctions, job: _Job) -> None:
         self.job, self._cost = job, functions.cost
-        self._work = _aligned(functions.work(ctypes.byref(job)))
+        self._work = zeros(functions.work(ctypes.byref(job)))
         job.work = _pointer(self._work)
 
     def keep(self, like: Array) -> None:
@@ -105,18 +103,11 @@ def tiled(basis: Array) -> Array:
     """(N, M, 3) as tiles of 8 samples, (tiles, 3, M, 8), zero beyond the last sample."""
     samples, harmonics, orders = basis.shape
     tiles = padded_size(samples) // LANES
-    result = _aligned(tiles * orders * harmonics * LANES)
-    result = result.reshape(tiles, orders, harmonics, LANES)
+    result = zeros(tiles, orders, harmonics, LANES)
     padded = np.zeros((padded_size(samples), harmonics, orders))
     padded[:samples] = basis
     result[...] = padded.reshape(tiles, LANES, harmonics, orders).transpose(0, 3, 2, 1)
     return result
-
-
-def _aligned(size: int) -> Array:
-    whole = np.zeros(size + _LINE // 8)
-    skip = -whole.ctypes.data % _LINE // 8
-    return whole[skip : skip + size]
 
 
 def _pointer(array: Array) -> object:

@@ -1,13 +1,16 @@
 """Programs on top of the kernels: which of them a robot's kernels allow, and their tables."""
 
+import re
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
 from typing import Any
 
 from symgen.emit.elimination import eliminate, fill_in
-from symgen.emit.ssa import TileProgram
-from symgen.kernel import Kernel
+from symgen.emit.ssa import TileProgram, c_body
+from symgen.kernel import Argument, Kernel
 
+LANES = 8
+"""Samples, or links, of a tile: LANES of lanes.h."""
 _SIDE = 4
 
 Kernels = dict[str, Kernel]
@@ -52,6 +55,8 @@ def programs(
 _STATISTICS = {"base_regressor"}
 _DESCENT = {
     "loss_gradient",
+    "pi_from_lam",
+    "pi_adjoint",
     "pi_jacobian",
     "cholesky_jacobian",
     "base_parameters",
@@ -88,21 +93,29 @@ def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         )
         rows += p.rows
         columns += p.columns
-    runs = [_run([c for c in range(base) if row[c]]) for row in pattern]
     per_joint = [[c for c in range(base + 1) if row[c]] for row in pattern]
+    body = tiles["base_regressor"].body
     return {
         "joints": joints,
         "base": base,
+        "row_equation": kernels["base_regressor"].equation,
+        "rows_body": [_placed(line, output.name, base) for line in body],
         "panels": placed,
         "row_table": rows,
         "column_table": columns,
-        "runs": runs,
-        "cleared": [
-            (i, c) for i, c in fill_in(pattern, panels) if not runs[i][0] <= c < runs[i][1]
-        ],
+        "cleared": fill_in(pattern, panels),
         "joint_table": [c for row in per_joint for c in row],
         "joint_at": [sum(map(len, per_joint[:i])) for i in range(joints + 1)],
     }
+
+
+def _placed(line: str, output: str, columns: int) -> str:
+    """A statement of a tile, its output by joint and column: `PUT(joint, column, value)`."""
+    match = re.fullmatch(rf"{output}\[(\d+) \* VS\] = (.*);", line)
+    if match is None:
+        return line
+    joint, column = divmod(int(match[1]), columns)
+    return f"PUT({joint}, {column}, {match[2]});"
 
 
 def _run(columns: list[int]) -> tuple[int, int]:
@@ -120,10 +133,27 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         "links": pi.size // lam.size,
         "base": beta.size,
         "uniform": max(tiles["loss_gradient"].uniform, 1),
-        "block_rows": [
-            [k // lam.size for k in tiles["pi_jacobian"].filled["jacobian"] if k % lam.size == j]
-            for j in range(lam.size)
-        ],
+        "to_base": _on_tiles(kernels["base_parameters"], pi, lam.size),
+        "from_base": _on_tiles(
+            kernels["base_adjoint"], kernels["base_adjoint"].outputs[0], lam.size
+        ),
+    }
+
+
+def _on_tiles(kernel: Kernel, bodies: Argument, size: int) -> dict[str, Any]:
+    """A map from or to all links, `size` numbers each, these as tiles whose lanes are links."""
+
+    def place(match: re.Match[str]) -> str:
+        link, entry = divmod(int(match[1]), size)
+        return f"{bodies.name}[{(link // LANES * size + entry) * LANES + link % LANES}]"
+
+    (given,), (wanted,) = kernel.inputs, kernel.outputs
+    pattern = re.compile(rf"\b{bodies.name}\[(\d+)\]")
+    return {
+        "equation": kernel.equation,
+        "input": given.name,
+        "output": wanted.name,
+        "body": [pattern.sub(place, line) for line in c_body(kernel)],
     }
 
 

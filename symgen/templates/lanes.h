@@ -6,6 +6,8 @@
 #include <math.h>
 #include <stdint.h>
 
+#define INLINE static inline __attribute__((always_inline))
+
 typedef double vd __attribute__((vector_size(8 * W)));
 /* the same, wherever it starts in memory */
 typedef double vu __attribute__((vector_size(8 * W), aligned(8)));
@@ -74,30 +76,69 @@ static inline int vi_any(vi m)
     return m[0] != 0;
 }
 
-/* W rows of W numbers become W columns: butterflies of distance 1, 2, 4. */
-static inline __attribute__((always_inline)) void transpose(vd r[W])
+/* The sum over the lanes, pair by pair. */
+static inline double vd_sum(vd x)
 {
-#define BUTTERFLY(d, low, high)                     \
-    _Pragma("GCC unroll 8") for (int i = 0; i < W; ++i) {                   \
-        if (!(i & d)) {                             \
-            const vd a = r[i], b = r[i + d];        \
-            r[i] = low;                             \
-            r[i + d] = high;                        \
-        }                                           \
+    double sum[W];
+    for (int l = 0; l < W; ++l) {
+        sum[l] = x[l];
     }
+    for (int l = W / 2; l > 0; l /= 2) {
+        for (int i = 0; i < l; ++i) {
+            sum[i] += sum[i + l];
+        }
+    }
+    return sum[0];
+}
+
+/* Halves of two vectors, in blocks of 1, 2 and 4 lanes: those at even places, those at odd ones. */
 #if W == 8
-    BUTTERFLY(1, SHUFFLE(a, b, 0, 8, 2, 10, 4, 12, 6, 14), SHUFFLE(a, b, 1, 9, 3, 11, 5, 13, 7, 15))
-    BUTTERFLY(2, SHUFFLE(a, b, 0, 1, 8, 9, 4, 5, 12, 13), SHUFFLE(a, b, 2, 3, 10, 11, 6, 7, 14, 15))
-    BUTTERFLY(4, SHUFFLE(a, b, 0, 1, 2, 3, 8, 9, 10, 11), SHUFFLE(a, b, 4, 5, 6, 7, 12, 13, 14, 15))
+#define EVEN_1(a, b) SHUFFLE(a, b, 0, 8, 2, 10, 4, 12, 6, 14)
+#define ODD_1(a, b) SHUFFLE(a, b, 1, 9, 3, 11, 5, 13, 7, 15)
+#define EVEN_2(a, b) SHUFFLE(a, b, 0, 1, 8, 9, 4, 5, 12, 13)
+#define ODD_2(a, b) SHUFFLE(a, b, 2, 3, 10, 11, 6, 7, 14, 15)
+#define EVEN_4(a, b) SHUFFLE(a, b, 0, 1, 2, 3, 8, 9, 10, 11)
+#define ODD_4(a, b) SHUFFLE(a, b, 4, 5, 6, 7, 12, 13, 14, 15)
+#define LEVELS(step) step(1) step(2) step(4)
 #elif W == 4
-    BUTTERFLY(1, SHUFFLE(a, b, 0, 4, 2, 6), SHUFFLE(a, b, 1, 5, 3, 7))
-    BUTTERFLY(2, SHUFFLE(a, b, 0, 1, 4, 5), SHUFFLE(a, b, 2, 3, 6, 7))
+#define EVEN_1(a, b) SHUFFLE(a, b, 0, 4, 2, 6)
+#define ODD_1(a, b) SHUFFLE(a, b, 1, 5, 3, 7)
+#define EVEN_2(a, b) SHUFFLE(a, b, 0, 1, 4, 5)
+#define ODD_2(a, b) SHUFFLE(a, b, 2, 3, 6, 7)
+#define LEVELS(step) step(1) step(2)
 #elif W == 2
-    BUTTERFLY(1, SHUFFLE(a, b, 0, 2), SHUFFLE(a, b, 1, 3))
+#define EVEN_1(a, b) SHUFFLE(a, b, 0, 2)
+#define ODD_1(a, b) SHUFFLE(a, b, 1, 3)
+#define LEVELS(step) step(1)
 #else
-    (void)r;
+#define LEVELS(step) (void)r;
 #endif
+
+/* W rows of W numbers become W columns: butterflies of distance 1, 2, 4. */
+INLINE void transpose(vd r[W])
+{
+#define BUTTERFLY(d)                                        \
+    _Pragma("GCC unroll 8") for (int i = 0; i < W; ++i) {   \
+        if (!(i & d)) {                                     \
+            const vd a = r[i], b = r[i + d];                \
+            r[i] = EVEN_##d(a, b);                          \
+            r[i + d] = ODD_##d(a, b);                       \
+        }                                                   \
+    }
+    LEVELS(BUTTERFLY)
 #undef BUTTERFLY
+}
+
+/* The sum over the lanes of each of W vectors, which are used up. */
+INLINE vd fold(vd r[W])
+{
+#define FOLD(d)                                                     \
+    _Pragma("GCC unroll 8") for (int i = 0; i < W; i += 2 * d) {    \
+        r[i] = EVEN_##d(r[i], r[i + d]) + ODD_##d(r[i], r[i + d]);  \
+    }
+    LEVELS(FOLD)
+#undef FOLD
+    return r[0];
 }
 
 #include "sines.h"
@@ -174,8 +215,10 @@ static inline void turn(double *tile, const double *const *one, int size, int ro
                     block[l] = *(const vu *)(one[h + l] + k);
                 }
                 transpose(block);
-                for (int i = 0; i < W && k + i < size; ++i) {
-                    *(vu *)(tile + (k + i) * LANES + h) = block[i];
+                UNROLL for (int i = 0; i < W; ++i) {
+                    if (k + i < size) {
+                        *(vu *)(tile + (k + i) * LANES + h) = block[i];
+                    }
                 }
             } else {
                 for (int i = k; i < size; ++i) {
@@ -194,7 +237,7 @@ static APART void load(double *tile, const double *from, long step, int size, lo
 {
     const double *one[LANES];
     const long last = (have < LANES ? have : LANES) - 1;
-    for (int l = 0; l < LANES; ++l) {
+    UNROLL for (int l = 0; l < LANES; ++l) {
         one[l] = from + (l < last ? l : last) * step;
     }
     turn(tile, one, size, left - last * step >= (size + W - 1) / W * W);
@@ -249,12 +292,29 @@ static APART void store(double *to, const double *tile, int size, long have)
 /* The first `have` lanes of a tile that kernels added to; it is cleared for the next sums. */
 static APART void add(double *total, double *tile, int size, long have)
 {
-    for (int k = 0; k < size; ++k) {
-        for (int l = 0; l < have; ++l) {
-            total[k] += tile[k * LANES + l];
-        }
+    int k = 0;
+    for (; k + W <= size; k += W) {
+        vd sum = *(const vu *)(total + k);
         for (int h = 0; h < LANES; h += W) {
-            *(vu *)(tile + k * LANES + h) = vd_all(0.0);
+            vd block[W];
+            UNROLL for (int i = 0; i < W; ++i) {
+                vu *row = (vu *)(tile + (k + i) * LANES + h);
+                block[i] = *row;
+                *row = vd_all(0.0);
+            }
+            transpose(block);
+            UNROLL for (int l = 0; l < W; ++l) {
+                if (h + l < have) {
+                    sum += block[l];
+                }
+            }
+        }
+        *(vu *)(total + k) = sum;
+    }
+    for (; k < size; ++k) {
+        for (int l = 0; l < LANES; ++l) {
+            total[k] += l < have ? tile[k * LANES + l] : 0.0;
+            tile[k * LANES + l] = 0.0;
         }
     }
 }

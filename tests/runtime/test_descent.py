@@ -131,6 +131,20 @@ def test_interruption_keeps_the_best(fr3, monkeypatch):
     assert outcome.validation == min(outcome.trace.validation)
 
 
+@pytest.mark.parametrize("patience", [20, NEVER])
+def test_interruption_of_the_last_piece_is_told(fr3, patience):
+    """Property: Ctrl-C while the last iterations run stops what comes after the descent, too."""
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    preset = Preset(AdamOptions(1e-3), StoppingRule(400, patience, threshold=1e9), None)
+    one = descend(descent(problem(fr3, progress=stop)), preset)
+    many = descend_many([descent(problem(fr3))] * 2, preset, progress=stop)
+    assert one.iterations == min(patience, 400)
+    assert [outcome.status for outcome in (one, *many)] == [Status.INTERRUPTED] * 3
+
+
 def test_divergence_is_said(fr3):
     """Property: a step that leaves the numbers ends the run; the best point is finite."""
     preset = Preset(AdamOptions(1e4), StoppingRule(100, NEVER), None)

@@ -8,6 +8,7 @@ import pytest
 from runtime.errors import LibraryError, ShapeError
 from runtime.library import Library, binding, load
 from runtime.library.binding import PART
+from runtime.library.lanes import zeros
 from tests.oracle import random_states
 
 
@@ -188,3 +189,14 @@ def test_threads_are_at_least_one(fr3):
     """Property: zero threads are refused in a sentence."""
     with pytest.raises(LibraryError, match="threads must be at least 1, got 0"):
         load(fr3.folder, threads=0)
+
+
+@pytest.mark.parametrize("shape", [(1,), (7,), (3, 16), (2, 5, 3)])
+def test_zeros_begin_with_a_cache_line(shape: tuple[int, ...]) -> None:
+    """Property: any shape, one piece, its first number at a multiple of 64 bytes."""
+    kept = [zeros(*shape) for _ in range(20)]  # the addresses of the allocator differ
+    for array in kept:
+        assert array.shape == shape
+        assert array.ctypes.data % 64 == 0
+        assert array.flags.c_contiguous
+        assert not array.any()

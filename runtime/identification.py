@@ -28,6 +28,7 @@ from runtime.optimizers import Trace
 from runtime.prior_file import PriorFile
 from runtime.problem import Fit, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.residuals import residuals
 from runtime.statistics import Statistics
 from runtime.threads import one_blas_thread
 from runtime.uncertainty import Uncertainty, uncertainty_of
@@ -62,6 +63,7 @@ class Identification:
         loss: L on the training samples.
         optimum: smallest loss of any physically consistent model on the same samples; NaN when
             it was not asked for.
+        silent: L of τ̂ = 0 on the same samples.
         uncertainty: what the data say and how surely; None when it was not asked for.
         seconds: of the method alone.
         train, validation, test: the prepared recordings.
@@ -83,6 +85,7 @@ class Identification:
     status: str
     loss: float
     optimum: float
+    silent: float
     uncertainty: Uncertainty | None
     seconds: float
     iterations: int | None
@@ -120,12 +123,16 @@ class Identification:
 
     def predict_recording(self, recording: Recording) -> Array:
         """τ̂ of a prepared recording, with the friction columns that were filtered with it."""
-        return _predict(self.lib, samples_of(recording, self.lib), self.pi, self.phi, self.net)
+        return self.predict_samples(samples_of(recording, self.lib))
+
+    def predict_samples(self, samples: Samples) -> Array:
+        """τ̂ of prepared samples, or the power of rows of power."""
+        return _predict(self.lib, samples, self.pi, self.phi, self.net)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the model one starts with: the URDF's π, no friction."""
         samples = samples_of(recording, self.lib)
-        return self.lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, self.lib.pi0)
+        return samples.rigid(self.lib, self.lib.pi0)
 
     @property
     def gap(self) -> float:
@@ -133,9 +140,7 @@ class Identification:
 
         Where the data are explained to rounding, L* is replaced by 1e-9 of the loss of τ̂ = 0.
         """
-        assert self.train.tau is not None  # noqa: S101  samples_of has checked it
-        silent = float(np.mean(self.train.tau**2 @ self.weights) / 2)
-        return (self.loss - self.optimum) / max(self.optimum, 1e-9 * silent)
+        return (self.loss - self.optimum) / max(self.optimum, 1e-9 * self.silent)
 
     @property
     def relative_eigenvalues(self) -> Array:
@@ -253,6 +258,9 @@ def identify_assembled(
             kappa=kappa,
             statistics=fit.statistics,
         )
+        if problem.train.equations < lib.n_joints:  # rows of power know the noise of no joint
+            sure = sure.with_noise(residuals(lib, samples_of(parts[0], lib), fit.pi, fit.phi), lib)
+    weights = problem.weights if fit.weights is None else fit.weights
     return Identification(
         method=method,
         lib=lib,
@@ -261,10 +269,11 @@ def identify_assembled(
         beta=lib.base_matrix @ fit.pi,
         phi=fit.phi,
         friction=assembly.friction,
-        weights=problem.weights if fit.weights is None else fit.weights,
+        weights=weights,
         status=fit.status,
         loss=_loss(problem, fit, statistics),
         optimum=optimum,
+        silent=float(np.mean(problem.train.tau**2 @ weights) / 2),
         uncertainty=sure,
         seconds=seconds,
         iterations=fit.iterations,
@@ -290,7 +299,7 @@ def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
 def _predict(
     lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
 ) -> Array:
-    rigid = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi)
+    rigid = samples.rigid(lib, pi)
     if phi.size:
         rigid = rigid + samples.friction(phi)
     return rigid if net is None else rigid + net.torque(samples.columns)

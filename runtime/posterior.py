@@ -44,13 +44,13 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     few = _thinned(train)
     weights = problem.weights
     for _ in range(PASSES):
-        phi, found, _ = _fitted(lib, compress(lib, few, weights), prior, kappa, 1.0, None)
+        phi, found, _ = _fitted(lib, compress(lib, few, weights), weights, prior, kappa)
         rest = residuals(lib, few, found.pi, phi)
         weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = problem.statistics(weights)
-    phi, found, _ = _fitted(lib, statistics, prior, kappa, 1.0, None)
+    phi, found, _ = _fitted(lib, statistics, weights, prior, kappa)
     worth = inflation(residuals(lib, train, found.pi, phi), weights)
-    phi, found, notes = _fitted(lib, statistics, prior, kappa, worth, constraints)
+    phi, found, notes = _fitted(lib, statistics, weights, prior, kappa, worth, constraints)
     return Fit(
         pi=found.pi,
         phi=phi.reshape(train.columns.shape[1:]),
@@ -67,13 +67,14 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
 def _fitted(
     lib: Library,
     statistics: Statistics,
+    weights: Array,
     prior: Prior,
     kappa: float,
-    worth: float,
-    constraints: Constraints | None,
+    worth: float = 1.0,
+    constraints: Constraints | None = None,
 ) -> tuple[Array, Minimum, tuple[str, ...]]:
-    """φ and the minimum of one weighting."""
-    data, eliminated = reduce(statistics, lib.n_joints)
+    """φ and the minimum of one weighting; a weight per equation of a sample."""
+    data, eliminated = reduce(statistics, len(weights))
     gamma = kappa * max(data.variance, LEAST_VARIANCE) * worth / data.count
     notes: tuple[str, ...] = ()
     if constraints is None:

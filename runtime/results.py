@@ -188,7 +188,7 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
         return None
     test = samples_of(result.test, lib)
     step = max(1, len(test) // BAND_SAMPLES)
-    band = u.model_band(lib, test.q[::step], test.dq[::step], test.ddq[::step])
+    band = u.band_of(lib, test.rows(slice(None, None, step)))
     size = len(PI_NAMES)
     sigma, spreads = u.sigma, u.com_sigma(result.pi)
     verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_joints)]

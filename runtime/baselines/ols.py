@@ -35,7 +35,8 @@ def fit_ols(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    found = solve(problem.statistics(np.ones(problem.lib.n_joints)), problem.lib, terms_of(problem))
+    equal = np.ones(problem.train.equations)
+    found = solve(problem.statistics(equal), problem.lib, terms_of(problem))
     text = f"solved by QR; condition number of the normalised columns {found.condition:.1f}"
     return fit_of_base(problem, found.beta, found.phi, text)
 

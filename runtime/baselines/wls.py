@@ -48,7 +48,7 @@ def reweighted(
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    weights, silent = np.ones(lib.n_joints), ""
+    weights, silent = np.ones(samples.equations), ""
     for _ in range(PASSES):
         found = solve(compress(lib, samples, weights), lib, terms)
         weights, silent = weights_of(residual(lib, samples, found), lib)
@@ -57,7 +57,7 @@ def reweighted(
 
 def residual(lib: Library, samples: Samples, found: Solution) -> Array:
     """τ − Y_b β − F φ, (N, n)."""
-    rigid = lib.base_inverse_dynamics(samples.q, samples.dq, samples.ddq, found.beta)
+    rigid = samples.base_rigid(lib, found.beta)
     if found.phi.size:
         rigid = rigid + samples.friction(found.phi)
     return samples.tau - rigid

@@ -19,6 +19,7 @@ from runtime.cli.options import (
     Parts,
     Rate,
     Recipe,
+    Regressor,
     Run,
     listed,
     read_data,
@@ -46,6 +47,7 @@ def compare_command(
     coulomb_speed: CoulombSpeed = None,
     cutoff: Cutoff = None,
     rate: Rate = None,
+    regressor: Regressor = None,
     split: Parts = None,
     loop: LoopFile = None,
     truth: Annotated[
@@ -80,6 +82,7 @@ def compare_command(
         cutoff=cutoff,
         rate=rate,
         split=split,
+        regressor=regressor,
     )
     assembly = assemble(
         data.recording,
@@ -98,6 +101,7 @@ def compare_command(
         "coulomb_speed": coulomb_speed,
         "cutoff": cutoff,
         "rate": rate,
+        "regressor": regressor,
         "split": split,
         "loop": None if loop is None else loop.name,
         "truth": None if place is None else place.name,

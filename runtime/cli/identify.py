@@ -18,6 +18,7 @@ from runtime.cli.options import (
     Parts,
     Rate,
     Recipe,
+    Regressor,
     Run,
     Stream,
     read_data,
@@ -64,6 +65,7 @@ def identify_command(
     coulomb_speed: CoulombSpeed = None,
     cutoff: Cutoff = None,
     rate: Rate = None,
+    regressor: Regressor = None,
     split: Parts = None,
     loop: LoopFile = None,
     stream: Stream = None,
@@ -78,6 +80,7 @@ def identify_command(
     python -m runtime identify log.csv --robot my --friction auto --cutoff 10
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
     python -m runtime identify log.csv --robot my --prior my-arm.toml
+    python -m runtime identify log.csv --robot my --regressor momentum --cutoff 2
     python -m runtime identify log.csv --method didim --loop log.loop.toml --friction viscous
     python -m runtime identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
 
@@ -95,6 +98,7 @@ def identify_command(
         "rate": rate,
         "split": split,
         "stream": stream,
+        "regressor": regressor,
     }
     if stream is None and (method not in {None, "map"} or preset or loop or friction == "auto"):
         asked["stream"] = False  # what only a whole log has
@@ -115,7 +119,9 @@ def identify_command(
                 "a streamed log is identified by the method map alone, without preset or loop; "
                 "leave them out, or use --no-stream"
             )
-        _finish(_streamed(data.streamed, data, lib, known), out or _folder(log, "map"))
+        result = _streamed(data.streamed, data, lib, known)
+        result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
+        _finish(result, out or _folder(log, "map"))
         return
     terms = data.friction
     if terms is None and method == "nn":

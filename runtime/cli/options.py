@@ -12,11 +12,13 @@ from rich.table import Table
 
 from runtime.cli.common import console, numbers_option, preparation_of
 from runtime.cutoff import CutoffChoice, choose_cutoff
+from runtime.differentiation import settled_regressor
 from runtime.errors import IdentificationError, RecordingError
 from runtime.friction import COLUMNS
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library
 from runtime.recording import (
+    REGRESSORS,
     Friction,
     Preparation,
     Recording,
@@ -60,6 +62,14 @@ Cutoff = Annotated[
     typer.Option(
         metavar="HZ|auto",
         help="Low-pass q, dq, tau at this frequency, Hz; auto lets cross-validation choose.",
+    ),
+]
+Regressor = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join((*REGRESSORS, AUTO)),
+        help="momentum and energy need no ddq: their rows are low-passed after all products; auto "
+        "takes momentum where differentiation fails, and says so. Default from the recipe.",
     ),
 ]
 Rate = Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")]
@@ -113,8 +123,11 @@ def read_data(
     rate: float | None,
     split: str | None,
     stream: bool | None = False,
+    regressor: str | None = None,
 ) -> Data:
     """Read the log; choose the cut-off and climb the ladder of friction where that is asked for.
+
+    The accelerations are judged, and the sentence about them is among the notes.
 
     `stream` leaves it in its file; None does so where it is large.
 
@@ -134,13 +147,17 @@ def read_data(
             "one is streamed; give --cutoff and --friction themselves, or use --no-stream"
         )
     notes: tuple[str, ...] = ()
-    prepared = preparation_of(recording, _hz(cutoff), rate)
+    form = None if regressor == AUTO else regressor
+    prepared = preparation_of(recording, _hz(cutoff), rate, form)
     if cutoff == AUTO:
-        base = preparation_of(recording, _ANY_HZ, rate)
+        base = preparation_of(recording, _ANY_HZ, rate, form)
         with console.status("choosing a cut-off"):
             found = choose_cutoff(recording, lib, base, parts, None if climbs else terms)
         console.print(_cutoff_table(found))
         prepared, notes = found.preparation, (found.sentence,)
+    with console.status("judging the accelerations"):
+        prepared, told = settled_regressor(recording, lib, prepared, regressor == AUTO)
+    notes += told
     if terms is None or not climbs:
         return Data(recording, prepared, parts, terms, notes, streamed=streamed)
     with console.status("choosing a friction model"):

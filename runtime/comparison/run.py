@@ -91,7 +91,7 @@ def compare(
         pass
     rows += [Row(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
     test = samples_of(assembly.parts[2], problem.lib)
-    still = problem.lib.inverse_dynamics(test.q, test.dq, test.ddq, problem.lib.pi0)
+    still = test.rigid(problem.lib, problem.lib.pi0)
     before = metrics.torque_error(test.tau, still).overall
     return Comparison(assembly, tuple(rows), before, optimum, truth)
 
@@ -115,8 +115,8 @@ def _figures(
     assembly: Assembly, found: Identification, optimum: float, truth: Truth | None
 ) -> Figures:
     problem, lib = assembly.problem, found.lib
-    train, test = samples_of(assembly.parts[0], lib), samples_of(assembly.parts[2], lib)
-    own, unseen = found.predict_recording(found.train), found.predict_recording(found.test)
+    train, test = problem.train, samples_of(assembly.parts[2], lib)
+    own, unseen = found.predict_samples(train), found.predict_samples(test)
     error = metrics.torque_error(test.tau, unseen)
 
     def loss(rest: Array) -> float:

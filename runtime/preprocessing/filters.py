@@ -12,9 +12,7 @@ from scipy import signal as scipy_signal
 from runtime.errors import RecordingError
 from runtime.preprocessing.segments import segments, uniform_step
 from runtime.recording import Recording
-from runtime.recording.recording import SIGNALS, FloatArray
-
-ALL = (*SIGNALS, "columns")
+from runtime.recording.recording import ALL, FloatArray
 
 
 def low_pass(
@@ -89,7 +87,7 @@ def savitzky_golay(
         )
 
     missing = [key for key in ("dq", "ddq") if key in only and getattr(recording, key) is None]
-    recording = _without_short(recording, width)
+    recording = without_short(recording, width)
     derived: dict[str, FloatArray] = {}
     for key in missing:
         base, derivative = ("q", 1) if key == "dq" else ("dq", 1)
@@ -110,12 +108,12 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
     """
     result = recording
     if from_position or recording.dq is None:
-        result = _without_short(result, 3)
+        result = without_short(result, 3)
         result = result.replace(dq=_gradient(result.t, result.q)).noted(
             "Differentiated q to dq by central differences."
         )
     if from_position or recording.ddq is None:
-        result = _without_short(result, 3)
+        result = without_short(result, 3)
         assert result.dq is not None  # noqa: S101  (just filled)
         result = result.replace(ddq=_gradient(result.t, result.dq)).noted(
             "Differentiated dq to ddq by central differences."
@@ -140,14 +138,14 @@ def _per_segment(
     sentence: str,
     only: tuple[str, ...],
 ) -> Recording:
-    recording = _without_short(recording, minimum)
+    recording = without_short(recording, minimum)
     parts = segments(recording.t)
     return recording.mapped(
         lambda values: np.concatenate([function(values[part]) for part in parts]), sentence, only
     )
 
 
-def _without_short(recording: Recording, minimum: int) -> Recording:
+def without_short(recording: Recording, minimum: int) -> Recording:
     """Without the segments that hold fewer samples than a step needs."""
     parts = segments(recording.t)
     short = [part for part in parts if part.stop - part.start < minimum]

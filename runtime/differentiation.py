@@ -52,8 +52,9 @@ class Differentiation:
 
     @property
     def harmless_hz(self) -> float:
-        """A cut-off at which the noise passes, whose power grows with f_c^(2k + 1)."""
-        excess = max(1.0, float(self.noise.max()) / NOISY)
+        """A cut-off that leaves so little noise; its power grows with f_c^(2k + 1)."""
+        worst = min(float(self.noise.max()), 1.0 - NOISY)
+        excess = max(1.0, worst / (1.0 - worst) * (1.0 - NOISY) / NOISY)
         return self.cutoff_hz * float(excess ** (-1.0 / (2 * self.derivatives + 1)))
 
 

@@ -127,12 +127,11 @@ class Identification:
 
     def predict_samples(self, samples: Samples) -> Array:
         """τ̂ of prepared samples, or the power of rows of power."""
-        return _predict(self.lib, samples, self.pi, self.phi, self.net)
+        return _predict(self.lib, samples, self)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the model one starts with: the URDF's π, no friction."""
-        samples = samples_of(recording, self.lib)
-        return samples.rigid(self.lib, self.lib.pi0)
+        return samples_of(recording, self.lib).rigid(self.lib, self.lib.pi0)
 
     @property
     def gap(self) -> float:
@@ -292,14 +291,12 @@ def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
     """In the weights of `statistics`: those that the optimum is measured in."""
     if fit.net is None:
         return statistics.value(fit.pi, fit.phi)
-    rest = problem.train.tau - _predict(problem.lib, problem.train, fit.pi, fit.phi, fit.net)
+    rest = problem.train.tau - _predict(problem.lib, problem.train, fit)
     return float(np.mean(rest**2 @ problem.weights) / 2)
 
 
-def _predict(
-    lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
-) -> Array:
-    rigid = samples.rigid(lib, pi)
-    if phi.size:
-        rigid = rigid + samples.friction(phi)
-    return rigid if net is None else rigid + net.torque(samples.columns)
+def _predict(lib: Library, samples: Samples, model: Fit | Identification) -> Array:
+    tau = samples.rigid(lib, model.pi)
+    if model.phi.size:
+        tau = tau + samples.friction(model.phi)
+    return tau if model.net is None else tau + model.net.torque(samples.columns)

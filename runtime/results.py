@@ -254,6 +254,12 @@ def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
             "training, validation and test are parts of one run, which flatters; "
             "record a second trajectory to test on"
         )
+    if result.test.rows is not None:
+        seen = "the power of all joints together" if result.weights.size == 1 else "momenta"
+        warnings.append(
+            f"the fit has seen {seen} and no accelerations; errors are those of the torque, which "
+            "passed the same filter"
+        )
     if not result.is_consistent:
         warnings.append("some links are no bodies that can exist; use map for a model to simulate")
     if result.method in OWN_WEIGHTS:

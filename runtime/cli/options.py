@@ -68,8 +68,9 @@ Regressor = Annotated[
     str | None,
     typer.Option(
         metavar="|".join((*REGRESSORS, AUTO)),
-        help="momentum and energy need no ddq: their rows are low-passed after all products; auto "
-        "takes momentum where differentiation fails, and says so. Default from the recipe.",
+        help="momentum needs no ddq: its rows are low-passed after all products; energy is weaker, "
+        "one row for all joints; auto takes momentum where differentiation fails, and says so. "
+        "Default from the recipe.",
     ),
 ]
 Rate = Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")]

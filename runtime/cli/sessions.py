@@ -1,6 +1,7 @@
 """Several logs on the command line: which they are, what they carried, what they say together."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,7 +9,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import console, say
-from runtime.cli.options import read_data
+from runtime.cli.options import AUTO, read_data
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
 from runtime.identification import Identification
@@ -61,9 +62,14 @@ def identify_several(
         raise IdentificationError("--payload-of belongs to a fit of several logs; name them all")
     if asked.get("stream"):
         raise IdentificationError("several logs are read as a whole; leave out --stream")
-    if (asked["friction"] or "").split(",")[0] == "auto":
+    if (asked["friction"] or "").split(",")[0] == AUTO:
         raise IdentificationError(
             "a friction model is chosen on one log; name the columns with --friction"
+        )
+    if asked["regressor"] == AUTO:
+        raise IdentificationError(
+            "accelerations are judged log by log, but all logs are fitted alike; name the "
+            "regressor with --regressor"
         )
     carried = _carried(payload_of, [log for log, _ in runs], lib)
     asked = asked | {"stream": False}
@@ -84,7 +90,10 @@ def identify_several(
             prior=prior,
             seed=seed,
         )
-    return result, study
+    told = [
+        f"{name}: {note}" for name, each in zip(names, data, strict=True) for note in each.notes
+    ]
+    return replace(result, notes=(*told, *result.notes)), study
 
 
 def tell_study(study: Study) -> None:

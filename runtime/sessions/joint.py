@@ -106,8 +106,16 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
         parts: prepared alike; with a column `offset`, or none.
         names: of their logs.
         all_names: of all logs; those that have no part here have a silent column.
+
+    Raises:
+        IdentificationError: some of the parts have rows without accelerations and some have not.
     """
     first = parts[0]
+    if any((part.rows is None) != (first.rows is None) for part in parts):
+        raise IdentificationError(
+            "some of the logs are prepared with accelerations and some without; give all of them "
+            "one regressor"
+        )
     shared = [k for k, name in enumerate(first.column_names) if name != OFFSET]
     own = len(shared) < len(first.column_names)
     columns, t, start = [], [], 0.0

@@ -231,6 +231,9 @@ def test_several_logs_with_a_payload(lib):
     wrong = [replace(each, preparation=replace(usual, regressor="energy")) for each in sessions]
     with pytest.raises(IdentificationError, match="use --regressor momentum"):
         identify_sessions(wrong, lib, friction_columns=Friction())
+    mixed = [sessions[0], replace(sessions[1], preparation=at(5.0, "acceleration"))]
+    with pytest.raises(IdentificationError, match="give all of them one regressor"):
+        identify_sessions(mixed, lib, friction_columns=Friction())
 
 
 def test_blocks_of_a_streamed_log(lib, tmp_path, monkeypatch):
@@ -268,6 +271,10 @@ def test_the_command(lib, made, tmp_path, command: Command):
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["torque_error_percent"]["after_overall"] < 0.5
     assert any("balance of momentum" in line for line in facts["recording"]["history"])
+    assert any("seen momenta and no accelerations" in line for line in facts["warnings"])
+    ran = command("identify", "log.csv", *said, "--regressor", "auto")
+    assert ran.code == 2
+    assert "name the regressor with --regressor" in ran.err
     ran = command("compare", *said, "--regressor", "energy", "--methods", "pc-ols,nn")
     assert ran.code == 0, ran.err
     rows = json.loads((tmp_path / "results" / "log-compare" / "compare.json").read_text())["rows"]

@@ -18,7 +18,7 @@ from scipy import signal as scipy_signal
 
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
-from runtime.preprocessing import momentum_torque, prepare
+from runtime.preprocessing import momentum_torque, prepare, segments
 from runtime.recording import Preparation, Recording
 
 NOISY, BENT = 0.01, 0.005
@@ -26,6 +26,8 @@ NOISY, BENT = 0.01, 0.005
 errors of real logs, 1 to 1.5 %."""
 LONGEST = 30000
 """Rows that are judged: half a minute at 1 kHz."""
+STILL = 0.02
+"""rad/s, RMS; a slower joint tells nothing of its inertia anyway."""
 _ORDER = 8
 
 
@@ -34,7 +36,7 @@ class Differentiation:
     """What the accelerations of a preparation are worth.
 
     Attributes:
-        noise: ν, (n,).
+        noise: ν, (n,); 0 for a joint that stands still.
         distortion: δ.
         cutoff_hz: of the filter; where central differences are loudest, if there is none.
         derivatives: k, that were taken.
@@ -88,14 +90,14 @@ def judged(recording: Recording, lib: Library, preparation: Preparation) -> Diff
     if len(common) <= _ORDER:
         return None
     whole = smooth.tau[theirs]
-    bent = float(np.linalg.norm(rigid[mine] - whole) / np.linalg.norm(whole))
+    bent = float(np.linalg.norm(rigid[mine] - whole) / max(float(np.linalg.norm(whole)), 1e-300))
     if preparation.cutoff_hz is None:
         bent = 0.0  # without a filter there is nothing but noise between the two
     derivatives = 2 if from_q else 1
     gain = _noise_gain(preparation, 1.0 / bare.rate_hz, derivatives)
-    noise = _white_variance(bare.q if from_q else bare.dq) * gain
-    power = np.mean(done.ddq**2, axis=0)
-    share = np.minimum(noise / np.maximum(power, 1e-300), 1.0)
+    noise = _white_variance(bare.t, bare.q if from_q else bare.dq) * gain
+    power, speed = (np.mean(a**2, axis=0) for a in (done.ddq, done.dq))
+    share = np.where(speed > STILL**2, np.minimum(noise / np.maximum(power, 1e-300), 1.0), 0.0)
     return Differentiation(share, bent, preparation.cutoff_hz or bare.rate_hz / 4, derivatives)
 
 
@@ -135,11 +137,12 @@ def settled_regressor(
     return taken, (f"{reason}; took {remedy}",)
 
 
-def _white_variance(values: Array) -> Array:
+def _white_variance(t: Array, values: Array) -> Array:
     """σ² (n,): mean square of the eighth differences over the Σ binomial² of white noise."""
-    return np.asarray(np.mean(np.diff(values, _ORDER, axis=0) ** 2, axis=0)) / comb(
-        2 * _ORDER, _ORDER
-    )
+    parts = [np.diff(values[part], _ORDER, axis=0) for part in segments(t)]
+    whole = np.concatenate(parts)
+    power = np.sum(whole**2, axis=0) / max(len(whole), 1)
+    return np.asarray(power / comb(2 * _ORDER, _ORDER))
 
 
 def _noise_gain(preparation: Preparation, step: float, derivatives: int) -> float:

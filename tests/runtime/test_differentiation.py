@@ -50,6 +50,18 @@ def test_the_share_of_noise(lib: Library, clean: Recording, derivative, noise, c
     assert judged(clean, lib, usual).noise.max() < 1e-4
 
 
+def test_holes_and_joints_at_rest_are_no_noise(lib: Library, clean: Recording):
+    """Property: ν of a log with a hole stays rounding, and a still joint is not judged at all."""
+    holed = clean.take(np.r_[0:400, 500:1001], "A hole.")
+    assert judged(holed, lib, QUIET).noise.max() < 1e-4
+    loud = shaken(clean, dq=2e-2)
+    q, dq = loud.q.copy(), loud.dq.copy()
+    q[:, 3], dq[:, 3] = q[0, 3], np.random.default_rng(1).normal(0, 2e-2, len(dq))
+    found = judged(loud.replace(q=q, dq=dq), lib, replace(QUIET, cutoff_hz=20.0))
+    assert found.noise[3] == 0.0
+    assert (np.delete(found.noise, 3) > 0.01).any()
+
+
 def test_the_bend(lib: Library, clean: Recording):
     """Oracle: the URDF's torque, filtered itself; nothing is bent far above the motion.
 

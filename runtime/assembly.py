@@ -16,7 +16,7 @@ from runtime.library import Array, Library
 from runtime.loop import Loop
 from runtime.objective import Samples, samples_of, thesis_weights
 from runtime.plausibility import require_plausible
-from runtime.preprocessing import prepare, split
+from runtime.preprocessing import prepare, prepare_power, split
 from runtime.problem import Bench, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
 
@@ -71,6 +71,7 @@ def assemble(
     recipe = recording.recipe
     terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
     terms = geared(terms, recording)
+    usual = preparation or (recipe.preparation if recipe else Preparation())
     done = [
         _prepared(r, preparation, terms, lib)
         for r in (recording, validation, test)
@@ -84,6 +85,8 @@ def assemble(
         parts = (done[0], done[1], done[2])
     train, held = samples_of(parts[0], lib), samples_of(parts[1], lib)
     samples_of(parts[2], lib)
+    if usual.regressor == "energy":
+        train, held = _of_power(recording, validation, parts, usual, terms, lib)
     require_enough(train, lib)
     problem = Problem(
         lib=lib,
@@ -102,6 +105,35 @@ def assemble(
         ),
     )
     return Assembly(problem, (parts[0], parts[1], parts[2]), terms, test is None)
+
+
+def _of_power(
+    recording: Recording,
+    validation: Recording | None,
+    parts: tuple[Recording, Recording, Recording],
+    preparation: Preparation,
+    terms: Friction,
+    lib: Library,
+) -> tuple[Samples, Samples]:
+    """The samples of power at the instants of the first two parts.
+
+    Raises:
+        IdentificationError: the recording was prepared before.
+    """
+    if recording.rows is not None or recording.columns is not None:
+        raise IdentificationError(
+            "rows of energy are made from the recording as read, but this one is prepared; give "
+            "the log itself"
+        )
+    first = prepare_power(recording, preparation, terms, lib=lib)
+    second = first
+    if validation is not None:
+        second = prepare_power(validation, preparation, terms, lib=lib)
+    taken = (
+        whole.take(np.isin(whole.t, part.t), "Took the instants of a part.")
+        for whole, part in zip((first, second), parts, strict=False)
+    )
+    return tuple(samples_of(part, lib) for part in taken)  # type: ignore[return-value]
 
 
 def require_enough(train: Samples, lib: Library) -> None:

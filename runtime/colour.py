@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.fft import dct, next_fast_len
 
-from runtime import friction
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.statistics import Statistics
@@ -68,13 +67,12 @@ def colour_of(
     x, scale = root @ (space.T @ statistics.target), np.sqrt(weights)
 
     def piece(samples: Samples) -> tuple[Array, Array]:
-        base = lib.base_regressor(samples.q, samples.dq, samples.ddq)
-        extra = friction.spread(samples.columns, samples.coupling)
-        rows = np.concatenate([base, extra], axis=2) * scale[:, None]
+        both = (samples.base_rows(lib), samples.friction_rows())
+        rows = np.concatenate(both, axis=2) * scale[:, None]
         return rows @ root, rows @ x - samples.tau * scale
 
     pieces = (piece(part.rows(own)) for part in parts for own in _pieces(len(part), len(parts)))
-    equations = statistics.n_samples * lib.n_joints
+    equations = statistics.n_samples * len(weights)
     return _colour(pieces, statistics.rest, root.shape[1], equations)
 
 

@@ -179,7 +179,8 @@ class _Bench:
     ) -> None:
         self._recording, self._lib, self._base, self._terms = recording, lib, base, terms
         bare = {"filter": "none", "cutoff_hz": None, "trim_s": None, "rest_speed": None}
-        self._raw = prepare(recording, replace(base, **bare, rate_hz=None))  # type: ignore[arg-type]
+        bare |= {"rate_hz": None, "regressor": "acceleration"}
+        self._raw = prepare(recording, replace(base, **bare))  # type: ignore[arg-type]
         rate = min(self._raw.rate_hz, base.rate_hz or np.inf)
         self.cutoffs = [f_c for f_c in CANDIDATES if f_c < BELOW_RATE * rate]
         if not self.cutoffs:
@@ -261,6 +262,6 @@ class _Bench:
 
     def _predicted(self, block: Samples, x: Array) -> Array:
         n_base = len(self._lib.base_columns)
-        rigid = self._lib.base_inverse_dynamics(block.q, block.dq, block.ddq, x[:n_base])
+        rigid = block.base_rigid(self._lib, x[:n_base])
         phi = x[n_base:].reshape(block.columns.shape[1:])
         return np.asarray(rigid + block.friction(phi) if phi.size else rigid)

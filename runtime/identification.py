@@ -27,6 +27,7 @@ from runtime.optimizers import Trace
 from runtime.prior_file import PriorFile
 from runtime.problem import Fit, Problem
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.residuals import residuals
 from runtime.statistics import Statistics
 from runtime.threads import one_blas_thread
 from runtime.uncertainty import Uncertainty, uncertainty_of
@@ -61,6 +62,7 @@ class Identification:
         loss: L on the training samples.
         optimum: smallest loss of any physically consistent model on the same samples; NaN when
             it was not asked for.
+        silent: L of τ̂ = 0 on the same samples.
         uncertainty: what the data say and how surely; None when it was not asked for.
         seconds: of the method alone.
         train, validation, test: the prepared recordings.
@@ -82,6 +84,7 @@ class Identification:
     status: str
     loss: float
     optimum: float
+    silent: float
     uncertainty: Uncertainty | None
     seconds: float
     iterations: int | None
@@ -119,12 +122,15 @@ class Identification:
 
     def predict_recording(self, recording: Recording) -> Array:
         """τ̂ of a prepared recording, with the friction columns that were filtered with it."""
-        return _predict(self.lib, samples_of(recording, self.lib), self.pi, self.phi, self.net)
+        return self.predict_samples(samples_of(recording, self.lib))
+
+    def predict_samples(self, samples: Samples) -> Array:
+        """τ̂ of prepared samples, or the power of rows of power."""
+        return _predict(self.lib, samples, self)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the model one starts with: the URDF's π, no friction."""
-        samples = samples_of(recording, self.lib)
-        return self.lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, self.lib.pi0)
+        return samples_of(recording, self.lib).rigid(self.lib, self.lib.pi0)
 
     @property
     def gap(self) -> float:
@@ -132,9 +138,7 @@ class Identification:
 
         Where the data are explained to rounding, L* is replaced by 1e-9 of the loss of τ̂ = 0.
         """
-        assert self.train.tau is not None  # noqa: S101  samples_of has checked it
-        silent = float(np.mean(self.train.tau**2 @ self.weights) / 2)
-        return (self.loss - self.optimum) / max(self.optimum, 1e-9 * silent)
+        return (self.loss - self.optimum) / max(self.optimum, 1e-9 * self.silent)
 
     @property
     def relative_eigenvalues(self) -> Array:
@@ -245,6 +249,9 @@ def identify_assembled(
             colour=fit.colour,
             compressed=problem.statistics,
         )
+        if problem.train.equations < lib.n_joints:  # rows of power know the noise of no joint
+            sure = sure.with_noise(residuals(lib, samples_of(parts[0], lib), fit.pi, fit.phi), lib)
+    weights = problem.weights if fit.weights is None else fit.weights
     return Identification(
         method=method,
         lib=lib,
@@ -253,10 +260,11 @@ def identify_assembled(
         beta=lib.base_matrix @ fit.pi,
         phi=fit.phi,
         friction=assembly.friction,
-        weights=problem.weights if fit.weights is None else fit.weights,
+        weights=weights,
         status=fit.status,
         loss=_loss(problem, fit, statistics),
         optimum=optimum,
+        silent=float(np.mean(problem.train.tau**2 @ weights) / 2),
         uncertainty=sure,
         seconds=seconds,
         iterations=fit.iterations,
@@ -275,14 +283,12 @@ def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
     """In the weights of `statistics`: those that the optimum is measured in."""
     if fit.net is None:
         return statistics.value(fit.pi, fit.phi)
-    rest = problem.train.tau - _predict(problem.lib, problem.train, fit.pi, fit.phi, fit.net)
+    rest = problem.train.tau - _predict(problem.lib, problem.train, fit)
     return float(np.mean(rest**2 @ problem.weights) / 2)
 
 
-def _predict(
-    lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
-) -> Array:
-    rigid = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi)
-    if phi.size:
-        rigid = rigid + samples.friction(phi)
-    return rigid if net is None else rigid + net.torque(samples.columns)
+def _predict(lib: Library, samples: Samples, model: Fit | Identification) -> Array:
+    tau = samples.rigid(lib, model.pi)
+    if model.phi.size:
+        tau = tau + samples.friction(model.phi)
+    return tau if model.net is None else tau + model.net.torque(samples.columns)

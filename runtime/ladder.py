@@ -132,8 +132,12 @@ def choose_friction(
     parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
     bare = recording.replace(columns=None, column_names=())
 
+    made: Array | None = None  # rows without accelerations cost more than anything else
+
     def blocks(*terms: Friction) -> list[Samples]:
-        done = prepare(bare, preparation, *terms, lib=lib)
+        nonlocal made
+        done = prepare(bare, preparation, *terms, lib=lib, rows=made)
+        made = done.rows
         share = (done.t - done.t[0]) / (done.duration or 1.0)
         rows = np.flatnonzero(share < parts.validation[1])
         cuts = np.array_split(rows, BLOCKS)
@@ -258,7 +262,7 @@ def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
 
 
 def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:
-    rigid = lib.base_inverse_dynamics(block.q, block.dq, block.ddq, beta)
+    rigid = block.base_rigid(lib, beta)
     phi = phi.reshape(block.columns.shape[1:])
     if block.coupling is not None:
         return rigid + block.friction(phi) - block.tau

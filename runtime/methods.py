@@ -3,8 +3,9 @@
 from runtime.baselines import BASELINES
 from runtime.convex import CAD
 from runtime.descent import Preset
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, NeedsError
 from runtime.fitting import PRESETS, fit_adam, fit_levenberg
+from runtime.objective import WITHOUT_ACCELERATIONS
 from runtime.posterior import fit_map
 from runtime.prior_file import PriorFile
 from runtime.problem import Fit, Problem
@@ -56,6 +57,25 @@ def chosen_method(method: str | None, preset: str | Preset | None, prior: PriorF
     return method
 
 
+def _require_rows(problem: Problem, method: str, preset: str | Preset | None) -> None:
+    """Refuse rows without accelerations where a method evaluates τ(q, dq, ddq) itself.
+
+    Raises:
+        NeedsError: it does, or power is all it is given and it needs joints.
+    """
+    if problem.train.base is None:
+        return
+    batches = method == "adam" and preset not in {None, "full"}
+    joints = method == "wls" and problem.train.equations < problem.lib.n_joints
+    if method not in WITHOUT_ACCELERATIONS or batches or joints:
+        what = "adam with mini-batches" if batches else method
+        raise NeedsError(
+            f"{what} needs " + ("rows of every joint" if joints else "accelerations") + ", which "
+            "the regressor of the log has not; use --regressor acceleration, or one of "
+            f"{', '.join(WITHOUT_ACCELERATIONS)}"
+        )
+
+
 def fit_by(
     problem: Problem,
     method: str,
@@ -68,6 +88,7 @@ def fit_by(
         IdentificationError: the method or the preset is unknown, or the method failed.
     """
     require_method(method)
+    _require_rows(problem, method, preset)
     if method in BASELINES:
         return BASELINES[method](problem)
     if method == "map":

@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import friction
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, NeedsError
 from runtime.library import Array, Library
 from runtime.recording import Recording
 
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
+
+WITHOUT_ACCELERATIONS = ("map", "pc-ols", "ols", "wls", "lm", "log-cholesky", "adam")
+"""Methods that take rows in which accelerations have been integrated away; adam all at once."""
 
 
 def thesis_weights(tau: Array) -> Array:
@@ -29,27 +32,88 @@ def thesis_weights(tau: Array) -> Array:
 class Samples:
     """Complete motion and torque of a recording, with its friction columns (N, n, k).
 
-    A coupling says which columns are of motors that drive several joints.
+    Attributes:
+        acceleration: ddq; None where `base` stands for it.
+        tau: (N, m): of the joints, or their power where m = 1 and `base` is that of energy.
+        coupling: says which columns are of motors that drive several joints.
+        base: Y_b of every sample, (N, m, n_b), where it is no function of q, dq and ddq.
     """
 
     q: Array
     dq: Array
-    ddq: Array
+    acceleration: Array | None
     tau: Array
     columns: Array
     coupling: friction.Coupling | None = field(default=None, kw_only=True)
+    base: Array | None = field(default=None, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.q)
 
+    @property
+    def ddq(self) -> Array:
+        """Accelerations (N, n).
+
+        Raises:
+            NeedsError: the rows were made without them.
+        """
+        if self.acceleration is None:
+            raise NeedsError(
+                "this needs accelerations, but the rows were made without them; use the regressor "
+                f"'acceleration', or a method of {', '.join(WITHOUT_ACCELERATIONS)}"
+            )
+        return self.acceleration
+
+    @property
+    def equations(self) -> int:
+        """Per sample: m."""
+        return int(self.tau.shape[1])
+
     def rows(self, taken: slice | NDArray[np.int64]) -> "Samples":
         """Some of the samples, contiguous."""
-        arrays = (self.q, self.dq, self.ddq, self.tau, self.columns)
-        return Samples(*(np.ascontiguousarray(a[taken]) for a in arrays), coupling=self.coupling)
+
+        def part(values: Array) -> Array:
+            return np.ascontiguousarray(values[taken], dtype=float)
+
+        return Samples(
+            part(self.q),
+            part(self.dq),
+            None if self.acceleration is None else part(self.acceleration),
+            part(self.tau),
+            part(self.columns),
+            coupling=self.coupling,
+            base=None if self.base is None else part(self.base),
+        )
+
+    def rigid(self, lib: Library, pi: Array) -> Array:
+        """Y π, (N, m)."""
+        if self.base is not None:
+            return np.asarray(self.base @ (lib.base_matrix @ pi))
+        return lib.inverse_dynamics(self.q, self.dq, self.ddq, pi)
+
+    def base_rigid(self, lib: Library, beta: Array) -> Array:
+        """Y_b β, (N, m)."""
+        if self.base is not None:
+            return np.asarray(self.base @ beta)
+        return lib.base_inverse_dynamics(self.q, self.dq, self.ddq, beta)
+
+    def base_rows(self, lib: Library) -> Array:
+        """Y_b, (N, m, n_b)."""
+        return lib.base_regressor(self.q, self.dq, self.ddq) if self.base is None else self.base
 
     def friction(self, phi: Array) -> Array:
-        """F φ, (N, n)."""
-        return friction.torque(self.columns, phi, self.coupling)
+        """F φ, (N, m)."""
+        own = friction.torque(self.columns, phi, self.coupling)
+        return own.sum(axis=1, keepdims=True) if self._is_power else own
+
+    def friction_rows(self) -> Array:
+        """F as rows over [φ], (N, m, n k)."""
+        rows = friction.spread(self.columns, self.coupling)
+        return rows.sum(axis=1, keepdims=True) if self._is_power else rows
+
+    @property
+    def _is_power(self) -> bool:
+        return self.equations < self.q.shape[1]
 
 
 def samples_of(recording: Recording, lib: Library) -> Samples:
@@ -59,7 +123,9 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
         IdentificationError: something is missing, and the message says what to do.
     """
     n = lib.n_joints
-    missing = [key for key in ("dq", "ddq", "tau") if getattr(recording, key) is None]
+    made = recording.rows is not None
+    needed = ("dq", "tau") if made else ("dq", "ddq", "tau")
+    missing = [key for key in needed if getattr(recording, key) is None]
     if missing:
         raise IdentificationError(
             f"identification needs q, dq, ddq and tau, the recording '{recording.name}' has no "
@@ -73,14 +139,22 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
     columns = recording.columns
     if columns is None:
         columns = np.zeros((len(recording), n, 0))
-    arrays = (recording.q, recording.dq, recording.ddq, recording.tau, columns)
-    whole = [np.ascontiguousarray(a, dtype=float) for a in arrays]
-    if not all(np.isfinite(a).all() for a in whole):
+    values = (recording.q, recording.dq, recording.ddq, recording.tau, columns, recording.rows)
+    arrays = [None if a is None else np.ascontiguousarray(a, dtype=float) for a in values]
+    if not all(a is None or np.isfinite(a).all() for a in arrays):
         raise IdentificationError(
             f"the recording '{recording.name}' holds NaN or infinite values; "
             "drop those rows before identifying"
         )
-    return Samples(*whole, coupling=friction.coupling_of(recording))
+    q, dq, ddq, tau, columns, base = arrays
+    assert q is not None and dq is not None and tau is not None  # noqa: S101, PT018  checked above
+    assert columns is not None  # noqa: S101  just made
+    coupling = friction.coupling_of(recording)
+    if base is not None:
+        ddq = None
+        if base.shape[1] == 1:  # each column is scaled with the speed of what it belongs to
+            tau, coupling = tau.sum(axis=1, keepdims=True), None
+    return Samples(q, dq, ddq, tau, columns, coupling=coupling, base=base)
 
 
 class TorqueObjective:
@@ -121,7 +195,7 @@ class TorqueObjective:
         """L over all rows."""
         lam, phi = self.split(x)
         s = self.samples
-        residual = self.lib.torque(s.q, s.dq, s.ddq, lam) - s.tau
+        residual = s.rigid(self.lib, self.lib.pi_from_lam(lam)) - s.tau
         if phi.size:
             residual = residual + s.friction(phi)
         return float(np.mean((residual**2) @ self.weights) / 2)

@@ -45,12 +45,12 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     few = _thinned(train)
     weights = problem.weights
     for _ in range(PASSES):
-        phi, found, _ = _fitted(lib, compress(lib, few, weights), prior, kappa)
+        phi, found, _ = _fitted(lib, compress(lib, few, weights), weights, prior, kappa)
         rest = residuals(lib, few, found.pi, phi)
         weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = problem.statistics(weights)
     colour = colour_of(lib, [train], statistics, weights)
-    phi, found, notes = _fitted(lib, statistics, prior, kappa, colour, constraints)
+    phi, found, notes = _fitted(lib, statistics, weights, prior, kappa, colour, constraints)
     return Fit(
         pi=found.pi,
         phi=phi.reshape(train.columns.shape[1:]),
@@ -67,13 +67,17 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
 def _fitted(
     lib: Library,
     statistics: Statistics,
+    weights: Array,
     prior: Prior,
     kappa: float,
     colour: Colour | None = None,
     constraints: Constraints | None = None,
 ) -> tuple[Array, Minimum, tuple[str, ...]]:
-    """φ and the minimum of one weighting; the noise is white unless its colour is known."""
-    data, eliminated = reduce(statistics, lib.n_joints)
+    """φ and the minimum of one weighting, a weight per equation of a sample.
+
+    The noise is white unless its colour is known.
+    """
+    data, eliminated = reduce(statistics, len(weights))
     level = data.variance if colour is None else colour.level
     gamma = kappa * max(level, LEAST_VARIANCE) / data.count
     notes: tuple[str, ...] = ()

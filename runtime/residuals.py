@@ -14,8 +14,8 @@ SILENT = 1e-6
 
 
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
-    """r (N, n), N·m or N."""
-    rest = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, pi) - samples.tau
+    """r (N, m), N·m or N; W of rows of power."""
+    rest = samples.rigid(lib, pi) - samples.tau
     if phi.size:
         rest = rest + samples.friction(phi.reshape(samples.columns.shape[1:]))
     return rest

@@ -190,7 +190,7 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
         return None
     test = samples_of(result.test, lib)
     step = max(1, len(test) // BAND_SAMPLES)
-    band = u.model_band(lib, test.q[::step], test.dq[::step], test.ddq[::step])
+    band = u.band_of(lib, test.rows(slice(None, None, step)))
     size = len(PI_NAMES)
     sigma, spreads = u.sigma, u.com_sigma(result.pi)
     verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_joints)]
@@ -255,6 +255,12 @@ def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
         warnings.append(
             "training, validation and test are parts of one run, which flatters; "
             "record a second trajectory to test on"
+        )
+    if result.test.rows is not None:
+        seen = "the power of all joints together" if result.weights.size == 1 else "momenta"
+        warnings.append(
+            f"the fit has seen {seen} and no accelerations; errors are those of the torque, which "
+            "passed the same filter"
         )
     if not result.is_consistent:
         warnings.append("some links are no bodies that can exist; use map for a model to simulate")

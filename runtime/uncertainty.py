@@ -8,7 +8,7 @@ Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,6 +81,15 @@ class Uncertainty:
         y = lib.regressor(*(np.atleast_2d(a) for a in (q, dq, ddq)))
         return np.asarray(np.linalg.norm(y @ self.root, axis=2))
 
+    def band_of(self, lib: Library, samples: Samples) -> Array:
+        """The same of rows, √diag(Y_b K C Kᵀ Y_bᵀ), (N, m)."""
+        spread = samples.base_rows(lib) @ (lib.base_matrix @ self.root)
+        return np.asarray(np.linalg.norm(spread, axis=2))
+
+    def with_noise(self, rest: Array, lib: Library) -> "Uncertainty":
+        """The same with noise and whiteness of other residuals (N, n), all unknowns known."""
+        return replace(self, noise=noise(rest, lib, 0), white=_white(rest))
+
     def advice(self) -> str:
         """One sentence: what to trust, and what to record next."""
         count = len(self.beta_sigma)
@@ -132,7 +141,7 @@ def uncertainty_of(
         weights = weights_from(noise(rest, lib, phi.size), samples.tau)
         statistics = compressed(weights) if compressed else compress(lib, samples, weights)
         colour = colour_of(lib, [samples], statistics, weights)
-    data, _ = reduce(statistics, lib.n_joints)
+    data, _ = reduce(statistics, samples.equations)
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
     inside = bodies.log_det(pi) is not None
     level = max(colour.level, np.finfo(float).tiny)

@@ -144,13 +144,20 @@ def regressor(
 
     Differentiating the linear function costs no more than the best hand-written regressor.
     """
+    return by_parameters(chain, lambda pi: inverse_dynamics(chain, q, dq, ddq, pi), columns)
+
+
+def by_parameters(
+    chain: Chain, linear: Callable[[Matrix], Matrix], columns: tuple[int, ...] | None = None
+) -> Matrix:
+    """∂f/∂π of a linear f(π), all columns or the chosen ones; the other entries of π are zeros."""
     pi = ca.SX.sym("pi", N_PARAMETERS * len(chain.joints))
     if columns is None:
-        return ca.jacobian(inverse_dynamics(chain, q, dq, ddq, pi), pi)
+        return ca.jacobian(linear(pi), pi)
     chosen = ca.vertcat(*(pi[c] for c in columns))
     kept = set(columns)
     sparse = ca.vertcat(*(pi[c] if c in kept else 0 for c in range(pi.numel())))
-    return ca.jacobian(inverse_dynamics(chain, q, dq, ddq, sparse), chosen)
+    return ca.jacobian(linear(sparse), chosen)
 
 
 def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:

@@ -30,6 +30,12 @@ void fr3_regressor(const double q[7], const double dq[7], const double ddq[7], d
 /* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations. */
 void fr3_base_regressor(const double q[7], const double dq[7], const double ddq[7], double Y_b[301]);
 
+/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1965 operations. */
+void fr3_momentum_regressor(const double q[7], const double dq[7], double P_b[301], double R_b[301]);
+
+/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 249 operations. */
+void fr3_energy_regressor(const double q[7], const double dq[7], double E_b[43]);
+
 /* beta = K pi, Eq. 3.11. 115 operations. */
 void fr3_base_parameters(const double pi[70], double beta[43]);
 

@@ -55,6 +55,11 @@ HIDDEN void OWN(base_regressor_sines)(long tiles, const double *q, double *sc);
 HIDDEN void OWN(base_regressor_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, double *Y_b);
 
+/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1965 operations per sample. */
+HIDDEN void OWN(momentum_regressor_sines)(long tiles, const double *q, double *sc);
+HIDDEN void OWN(momentum_regressor_tile)(
+const double *sc,const double *q, const double *dq, double *P_b, double *R_b);
+
 /* beta = K pi, Eq. 3.11. 115 operations per sample. */
 HIDDEN void OWN(base_parameters_sines)(long tiles, const double *pi, double *sc);
 HIDDEN void OWN(base_parameters_tile)(

@@ -55,7 +55,7 @@ def fit_neural(problem: Problem) -> Fit:
 
 def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
     """τ − Y π − F φ."""
-    rigid = problem.lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, fit.pi)
+    rigid = samples.rigid(problem.lib, fit.pi)
     return samples.tau - rigid - samples.friction(fit.phi)
 
 

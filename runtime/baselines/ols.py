@@ -35,8 +35,8 @@ def fit_ols(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    lib = problem.lib
-    found = solve(problem.statistics(np.ones(lib.n_joints)), lib, problem.friction_names)
+    equal = np.ones(problem.train.equations)
+    found = solve(problem.statistics(equal), problem.lib, problem.friction_names)
     text = f"solved by QR; condition number of the normalised columns {found.condition:.1f}"
     return fit_of_base(problem, found.beta, found.phi, text)
 

@@ -67,7 +67,7 @@ def _reweighted(
 
 def residual(lib: Library, samples: Samples, found: Solution) -> Array:
     """τ − Y_b β − F φ, (N, n)."""
-    rigid = lib.base_inverse_dynamics(samples.q, samples.dq, samples.ddq, found.beta)
+    rigid = samples.base_rigid(lib, found.beta)
     if found.phi.size:
         rigid = rigid + samples.friction(found.phi)
     return samples.tau - rigid

@@ -78,12 +78,17 @@ def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
 
 
 def preparation_of(
-    recording: Recording, cutoff: float | None, rate: float | None
+    recording: Recording,
+    cutoff: float | None,
+    rate: float | None,
+    regressor: str | None = None,
 ) -> Preparation | None:
-    """The recipe's preparation with --cutoff and --rate; None where neither is given."""
-    if cutoff is None and rate is None:
+    """The recipe's preparation with --cutoff, --rate and --regressor; None where none is given."""
+    if cutoff is None and rate is None and regressor is None:
         return None
     base = recording.recipe.preparation if recording.recipe else Preparation()
+    if regressor is not None:
+        base = dataclasses.replace(base, regressor=regressor)
     if cutoff is not None:
         base = dataclasses.replace(base, filter="butterworth", cutoff_hz=cutoff)
         if base.max_gap_s is None:

@@ -21,6 +21,7 @@ from runtime.cli.options import (
     Parts,
     Rate,
     Recipe,
+    Regressor,
     Run,
     Stream,
     listed,
@@ -51,6 +52,7 @@ def compare_command(
     coulomb_speed: CoulombSpeed = None,
     cutoff: Cutoff = None,
     rate: Rate = None,
+    regressor: Regressor = None,
     split: Parts = None,
     loop: LoopFile = None,
     stream: Stream = None,
@@ -78,7 +80,7 @@ def compare_command(
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None
     streams = _streams(stream, names, loop, friction)
-    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, streams)
+    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, streams, regressor)
     data = read_data(lib, log, asked)
     options: dict[str, Any] = {
         "preparation": data.preparation,

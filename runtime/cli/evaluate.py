@@ -50,8 +50,8 @@ def evaluate_command(
     terms = saved.friction
     prepared = prepare(recording, preparation_of(recording, cutoff, rate), terms, lib=lib)
     samples = samples_of(prepared, lib)
-    before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
-    after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, saved.pi)
+    before = samples.rigid(lib, lib.pi0)
+    after = samples.rigid(lib, saved.pi)
     if terms.columns:
         after = after + samples.friction(saved.phi)
     if saved.net:

@@ -19,6 +19,7 @@ from runtime.cli.options import (
     Parts,
     Rate,
     Recipe,
+    Regressor,
     Run,
     Stream,
     read_data,
@@ -66,6 +67,7 @@ def identify_command(
     coulomb_speed: CoulombSpeed = None,
     cutoff: Cutoff = None,
     rate: Rate = None,
+    regressor: Regressor = None,
     split: Parts = None,
     loop: LoopFile = None,
     stream: Stream = None,
@@ -80,6 +82,7 @@ def identify_command(
     python -m runtime identify log.csv --robot my --friction auto --cutoff 10
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
     python -m runtime identify log.csv --robot my --prior my-arm.toml
+    python -m runtime identify log.csv --robot my --regressor momentum --cutoff 2
     python -m runtime identify log.csv --method didim --loop log.loop.toml --friction viscous
     python -m runtime identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
 
@@ -91,7 +94,7 @@ def identify_command(
     lib, log = load(robot), logs[0]
     if stream is None and (loop or friction == AUTO or not _is_streamable(method, preset)):
         stream = False  # what only a whole log has
-    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, stream)
+    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor)
     known = None if prior is None else read_prior(prior, lib)
     runs = runs_of(logs, run)
     if len(runs) > 1 or payload_of:
@@ -111,6 +114,7 @@ def identify_command(
             )
         options = {"method": method, "preset": preset, "prior": known}
         result = _streamed(data.streamed, data, lib, options)
+        result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         _finish(result, out or _folder(log, result.method))
         return
     terms = data.friction

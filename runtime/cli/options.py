@@ -12,11 +12,13 @@ from rich.table import Table
 
 from runtime.cli.common import console, numbers_option, preparation_of
 from runtime.cutoff import CutoffChoice, choose_cutoff
+from runtime.differentiation import settled_regressor
 from runtime.errors import IdentificationError, RecordingError
 from runtime.friction import COLUMNS
 from runtime.ladder import Choice, choose_friction
 from runtime.library import Library
 from runtime.recording import (
+    REGRESSORS,
     Friction,
     Preparation,
     Recording,
@@ -65,6 +67,15 @@ Cutoff = Annotated[
 CarryingLink = Annotated[
     str | None, typer.Option("--link", help="Link that carries it; default the link of the tip.")
 ]
+Regressor = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join((*REGRESSORS, AUTO)),
+        help="momentum needs no ddq: its rows are low-passed after all products; energy is weaker, "
+        "one row for all joints; auto takes momentum where differentiation fails, and says so. "
+        "Default from the recipe.",
+    ),
+]
 Rate = Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")]
 Parts = Annotated[
     str | None,
@@ -103,6 +114,7 @@ class Asked:
     rate: float | None = None
     split: str | None = None
     stream: bool | None = False
+    regressor: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +137,8 @@ class Data:
 def read_data(lib: Library, log: str, asked: Asked) -> Data:
     """Read the log; choose the cut-off and climb the ladder of friction where that is asked for.
 
+    The accelerations are judged, and the sentence about them is among the notes.
+
     Raises:
         RuntimeFault: the log or an option is none.
     """
@@ -142,13 +156,17 @@ def read_data(lib: Library, log: str, asked: Asked) -> Data:
             "one is streamed; give --cutoff and --friction themselves, or use --no-stream"
         )
     notes: tuple[str, ...] = ()
-    prepared = preparation_of(recording, _hz(asked.cutoff), asked.rate)
+    form = None if asked.regressor == AUTO else asked.regressor
+    prepared = preparation_of(recording, _hz(asked.cutoff), asked.rate, form)
     if asked.cutoff == AUTO:
-        base = preparation_of(recording, _ANY_HZ, asked.rate)
+        base = preparation_of(recording, _ANY_HZ, asked.rate, form)
         with console.status("choosing a cut-off"):
             found = choose_cutoff(recording, lib, base, parts, None if climbs else terms)
         console.print(_cutoff_table(found))
         prepared, notes = found.preparation, (found.sentence,)
+    with console.status("judging the accelerations"):
+        prepared, told = settled_regressor(recording, lib, prepared, asked.regressor == AUTO)
+    notes += told
     if terms is None or not climbs:
         return Data(recording, prepared, parts, terms, notes, streamed=streamed)
     with console.status("choosing a friction model"):

@@ -66,6 +66,11 @@ def identify_several(
         raise IdentificationError(
             "a friction model is chosen on one log; name the columns with --friction"
         )
+    if asked.regressor == AUTO:
+        raise IdentificationError(
+            "accelerations are judged log by log, but all logs are fitted alike; name the "
+            "regressor with --regressor"
+        )
     carried = _carried(payload_of, [log for log, _ in runs], lib)
     data = [read_data(lib, log, replace(asked, run=run, stream=False)) for log, run in runs]
     names = _names(runs)
@@ -84,7 +89,10 @@ def identify_several(
             prior=prior,
             seed=seed,
         )
-    return result, study
+    told = [
+        f"{name}: {note}" for name, each in zip(names, data, strict=True) for note in each.notes
+    ]
+    return replace(result, notes=(*told, *result.notes)), study
 
 
 def tell_study(study: Study) -> None:

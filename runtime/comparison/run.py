@@ -4,7 +4,7 @@ All are held against the same convex optimum L* in the same weights, whatever th
 themselves: L = mean ½ rᵀWr of the training samples, the net's share included.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,11 +18,10 @@ from runtime.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
 from runtime.comparison.truth import Truth
 from runtime.errors import IdentificationError, NeedsError, RuntimeFault
 from runtime.identification import Identification, identify_assembled
-from runtime.library import Array, Library
+from runtime.library import Array
 from runtime.methods import require_method
-from runtime.objective import samples_of
+from runtime.objective import Samples, samples_of
 from runtime.optimizers import Status
-from runtime.recording import Recording
 from runtime.threads import one_blas_thread
 from runtime.uncertainty import uncertainty_of
 
@@ -92,7 +91,8 @@ def compare(
     except KeyboardInterrupt:
         pass
     rows += [Row(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
-    before = _misfit(assembly, "test", partial(_silent, problem.lib)).error.overall
+    start = partial(Samples.rigid, lib=problem.lib, pi=problem.lib.pi0)
+    before = _misfit(_test(assembly), start).error.overall
     return Comparison(assembly, tuple(rows), before, optimum, truth)
 
 
@@ -115,8 +115,8 @@ def _figures(
     assembly: Assembly, found: Identification, optimum: float, truth: Truth | None
 ) -> Figures:
     problem, lib = assembly.problem, found.lib
-    own = _misfit(assembly, "train", found.predict_recording)
-    unseen = _misfit(assembly, "test", found.predict_recording)
+    own = _misfit(problem.samples("train"), found.predict_samples)
+    unseen = _misfit(_test(assembly), found.predict_samples)
 
     def loss(power: Array) -> float:
         return float(power @ problem.weights / (2 * own.count))
@@ -173,19 +173,16 @@ class _Misfit:
         return metrics.torque_error_of(np.sqrt(self.power), np.sqrt(self.silent), self.count)
 
 
-def _misfit(assembly: Assembly, part: str, predict: Callable[[Recording], Array]) -> _Misfit:
-    """Over all rows of "train" or "test", a piece at a time."""
-    power, silent = np.zeros((2, assembly.problem.lib.n_joints))
+def _misfit(parts: Iterable[Samples], predict: Callable[[Samples], Array]) -> _Misfit:
+    """Over all rows, a piece at a time."""
+    power, silent = np.zeros((2, 1))
     squares = []
-    for recording in assembly.recordings(part):
-        tau = samples_of(recording, assembly.problem.lib).tau
-        rest = (tau - predict(recording)) ** 2
-        power, silent = power + rest.sum(axis=0), silent + np.sum(tau**2, axis=0)
+    for samples in parts:
+        rest = (samples.tau - predict(samples)) ** 2
+        power, silent = power + rest.sum(axis=0), silent + np.sum(samples.tau**2, axis=0)
         squares.append(rest.sum(axis=1))
     return _Misfit(power, silent, np.concatenate(squares))
 
 
-def _silent(lib: Library, recording: Recording) -> Array:
-    """τ̂ of the URDF without friction."""
-    samples = samples_of(recording, lib)
-    return lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
+def _test(assembly: Assembly) -> Iterator[Samples]:
+    return (samples_of(part, assembly.problem.lib) for part in assembly.recordings("test"))

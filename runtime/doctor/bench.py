@@ -62,7 +62,7 @@ def bench_of(
         RuntimeFault: it cannot be prepared, or is too short or too slow.
     """
     bare = recording.replace(columns=None, column_names=(), motors=None)
-    usual = replace(preparation, rate_hz=None, rest_speed=None)
+    usual = replace(preparation, rate_hz=None, rest_speed=None, regressor="acceleration")
     whole = prepare(bare, usual, terms, lib=lib)
     if whole.rate_hz < SLOWEST or len(whole) < FEWEST:
         raise IdentificationError(

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from runtime.cutoff import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
+from runtime.differentiation import settled_regressor
 from runtime.doctor import clock, effort, gravity, model, motion, order, signals, units
 from runtime.doctor.bench import Bench, bench_of, rough
 from runtime.doctor.finding import ERROR, INFO, LEVELS, WARNING, Finding
@@ -197,6 +198,9 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
             choice = choose_cutoff(asked.recording, lib, preparation, asked.plan.split, terms)
             asked.plan = asked.plan.replace(preparation=_thinned(choice, asked.recording))
             asked.findings.append(Finding("cutoff", INFO, choice.sentence))
+        usual = rough(asked.recording, asked.plan.preparation)
+        _, failing = settled_regressor(asked.recording, lib, usual)
+        asked.findings += [Finding("differentiation", WARNING, said) for said in failing]
         bench = asked.bench(lib, terms)
         matrix = model.fit_rows(bench)
         late = model.delay(bench, matrix, asked.plan)

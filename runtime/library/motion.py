@@ -39,6 +39,17 @@ class MotionKernels:
         """Y_b with τ = Y_b β, (N, n, n_b). Source: Eq. 3.11."""
         return self._binding.call("base_regressor", q, dq, ddq)[0]
 
+    def momentum_regressor(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array]:
+        """P_b and R_b with p = M dq = P_b β, ∂(T − U)/∂q = R_b β and τ = dp/dt − R_b β,
+        (N, n, n_b) each. Source: Slotine & Li 1987.
+        """
+        momentum, force = self._binding.call("momentum_regressor", q, dq)
+        return momentum, force
+
+    def energy_regressor(self, q: ArrayLike, dq: ArrayLike) -> Array:
+        """E_b with T + U = E_b β but for a constant, (N, n_b). Source: Gautier & Khalil 1988."""
+        return self._binding.call("energy_regressor", q, dq)[0]
+
     def mass_matrix(self, q: ArrayLike, pi: ArrayLike) -> Array:
         """M(q), (N, n, n). Source: Eq. 2.34."""
         return self._binding.call("mass_matrix", q, pi)[0]

@@ -2,7 +2,7 @@
 
 from runtime.preprocessing.clock import repair_clock
 from runtime.preprocessing.filters import differentiate, low_pass, moving_average, savitzky_golay
-from runtime.preprocessing.pipeline import DOCUMENT, prepare
+from runtime.preprocessing.pipeline import DOCUMENT, momentum_torque, prepare, prepare_power
 from runtime.preprocessing.segments import (
     advance_torque,
     decimate,
@@ -24,8 +24,10 @@ __all__ = [
     "differentiate",
     "drop_rest",
     "low_pass",
+    "momentum_torque",
     "moving_average",
     "prepare",
+    "prepare_power",
     "repair_clock",
     "resample",
     "savitzky_golay",

@@ -15,9 +15,7 @@ from runtime.errors import RecordingError
 from runtime.preprocessing.segments import holes, segments, uniform_step
 from runtime.preprocessing.zero_phase import zero_phase
 from runtime.recording import Recording
-from runtime.recording.recording import SIGNALS, FloatArray
-
-ALL = (*SIGNALS, "columns")
+from runtime.recording.recording import ALL, FloatArray
 
 
 @dataclass(frozen=True, slots=True)

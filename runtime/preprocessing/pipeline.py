@@ -1,7 +1,11 @@
 """The usual order of the steps, driven by a `Preparation`; each step is skipped unless set."""
 
 from collections.abc import Callable
+from typing import Any
 
+import numpy as np
+
+from runtime.errors import RecordingError
 from runtime.friction import LINEAR, add_columns, completed, renewed_rotor
 from runtime.library import Library
 from runtime.preprocessing.clock import repair_clock
@@ -12,13 +16,17 @@ from runtime.preprocessing.filters import (
     moving_average,
     savitzky_golay,
 )
+from runtime.preprocessing.momentum import balanced, moved, rows_of
 from runtime.preprocessing.segments import advance_torque, decimate, drop_rest, resample, trim
 from runtime.preprocessing.thinning import thinned
 from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.recording import FloatArray
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
 """Of the source document's Sec. 5.2: means over 51 ms of q, dq and τ; ddq from differences of dq,
 averaged once more; 100 Hz."""
+MOTION, BELOW_RATE = 4.0, 0.4
+"""Without measured dq, q is low-passed at this multiple of the cut-off where the rate allows it."""
 
 
 def prepare(
@@ -26,27 +34,33 @@ def prepare(
     preparation: Preparation | None = None,
     *friction: Friction,
     lib: Library | None = None,
+    rows: FloatArray | None = None,
 ) -> Recording:
     """Clock → grid → delay → friction columns at the full rate → filter → derivative → trim → rate.
 
     Rest is dropped last. Without a preparation that of the recipe is used; without a recipe only
     missing derivatives are filled in, so a complete recording passes unchanged. Where dq was not
     measured, the friction columns come from the derivative of the filtered q, because tanh of a
-    differentiated encoder signal is noise.
+    differentiated encoder signal is noise. Without accelerations (`preparation.regressor`) the rows
+    are those of `momentum`, for energy as well: `prepare_power` has those that it is trained on.
 
     Args:
         recording: as read.
         preparation: what to do.
         friction: friction columns to add, those of several side by side.
-        lib: of the robot, for the columns that need it.
+        lib: of the robot, for the columns that need it and for rows without accelerations.
+        rows: of the same recording and preparation, where only the friction is another.
 
     Raises:
         RecordingError: a step cannot be taken; the message says which setting to change.
     """
-    if preparation is None:
-        preparation = recording.recipe.preparation if recording.recipe else Preparation()
-    data = _settled(recording, preparation)
+    preparation = preparation or _of_recipe(recording)
+    data = _on_grid(recording, preparation)
+    if preparation.regressor != "acceleration" and data.rows is None:
+        return _without_accelerations(data, preparation, friction, lib, False, rows)
     wanted = any(terms.columns for terms in friction)
+    if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
+        data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
     if wanted and data.dq is not None:
         data = add_columns(data, *friction, lib=lib, later=LINEAR)
         data = completed(_reduced(data, preparation), *friction)
@@ -54,13 +68,88 @@ def prepare(
         missing = wanted and data.columns is None
         late = (lambda each: add_columns(each, *friction, lib=lib)) if missing else None
         data = renewed_rotor(_reduced(data, preparation, late))
-    if preparation.rest_speed is not None:
-        data = drop_rest(data, preparation.rest_speed)
-    return data
+    return _without_rest(data, preparation)
 
 
-def _settled(recording: Recording, preparation: Preparation) -> Recording:
-    """Clock, grid, delay, and what was measured but is not wanted."""
+def prepare_power(
+    recording: Recording,
+    preparation: Preparation | None = None,
+    *friction: Friction,
+    lib: Library,
+) -> Recording:
+    """The same for rows of power: τ and the columns hold dq τ, the regressor is that of energy.
+
+    Raises:
+        RecordingError: a step cannot be taken.
+    """
+    preparation = preparation or _of_recipe(recording)
+    data = _on_grid(recording, preparation)
+    return _without_accelerations(data, preparation, friction, lib, True, None)
+
+
+def _without_accelerations(
+    data: Recording,
+    preparation: Preparation,
+    friction: tuple[Friction, ...],
+    lib: Library | None,
+    power: bool,
+    rows: FloatArray | None,
+) -> Recording:
+    """Clock and grid are settled → `momentum` at the full rate → filter → trim → rate → rest."""
+    if lib is None:
+        raise RecordingError(
+            f"the {preparation.regressor} regressor expects the library of the robot, got none; "
+            "give lib, or use the regressor of accelerations"
+        )
+    data = moved(data, lambda raw: _smooth_motion(raw, preparation))
+    whole = balanced(data, friction, lib, power)
+    kept = _kept(_filtered(whole, preparation), preparation)
+    if rows is not None:
+        return _without_rest(kept, preparation).replace(rows=rows)
+    bare = whole.replace(dq=None, tau=None, columns=None, column_names=(), motors=None)
+    groups: list[Any] = [
+        _kept(_filtered(bare.replace(rows=part), preparation, ("rows",)), preparation).rows
+        for part in rows_of(data, lib, power)
+    ]
+    return _without_rest(kept.replace(rows=np.concatenate(groups, axis=2)), preparation)
+
+
+def momentum_torque(
+    recording: Recording, preparation: Preparation, lib: Library, beta: FloatArray
+) -> Recording:
+    """F (D P − S R) β instead of τ: the low-passed torque of a model, without accelerations.
+
+    Raises:
+        RecordingError: a step cannot be taken.
+    """
+    data = moved(_on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation))
+    whole = balanced(data, (), lib, power=False)
+    first, torque = 0, np.zeros_like(whole.q)
+    for rows in rows_of(data, lib, power=False):
+        torque += rows @ beta[first : first + rows.shape[2]]
+        first += rows.shape[2]
+    return _kept(_filtered(whole.replace(tau=torque), preparation), preparation)
+
+
+def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
+    """Q and dq low-passed as asked for; q to be differentiated well above the cut-off, if not."""
+    limit = preparation.motion_hz
+    if preparation.derivative == "position" and recording.dq is not None:
+        recording = recording.replace(dq=None).noted("Set measured dq aside.")
+    if limit is None and recording.dq is None and preparation.cutoff_hz is not None:
+        wide = MOTION * preparation.cutoff_hz
+        limit = wide if wide < BELOW_RATE * recording.rate_hz else None
+    if limit is None:
+        return recording
+    return low_pass(recording, limit, preparation.order, ("q", "dq"))
+
+
+def _of_recipe(recording: Recording) -> Preparation:
+    return recording.recipe.preparation if recording.recipe else Preparation()
+
+
+def _on_grid(recording: Recording, preparation: Preparation) -> Recording:
+    """Clock, grid and delay."""
     data = recording
     if preparation.clock_tick is not None:
         data = repair_clock(data, preparation.clock_tick)
@@ -68,8 +157,6 @@ def _settled(recording: Recording, preparation: Preparation) -> Recording:
         data = resample(data, _grid_hz(data, preparation), preparation.max_gap_s)
     if preparation.torque_delay_s is not None:
         data = advance_torque(data, preparation.torque_delay_s)
-    if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
-        data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
     return data
 
 
@@ -78,17 +165,35 @@ def _reduced(
     preparation: Preparation,
     late: Callable[[Recording], Recording] | None = None,
 ) -> Recording:
-    """Filter, derivatives, columns that need these, trim, rate."""
-    if preparation.filter == "butterworth" and preparation.rate_hz is not None and late is None:
+    """Filter, derivatives where rows need them, columns that need these, trim, rate."""
+    derived = recording.rows is None
+    whole = preparation.filter != "butterworth" or preparation.rate_hz is None or late is not None
+    if derived and not whole:
         rows = thinned(recording, preparation)
         if rows is not None:
             return rows
-    data = _derived(_filtered(recording, preparation), preparation)
+    data = _filtered(recording, preparation)
+    if derived:
+        data = _derived(data, preparation)
     if late is not None:
         data = _filtered(late(data), preparation, ("columns",))
+    return _kept(data, preparation)
+
+
+def _kept(recording: Recording, preparation: Preparation) -> Recording:
+    """Trim and rate."""
+    data = recording
     if preparation.trim_s is not None:
         data = trim(data, preparation.trim_s)
-    return data if preparation.rate_hz is None else decimate(data, preparation.rate_hz)
+    if preparation.rate_hz is not None:
+        data = decimate(data, preparation.rate_hz)
+    return data
+
+
+def _without_rest(recording: Recording, preparation: Preparation) -> Recording:
+    if preparation.rest_speed is None:
+        return recording
+    return drop_rest(recording, preparation.rest_speed)
 
 
 def _grid_hz(recording: Recording, preparation: Preparation) -> float:

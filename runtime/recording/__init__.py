@@ -2,7 +2,7 @@
 
 from runtime.recording.consistency import check_consistency
 from runtime.recording.reader import plan_of, read_recording
-from runtime.recording.recipe import Friction, Preparation, Recipe, Split
+from runtime.recording.recipe import REGRESSORS, Friction, Preparation, Recipe, Split
 from runtime.recording.recipe_file import bundled_names, load_recipe
 from runtime.recording.recipe_text import recipe_text
 from runtime.recording.recording import Recording
@@ -10,6 +10,7 @@ from runtime.recording.streamed import StreamedRecording, is_large, open_streame
 from runtime.recording.writer import write_recording
 
 __all__ = [
+    "REGRESSORS",
     "Friction",
     "Preparation",
     "Recipe",

@@ -26,6 +26,7 @@ UNITS: dict[str, dict[str, float]] = {
 LAYOUTS = ("csv", "flat", "npz", "parquet", "bag")
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 DERIVATIVES = ("measured", "position")
+REGRESSORS = ("acceleration", "momentum", "energy")
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
 _WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
 _SIGNED = {"coulomb", "motor_coulomb", "asymmetric", "stribeck", "load"}
@@ -129,6 +130,9 @@ class Preparation:
         order: its order, or the degree of the Savitzky–Golay polynomial.
         window_s: window of the average or of Savitzky–Golay [s].
         derivative: "measured" fills in only what is missing, "position" derives dq from q.
+        regressor: "acceleration" evaluates τ = Y β at every instant, "momentum" low-passes
+            τ = dp/dt − r and "energy" dq·τ = d(T + U)/dt instead, which need no ddq.
+        motion_hz: cut-off of q and dq before they enter momentum or energy [Hz].
         trim_s: cut from both ends of every segment [s].
         rate_hz: decimate to this rate [Hz].
         rest_speed: drop rows in which every joint is slower [rad/s].
@@ -143,6 +147,8 @@ class Preparation:
     order: int = 4
     window_s: float | None = None
     derivative: str = "measured"
+    regressor: str = "acceleration"
+    motion_hz: float | None = None
     trim_s: float | None = None
     rate_hz: float | None = None
     rest_speed: float | None = None
@@ -157,6 +163,7 @@ class Preparation:
             raise RecordingError("[preparation] torque_delay_s expects a number of s; correct it")
         _one_of("[preparation] filter", self.filter, FILTERS)
         _one_of("[preparation] derivative", self.derivative, DERIVATIVES)
+        _one_of("[preparation] regressor", self.regressor, REGRESSORS)
         if self.filter == "butterworth" and self.cutoff_hz is None:
             raise RecordingError("the butterworth filter expects cutoff_hz, got none; write it")
         if self.filter in {"average", "savitzky-golay"} and self.window_s is None:

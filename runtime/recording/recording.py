@@ -18,6 +18,8 @@ from runtime.recording.recipe import Recipe
 
 FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")
+ALL = (*SIGNALS, "columns", "rows")
+"""Whatever has one entry per instant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,6 +34,8 @@ class Recording:
         tau: (N, n) N·m or N, the torque that the motor applies.
         columns: (N, n, k) friction columns that travel (and are filtered) with the data.
         column_names: k names of them.
+        rows: (N, m, n_b), rows β = τ̂, where they were made without ddq (`preprocessing.momentum`);
+            m = n, or 1 where they give the power of all joints together and τ holds dq τ.
         motors: (n, n) directions of coupled motors, where columns are theirs (`friction.motors`).
         name: what a report calls the recording.
         joint_names: n names, or none.
@@ -47,6 +51,7 @@ class Recording:
     tau: FloatArray | None = None
     columns: FloatArray | None = None
     column_names: tuple[str, ...] = ()
+    rows: FloatArray | None = None
     motors: FloatArray | None = None
     name: str = ""
     joint_names: tuple[str, ...] = ()
@@ -82,6 +87,13 @@ class Recording:
                 raise RecordingError(
                     f"expected columns of shape {expected}, got {self.columns.shape}; "
                     "give one name per column"
+                )
+        if self.rows is not None:
+            put("rows", _locked(self.rows))
+            if self.rows.ndim != 3 or self.rows.shape[:2] not in {self.q.shape, (len(self), 1)}:
+                raise RecordingError(
+                    f"expected rows of shape (N, n, n_b) or (N, 1, n_b), got {self.rows.shape}; "
+                    "give one regressor per instant"
                 )
         if self.motors is not None:
             put("motors", _locked(self.motors))
@@ -145,14 +157,14 @@ class Recording:
         t = self.t[index]
         if not t.size:
             raise RecordingError(f"no sample is left after this step: {sentence}")
-        kept = self._mapped(lambda a: a[index], (*SIGNALS, "columns"))
+        kept = self._mapped(lambda a: a[index], ALL)
         return self.replace(t=t, history=(*self.history, sentence), **kept)
 
     def mapped(
         self,
         function: Callable[[FloatArray], FloatArray],
         sentence: str,
-        only: tuple[str, ...] = (*SIGNALS, "columns"),
+        only: tuple[str, ...] = ALL,
         t: FloatArray | None = None,
     ) -> Self:
         """Every signal that is present, passed through a function along its first axis.

@@ -16,9 +16,11 @@ import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array, Library
+from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import prepare
 from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.recording import SIGNALS
 
 OFFSET = "offset"
 PAUSE = 10.0
@@ -75,14 +77,19 @@ def prepared_of(session: Session, lib: Library, terms: Friction) -> Recording:
     """
     require_plausible(session.recording, lib)
     bare = session.recording.replace(columns=None, column_names=(), name=session.name)
-    data = prepare(bare, session.preparation, terms, lib=lib)
+    usual = session.preparation or (bare.recipe.preparation if bare.recipe else Preparation())
+    if usual.regressor == "energy":
+        raise IdentificationError(
+            "several logs have an offset per joint each, which rows of energy cannot tell; use "
+            "--regressor momentum"
+        )
+    data = prepare(bare, usual, terms, lib=lib)
     if session.carried is None:
         return data
-    if data.tau is None or data.dq is None or data.ddq is None:
-        raise IdentificationError(f"the log {session.name} lacks torque or motion")
-    extra = lib.inverse_dynamics(data.q, data.dq, data.ddq, session.carried)
+    samples = samples_of(data, lib)
+    extra = samples.rigid(lib, session.carried)
     mass = session.carried.reshape(lib.n_joints, -1)[:, 0].sum()
-    return data.replace(tau=data.tau - extra).noted(
+    return data.replace(tau=samples.tau - extra).noted(
         f"Took the torque of a known payload of {mass:.4g} kg off the measured one."
     )
 
@@ -99,8 +106,16 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
         parts: prepared alike; with a column `offset`, or none.
         names: of their logs.
         all_names: of all logs; those that have no part here have a silent column.
+
+    Raises:
+        IdentificationError: some of the parts have rows without accelerations and some have not.
     """
     first = parts[0]
+    if any((part.rows is None) != (first.rows is None) for part in parts):
+        raise IdentificationError(
+            "some of the logs are prepared with accelerations and some without; give all of them "
+            "one regressor"
+        )
     shared = [k for k, name in enumerate(first.column_names) if name != OFFSET]
     own = len(shared) < len(first.column_names)
     columns, t, start = [], [], 0.0
@@ -115,7 +130,8 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
             columns.append(np.concatenate([part.columns[..., shared], offsets], axis=2))
     signals = {
         key: np.concatenate([getattr(part, key) for part in parts])
-        for key in ("q", "dq", "ddq", "tau")
+        for key in (*SIGNALS, "rows")
+        if getattr(first, key) is not None
     }
     titles = [first.column_names[k] for k in shared]
     titles += [f"{OFFSET} {name}" for name in all_names] if own else []

@@ -5,7 +5,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from runtime import friction
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import Samples, TorqueObjective
@@ -38,25 +37,21 @@ def compress(
     Raises:
         IdentificationError: weights that are none, or samples that are not finite.
     """
-    weights = _weights("weights", weights, lib.n_joints)
+    weights = _weights("weights", weights, samples.equations)
     count = float(len(samples))
     if sample_weights is not None:
         sample_weights = _weights("sample_weights", sample_weights, len(samples))
         count = float(sample_weights.sum())
     compiled = lib.compiled_statistics
-    of_part: Callable[..., Array] = reference_triangle(lib, samples.coupling)
-    if compiled and samples.coupling is None:  # the C knows columns of one joint each
-        of_part = compiled.triangle
     join: Callable[[Array], Array] = compiled.join if compiled else joined
-    arrays = [
-        np.ascontiguousarray(a, dtype=float)
-        for a in (samples.q, samples.dq, samples.ddq, samples.tau, samples.columns)
-    ]
 
     def block(start: int) -> Array:
         part = slice(start, start + BLOCK)
-        own = None if sample_weights is None else sample_weights[part]
-        return of_part(*(a[part] for a in arrays), weights, own)
+        s, own = samples.rows(part), None if sample_weights is None else sample_weights[part]
+        # The C evaluates Y_b itself and knows columns of one joint each.
+        if compiled is None or s.coupling is not None or s.base is not None:
+            return reference_triangle(lib, s, weights, own)
+        return compiled.triangle(s.q, s.dq, s.ddq, s.tau, s.columns, weights, own)
 
     starts = range(0, max(len(samples), 1), BLOCK)
     workers = min(len(starts), threads or cores())
@@ -91,29 +86,16 @@ def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Sta
 
 
 def reference_triangle(
-    lib: Library, coupling: friction.Coupling | None = None
-) -> Callable[..., Array]:
+    lib: Library, samples: Samples, weights: Array, sample_weights: Array | None
+) -> Array:
     """The triangle of samples by NumPy, from explicit rows [F Y_b τ]: the C is held against it."""
-
-    def triangle(
-        q: Array,
-        dq: Array,
-        ddq: Array,
-        tau: Array,
-        columns: Array,
-        weights: Array,
-        sample_weights: Array | None,
-    ) -> Array:
-        count, n, _ = columns.shape
-        base = lib.base_regressor(q, dq, ddq)
-        extra = friction.spread(columns, coupling)
-        rows = np.concatenate([extra, base, tau[:, :, None]], axis=2)
-        rows *= np.sqrt(weights)[:, None]
-        if sample_weights is not None:
-            rows *= np.sqrt(sample_weights)[:, None, None]
-        return joined(rows.reshape(1, count * n, rows.shape[2]))
-
-    return triangle
+    rows = np.concatenate(
+        [samples.friction_rows(), samples.base_rows(lib), samples.tau[:, :, None]], axis=2
+    )
+    rows *= np.sqrt(weights)[:, None]
+    if sample_weights is not None:
+        rows *= np.sqrt(sample_weights)[:, None, None]
+    return joined(rows.reshape(1, -1, rows.shape[2]))
 
 
 class CompressedObjective:

@@ -34,6 +34,7 @@ from runtime.recording import (
     StreamedRecording,
     check_consistency,
 )
+from runtime.recording.recording import ALL
 from runtime.residuals import residuals
 from runtime.streaming.blocks import Blocks, blocks_of, head_of
 from runtime.threads import one_blas_thread
@@ -127,6 +128,11 @@ def assemble_streamed(
     tell = progress or (lambda _: None)
     recipe = log.recipe
     preparation = preparation or (recipe.preparation if recipe else Preparation())
+    if preparation.regressor == "energy":
+        raise IdentificationError(
+            "rows of energy are made of a log that is read as a whole, but this one is streamed; "
+            "use --regressor momentum or --no-stream"
+        )
     terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
     terms = geared(terms, _head(log, lib))
     blocks = blocks_of(log, lib, preparation, terms)
@@ -238,5 +244,5 @@ def _windows(blocks: Blocks, name: str, first: float, last: float) -> Recording:
         values = [getattr(part, key) for part in found]
         return None if values[0] is None else np.concatenate(values)
 
-    signals = {key: joined(key) for key in ("t", "q", "dq", "ddq", "tau", "columns")}
+    signals = {key: joined(key) for key in ("t", *ALL)}
     return head.replace(**signals, name=f"{head.name}/{name}").noted(sentence)

@@ -4,7 +4,7 @@ from typing import Any
 
 import casadi as ca
 
-from symgen import dynamics
+from symgen import dynamics, lagrange
 from symgen.base_parameters import Array, BaseParameters
 from symgen.catalogue.units import STATE, effort_unit, inertia_unit, state_unit
 from symgen.chain import Chain
@@ -71,6 +71,30 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
                 )
             },
             "Y_b with tau = Y_b beta, Eq. 3.11",
+        ),
+        make_kernel(
+            "momentum_regressor",
+            {q_: q, dq_: dq},
+            {
+                Argument("P_b", (n, b), "d p / d beta"): dynamics.by_parameters(
+                    chain, lambda pi: lagrange.momentum(chain, q, dq, pi), base.columns
+                ),
+                Argument("R_b", (n, b), "d r / d beta"): dynamics.by_parameters(
+                    chain, lambda pi: lagrange.lagrange_force(chain, q, dq, pi), base.columns
+                ),
+            },
+            "tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta",
+        ),
+        make_kernel(
+            "energy_regressor",
+            {q_: q, dq_: dq},
+            {
+                Argument("E_b", (b,), "d (T + U) / d beta"): dynamics.by_parameters(
+                    chain, lambda pi: sum(lagrange.energies(chain, q, dq, pi)), base.columns
+                ).T
+            },
+            "dq.tau = d(E_b beta)/dt, T + U = E_b beta + const",
+            rare=True,
         ),
         make_kernel(
             "base_parameters",

@@ -103,7 +103,7 @@ def test_equals_the_reference(any_robot, name):
     lib = any_robot(name)
     s, weights = drawn(lib, 300, 2), np.linspace(1, 2, lib.n_joints)
     own = np.random.default_rng(2).uniform(0, 1, 300)
-    wanted = reference_triangle(lib)(s.q, s.dq, s.ddq, s.tau, s.columns, weights, own)
+    wanted = reference_triangle(lib, s, weights, own)
     got = compress(lib, s, weights, own).triangle()
     # Rounding times the condition number of the columns, at most 1e4 here.
     assert np.abs(got - wanted).max() <= 1e-11 * np.abs(wanted).max()

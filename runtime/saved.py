@@ -140,7 +140,7 @@ def require_model(
     theirs, own = saved.model, _model(model_facts(lib), lib.n_joints)
     if theirs is None or theirs.digest == own.digest:
         return ()
-    moved = np.abs(theirs.places - own.places).max(axis=1) > ALIKE
+    moved = ~(np.abs(theirs.places - own.places).max(axis=1) <= ALIKE)  # NaN has moved, too
     moved |= np.array([a != b for a, b in zip(theirs.kinds, own.kinds, strict=True)])
     if moved.any():
         raise RecordingError(
@@ -158,7 +158,7 @@ def require_model(
         if same_bodies:
             raise RecordingError(f"{said}; name the library that it was identified with by --robot")
         return (f"{said}: its masses are of other bodies",)
-    if np.abs(theirs.gravity - own.gravity).max() > ALIKE:
+    if not np.abs(theirs.gravity - own.gravity).max() <= ALIKE:
         before, now = (",".join(f"{x:g}" for x in g) for g in (theirs.gravity, own.gravity))
         return (
             f"'{folder}' was identified with gravity {before}, and '{lib.name}' has {now}: right "

@@ -5,12 +5,19 @@ from typing import Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from symgen.base_parameters import describe_combination
 from symgen.build import is_current
 from symgen.cli.common import DEFAULT_ROOT, Root, app, console, folders_of
 from symgen.errors import BuildError
 from symgen.request import bundled_request, bundled_robots
+
+_DAMAGE = (
+    *(OSError, ValueError, ArithmeticError, LookupError),
+    *(TypeError, AttributeError, RecursionError),
+)
+"""What reading a manifest can raise that is none."""
 
 
 @app.command("list")
@@ -45,7 +52,7 @@ def describe(
         manifest = json.loads(path.read_text(encoding="utf-8"))
         facts = json.dumps(_description(manifest), indent=1)
         tables = (_joint_table(manifest), _base_table(manifest), _kernel_table(manifest))
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
+    except _DAMAGE as error:
         raise BuildError(
             f"'{path}' is damaged ({type(error).__name__}: {error}); build the robot again with: "
             "python -m symgen build"
@@ -71,11 +78,12 @@ def _description(manifest: dict[str, Any]) -> dict[str, Any]:
 
 def _joint_table(manifest: dict[str, Any]) -> Table:
     table = Table("joint", "kind", "moves", "lower", "upper", "velocity", "effort", "home")
-    table.title = f"{manifest['robot']}: joints (rad or m, N·m or N)"
+    table.title = Text(f"{manifest['robot']}: joints (rad or m, N·m or N)")
     for joint, home in zip(manifest["joints"], manifest["home"], strict=True):
         limits = [joint[key] for key in ("lower", "upper", "velocity", "effort")]
         shown = ["none" if x is None else f"{x:g}" for x in limits]
-        table.add_row(joint["name"], joint["kind"], joint["link"], *shown, f"{home:.4f}")
+        names = [Text(str(joint[key])) for key in ("name", "kind", "link")]
+        table.add_row(*names, *shown, f"{home:.4f}")
     return table
 
 
@@ -88,7 +96,7 @@ def _base_table(manifest: dict[str, Any]) -> Table:
         f"dropped < {facts['largest_dropped_below']:g})"
     )
     for k, text in enumerate(facts["base_parameters"], 1):
-        table.add_row(str(k), text)
+        table.add_row(str(k), Text(text))
     return table
 
 
@@ -99,5 +107,6 @@ def _kernel_table(manifest: dict[str, Any]) -> Table:
             ", ".join(f"{a['name']} {'×'.join(map(str, a['shape']))}" for a in kernel[side])
             for side in ("inputs", "outputs")
         ]
-        table.add_row(kernel["name"], *shapes, str(kernel["operations"]), kernel["equation"])
+        cells = (kernel["name"], *shapes, kernel["operations"], kernel["equation"])
+        table.add_row(*(Text(str(cell)) for cell in cells))
     return table

@@ -129,4 +129,6 @@ def test_lwr4(command: Command, robot, bare, tmp_path: Path) -> None:
     held = facts_of(tmp_path / "out")["sessions"]["leave_one_out"][2]
     assert held["name"] == "run 3"
     assert held["after_overall"] <= 8.8
+    # Friction alone, on the URDF, takes it to 8.8; the bodies have to do the rest (5.1 found).
+    assert held["after_overall"] <= 0.5 * held["before_overall"]
     assert np.isclose(held["before_overall"], 11.6, atol=0.1)

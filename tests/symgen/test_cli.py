@@ -265,8 +265,9 @@ def test_clean_keeps_the_reviewed_files_of_bundled_robots(
         lambda text: text.replace('"joints": [', '"joints": [7, ', 1),
         lambda text: text.replace('"pi_names": [', '"pi_names": 3, "more": [', 1),
         lambda text: text.replace('"kernels": [', '"kernels": [null, ', 1),
+        lambda text: text.replace('"lower": ', f'"lower": {"9" * 400}, "lowest": ', 1),
     ],
-    ids=["cut short", "a list", "deep", "no matrix", "a number", "no names", "null"],
+    ids=["cut short", "a list", "deep", "no matrix", "a number", "no names", "null", "huge"],
 )
 def test_describe_refuses_a_damaged_manifest(
     damage: Callable[[str], str], tiny: Path, capsys: pytest.CaptureFixture[str]
@@ -280,3 +281,11 @@ def test_describe_refuses_a_damaged_manifest(
         sentence = refuses(capsys, tiny.parent, "describe", "tiny", *words)
         assert "is damaged" in sentence
         assert "build the robot again with: python -m symgen build" in sentence
+
+
+def test_describe_prints_names_as_they_are(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Property: what the console takes for markup is a name all the same."""
+    path = tiny / "manifest.json"
+    path.write_text(path.read_text().replace('"name": "swing"', '"name": "[/swing]"'))
+    code, said, _ = run(capsys, "describe", "tiny", "--out", tiny.parent)
+    assert (code, "[/swing]" in said) == (0, True)

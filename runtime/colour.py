@@ -70,7 +70,8 @@ def colour_of(
     def piece(samples: Samples) -> tuple[Array, Array]:
         base = lib.base_regressor(samples.q, samples.dq, samples.ddq)
         extra = friction.spread(samples.columns, samples.coupling)
-        rows = np.concatenate([base, extra], axis=2) * scale[:, None]
+        rows = np.concatenate([base, extra], axis=2)
+        rows *= scale[:, None]
         return rows @ root, rows @ x - samples.tau * scale
 
     pieces = (piece(part.rows(own)) for part in parts for own in _pieces(len(part), len(parts)))
@@ -120,7 +121,8 @@ def _colour(
 
 def _heard(q: Array, rest: Array) -> tuple[float, float, float]:
     """Σ h r̂², Σ h (1 − h) and Σ h of one piece."""
-    h = np.sum(dct(q, axis=0, norm="ortho") ** 2, axis=2)
+    waves = dct(q, axis=0, norm="ortho")
+    h = np.einsum("ijk,ijk->ij", waves, waves)
     loud = dct(rest, axis=0, norm="ortho") ** 2
     return float(np.sum(h * loud)), float(np.sum(h * (1 - h))), float(np.sum(h))
 

@@ -67,13 +67,13 @@ def colour_of(
     x, scale = root @ (space.T @ statistics.target), np.sqrt(weights)
 
     def piece(samples: Samples) -> tuple[Array, Array]:
-        both = (samples.base_rows(lib), samples.friction_rows())
-        rows = np.concatenate(both, axis=2) * scale[:, None]
+        rows = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
+        rows *= scale[:, None]
         return rows @ root, rows @ x - samples.tau * scale
 
     pieces = (piece(part.rows(own)) for part in parts for own in _pieces(len(part), len(parts)))
     equations = statistics.n_samples * len(weights)
-    return _colour(pieces, statistics.rest, root.shape[1], equations)
+    return _colour([_heard(*one) for one in pieces], statistics.rest, root.shape[1], equations)
 
 
 def colour_of_rows(rows: Array, target: Array) -> Colour:
@@ -91,23 +91,24 @@ def colour_of_rows(rows: Array, target: Array) -> Colour:
     _, root = _orthonormal(triangle)
     q, flat_target = flat @ root, target.ravel()
     rest = flat_target - q @ (q.T @ flat_target)
-    return colour_of_basis([(q.reshape(count, n, -1), rest.reshape(count, n))])
+    return colour_of_basis([(q.reshape(count, n, -1), rest.reshape(count, n))], 1)
 
 
-def colour_of_basis(stretches: Sequence[tuple[Array, Array]]) -> Colour:
+def colour_of_basis(stretches: Iterable[tuple[Array, Array]], parts: int) -> Colour:
     """The same from an orthonormal basis (N, n, p) of the columns and the rest (N, n), in parts."""
-    parts = len(stretches)
-    pieces = ((q[own], rest[own]) for q, rest in stretches for own in _pieces(len(q), parts))
-    power = sum(float(np.sum(rest**2)) for _, rest in stretches)
-    equations = sum(rest.size for _, rest in stretches)
-    return _colour(pieces, power, stretches[0][0].shape[2], equations)
+    sums, power, equations, unknowns = [], 0.0, 0, 0
+    for q, rest in stretches:
+        sums += [_heard(q[own], rest[own]) for own in _pieces(len(q), parts)]
+        power += float(np.sum(rest**2))
+        equations += rest.size
+        unknowns = q.shape[2]
+    return _colour(sums, power, unknowns, equations)
 
 
 def _colour(
-    pieces: Iterable[tuple[Array, Array]], power: float, unknowns: int, equations: float
+    sums: list[tuple[float, float, float]], power: float, unknowns: int, equations: float
 ) -> Colour:
     white = power / max(equations - unknowns, 1.0)
-    sums = [_heard(*piece) for piece in pieces]
     loud, left, taken = np.sum(sums, axis=0) if sums else (0.0, 0.0, 0.0)
     if not left > _LEAST * taken:
         return Colour(white, white)
@@ -117,7 +118,8 @@ def _colour(
 
 def _heard(q: Array, rest: Array) -> tuple[float, float, float]:
     """Σ h r̂², Σ h (1 − h) and Σ h of one piece."""
-    h = np.sum(dct(q, axis=0, norm="ortho") ** 2, axis=2)
+    waves = dct(q, axis=0, norm="ortho")
+    h = np.einsum("ijk,ijk->ij", waves, waves)
     loud = dct(rest, axis=0, norm="ortho") ** 2
     return float(np.sum(h * loud)), float(np.sum(h * (1 - h))), float(np.sum(h))
 

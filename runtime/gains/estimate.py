@@ -93,16 +93,17 @@ def identify_gains(
     """
     problem = problem_of(empty, loaded, lib, payload, link, friction, preparation)
     found = solve(reduced(problem.blocks()), problem.n_samples, len(RUNS))
-    stretches = [_over_noise(problem, found, block) for block in problem.blocks()]
-    if not all(np.isfinite(rest).all() for _, rest in stretches):
-        raise IdentificationError(
-            "the gains cannot be computed from values this large; check the units in the recipe"
-        )
-    return _told(problem, found, colour_of_basis(stretches))
+    stretches = (_over_noise(problem, found, block) for block in problem.blocks())
+    return _told(problem, found, colour_of_basis(stretches, problem.n_blocks))
 
 
 def _over_noise(problem: Problem, found: Solution, block: Array) -> tuple[Array, Array]:
     """An orthonormal basis of what the fit takes up, (N, n, ·), and what it leaves, (N, n)."""
+    rest = found.rest(block) / found.noise[:, None]
+    if not np.isfinite(rest).all():
+        raise IdentificationError(
+            "the gains cannot be computed from values this large; check the units in the recipe"
+        )
     slopes = found.slopes(block) / found.noise[:, None, None] @ found.root
     n, count, _ = slopes.shape
     levels = np.zeros((n, count, len(RUNS) * n))
@@ -110,7 +111,7 @@ def _over_noise(problem: Problem, found: Solution, block: Array) -> tuple[Array,
         own = block[0, :, run] / np.sqrt(len(samples))
         levels[range(n), :, run * n + np.arange(n)] = own
     basis = np.concatenate([slopes, levels], axis=2)
-    return basis.transpose(1, 0, 2), (found.rest(block) / found.noise[:, None]).T
+    return basis.transpose(1, 0, 2), rest.T
 
 
 def _told(problem: Problem, found: Solution, colour: Colour) -> Gains:

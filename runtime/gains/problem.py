@@ -51,6 +51,11 @@ class Problem:
         """Of both runs."""
         return sum(map(len, self.runs))
 
+    @property
+    def n_blocks(self) -> int:
+        """How many `blocks` yields."""
+        return sum(-(-len(run) // _BLOCK) for run in self.runs)
+
     def blocks(self) -> Iterator[Array]:
         """[1 per run, X, y, τᵐ] of every channel, (n, N, p + 4), with τᵐ = g (X θ + y) + b."""
         bodies, known = self.mount.bodies, self.payload

@@ -190,15 +190,15 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
         errors = target - rows @ pi
         power = np.sum(errors**2, axis=0) / max(count - used * colour.inflation, 1.0)
         noise = np.sqrt(np.maximum(power, (_PERFECT * spread) ** 2 + 1e-300))
-    precision = count * found.hessian()
+    shape = np.linalg.inv(count * found.hessian())
     return _Found(
         pi=pi,
         prior=np.asarray(np.linalg.inv(kappa * _curvature(mount, pi))),
         noise=noise,
         errors=errors,
         offsets=level - means @ pi,
-        white=colour.variance * np.linalg.inv(precision),
-        covariance=colour.level * np.linalg.inv(precision),
+        white=colour.variance * shape,
+        covariance=colour.level * shape,
         n_effective=count / colour.inflation,
         converged=found.converged,
     )

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model b5893e68ecb6a69ce4d4678c2489d26816330decac16683c8f2ec4e05ae480cc.
+ * Model 2f136ab82148664fad0b3949b860424813e80f8f7d7b1a3f50bdb32e7df40167.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "b5893e68ecb6a69ce4d4678c2489d26816330decac16683c8f2ec4e05ae480cc";
+    return "2f136ab82148664fad0b3949b860424813e80f8f7d7b1a3f50bdb32e7df40167";
 }
 
 const char *fr3_level(void)

@@ -25,6 +25,15 @@ def say(text: str) -> None:
     console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
+def flowing(doc: str) -> str:
+    r"""A docstring as help: a paragraph flows with the terminal, one after \b keeps its lines."""
+    blocks = doc.split("\n\n")
+    return "\n\n".join(
+        block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
+        for block in blocks
+    )
+
+
 def command_line() -> str:
     """The command as it was typed, for the provenance."""
     return shlex.join(["python", "-m", "runtime", *sys.argv[1:]])

@@ -35,7 +35,8 @@ def load(
             raise LibraryError(
                 f"no generated robot is called '{robot}' (looked in "
                 f"{', '.join(str(root) for root in dict.fromkeys(roots))}); run: "
-                f"python -m symgen build --urdf FILE --name {robot}"
+                f"python -m symgen build --urdf FILE --name {robot}, or --robot {robot} where "
+                "python -m symgen list has it"
             )
         folder = found[0]
     return Library(folder, level, threads)

@@ -51,8 +51,8 @@ def inspect_command(
     possible, and it says how much.
 
     \b
-    python -m symgen inspect my.urdf                        a table and a sentence per finding
-    python -m symgen inspect my.urdf --strict --json        for a pipeline
+    python -m symgen inspect my.urdf
+    python -m symgen inspect my.urdf --strict --json    (for a pipeline)
     python -m symgen inspect my.urdf --repair better.urdf
     Exit code: 0 fine, 1 findings (errors; with --strict warnings too), 2 not readable.
     """

@@ -46,6 +46,18 @@ def test_help(name: str | None) -> None:
         assert word in answer.output
 
 
+def test_help_on_a_narrow_terminal() -> None:
+    """Property: no mark of the layout, no name cut off, extras in brackets, lines that flow."""
+    told = [
+        CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "80"}).output
+        for name in ("identify", "excite")
+    ]
+    assert "motor_rotor" in told[0]
+    assert "anything else is described by a recipe" in told[0]
+    assert "'symgen[cluster]'" in " ".join(told[1].replace("│", " ").split())
+    assert "\\b" not in "".join(told)
+
+
 def test_no_arguments_are_a_question() -> None:
     """Property: bare `python -m runtime` shows the commands."""
     answer = CliRunner().invoke(app, [])
@@ -99,6 +111,19 @@ def test_options_reach_the_method(
     assert "Low-passed at 20 Hz" in history
     assert facts["iterations"] <= 1500
     assert facts["friction"] is None
+
+
+def test_an_older_urdf_does_not_outlive_its_result(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: beside a result that cannot exist lies no URDF of the result before it."""
+    (tmp_path / "out").mkdir()
+    urdf = tmp_path / "out" / "identified.urdf"
+    urdf.write_text("<robot/>")
+    words = ("--robot", lib.folder, "--method", "ols", "--out", "out")
+    ran = command("identify", log, *words)
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert (ran.code, facts["consistent"], urdf.exists()) == (0, False, False)
 
 
 def test_identifying_twice_gives_the_same_bytes(

@@ -4,6 +4,7 @@ import numpy as np
 
 from runtime import metrics
 from runtime.identification import Identification
+from runtime.preprocessing import is_filtered
 
 OWN_WEIGHTS = {
     "ols": "minimises the unweighted error",
@@ -69,9 +70,7 @@ def warnings_of(
 
 def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
     """What to try first, in the order of what it costs."""
-    filtered = result.method in UNFILTERED or any(
-        step.startswith(("Low-passed", "Averaged", "Smoothed")) for step in result.train.history
-    )
+    filtered = result.method in UNFILTERED or is_filtered(result.train.history)
     advice = ["no low-pass was asked for: --cutoff auto"] * (not filtered)
     advice += ["no friction was: --friction auto"] * (not result.phi.size)
     return (

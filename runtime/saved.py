@@ -15,7 +15,7 @@ from runtime.recording import Friction
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """π (10 n,) and friction of a result.json; φ is (n, k), k columns."""
+    """π (10 n,) and friction of a result.json; φ is (n, k), k columns; what was done to the log."""
 
     robot: str
     method: str
@@ -25,6 +25,7 @@ class Saved:
     friction: Friction
     phi: Array
     net: FrictionNet | None
+    history: tuple[str, ...]
 
 
 def read_result(folder: Path) -> Saved:
@@ -47,6 +48,7 @@ def read_result(folder: Path) -> Saved:
             friction=Friction.from_facts(terms),
             phi=np.array(terms["values"], dtype=float),
             net=net and FrictionNet(np.array(net["theta"]), np.array(net["scale"])),
+            history=tuple(map(str, facts["recording"]["history"])),
         )
         whole = len(saved.units) == n and saved.pi.shape == (len(PI_NAMES) * n,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):

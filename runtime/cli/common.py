@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from runtime.errors import IdentificationError
 from runtime.recording import Preparation, Recording
@@ -42,7 +42,10 @@ def command_line() -> str:
 def torque_table(facts: dict[str, Any]) -> Table:
     """Torque errors before and after, per joint and overall."""
     percent, rms = facts["torque_error_percent"], facts["torque_rms"]
-    table = Table("joint", title=f"{facts['robot']}, {facts['method']}: torque error on test data")
+    table = Table(
+        Column("joint", overflow="fold"),
+        title=f"{facts['robot']}, {facts['method']}: torque error on test data",
+    )
     for head in ("before %", "after %", "before RMS", "after RMS", "unit"):
         table.add_column(head, justify="right")
     columns = zip(

@@ -7,15 +7,20 @@ from typing import Annotated, Any
 import typer
 
 from runtime import metrics
-from runtime.cli.common import Robot, console, say, torque_table
+from runtime.cli.common import console, preparation_of, say, torque_table
 from runtime.datasets import locate
 from runtime.library import load
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
-from runtime.preprocessing import prepare
+from runtime.preprocessing import is_filtered, prepare
 from runtime.recording import read_recording
 from runtime.results import error_facts
 from runtime.saved import read_result, require_robot
+
+RAW = (
+    "the model was identified from a low-passed log, this one is raw: "
+    "give --cutoff and --rate as there"
+)
 
 Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 
@@ -23,23 +28,33 @@ Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 def evaluate_command(
     result: Result,
     log: Annotated[str, typer.Argument(metavar="LOG", help="A recording, as for identify.")],
-    robot: Robot = "fr3",
+    robot: Annotated[
+        str | None, typer.Option(help="Name or folder of the robot; default: the result's.")
+    ] = None,
     recipe: Annotated[str | None, typer.Option(help="How to read the log.")] = None,
     run: Annotated[str | None, typer.Option(help="Which run of the recipe.")] = None,
+    cutoff: Annotated[
+        float | None,
+        typer.Option(help="Low-pass q, dq, tau at this frequency, Hz: that of identify."),
+    ] = None,
+    rate: Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON.")] = False,
 ) -> None:
     r"""Torque errors of an identified model on another recording, before and after.
 
     \b
-    python -m runtime evaluate results/first-map second.csv --robot my
+    python -m runtime evaluate results/first-map second.csv --cutoff 10 --rate 100
+
+    Prepare the log as the other one was: a model of low-passed torque cannot predict the noise
+    that is left in the raw one.
     """
     saved = read_result(result)
-    lib = load(robot)
+    lib = load(robot or saved.robot)
     require_robot(saved, lib, result)
     recording = read_recording(log, recipe, run, lib.joint_names)
     require_plausible(recording, lib)
     terms = saved.friction
-    prepared = prepare(recording, None, terms, lib=lib)
+    prepared = prepare(recording, preparation_of(recording, cutoff, rate), terms, lib=lib)
     samples = samples_of(prepared, lib)
     before = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, lib.pi0)
     after = lib.inverse_dynamics(samples.q, samples.dq, samples.ddq, saved.pi)
@@ -54,11 +69,14 @@ def evaluate_command(
         "joints": list(saved.joints),
         "units": list(saved.units),
         **error_facts(*errors),
+        "notes": [RAW] if is_filtered(saved.history) and not is_filtered(prepared.history) else [],
     }
     if as_json:
         print(json.dumps(figures, indent=1))
     else:
         console.print(torque_table(figures))
+        for note in figures["notes"]:
+            say(f"note: {note}")
 
 
 def locate_command(

@@ -4,7 +4,7 @@ Every filter treats q, dq, ddq, τ and the friction columns alike, because a lin
 between signals survives only if all of them pass the same filter.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from scipy import signal as scipy_signal
@@ -15,6 +15,13 @@ from runtime.recording import Recording
 from runtime.recording.recording import SIGNALS, FloatArray
 
 ALL = (*SIGNALS, "columns")
+FILTERED = ("Low-passed", "Averaged", "Smoothed")
+"""How the sentences of the filters below begin."""
+
+
+def is_filtered(history: Iterable[str]) -> bool:
+    """Whether one of these filters is among the steps of a recording."""
+    return any(step.startswith(FILTERED) for step in history)
 
 
 def low_pass(

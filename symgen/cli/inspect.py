@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from symgen.cli.common import app, console
 from symgen.errors import BuildError
@@ -73,7 +73,9 @@ def _say(text: str) -> None:
 
 def _show(inspection: Inspection) -> None:
     model = inspection.model
-    table = Table("link", title=f"{model.name} ({model.form}): kg, mm, kg m²")
+    table = Table(
+        Column("link", overflow="fold"), title=f"{model.name} ({model.form}): kg, mm, kg m²"
+    )
     for head in (
         "mass",
         "centre of mass",

@@ -153,13 +153,30 @@ def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path
         promised["torque_error_percent"]["after_overall"], rel=0.3
     )
     ran = command("evaluate", "out", log, "--robot", lib.folder)
-    assert ran.code == 0
+    assert (ran.code, "note" in ran.out) == (0, False)
     assert "overall" in ran.out
     report = tmp_path / "out" / "report.html"
     first = report.read_bytes()
     report.unlink()
     assert command("report", "out").code == 0
     assert report.read_bytes() == first
+
+
+def test_evaluate_prepares_the_log_as_identify_did(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: with the same options the same error; without them the reader is told."""
+    words = ("--cutoff", "10", "--rate", "50")
+    assert command("identify", log, "--robot", lib.folder, "--out", "out", *words).code == 0
+    promised = json.loads((tmp_path / "out" / "result.json").read_text())
+    asked = ("evaluate", "out", log, "--robot", lib.folder)
+    told = json.loads(command(*asked, "--json", *words).out)
+    # The same motion in other parts: alike within a third.
+    assert told["torque_error_percent"]["after_overall"] == pytest.approx(
+        promised["torque_error_percent"]["after_overall"], rel=0.3
+    )
+    assert told["notes"] == []
+    assert "note: the model was identified from a low-passed log, this" in command(*asked).out
 
 
 def test_the_chain_on_a_second_robot(

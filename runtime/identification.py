@@ -99,6 +99,11 @@ class Identification:
     sessions: tuple[str, ...] = ()
     streamed: Streamed | None = None
 
+    def __repr__(self) -> str:
+        source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"
+        verdict = f"{'' if self.is_consistent else 'NOT '}consistent; {self.status}"
+        return f"Identification({self.method!r}, {source}: {verdict})"
+
     @property
     def usual_phi(self) -> Array:
         """φ of the columns of `friction`: the offset is the mean of all sessions."""

@@ -103,7 +103,8 @@ def read_loop(path: Path, lib: Library) -> Loop:
         facts = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise IdentificationError(
-            f"'{path}' is no TOML file that can be read ({error}); describe the loop in one with "
+            f"'{path}' is no TOML file that can be read "
+            f"({getattr(error, 'strerror', None) or error}); describe the loop in one with "
             "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
         ) from None
     _require_known(facts, path)

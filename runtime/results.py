@@ -12,6 +12,7 @@ import numpy as np
 from runtime import metrics
 from runtime.atomic import replacing
 from runtime.baselines.pc_ols import BOUNDARY
+from runtime.cautions import warnings_of
 from runtime.identification import Identification
 from runtime.library import Array
 from runtime.library.manifest import PI_NAMES
@@ -21,17 +22,6 @@ from runtime.statistics import compress
 from runtime.uncertainty import BAND_SAMPLES
 
 FORMAT = 1
-OWN_WEIGHTS = {
-    "ols": "minimises the unweighted error",
-    "wls": "weights joints by their residuals",
-    "iv": "minimises no loss of the measured motion",
-    "didim": "compares the torque with that of a simulated motion",
-    "ekf": "follows the unfiltered recording",
-    "ukf": "follows the unfiltered recording",
-}
-"""What a method does instead of minimising L."""
-SUSPICIOUSLY_GOOD = 1e-4
-"""Overall error in percent below which a real torque sensor is hard to believe."""
 
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:
@@ -59,7 +49,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "convergence": _trace_facts(result),
         "iterations": result.iterations,
         "seconds": result.seconds,
-        "warnings": _warnings(result, after),
+        "warnings": warnings_of(result, before, after),
         "pi": result.pi.tolist(),
         "lam": None if result.lam is None else result.lam.tolist(),
         "beta": result.beta.tolist(),
@@ -247,34 +237,3 @@ def _trace_facts(result: Identification) -> dict[str, Any] | None:
         "training": list(result.trace.training),
         "validation": list(result.trace.validation),
     }
-
-
-def _warnings(result: Identification, after: metrics.TorqueError) -> list[str]:
-    warnings = list(result.notes)
-    if result.one_run:
-        warnings.append(
-            "training, validation and test are parts of one run, which flatters; "
-            "record a second trajectory to test on"
-        )
-    if result.test.rows is not None:
-        seen = "the power of all joints together" if result.weights.size == 1 else "momenta"
-        warnings.append(
-            f"the fit has seen {seen} and no accelerations; errors are those of the torque, which "
-            "passed the same filter"
-        )
-    if not result.is_consistent:
-        warnings.append("some links are no bodies that can exist; use map for a model to simulate")
-    if result.method in OWN_WEIGHTS:
-        warnings.append(
-            f"{result.method} {OWN_WEIGHTS[result.method]}; its gap is measured in the weighted "
-            "loss of the other methods"
-        )
-    if after.overall < SUSPICIOUSLY_GOOD:
-        warnings.append(
-            "the fit is perfect to rounding: the torque is simulated or the output of a model, "
-            "not a measurement"
-        )
-    unexcited = result.lib.base_matrix.shape[0]
-    if len(result.train) * result.lib.n_joints < 3 * unexcited:
-        warnings.append("there are hardly more rows than unknowns; record for longer")
-    return warnings

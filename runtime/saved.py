@@ -44,7 +44,10 @@ class Model:
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """π (10 n,) and friction of a result.json; φ is (n, k), k columns; older ones know no model."""
+    """π (10 n,) and friction of a result.json; φ is (n, k), k columns; what was done to the log.
+
+    Older ones know no model.
+    """
 
     robot: str
     method: str
@@ -54,6 +57,7 @@ class Saved:
     friction: Friction
     phi: Array
     net: FrictionNet | None
+    history: tuple[str, ...]
     model: Model | None
 
 
@@ -96,6 +100,7 @@ def read_result(folder: Path) -> Saved:
             friction=Friction.from_facts(terms),
             phi=np.array(terms["values"], dtype=float),
             net=net and FrictionNet(np.array(net["theta"]), np.array(net["scale"])),
+            history=tuple(map(str, facts["recording"]["history"])),
             model=_model(facts["model"], n) if "model" in facts else None,
         )
         whole = len(saved.units) == n and saved.pi.shape == (len(PI_NAMES) * n,)

@@ -58,6 +58,9 @@ class Uncertainty:
     told: int
     conditioning: float
 
+    def __repr__(self) -> str:
+        return f"Uncertainty({self.advice()})"
+
     @property
     def covariance(self) -> Array:
         """C of π, (10 n, 10 n)."""

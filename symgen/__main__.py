@@ -12,6 +12,9 @@ except ModuleNotFoundError as error:
         "installed; run: pip install 'symgen[build]'\n"
     )
     raise SystemExit(2) from None
+except KeyboardInterrupt:  # importing takes a second or two, time enough for a change of mind
+    sys.stderr.write("symgen: interrupted\n")
+    raise SystemExit(130) from None
 
 if __name__ == "__main__":
     main()

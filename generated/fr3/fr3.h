@@ -1,4 +1,14 @@
-/* fr3: kernels written by symgen 0.1.0. Arrays are dense and row-major; see README.md. */
+/* fr3: kernels written by symgen 0.1.0. Arrays are dense and row-major, units SI, outputs
+ * overlap no inputs. No function allocates, locks or remembers: any thread may call any of them.
+ *
+ * joints, the order of q, dq [rad/s or m/s], ddq and tau:
+ *     fr3_joint1, fr3_joint2, fr3_joint3, fr3_joint4, fr3_joint5, fr3_joint6, fr3_joint7
+ * pi, of fr3_link1, fr3_link2, fr3_link3, fr3_link4, fr3_link5, fr3_link6, fr3_link7 in turn:
+ *     m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ [kg, kg m, kg m^2], inertia about the link's origin
+ * lam, likewise: mu, x, y, z, omega1, omega2, omega3, a, b, c [ln kg, m, rad, kg^(1/2) m]
+ * gravity: 0.0, 0.0, -9.81 m/s^2 in the frame of fr3_link0
+ * beta: the 43 combinations of pi that fr3_base_parameters makes
+ * Shapes, limits and the many-sample functions: README.md. */
 #ifndef SYMGEN_FR3_H
 #define SYMGEN_FR3_H
 
@@ -12,112 +22,148 @@ const char *fr3_model_hash(void);
 /* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
 const char *fr3_level(void);
 
-/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 736 operations. */
+/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 736 operations, at most 10080 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m] */
 void fr3_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7]);
 
-/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 628 operations. */
+/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 628 operations, at most 9216 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], beta [SI] -> tau [N*m] */
 void fr3_base_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double beta[43], double tau[7]);
 
-/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1695 operations. */
+/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1695 operations, at most 17752 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> tau [N*m] */
 void fr3_torque(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double tau[7]);
 
-/* d tau / d lam, Eqs. 4.34-4.36. 8731 operations. */
+/* d tau / d lam, Eqs. 4.34-4.36. 8731 operations, at most 77904 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> jacobian 7 x 70 [d tau / d lam] */
 void fr3_torque_jacobian(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double jacobian[490]);
 
-/* Y with tau = Y pi, Eq. 3.1. 1538 operations. */
+/* Y with tau = Y pi, Eq. 3.1. 1538 operations, at most 20352 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2] -> Y 7 x 70 [d tau / d pi] */
 void fr3_regressor(const double q[7], const double dq[7], const double ddq[7], double Y[490]);
 
-/* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations. */
+/* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations, at most 16400 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2] -> Y_b 7 x 43 [d tau / d beta] */
 void fr3_base_regressor(const double q[7], const double dq[7], const double ddq[7], double Y_b[301]);
 
-/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1965 operations. */
+/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1965 operations, at most 24664 bytes of stack.
+ * q [rad], dq [rad/s] -> P_b 7 x 43 [d p / d beta], R_b 7 x 43 [d r / d beta] */
 void fr3_momentum_regressor(const double q[7], const double dq[7], double P_b[301], double R_b[301]);
 
-/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 249 operations. */
+/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 249 operations, at most 6456 bytes of stack.
+ * q [rad], dq [rad/s] -> E_b [d (T + U) / d beta] */
 void fr3_energy_regressor(const double q[7], const double dq[7], double E_b[43]);
 
-/* beta = K pi, Eq. 3.11. 115 operations. */
+/* beta = K pi, Eq. 3.11. 115 operations, at most 5376 bytes of stack.
+ * pi [SI] -> beta [SI] */
 void fr3_base_parameters(const double pi[70], double beta[43]);
 
-/* K' slope, the adjoint of beta = K pi. 63 operations. */
+/* K' slope, the adjoint of beta = K pi. 63 operations, at most 5176 bytes of stack.
+ * slope [d cost / d beta] -> gradient [d cost / d pi] */
 void fr3_base_adjoint(const double slope[43], double gradient[70]);
 
-/* M(q), Eq. 2.34. 1273 operations. */
+/* M(q), Eq. 2.34. 1273 operations, at most 14696 bytes of stack.
+ * q [rad], pi [SI] -> M 7 x 7 [d tau / d ddq] */
 void fr3_mass_matrix(const double q[7], const double pi[70], double M[49]);
 
-/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 713 operations. */
+/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 713 operations, at most 9888 bytes of stack.
+ * q [rad], dq [rad/s], pi [SI] -> h [N*m] */
 void fr3_bias_forces(const double q[7], const double dq[7], const double pi[70], double h[7]);
 
-/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 2211 operations. */
+/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 2211 operations, at most 21888 bytes of stack.
+ * q [rad], dq [rad/s], tau [N*m], pi [SI], rotor [kg*m^2] -> ddq [rad/s^2] */
 void fr3_forward_dynamics(const double q[7], const double dq[7], const double tau[7], const double pi[70], const double rotor[7], double ddq[7]);
 
-/* pose of the tip in the base frame, Eq. 2.15. 141 operations. */
+/* pose of the tip in the base frame, Eq. 2.15. 141 operations, at most 5368 bytes of stack.
+ * q [rad] -> H 4 x 4 [1, m] */
 void fr3_end_effector(const double q[7], double H[16]);
 
-/* poses of the links in the base frame, one below the other, Eq. 2.15. 151 operations. */
+/* poses of the links in the base frame, one below the other, Eq. 2.15. 151 operations, at most 6216 bytes of stack.
+ * q [rad] -> H 28 x 4 [1, m] */
 void fr3_link_poses(const double q[7], double H[112]);
 
-/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 976 operations. */
+/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 976 operations, at most 12384 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], tau [N*m], weight [1], beta [SI] -> loss [1], gradient [d loss / d beta], residual [N*m] */
 void fr3_loss_gradient(const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7], const double beta[43], double loss[1], double gradient[43], double residual[7]);
 
-/* Eqs. 4.25-4.31. 146 operations. */
+/* Eqs. 4.25-4.31. 146 operations, at most 5360 bytes of stack.
+ * lam [lambda] -> pi [SI] */
 void fr3_pi_from_lam(const double lam[10], double pi[10]);
 
-/* pi and d pi / d lam of one link. 705 operations. */
+/* pi and d pi / d lam of one link. 705 operations, at most 10640 bytes of stack.
+ * lam [lambda] -> pi [SI], jacobian 10 x 10 [d pi / d lam] */
 void fr3_pi_jacobian(const double lam[10], double pi[10], double jacobian[100]);
 
-/* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations. */
+/* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations, at most 7416 bytes of stack.
+ * lam [lambda], slope [d cost / d pi] -> gradient [d cost / d lam] */
 void fr3_pi_adjoint(const double lam[10], const double slope[10], double gradient[10]);
 
-/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations. */
+/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations, at most 5784 bytes of stack.
+ * theta [log-Cholesky] -> pi [SI], jacobian 10 x 10 [d pi / d theta] */
 void fr3_cholesky_jacobian(const double theta[10], double pi[10], double jacobian[100]);
 
-/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations. */
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations, at most 9496 bytes of stack.
+ * pi [SI] -> pivot [SI], log_det [1], traces [1/SI], curvature 10 x 10 [1/SI^2] */
 void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100]);
 
-/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations. */
+/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations, at most 4656 bytes of stack.
+ * pi [SI] -> theta [log-Cholesky] */
 void fr3_cholesky_from_pi(const double pi[10], double theta[10]);
 
-/* Eqs. 4.18-4.23. 1489 operations. */
+/* Eqs. 4.18-4.23. 1489 operations, at most 16104 bytes of stack.
+ * pi [SI] -> lam [lambda] */
 void fr3_lam_from_pi(const double pi[10], double lam[10]);
 
-/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations. */
+/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations, at most 15368 bytes of stack.
+ * pi [SI], floor [1] -> realisable [SI] */
 void fr3_nearest_realisable(const double pi[10], const double floor[1], double realisable[10]);
 
-/* M(lam), Eq. 4.14 (linear part first). 149 operations. */
+/* M(lam), Eq. 4.14 (linear part first). 149 operations, at most 5592 bytes of stack.
+ * lam [lambda] -> M 6 x 6 [SI] */
 void fr3_inertia_matrix(const double lam[10], double M[36]);
 
-/* P(pi), Eqs. 3.9, 3.10. 9 operations. */
+/* P(pi), Eqs. 3.9, 3.10. 9 operations, at most 4312 bytes of stack.
+ * pi [SI] -> P 4 x 4 [SI] */
 void fr3_pseudo_inertia(const double pi[10], double P[16]);
 
-/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations. */
+/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations, at most 4592 bytes of stack.
+ * m [1], t [s], t_f [s] -> phi [1, 1/s, 1/s^2, 1/s^3] */
 void fr3_harmonic_basis(const double m[1], const double t[1], const double t_f[1], double phi[4]);
 
-/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations. */
+/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations, at most 4520 bytes of stack.
+ * t [s], t_f [s] -> S [1, 1/s, 1/s^2, 1/s^3] */
 void fr3_transfer_basis(const double t[1], const double t_f[1], double S[4]);
 
-/* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations. */
+/* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 3183 operations, at most 29768 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], seed 7 x 43 [d cost / d Y_b] -> gradient 3 x 7 [d cost / d (q, dq, ddq)] */
 void fr3_regressor_adjoint(const double q[7], const double dq[7], const double ddq[7], const double seed[301], double gradient[21]);
 
-/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 5598 operations. */
+/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 5598 operations, at most 50176 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m], dtau_dq 7 x 7 [d tau / d q], dtau_dv 7 x 7 [d tau / d dq], dtau_da 7 x 7 [d tau / d ddq] */
 void fr3_torque_derivatives(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7], double dtau_dq[49], double dtau_dv[49], double dtau_da[49]);
 
-/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1707 operations. */
+/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1707 operations, at most 17856 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI] -> tau_rate [(N*m)/s] */
 void fr3_torque_rate(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], double tau_rate[7]);
 
-/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4660 operations. */
+/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 4660 operations, at most 41656 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI], seed [d cost / d tau_rate] -> gradient 4 x 7 [d cost / d (q, dq, ddq, dddq)] */
 void fr3_torque_rate_adjoint(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double pi[70], const double seed[7], double gradient[28]);
 
-/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 3324 operations. */
+/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 3324 operations, at most 30928 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], ddddq [rad/s^4], pi [SI] -> tau [N*m], dtau [(N*m)/s], ddtau [(N*m)/s^2] */
 void fr3_torque_course(const double q[7], const double dq[7], const double ddq[7], const double dddq[7], const double ddddq[7], const double pi[70], double tau[7], double dtau[7], double ddtau[7]);
 
-/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations. */
+/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 497 operations, at most 8504 bytes of stack.
+ * q [rad], dq [rad/s] -> p [m], v [m/s], dp_dq 3 x 7 [d p / d q], dv_dq 3 x 7 [d v / d q] */
 void fr3_tip_motion(const double q[7], const double dq[7], double p[3], double v[3], double dp_dq[21], double dv_dq[21]);
 
-/* distance of the capsules of each pair, negative where they overlap. 1795 operations. */
+/* distance of the capsules of each pair, negative where they overlap. 1795 operations, at most 19248 bytes of stack.
+ * q [rad] -> distance [m], jacobian 12 x 7 [d distance / d q] */
 void fr3_clearance(const double q[7], double distance[12], double jacobian[84]);
 
-/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 707 operations. */
+/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 707 operations, at most 10232 bytes of stack.
+ * q [rad], plane [1, m] -> distance [m], jacobian 7 x 7 [d distance / d q] */
 void fr3_plane_clearance(const double q[7], const double plane[4], double distance[7], double jacobian[49]);
 
 /* Length of beta, and the side of the statistics' factor, whose last column is that of tau. */

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model b3256b55c9721da7e68c1252eedfc9149f02026fab08095d6f72dfffa171c59e.
+ * Model 541eb1c97dd63c286789cc86aec3b2911b6f862dd67069dd65e5d9caeb18b441.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "b3256b55c9721da7e68c1252eedfc9149f02026fab08095d6f72dfffa171c59e";
+    return "541eb1c97dd63c286789cc86aec3b2911b6f862dd67069dd65e5d9caeb18b441";
 }
 
 const char *fr3_level(void)

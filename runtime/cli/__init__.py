@@ -1,6 +1,7 @@
 """`python -m runtime COMMAND`: inspect, identify, compare, payload, export, excite and others."""
 
 import sys
+from inspect import getdoc
 
 import typer
 
@@ -20,7 +21,7 @@ from runtime.cli import (
     tutorial,
     view,
 )
-from runtime.cli.common import INTERRUPTED
+from runtime.cli.common import INTERRUPTED, flowing
 from runtime.errors import RuntimeFault
 
 app = typer.Typer(
@@ -46,6 +47,8 @@ app.command("report")(report.report_command)
 app.command("view")(view.view_command)
 app.command("locate")(evaluate.locate_command)
 app.command("tutorial")(tutorial.tutorial_command)
+for command in app.registered_commands:
+    command.help = flowing(getdoc(command.callback) or "")
 
 
 def main() -> None:
@@ -57,7 +60,10 @@ def main() -> None:
         raise SystemExit(2) from None
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            print("runtime: interrupted before there was anything to keep", file=sys.stderr)
+            print(
+                "runtime: interrupted; files that were finished before stay as they are",
+                file=sys.stderr,
+            )
         raise
 
 

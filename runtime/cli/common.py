@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from runtime.errors import IdentificationError
 from runtime.recording import Preparation, Recording
@@ -28,6 +28,15 @@ def say(text: str) -> None:
     console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
+def flowing(doc: str) -> str:
+    r"""A docstring as help: a paragraph flows with the terminal, one after \b keeps its lines."""
+    blocks = doc.split("\n\n")
+    return "\n\n".join(
+        block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
+        for block in blocks
+    )
+
+
 def command_line() -> str:
     """The command as it was typed, for the provenance."""
     return shlex.join(["python", "-m", "runtime", *sys.argv[1:]])
@@ -36,7 +45,10 @@ def command_line() -> str:
 def torque_table(facts: dict[str, Any]) -> Table:
     """Torque errors before and after, per joint and overall."""
     percent, rms = facts["torque_error_percent"], facts["torque_rms"]
-    table = Table("joint", title=f"{facts['robot']}, {facts['method']}: torque error on test data")
+    table = Table(
+        Column("joint", overflow="fold"),
+        title=f"{facts['robot']}, {facts['method']}: torque error on test data",
+    )
     for head in ("before %", "after %", "before RMS", "after RMS", "unit"):
         table.add_column(head, justify="right")
     columns = zip(

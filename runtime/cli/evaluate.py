@@ -7,16 +7,21 @@ from typing import Annotated, Any
 import typer
 
 from runtime import metrics
-from runtime.cli.common import Robot, console, preparation_of, say, torque_table
+from runtime.cli.common import console, preparation_of, say, torque_table
 from runtime.cli.options import Rate
 from runtime.datasets import locate
 from runtime.library import load
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
-from runtime.preprocessing import prepare
+from runtime.preprocessing import is_filtered, prepare
 from runtime.recording import read_recording
 from runtime.results import error_facts
 from runtime.saved import read_result, require_model
+
+RAW = (
+    "the model was identified from a low-passed log, this one is raw: "
+    "give --cutoff and --rate as there"
+)
 
 Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 
@@ -24,12 +29,17 @@ Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
 def evaluate_command(
     result: Result,
     log: Annotated[str, typer.Argument(metavar="LOG", help="A recording, as for identify.")],
-    robot: Robot = "fr3",
+    robot: Annotated[
+        str | None, typer.Option(help="Name or folder of the robot; default: the result's.")
+    ] = None,
     recipe: Annotated[str | None, typer.Option(help="How to read the log.")] = None,
     run: Annotated[str | None, typer.Option(help="Which run of the recipe.")] = None,
     cutoff: Annotated[
         float | None,
-        typer.Option(help="Low-pass q, dq, tau at this frequency, Hz; default the recipe's."),
+        typer.Option(
+            help="Low-pass q, dq, tau at this frequency, Hz: that of identify; default from the "
+            "recipe."
+        ),
     ] = None,
     rate: Rate = None,
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON.")] = False,
@@ -39,12 +49,14 @@ def evaluate_command(
     Percentages compare in one band only: a wider one has more of the noise of the torque.
 
     \b
-    python -m runtime evaluate results/first-map second.csv --robot my
-    python -m runtime evaluate results/first-map second.csv --robot my --cutoff 20
+    python -m runtime evaluate results/first-map second.csv --cutoff 10 --rate 100
+
+    Prepare the log as the other one was: a model of low-passed torque cannot predict the noise
+    that is left in the raw one.
     """
     saved = read_result(result)
-    lib = load(robot)
-    notes = require_model(saved, lib, result)
+    lib = load(robot or saved.robot)
+    notes = list(require_model(saved, lib, result))
     recording = read_recording(log, recipe, run, lib.joint_names)
     require_plausible(recording, lib)
     terms = saved.friction
@@ -57,13 +69,15 @@ def evaluate_command(
     if saved.net:
         after = after + saved.net.torque(samples.columns)
     errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]
+    if is_filtered(saved.history) and not is_filtered(prepared.history):
+        notes.append(RAW)
     figures: dict[str, Any] = {
         "robot": lib.name,
         "method": saved.method,
         "joints": list(saved.joints),
         "units": list(saved.units),
         **error_facts(*errors),
-        "notes": list(notes),
+        "notes": notes,
     }
     if as_json:
         print(json.dumps(figures, indent=1))

@@ -66,7 +66,7 @@ def excite_command(
         typer.Option(
             metavar="tcp://HOST:PORT",
             help="Search on the workers of this dask cluster instead (pip install "
-            "'symgen[cluster]'); they must see the same file system: each loads the robot's "
+            "'symgen\\[cluster]'); they must see the same file system: each loads the robot's "
             "folder by itself.",
         ),
     ] = None,

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from runtime.atomic import replacing
 from runtime.cli.common import Robot, command_line, console, preparation_of, say
@@ -118,7 +118,7 @@ def _table(found: Gains, plan: Plan, factors: tuple[float, ...]) -> Table:
     assert plan.torque is not None  # noqa: S101  `_factors` has seen to it
     units = plan.torque.unit
     units = (units,) * len(factors) if isinstance(units, str) else units
-    table = Table("joint", title="Torque read over true torque")
+    table = Table(Column("joint", overflow="fold"), title="Torque read over true torque")
     for head in ("gain ± 95 %", "bias empty", "bias loaded"):
         table.add_column(head, justify="right")
     table.add_column("reads")

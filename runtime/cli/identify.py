@@ -204,6 +204,7 @@ def _finish(result: Identification, folder: Path, study: Study | None = None) ->
     if result.is_consistent:
         say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
     else:
+        (folder / "identified.urdf").unlink(missing_ok=True)  # of a result that this one replaces
         say("URDF:   not written, because a simulator could not use an inconsistent model")
     say(f"report: {write_report(folder)}")
 

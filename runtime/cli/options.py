@@ -50,18 +50,23 @@ Run = Annotated[str | None, typer.Option(help="Which run, where a recipe has sev
 FrictionNames = Annotated[
     str | None,
     typer.Option(
-        help=f"auto (chosen by cross-validation, 'auto,rotor' adds a column), none, or a list "
-        f"of {','.join(COLUMNS)}; default from the recipe."
+        help=f"auto (chosen by cross-validation, 'auto,rotor' adds a column), none, or with commas "
+        f"some of {', '.join(COLUMNS)}; default from the recipe, else none."
     ),
 ]
 CoulombSpeed = Annotated[
-    float | None, typer.Option(help="Width of the smooth Coulomb sign, rad/s.")
+    float | None,
+    typer.Option(
+        help="Width of the smooth Coulomb sign, rad/s; default from the recipe, else "
+        f"{Friction(columns=()).coulomb_speed:g}."
+    ),
 ]
 Cutoff = Annotated[
     str | None,
     typer.Option(
         metavar="HZ|auto",
-        help="Low-pass q, dq, tau at this frequency, Hz; auto lets cross-validation choose.",
+        help="Low-pass q, dq, tau at this frequency, Hz; auto lets cross-validation choose; "
+        "default from the recipe, else no filter.",
     ),
 ]
 CarryingLink = Annotated[
@@ -76,10 +81,18 @@ Regressor = Annotated[
         "Default from the recipe.",
     ),
 ]
-Rate = Annotated[float | None, typer.Option(help="Decimate to this rate, Hz.")]
+Rate = Annotated[
+    float | None,
+    typer.Option(help="Decimate to this rate, Hz; default from the recipe, else every sample."),
+]
 Parts = Annotated[
     str | None,
-    typer.Option("--split", metavar="A,B", help="Train up to A, validate up to B of the duration."),
+    typer.Option(
+        "--split",
+        metavar="A,B",
+        help="Train up to A, validate up to B of the duration, test on the rest; default from the "
+        "recipe, else 0.48,0.6.",
+    ),
 ]
 Stream = Annotated[
     bool | None,

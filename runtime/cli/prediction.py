@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from runtime.accuracy import Expected, Worth, base_names
 from runtime.cli.common import console, numbers_option, say
@@ -133,7 +133,7 @@ def payload_sentence(found: Expected, alone: bool) -> str:
 def base_table(found: Expected, lib: Library) -> Table:
     """σ of every base parameter, the worst relative to its size first."""
     table = Table(title="base parameters: expected σ, the worst first")
-    table.add_column("around")
+    table.add_column("around", overflow="fold")
     for head in ("least squares", "with prior", "% of size"):
         table.add_column(head, justify="right")
     names = base_names(lib)
@@ -149,7 +149,7 @@ def base_table(found: Expected, lib: Library) -> Table:
 
 def link_table(found: Expected, lib: Library) -> Table:
     """σ of every link's mass, centre of mass and inertia, and what of it is the prior's."""
-    table = Table("link", title="links: expected σ with the URDF as prior")
+    table = Table(Column("link", overflow="fold"), title="links: expected σ with the URDF as prior")
     for head in ("mass g", "CoM mm", "inertia kg·m²", "the data tell"):
         table.add_column(head, justify="right")
     size = len(PI_NAMES)

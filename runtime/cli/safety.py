@@ -1,7 +1,7 @@
 """The options of limits, and the certificate as a table."""
 
 import numpy as np
-from rich.table import Table
+from rich.table import Column, Table
 
 from runtime.certificate import DISTANCES, Certificate, Use
 from runtime.cli.common import numbers_option
@@ -54,10 +54,12 @@ def notes(lib: Library, asked: float, taken: float) -> tuple[str, ...]:
 def certificate_table(proof: Certificate, percent: float) -> Table:
     """The largest use of every limit: how much, where and when."""
     verdict = "holds at every instant" if proof.holds else "does NOT hold"
-    table = Table("limit", title=f"certificate at {percent:g} % speed: {verdict}")
+    table = Table(
+        Column("limit", overflow="fold"), title=f"certificate at {percent:g} % speed: {verdict}"
+    )
     for head in ("largest use %", "margin %"):
         table.add_column(head, justify="right")
-    table.add_column("where")
+    table.add_column("where", overflow="fold")
     table.add_column("time s", justify="right")
     for use in proof.uses:
         table.add_row(use.kind, *_amount(use), use.where, f"{use.time:.3f}")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from runtime.cli.common import console, say
 from runtime.cli.options import AUTO, Asked, read_data
@@ -97,7 +97,9 @@ def identify_several(
 
 def tell_study(study: Study) -> None:
     """Leave-one-log-out and repeatability, as a table and a line."""
-    table = Table("log", title="Each log as the others predict it: torque error, %")
+    table = Table(
+        Column("log", overflow="fold"), title="Each log as the others predict it: torque error, %"
+    )
     for head in ("payload kg", "URDF", "the others", "with its own offset", "its own fit"):
         table.add_column(head, justify="right")
     for held, mass in zip(study.held, study.carried, strict=True):

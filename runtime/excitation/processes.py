@@ -1,11 +1,13 @@
 """The tasks of a search one after another, or on several processes with the same results."""
 
-import multiprocessing
 import signal
+import threading
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -35,15 +37,16 @@ def side_by_side(
 ) -> Generator[Started, None, None]:
     """The tasks of every round as they end.
 
-    Workers are fresh interpreters (spawn) and do not hear Ctrl-C: closing the iterator waits for
-    the tasks under way and drops them.
+    Workers are fresh interpreters (spawn) and do not hear Ctrl-C: closing the iterator ends them
+    with the tasks under way.
 
     Raises:
         IdentificationError: a worker died.
     """
+    context = _Spawning()
     pool = ProcessPoolExecutor(
         processes,
-        multiprocessing.get_context("spawn"),
+        context,
         initializer=_prepare,
         initargs=(problem,),
     )
@@ -64,7 +67,10 @@ def side_by_side(
             "design only under: if __name__ == '__main__'"
         ) from None
     finally:
-        pool.shutdown(cancel_futures=True)
+        with _deaf():  # a second Ctrl-C in here would leave the workers waiting for ever
+            if waiting:
+                context.end()
+            pool.shutdown(cancel_futures=True)
 
 
 def _prepare(problem: Problem) -> None:
@@ -77,14 +83,42 @@ def _start(task: Task) -> Started:
     return task.number, *task.done(_here[0])
 
 
+class _Spawning(SpawnContext):
+    """Knows the processes that it has begun."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._begun: list[SpawnProcess] = []
+
+    def Process(self, *args: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]
+        """As the class of that name."""
+        self._begun.append(SpawnProcess(*args, **options))
+        return self._begun[-1]
+
+    def end(self) -> None:
+        """Whatever they are doing."""
+        for process in self._begun:
+            process.terminate()
+
+
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Ctrl-C waits: a worker that begins inherits the mask and never hears it."""
-    if not hasattr(signal, "pthread_sigmask"):
+    """Ctrl-C waits for the end: a worker that begins inherits the mask and never hears it.
+
+    The mask alone is not enough: a thread of BLAS that has none takes the signal for all.
+    """
+    if threading.current_thread() is not threading.main_thread():  # Python interrupts only that one
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    heard: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    masks = hasattr(signal, "pthread_sigmask")
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if masks else None
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if before is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, handler)
+        if heard and callable(handler):
+            handler(heard[0], None)

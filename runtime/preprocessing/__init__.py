@@ -1,7 +1,13 @@
 """Recording → Recording: clock, grid, filters, derivatives, split; each step joins the history."""
 
 from runtime.preprocessing.clock import repair_clock
-from runtime.preprocessing.filters import differentiate, low_pass, moving_average, savitzky_golay
+from runtime.preprocessing.filters import (
+    differentiate,
+    is_filtered,
+    low_pass,
+    moving_average,
+    savitzky_golay,
+)
 from runtime.preprocessing.pipeline import DOCUMENT, momentum_torque, prepare, prepare_power
 from runtime.preprocessing.segments import (
     advance_torque,
@@ -23,6 +29,7 @@ __all__ = [
     "decimate",
     "differentiate",
     "drop_rest",
+    "is_filtered",
     "low_pass",
     "momentum_torque",
     "moving_average",

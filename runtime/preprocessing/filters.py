@@ -4,7 +4,7 @@ Every filter treats q, dq, ddq, τ and the friction columns alike, because a lin
 between signals survives only if all of them pass the same filter.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,9 @@ from runtime.preprocessing.segments import holes, segments, uniform_step
 from runtime.preprocessing.zero_phase import zero_phase
 from runtime.recording import Recording
 from runtime.recording.recording import ALL, FloatArray
+
+FILTERED = ("Low-passed", "Averaged", "Smoothed")
+"""How the sentences of the filters below begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,11 @@ class Butterworth:
     sections: FloatArray
     padding: int
     minimum: int
+
+
+def is_filtered(history: Iterable[str]) -> bool:
+    """Whether one of these filters is among the steps of a recording."""
+    return any(step.startswith(FILTERED) for step in history)
 
 
 def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butterworth:

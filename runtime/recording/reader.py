@@ -167,9 +167,14 @@ def place_and_recipe(
     """
     place = locate(path)
     chosen = _choose_recipe(place, recipe)
-    if chosen is not None and run is not None:
-        chosen = chosen.replace(run=run)
-    return place, chosen
+    if run is None:
+        return place, chosen
+    if chosen is None or not any("{run}" in part.file for part in parts_of(chosen).values()):
+        raise RecordingError(
+            f"'{place}' has no runs to choose '{run}' from, only a recipe with {{run}} in its file "
+            "names has; leave the run out"
+        )
+    return place, chosen.replace(run=run)
 
 
 def locate(path: str | Path) -> Path:
@@ -197,7 +202,7 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
     if place.resolve().name in bundled_names():
         return load_recipe(place.resolve().name)
     raise RecordingError(
-        f"the folder {place.name} has no recipe, so nobody knows what its files mean; write "
-        f"{place.name}/recipe.toml with [time], [position] and [torque] (file, columns, unit), "
+        f"the folder '{place}' has no recipe, so nobody knows what its files mean; write "
+        f"{place / 'recipe.toml'} with [time], [position] and [torque] (file, columns, unit), "
         "after the example of the bundled recipes"
     )

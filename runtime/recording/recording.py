@@ -122,6 +122,12 @@ class Recording:
     def __len__(self) -> int:
         return len(self.t)
 
+    def __repr__(self) -> str:
+        held = " ".join(key for key in SIGNALS if getattr(self, key) is not None)
+        rate = f" at {self.rate_hz:.6g} Hz" if len(self) > 1 else ""
+        size = f"{len(self)} rows of {self.n_joints} joints, {self.duration:.4g} s{rate}"
+        return f"Recording({self.name!r}: {size}; {held})"
+
     @property
     def n_joints(self) -> int:
         """The number of joints n."""
@@ -156,7 +162,10 @@ class Recording:
         index = rows if isinstance(rows, slice) else np.asarray(rows)
         t = self.t[index]
         if not t.size:
-            raise RecordingError(f"no sample is left after this step: {sentence}")
+            raise RecordingError(
+                f"no sample is left after this step: {sentence} There were {len(self)} rows in "
+                f"{self.duration:.3g} s before it; record for longer, or leave the step out"
+            )
         kept = self._mapped(lambda a: a[index], ALL)
         return self.replace(t=t, history=(*self.history, sentence), **kept)
 

@@ -19,6 +19,8 @@ Columns = tuple[str | int, ...]
 MAX_CORRUPT = 0.2
 EXPANSION, SLACK = 200, 2**26
 """Decoded bytes per byte of the file, and bytes besides, beyond which a file is no log."""
+SHOWN = 60
+"""Characters of a line in a message."""
 
 MOST_TEXTS = 10_000
 
@@ -66,6 +68,7 @@ def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
         RecordingError: no such line; names the column that is missing where one line comes near.
     """
     best: tuple[int, list[str]] = (0, list(wanted))
+    first = ",".join(cells_of(lines[0])[0]) if lines else ""
     for index, line in enumerate(lines):
         cells = cells_of(line)[0]
         missing = [column for column in wanted if column not in cells]
@@ -78,10 +81,12 @@ def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
             return index
         if len(wanted) - len(missing) > best[0]:
             best = (len(wanted) - len(missing), missing)
+    first = first if len(first) <= SHOWN else f"{first[:SHOWN]}…"
     raise RecordingError(
         f"{name} is expected to have a header line with the columns {', '.join(wanted)}, "
-        f"but {', '.join(best[1][:4])} {'is' if len(best[1]) == 1 else 'are'} missing; "
-        "rename the columns or describe them in a recipe"
+        f"but {', '.join(best[1][:4])} {'is' if len(best[1]) == 1 else 'are'} missing (its first "
+        f"line: {first}); rename the columns, or have a recipe proposed: "
+        "python -m runtime inspect LOG --recipe-out recipe.toml"
     )
 
 

@@ -4,12 +4,19 @@ One module per group of commands; importing it registers them.
 """
 
 import sys
+from inspect import getdoc
 
 from symgen.cli import inspect, make, proxies, show
-from symgen.cli.common import app
+from symgen.cli.common import app, flowing
 from symgen.errors import SymgenError
 
+INTERRUPTED = 130
+"""Exit code that typer makes of a KeyboardInterrupt."""
+
 __all__ = ["app", "inspect", "main", "make", "proxies", "show"]
+
+for command in app.registered_commands:
+    command.help = flowing(getdoc(command.callback) or "")
 
 
 def main() -> None:
@@ -19,3 +26,10 @@ def main() -> None:
     except SymgenError as error:
         print(f"symgen: {error}", file=sys.stderr)
         raise SystemExit(2) from None
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            print(
+                "symgen: interrupted; files that were there before stay as they are",
+                file=sys.stderr,
+            )
+        raise

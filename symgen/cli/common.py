@@ -41,6 +41,15 @@ def say(sentence: str) -> None:
     console.print(sentence, highlight=False, soft_wrap=True)
 
 
+def flowing(doc: str) -> str:
+    r"""A docstring as help: a paragraph flows with the terminal, one after \b keeps its lines."""
+    blocks = doc.split("\n\n")
+    return "\n\n".join(
+        block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
+        for block in blocks
+    )
+
+
 def read_urdf(urdf: Path) -> str:
     """Text of a URDF.
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from symgen.cli.common import app, console
 from symgen.errors import BuildError
@@ -51,8 +51,8 @@ def inspect_command(
     possible, and it says how much.
 
     \b
-    python -m symgen inspect my.urdf                        a table and a sentence per finding
-    python -m symgen inspect my.urdf --strict --json        for a pipeline
+    python -m symgen inspect my.urdf
+    python -m symgen inspect my.urdf --strict --json    (for a pipeline)
     python -m symgen inspect my.urdf --repair better.urdf
     Exit code: 0 fine, 1 findings (errors; with --strict warnings too), 2 not readable.
     """
@@ -73,7 +73,9 @@ def _say(text: str) -> None:
 
 def _show(inspection: Inspection) -> None:
     model = inspection.model
-    table = Table("link", title=f"{model.name} ({model.form}): kg, mm, kg m²")
+    table = Table(
+        Column("link", overflow="fold"), title=f"{model.name} ({model.form}): kg, mm, kg m²"
+    )
     for head in (
         "mass",
         "centre of mass",

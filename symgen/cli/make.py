@@ -69,8 +69,8 @@ def build_command(
     r"""Generate and compile a robot's library.
 
     \b
-    python -m symgen build                                     the Franka Research 3
-    python -m symgen build --urdf my.urdf --name my            your robot
+    python -m symgen build                             the Franka Research 3
+    python -m symgen build --urdf my.urdf --name my    your robot
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
     """
     options = ChainOptions(base, tip, _vector(gravity), read_locks(lock or []), snap)

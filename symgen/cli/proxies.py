@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from symgen.chain import ChainOptions, read_chain
 from symgen.cli.common import Base, Config, Lock, Tip, app, console, read_locks, read_urdf, say
@@ -79,7 +79,9 @@ def proxies_command(
 
 
 def _table(covered: "list[Coverage]") -> Table:
-    table = Table("link", "capsules", "corners asked", "outside", "volume / hull")
+    table = Table(
+        Column("link", overflow="fold"), "capsules", "corners asked", "outside", "volume / hull"
+    )
     for c in covered:
         ratio = "-" if math.isnan(c.ratio) else f"{c.ratio:.2f}"
         outside = f"{1e3 * c.outside:.3g} mm"

@@ -4,7 +4,7 @@ import json
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 from rich.text import Text
 
 from symgen.base_parameters import describe_combination
@@ -77,13 +77,14 @@ def _description(manifest: dict[str, Any]) -> dict[str, Any]:
 
 
 def _joint_table(manifest: dict[str, Any]) -> Table:
-    table = Table("joint", "kind", "moves", "lower", "upper", "velocity", "effort", "home")
+    heads = (Column(head, overflow="fold") for head in ("joint", "moves"))
+    table = Table(*heads, "kind", "lower", "upper", "velocity", "effort", "home")
     table.title = Text(f"{manifest['robot']}: joints (rad or m, N·m or N)")
     for joint, home in zip(manifest["joints"], manifest["home"], strict=True):
         limits = [joint[key] for key in ("lower", "upper", "velocity", "effort")]
-        shown = ["none" if x is None else f"{x:g}" for x in limits]
-        names = [Text(str(joint[key])) for key in ("name", "kind", "link")]
-        table.add_row(*names, *shown, f"{home:.4f}")
+        shown = ["none" if x is None else f"{x:.4g}" for x in limits]
+        names = [Text(str(joint[key])) for key in ("name", "link", "kind")]
+        table.add_row(*names, *shown, f"{home:.3f}")
     return table
 
 
@@ -101,7 +102,14 @@ def _base_table(manifest: dict[str, Any]) -> Table:
 
 
 def _kernel_table(manifest: dict[str, Any]) -> Table:
-    table = Table("kernel", "inputs", "outputs", "operations", "equation", title="kernels")
+    table = Table(
+        Column("kernel", overflow="fold"),
+        "inputs",
+        "outputs",
+        "operations",
+        "equation",
+        title="kernels",
+    )
     for kernel in manifest["kernels"]:
         shapes = [
             ", ".join(f"{a['name']} {'×'.join(map(str, a['shape']))}" for a in kernel[side])

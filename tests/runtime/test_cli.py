@@ -46,6 +46,18 @@ def test_help(name: str | None) -> None:
         assert word in answer.output
 
 
+def test_help_on_a_narrow_terminal() -> None:
+    """Property: no mark of the layout, no name cut off, extras in brackets, lines that flow."""
+    told = [
+        CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "80"}).output
+        for name in ("identify", "excite")
+    ]
+    assert "motor_rotor" in told[0]
+    assert "anything else is described by a recipe" in told[0]
+    assert "'symgen[cluster]'" in " ".join(told[1].replace("│", " ").split())
+    assert "\\b" not in "".join(told)
+
+
 def test_no_arguments_are_a_question() -> None:
     """Property: bare `python -m runtime` shows the commands."""
     answer = CliRunner().invoke(app, [])
@@ -101,6 +113,19 @@ def test_options_reach_the_method(
     assert facts["friction"] is None
 
 
+def test_an_older_urdf_does_not_outlive_its_result(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: beside a result that cannot exist lies no URDF of the result before it."""
+    (tmp_path / "out").mkdir()
+    urdf = tmp_path / "out" / "identified.urdf"
+    urdf.write_text("<robot/>")
+    words = ("--robot", lib.folder, "--method", "ols", "--out", "out")
+    ran = command("identify", log, *words)
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert (ran.code, facts["consistent"], urdf.exists()) == (0, False, False)
+
+
 def test_identifying_twice_gives_the_same_bytes(
     command: Command, lib: Library, log: Path, tmp_path: Path
 ) -> None:
@@ -128,13 +153,30 @@ def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path
         promised["torque_error_percent"]["after_overall"], rel=0.3
     )
     ran = command("evaluate", "out", log, "--robot", lib.folder)
-    assert ran.code == 0
+    assert (ran.code, "note" in ran.out) == (0, False)
     assert "overall" in ran.out
     report = tmp_path / "out" / "report.html"
     first = report.read_bytes()
     report.unlink()
     assert command("report", "out").code == 0
     assert report.read_bytes() == first
+
+
+def test_evaluate_prepares_the_log_as_identify_did(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: with the same options the same error; without them the reader is told."""
+    words = ("--cutoff", "10", "--rate", "50")
+    assert command("identify", log, "--robot", lib.folder, "--out", "out", *words).code == 0
+    promised = json.loads((tmp_path / "out" / "result.json").read_text())
+    asked = ("evaluate", "out", log, "--robot", lib.folder)
+    told = json.loads(command(*asked, "--json", *words).out)
+    # The same motion in other parts: alike within a third.
+    assert told["torque_error_percent"]["after_overall"] == pytest.approx(
+        promised["torque_error_percent"]["after_overall"], rel=0.3
+    )
+    assert told["notes"] == []
+    assert "note: the model was identified from a low-passed log, this" in command(*asked).out
 
 
 def test_the_chain_on_a_second_robot(

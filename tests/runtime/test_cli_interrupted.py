@@ -1,9 +1,11 @@
 """`python -m runtime` and Ctrl-C: the best so far is kept, or nothing is written."""
 
 import json
+import runpy
 import signal
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -84,6 +86,23 @@ def test_ctrl_c_keeps_the_best_excitation(lib: Library, tmp_path: Path) -> None:
     assert facts["condition_numbers_of_starts"] == pytest.approx(
         [facts["condition_number"]], rel=0.02
     )
+
+
+@pytest.mark.parametrize("package", ["runtime", "symgen"])
+def test_ctrl_c_while_the_packages_load(
+    package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: the first second of a command is like every other, a line and no traceback."""
+
+    class Loading(types.ModuleType):
+        def __getattr__(self, _: str) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, f"{package}.cli", Loading("cli"))
+    with pytest.raises(SystemExit) as end:
+        runpy.run_module(package, run_name="__main__")
+    assert end.value.code == 130
+    assert capsys.readouterr().err == f"{package}: interrupted\n"
 
 
 def test_ctrl_c_before_there_is_anything(

@@ -162,5 +162,7 @@ def test_lwr4_runs():
     assert prepared.rate_hz == pytest.approx(50.0)
     ratio = np.linalg.norm(third.dq[:, 0]) / np.linalg.norm(first.dq[:, 0])
     assert ratio == pytest.approx(2.0, abs=0.15)
+    with pytest.raises(RecordingError, match="has no runs to choose '3' from"):
+        read_recording(folder / "measurements_3.npz", run="3")
     named = read_recording(folder / "measurements_3.npz", "lwr4_flobaroid")
     assert np.array_equal(named.q, third.q)

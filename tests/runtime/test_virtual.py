@@ -260,5 +260,5 @@ def test_ctrl_c_leaves_nothing(
     words = ("simulate", "--robot", lib.folder, "--trajectory", motion.name, "--out", "x.csv")
     ran = command(*words, "--engine", "mujoco")
     assert ran.code == 130
-    assert "interrupted before there was anything to keep" in ran.err
+    assert "interrupted" in ran.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.json"]

@@ -254,6 +254,18 @@ def test_strictest_c99(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr
 
 
+def test_header_tells_order_units_and_stack(tiny_built: Path) -> None:
+    """Property: who has the header alone knows what goes where."""
+    header = (tiny_built / "tiny.h").read_text()
+    facts = json.loads((tiny_built / "manifest.json").read_text())
+    assert ", ".join(joint["name"] for joint in facts["joints"]) in header
+    assert ", ".join(facts["pi_names"]) in header
+    mass = header[: header.index("void tiny_mass_matrix")].splitlines()[-2:]
+    assert "bytes of stack" in mass[0]
+    assert mass[1].startswith(" * q [")
+    assert "-> M" in mass[1]
+
+
 def test_robot_code_is_strict_c99_and_its_header_cpp(tiny_built: Path) -> None:
     """Oracle: the compilers, on the pendulum's real kernels and on its header as C++."""
     sources = [str(tiny_built / name) for name in ("kernels.c", "reference.c")]

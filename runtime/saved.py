@@ -1,15 +1,16 @@
 """What an identification left on disk, for those who compute with it again."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from runtime.documents import json_of
 from runtime.errors import RecordingError
 from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
 from runtime.network import FrictionNet
+from runtime.payload.reading import LARGEST
 from runtime.recording import Friction
 
 
@@ -34,7 +35,7 @@ def read_result(folder: Path) -> Saved:
         RecordingError: there is none, or not a valid one.
     """
     try:
-        facts = dict(json.loads((folder / "result.json").read_text(encoding="utf-8")))
+        facts = dict(json_of(folder / "result.json"))
         n = len(facts["joints"])
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
         net = terms.get("net")
@@ -51,7 +52,9 @@ def read_result(folder: Path) -> Saved:
         whole = len(saved.units) == n and saved.pi.shape == (len(PI_NAMES) * n,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
+        if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST).all():
+            raise ValueError
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise RecordingError(
             f"'{folder}' holds no valid result.json; give the folder that identify wrote"
         ) from None

@@ -1,14 +1,17 @@
 """The arm as it is known: parameters and friction, from the URDF or from what identify wrote."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from runtime.documents import json_of
 from runtime.errors import RecordingError
 from runtime.library import Array, Library
 from runtime.recording import Friction
+
+LARGEST = 1e9
+"""SI units; what no arm has, NaN included, is no result."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +45,16 @@ def read_arm_model(path: Path, lib: Library) -> ArmModel:
     file = path / "result.json" if path.is_dir() else path
     n = lib.n_joints
     try:
-        facts = dict(json.loads(file.read_text(encoding="utf-8")))
+        facts = dict(json_of(file))
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
         pi, phi = np.array(facts["pi"], dtype=float), np.array(terms["values"], dtype=float)
         friction = Friction.from_facts(terms)
         joints, robot = list(facts["joints"]), str(facts["robot"])
         if pi.shape != (10 * len(joints),) or phi.shape != (len(joints), len(friction.columns)):
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
+        if not (np.abs(np.concatenate([pi, phi.ravel()])) < LARGEST).all():
+            raise ValueError
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise RecordingError(
             f"'{path}' holds no valid result.json; give the folder that identify wrote, or its file"
         ) from None

@@ -13,7 +13,6 @@
 The controller is computed torque with the URDF's model. IDIM-IV and DIDIM simulate it.
 """
 
-import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from runtime.atomic import replacing
+from runtime.documents import toml_of
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory
 from runtime.library import Array, Library
@@ -100,8 +100,8 @@ def read_loop(path: Path, lib: Library) -> Loop:
         IdentificationError: not such a file; the message says what is wrong with it.
     """
     try:
-        facts = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        facts = toml_of(path)
+    except (OSError, ValueError) as error:
         raise IdentificationError(
             f"'{path}' is no TOML file that can be read "
             f"({getattr(error, 'strerror', None) or error}); describe the loop in one with "

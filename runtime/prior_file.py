@@ -13,7 +13,6 @@ Every entry is optional and every one is linear in π.
 """
 
 import sys
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +22,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from runtime.convex import CAD, GRIPPER, NONE
 from runtime.convex.constraints import Constraints, Row
+from runtime.documents import toml_of
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
@@ -53,12 +53,19 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
         IdentificationError: missing, not TOML, or an entry that means nothing for this robot.
     """
     try:
-        facts = tomllib.loads(path.read_text(encoding="utf-8"))
+        facts = toml_of(path)
     except OSError:
         raise IdentificationError(f"the prior '{path}' cannot be read; check the path") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise IdentificationError(f"the prior '{path}' is no TOML: {error}") from None
     links = facts.get("link", {})
+    tables = links if isinstance(links, dict) else {"": links}
+    no_table = [name for name, own in tables.items() if not isinstance(own, dict)]
+    if no_table:
+        raise IdentificationError(
+            f"the prior '{path}' expects a table [link.NAME] of each link that it knows, got "
+            f"{tables[no_table[0]]!r:.40} for '{no_table[0]}'; write it so"
+        )
     unknown = [k for k in facts if k not in {"trust", "total_mass", "link"}]
     unknown += [f"link.{k}" for k in links if k not in lib.link_names]
     unknown += [
@@ -138,7 +145,7 @@ class _Rows:
         """m c and products of inertia across a plane vanish."""
         name = f"{link}.symmetry"
         planes = given if isinstance(given, list) else [given]
-        if not planes or any(plane not in MIRRORED for plane in planes):
+        if not planes or any(plane not in tuple(MIRRORED) for plane in planes):
             self._refuse(name, f"a list of {', '.join(MIRRORED)}")
         for key in sorted({key for plane in planes for key in MIRRORED[plane]}):
             self.equations.append(Row(name, self._unit(link, key), 0.0))

@@ -5,19 +5,21 @@ identified one did. Another mount, other inertials or a newer generator change n
 are told; other fixed links counted into the moving ones mean that π is of other bodies.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from runtime.documents import json_of
 from runtime.errors import RecordingError
 from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
 from runtime.network import FrictionNet
 from runtime.recording import Friction
 
+LARGEST = 1e9
+"""SI units; what no arm has, NaN included, is no result."""
 ALIKE = 1e-6
 """m, m/s² or entries of rotations: below it two models are the same but for rounding."""
 _PLACE = ("rotation", "translation", "axis")
@@ -87,7 +89,7 @@ def read_result(folder: Path) -> Saved:
     """
     try:
         file = folder / "result.json" if folder.is_dir() else folder
-        facts = dict(json.loads(file.read_text(encoding="utf-8")))
+        facts = dict(json_of(file))
         n = len(facts["joints"])
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
         net = terms.get("net")
@@ -106,7 +108,9 @@ def read_result(folder: Path) -> Saved:
         whole = len(saved.units) == n and saved.pi.shape == (len(PI_NAMES) * n,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
+        if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST).all():
+            raise ValueError
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise RecordingError(
             f"'{folder}' holds no valid result.json; give the folder that identify wrote"
         ) from None

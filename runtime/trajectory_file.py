@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 
 from runtime.atomic import replacing
+from runtime.documents import json_of
 from runtime.errors import IdentificationError, RecordingError
-from runtime.excitation import COSINE, Design, Prediction, Trajectory, basis_of
+from runtime.excitation import COSINE, LONGEST, Design, Prediction, Trajectory, basis_of
 from runtime.excitation.prediction import facts as facts_of
 from runtime.library import Library
+
+LARGEST = 1e6
+"""SI units; no robot moves like that."""
 
 
 def write_trajectory(
@@ -58,7 +62,7 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
         RecordingError: not such a file, or of another robot.
     """
     try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
+        facts = json_of(path)
         joints = facts["joints"]
         trajectory = Trajectory(
             np.array(facts["home"], dtype=float),
@@ -68,7 +72,7 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
         )
     except IdentificationError as error:
         raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise RecordingError(
             f"'{path}' is no trajectory ({type(error).__name__}); make one with: "
             "python -m runtime excite"
@@ -85,9 +89,9 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
             "python -m runtime excite"
         )
     numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]
-    if not np.isfinite(numbers).all() or not trajectory.duration > 0:
+    if not (np.abs(numbers) < LARGEST).all() or not 0 < trajectory.duration <= LONGEST:
         raise RecordingError(
             f"the trajectory '{path}' holds values that are not finite, or a duration that is not "
-            "positive; make one with: python -m runtime excite"
+            f"positive, up to {LONGEST:g} s; make one with: python -m runtime excite"
         )
     return trajectory

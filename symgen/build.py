@@ -20,6 +20,7 @@ from symgen import __version__
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, Joint, read_chain
 from symgen.compiler import compile_library, how_to_compile, sha256_of
+from symgen.documents import json_of
 from symgen.emit import EmittedRobot, emit
 from symgen.errors import BuildError
 from symgen.exchange import replace_folder
@@ -97,7 +98,7 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
     `levels` as in `build`; None: whichever it was compiled for.
     """
     try:
-        record = json.loads((folder / "build.json").read_text())
+        record = json_of(folder / "build.json")
         return bool(
             record["fingerprint"] == request.fingerprint
             and (levels is None or record["levels"] == sorted(set(levels)))
@@ -106,7 +107,7 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
                 sha256_of(folder / name) == digest for name, digest in record["sources"].items()
             )
         )
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError):
         return False
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from symgen.chain import Chain, Joint
 from symgen.collision import CollisionModel
 from symgen.collision.tables import collision_from_tables
+from symgen.documents import text_of
 from symgen.errors import BuildError
 
 Vector = tuple[float, ...]
@@ -82,7 +83,7 @@ def read_config(*paths: Path) -> RobotConfig:
     joined: dict[str, Any] = {}
     for path in paths:
         try:
-            table = tomllib.loads(path.read_text(encoding="utf-8"))
+            table = tomllib.loads(text_of(path))
         except (OSError, ValueError, RecursionError) as error:
             raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
         table.pop("source", None)

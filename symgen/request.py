@@ -11,6 +11,7 @@ from symgen import __version__
 from symgen.chain import ChainOptions
 from symgen.compiler import find_compiler
 from symgen.config import CONFIG_KEYS, RobotConfig, config_from_table, read_config
+from symgen.documents import json_of, text_of
 from symgen.errors import BuildError
 
 ROBOTS = Path(__file__).parent / "robots"
@@ -69,8 +70,8 @@ def request_from_folder(folder: Path) -> BuildRequest:
     """The request that regenerates a folder from its own URDF and manifest."""
     name = folder.name
     try:
-        manifest = json.loads((folder / "manifest.json").read_text())
-        urdf = (folder / f"{name}.urdf").read_text()
+        manifest = json_of(folder / "manifest.json")
+        urdf = text_of(folder / f"{name}.urdf")
         options = ChainOptions(
             tip=manifest["options"]["tip"],
             gravity=tuple(manifest["gravity"]),
@@ -79,7 +80,7 @@ def request_from_folder(folder: Path) -> BuildRequest:
         table = {key: manifest[key] for key in CONFIG_KEYS if manifest[key] is not None}
         config = config_from_table(table, f"'{folder / 'manifest.json'}'")
         project = bool(manifest["options"]["project"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise BuildError(
             f"'{folder}' is not a complete generated folder ({type(error).__name__}: {error}); "
             "build it again with: python -m symgen build"

@@ -1,12 +1,12 @@
 """The robot that a simulated log was made of, from the file that `simulate` writes beside it."""
 
 import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from runtime.documents import bytes_of, json_of
 from runtime.errors import RecordingError
 from runtime.library import Array, Library
 
@@ -35,12 +35,12 @@ def read_truth(path: Path, lib: Library) -> Truth:
         RecordingError: not such a file, or of another robot.
     """
     try:
-        data = path.read_bytes()
-        facts = json.loads(data)
+        data = bytes_of(path)
+        facts = json_of(data)
         pi, robot = np.array(facts["pi"], dtype=float), facts.get("robot", lib.name)
         if pi.shape != lib.pi0.shape or not np.isfinite(pi).all() or robot != lib.name:
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise RecordingError(
             f"'{path}' is no truth of '{lib.name}'; expected JSON with {lib.pi0.size} numbers 'pi' "
             "as simulate writes it, so correct it, name another with --truth, or move it away"

@@ -14,7 +14,7 @@ from runtime.doctor.finding import ERROR, INFO, Finding
 from runtime.doctor.names import SI, Meaning, meaning
 from runtime.errors import RecordingError
 from runtime.recording import Recipe
-from runtime.recording.files import SUFFIXES, Files
+from runtime.recording.files import SUFFIXES, Files, raw_bytes
 from runtime.recording.recipe import Signal, Time
 from runtime.recording.tables import cells_of, decode, open_npz
 
@@ -78,7 +78,7 @@ def _layout_of(path: Path) -> str:
 
 
 def _arrays(path: Path, own: str, joints: int) -> Iterable[tuple[str, dict]]:
-    arrays = open_npz(path.read_bytes(), path.name)
+    arrays = open_npz(raw_bytes(path), path.name)
     for key, array in arrays.items():
         what = meaning(key)
         width = array.shape[1] if array.ndim == 2 else 1
@@ -88,7 +88,7 @@ def _arrays(path: Path, own: str, joints: int) -> Iterable[tuple[str, dict]]:
 
 
 def _texts(path: Path, own: str, joints: int) -> Iterable[tuple[str, dict]]:
-    text = decode(path.read_bytes(), path.name)
+    text = decode(raw_bytes(path), path.name)
     lines = [line for line in text.splitlines()[:HEAD] if line.strip()]
     rows = [cells_of(line)[0] for line in lines]
     file = meaning(path.stem)

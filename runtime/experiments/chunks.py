@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from runtime.atomic import replacing
-from runtime.errors import RuntimeFault
+from runtime.errors import RecordingError, RuntimeFault
 from runtime.experiments.study import Row
+from runtime.recording.parquet import rows_of
 
 HASH = b"config_hash"
 _TEXT, _WHOLE, _CLAIM, _LIST = ("case", "method", "status"), ("trial",), ("consistent",), ("curve",)
@@ -46,14 +47,14 @@ def write_rows(rows: list[Row], path: Path, mark: str) -> None:
 
 def read_rows(path: Path, mark: str) -> list[Row] | None:
     """Rows of a file; None where it is damaged or of another config."""
-    pa = arrow()
+    arrow()
     try:
-        table = pa.parquet.read_table(path, page_checksum_verification=True, partitioning=None)
-    except (OSError, ValueError, pa.ArrowException):
+        metadata, rows = rows_of(path)
+    except RecordingError:
         return None
-    if (table.schema.metadata or {}).get(HASH, b"").decode(errors="replace") != mark:
+    if metadata.get(HASH, b"").decode(errors="replace") != mark:
         return None
-    return [{k: v for k, v in row.items() if v is not None} for row in table.to_pylist()]
+    return [{k: v for k, v in row.items() if v is not None} for row in rows]
 
 
 def _type(pa: Any, name: str) -> Any:

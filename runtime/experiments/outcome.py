@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from runtime.atomic import replacing
+from runtime.documents import json_of
 from runtime.experiments.chunks import write_rows
 from runtime.experiments.document import document_values
 from runtime.experiments.study import FORMAT, Finished, Row, Study
@@ -84,7 +85,7 @@ def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
 def valid_result(folder: Path, mark: str | None = None) -> dict[str, Any] | None:
     """What result.json says, where it and the files it vouches for are whole and of this hash."""
     try:
-        facts = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+        facts = json_of(folder / RESULT)
         whole = all(sha256(folder / name) == told for name, told in facts["files"].items())
         right = facts["format"] == FORMAT and mark in {None, facts["config_hash"]}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):

@@ -4,13 +4,13 @@ Every finished chunk is a file; result.json comes last. A kill between any two s
 that the next run takes up; a file that is not whole is computed again.
 """
 
-import json
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from runtime.documents import json_of
 from runtime.errors import RuntimeFault
 from runtime.experiments.chunks import Chunks, arrow, missing
 from runtime.experiments.lock import locked
@@ -159,7 +159,7 @@ def _claim(
 def folder_hash(folder: Path) -> str | None:
     """Hash of the config that a study's folder is of; None where nothing tells."""
     try:
-        return str(json.loads((folder / CONFIG).read_text(encoding="utf-8"))["config_hash"])
+        return str(json_of(folder / CONFIG)["config_hash"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

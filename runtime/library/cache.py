@@ -24,6 +24,7 @@ from pathlib import Path
 
 import platformdirs
 
+from runtime.documents import json_of
 from runtime.errors import LibraryError
 from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
 from runtime.library.recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
@@ -112,9 +113,9 @@ def _used(entry: Path) -> Path:
 def is_whole(entry: Path, robot: str) -> bool:
     """The library's bytes are those that were compiled."""
     try:
-        record = json.loads((entry / "build.json").read_text(encoding="utf-8"))
+        record = json_of(entry / "build.json")
         return bool(record["sha256"] == _sha256(entry / f"lib{robot}.so"))
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError):
         return False
 
 

@@ -1,6 +1,5 @@
 """`manifest.json`: the contract between what was generated and what runs."""
 
-import json
 import math
 import re
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from runtime.documents import json_of
 from runtime.errors import LibraryError, ShapeError
 
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
@@ -150,10 +150,10 @@ def read_manifest(path: Path) -> Manifest:
     """
     again = "run: python -m symgen build"
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
+        raw = json_of(path)
     except OSError:
         raise LibraryError(f"'{path.parent}' holds no manifest.json; {again}") from None
-    except (ValueError, RecursionError):
+    except ValueError:
         raise LibraryError(f"'{path}' is damaged (not JSON); {again}") from None
     try:
         if raw["format"] != FORMAT or tuple(raw["pi_names"]) != PI_NAMES:
@@ -187,7 +187,7 @@ def read_manifest(path: Path) -> Manifest:
             base_matrix=tuple(tuple(row) for row in raw["base_parameters"]["matrix"]),
             kernels={entry["name"]: _kernel(entry) for entry in raw["kernels"]},
         )
-    except (KeyError, TypeError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise LibraryError(f"'{path}' is damaged (no valid {error}); {again}") from None
 
 

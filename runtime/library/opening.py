@@ -2,11 +2,11 @@
 
 import ctypes
 import hashlib
-import json
 import shutil
 import tempfile
 from pathlib import Path
 
+from runtime.documents import json_of
 from runtime.errors import LibraryError
 from runtime.library.cache import compiled_library
 from runtime.library.manifest import Manifest
@@ -28,10 +28,10 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
         place = compiled_library(folder, manifest.robot, level)
     path = place / name
     try:
-        record = json.loads((place / "build.json").read_text(encoding="utf-8"))
+        record = json_of(place / "build.json")
         sha256, sources = record["sha256"], record["sources"]
         stated = sources["manifest.json"]
-    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+    except (OSError, ValueError, KeyError, TypeError):
         raise LibraryError(
             f"'{place}' has no valid build.json beside its library; {AGAIN}"
         ) from None

@@ -5,13 +5,13 @@ the compiler do nothing but compile.
 """
 
 import hashlib
-import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.documents import bytes_of, json_of, require_file
 from runtime.errors import LibraryError
 
 REFERENCE = "casadi"
@@ -59,14 +59,14 @@ def read_recipe(folder: Path) -> CompileRecipe:
     """
     path, again = folder / "compile.json", "install or generate the robot again"
     try:
-        data = path.read_bytes()
-    except OSError:
+        data = bytes_of(path)
+    except (OSError, ValueError):
         raise LibraryError(
             f"'{folder}' holds neither a compiled library nor a compile.json that says how to "
             "make one; run: python -m symgen build"
         ) from None
     try:
-        raw = json.loads(data)
+        raw = json_of(data)
         recipe = CompileRecipe(
             digest=hashlib.sha256(data).hexdigest(),
             files={_matched(_FILE, name): str(digest) for name, digest in raw["files"].items()},
@@ -82,7 +82,7 @@ def read_recipe(folder: Path) -> CompileRecipe:
             ),
             link=_all(_FLAG, raw["link"]),
         )
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise LibraryError(
             f"'{path}' is damaged ({type(error).__name__}: {error}); {again}"
         ) from None
@@ -103,7 +103,7 @@ def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = (
     for name in names or recipe.files:
         path = folder / name
         try:
-            found = hashlib.sha256(path.read_bytes()).hexdigest()
+            found = hashlib.sha256(require_file(path).read_bytes()).hexdigest()
         except OSError as error:
             raise LibraryError(
                 f"'{path}' cannot be read ({error.strerror}); install or generate the robot again"

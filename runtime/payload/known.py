@@ -4,12 +4,12 @@ Given are numbers MASS,CX,CY,CZ[,IXX,IYY,IZZ,IXY,IXZ,IYZ] or a JSON of the form 
 has: mass [kg], com [m], inertia [3 × 3 kg·m²] or none, link; all in the frame of the mount.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from runtime.documents import json_of
 from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array
 from runtime.payload.body import inertia_from_entries
@@ -77,7 +77,7 @@ def read_known(text: str) -> Known:
 
 def _from_json(path: Path) -> Known:
     try:
-        facts = dict(json.loads(path.read_text(encoding="utf-8")))
+        facts = dict(json_of(path))
         inertia = facts.get("inertia")
         return Known(
             mass=float(facts["mass"]),

@@ -12,6 +12,8 @@ from runtime.errors import RecordingError
 from runtime.recording.recording import FloatArray, Recording
 
 STRIDE = 5
+STILL = 1e-12
+"""rad or m of ∫dq dt that are no motion."""
 USUAL_STEP = 0.5
 """Median step in rad above which the rows are no motion (states drawn at random, say)."""
 DEGREE = 180.0 / np.pi
@@ -77,7 +79,7 @@ def slopes_of(recording: Recording) -> FloatArray:
     slopes = np.full(recording.n_joints, np.nan)
     for j in range(recording.n_joints):
         fast = np.abs(told[:, j]) >= np.quantile(np.abs(told[:, j]), 0.75)
-        fast &= told[:, j] != 0.0
+        fast &= np.abs(told[:, j]) > STILL
         if not fast.any():
             continue
         ratio = moved[fast, j] / told[fast, j]

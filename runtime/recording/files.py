@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.documents import require_file
 from runtime.errors import RecordingError
 from runtime.recording import tables
 from runtime.recording.convention import (
@@ -184,8 +185,7 @@ class Files:
 
     def _bytes(self, name: str) -> bytes:
         if name not in self._data:
-            with _reading(self.path(name)):
-                data = self.path(name).read_bytes()
+            data = raw_bytes(self.path(name))
             self._data[name] = data
             self.sha256[name] = hashlib.sha256(data).hexdigest()
         return self._data[name]
@@ -193,11 +193,13 @@ class Files:
     def hashed(self, name: str) -> Path:
         """The path of a file that is too large to be held, hashed piece by piece."""
         path = self.path(name)
-        files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+        with _reading(path):
+            inside = [each for each in path.iterdir() if not each.is_dir()] if path.is_dir() else []
+        files = sorted(inside) or [path]
         for each in files:
             key = name if each == path else f"{name}/{each.name}"
             if key not in self.sha256:
-                with _reading(each), each.open("rb") as file:
+                with _reading(each), require_file(each).open("rb") as file:
                     self.sha256[key] = hashlib.file_digest(file, "sha256").hexdigest()
         return path
 
@@ -230,7 +232,7 @@ class Files:
 
     def _keys(self, name: str) -> tuple[str, ...]:
         """The arrays of an NPZ, which stay in their file where they are read row by row."""
-        return tuple(NpzRows(self.path(name)).keys if self.in_place else self._npz(name))
+        return tuple(NpzRows(self.hashed(name)).keys if self.in_place else self._npz(name))
 
     def _npz(self, name: str) -> dict[str, NDArray]:
         if name not in self._arrays:
@@ -258,6 +260,16 @@ def _bag_key(kind: str, part: Signal | Time) -> str:
 def is_bag(place: Path) -> bool:
     """Whether a folder is a ROS 2 bag."""
     return (place / BAG_FILE).is_file()
+
+
+def raw_bytes(path: Path) -> bytes:
+    """The bytes of a file.
+
+    Raises:
+        RecordingError: it cannot be read, or is no regular file.
+    """
+    with _reading(path):
+        return require_file(path).read_bytes()
 
 
 @contextmanager

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from runtime.errors import RecordingError
+from runtime.recording.inflation import inflated, modest, most_of, opened
 from runtime.recording.optional import imported
 from runtime.recording.tables import MAX_CORRUPT
 
 TYPE = "sensor_msgs/msg/JointState"
 KNOWN = {TYPE, "sensor_msgs/JointState", "JointState"}
-LARGEST_CHUNK = 2**28
-"""Bytes of a decompressed chunk; writers make chunks of 1 to 64 MB."""
 _NANO = 10**9
 _YEAR = 31_556_952 * _NANO
 _LATEST = 2**62
@@ -68,12 +67,12 @@ def _of_rosbag(path: Path, _notes: list[str]) -> Iterator[Message]:
     kind = "ROS bags"
     reader = imported("rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2", kind).Reader(path)
     decode = _decoder("ros1" if is_ros1 else "cdr")
-    with reader as bag:
+    with opened(path, reader) as (bag, inflate):
         wanted = [each for each in bag.connections if each.msgtype == TYPE]
         if not wanted:
             _refuse(path.name, sorted({each.topic for each in bag.connections}))
         for connection, logged, data in bag.messages(connections=wanted):
-            yield decode(connection.topic, int(logged), data)
+            yield decode(connection.topic, int(logged), modest(inflate(data)))
 
 
 def _of_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
@@ -116,7 +115,7 @@ def _of_record(record: Any, channels: "_Channels", streams: Any) -> Iterator[Mes
         channels.add(record)
     elif kind == "Message" and record.channel_id in channels.wanted:
         topic, decode = channels.wanted[record.channel_id]
-        yield decode(topic, record.log_time, record.data)
+        yield decode(topic, record.log_time, modest(record.data))
 
 
 class _Channels:
@@ -148,17 +147,11 @@ def _refuse(name: str, topics: list[str]) -> None:
 def _inflated(chunk: Any) -> bytes:
     """The records of a chunk, no more of them than it claims."""
     size = chunk.uncompressed_size
-    if size > LARGEST_CHUNK:
+    if size > most_of(len(chunk.data)):
         raise ValueError(f"a chunk claims {size} bytes")
     data: bytes = chunk.data
-    if chunk.compression == "zstd":
-        zstd = imported("backports.zstd", "compressed MCAP files")
-        data = zstd.ZstdDecompressor().decompress(data, max_length=size + 1)
-    elif chunk.compression == "lz4":
-        frame = imported("lz4.frame", "compressed MCAP files")
-        data = frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
-    elif chunk.compression:
-        raise ValueError(f"the compression {chunk.compression!r} is unknown")
+    if chunk.compression:
+        data = inflated(data, chunk.compression, size)
     if len(data) != size:
         raise ValueError(f"a chunk of {size} bytes holds {len(data)}")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:

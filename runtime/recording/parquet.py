@@ -13,12 +13,15 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.documents import require_file
 from runtime.errors import RecordingError
 from runtime.recording.optional import imported
 from runtime.recording.tables import EXPANSION, SLACK, Columns, Table
 
 FloatArray = NDArray[np.float64]
 BATCH = 65536
+MOST_CELLS = 5_000_000
+"""Of a table whose rows are held as Python objects."""
 BUFFER = 2**20
 """Bytes of a column that are read at once; without it pyarrow holds whole row groups."""
 
@@ -92,6 +95,11 @@ class ParquetLog:
 
     def _require(self, columns: tuple[str, ...]) -> None:
         missing = [column for column in columns if column not in self.columns]
+        twice = [column for column in columns if self.columns.count(column) > 1]
+        if twice:
+            raise RecordingError(
+                f"{self.name} has several columns called {twice[0]!r}; give each a name of its own"
+            )
         if missing:
             raise RecordingError(
                 f"{self.name} is expected to have the columns {', '.join(columns)}, but "
@@ -138,6 +146,24 @@ class Batch:
                 "length, but are not; write one number per joint and instant"
             )
         return flat.reshape(count, width)
+
+
+def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
+    """What a small table says of itself, and its rows.
+
+    Raises:
+        RecordingError: no Parquet, damaged, or too large to be a table of rows.
+    """
+    pq = imported("pyarrow.parquet", "Parquet")
+    with (
+        _sentences(path.name),
+        pq.ParquetFile(require_file(path), page_checksum_verification=True) as file,
+    ):
+        cells = file.metadata.num_rows * file.metadata.num_columns
+        if cells > MOST_CELLS:
+            raise RecordingError(f"{path.name} claims {cells} cells, more than {MOST_CELLS}")
+        table = file.read(use_threads=False)
+        return dict(table.schema.metadata or {}), table.to_pylist()
 
 
 def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> None:

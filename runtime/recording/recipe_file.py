@@ -6,7 +6,6 @@ Bundled recipes lie in `runtime/recipes`; a recipe of your own is a file of the 
 import dataclasses
 import difflib
 import sys
-import tomllib
 import types
 import typing
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.documents import toml_of
 from runtime.errors import RecordingError
 from runtime.recording.recipe import Recipe
 
@@ -42,8 +42,8 @@ def load_recipe(which: str | Path | Recipe) -> Recipe:
             f"or one of the bundled names {', '.join(bundled_names())}"
         )
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
+        table = toml_of(path)
+    except (OSError, ValueError) as error:
         raise RecordingError(
             f"{path.name} is expected to be TOML, but: {error}; correct that place"
         ) from error

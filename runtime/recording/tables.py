@@ -6,6 +6,7 @@ belong together by row number stay aligned; the reader drops it.
 """
 
 import io
+import sys
 from collections import Counter
 from dataclasses import dataclass
 
@@ -186,7 +187,7 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
                         f"{name} holds {array.size} texts, which no log has; export it again"
                     )
                 if array.dtype.kind == "U":
-                    array.tolist()  # fails on text that is none
+                    _require_text(array)
             return arrays
     except RecordingError:
         raise
@@ -197,6 +198,13 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
         raise RecordingError(
             f"{name} is expected to be an NPZ of number arrays, but {came}; {todo}"
         ) from error
+
+
+def _require_text(array: NDArray) -> None:
+    """NumPy makes strings of numbers that are no characters, on which Python fails later."""
+    codes = array.astype(array.dtype.newbyteorder("=")).tobytes()
+    if np.frombuffer(codes, dtype=np.uint32).max(initial=0) > sys.maxunicode:
+        raise ValueError("a text of it is none")
 
 
 def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> Table:

@@ -1,6 +1,5 @@
 """`compare.json` → the page, or the sections, that hold the methods against each other."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.documents import json_of
 from runtime.errors import RuntimeFault
 from runtime.report import figures
 from runtime.report.layout import Page, Section, Table, Tile
@@ -17,6 +17,8 @@ from runtime.report.layout import Page, Section, Table, Tile
 NAME = "compare.json"
 FORMAT = 1
 NOTHING, NOT_RUN = "–", "not run"
+LARGEST = 1e9
+"""N·m; what no joint has can neither be drawn."""
 _AGAIN = "compare again, or give the folder that a comparison wrote"
 
 GLOSSARY = (
@@ -73,13 +75,13 @@ def read_methods(folder: Path) -> Methods | None:
     if not path.exists():
         return None
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
+        raw = json_of(path)
         if raw["format"] != FORMAT:
             raise ValueError(f"format {FORMAT}")
         return _methods(raw)
     except OSError as error:
         raise RuntimeFault(f"cannot read '{path}' ({error.strerror or error}); {_AGAIN}") from None
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RuntimeFault(f"'{path}' is damaged (no valid {error}); {_AGAIN}") from None
 
 
@@ -113,8 +115,8 @@ def _entry(row: Mapping[str, Any], n: int) -> Entry:
     if "rms" not in row:
         return Entry(*head)
     rms = np.array(row["rms"], dtype=float)
-    if rms.shape != (n,):
-        raise ValueError(f"'rms': expected {n} numbers, got {rms.shape}")
+    if rms.shape != (n,) or not (np.abs(rms) < LARGEST).all():
+        raise ValueError(f"'rms': expected {n} numbers, got {rms.tolist()!r:.60}")
     return Entry(
         *head,
         rms=rms,

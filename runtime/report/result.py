@@ -3,9 +3,6 @@
 Everything behind this door may rely on shapes and types; what is optional is None or empty.
 """
 
-import json
-import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,17 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import RuntimeFault
+from runtime.documents import json_of, require_file
+from runtime.errors import RecordingError, RuntimeFault
+from runtime.recording.tables import open_npz
 from runtime.report.sessions import Sessions, read_sessions
 from runtime.report.sureness import Sureness, read_sureness
 
 Array = NDArray[np.float64]
 
 FORMAT = 1
-_UNREADABLE = (
-    *(ValueError, KeyError, TypeError, AttributeError, EOFError, NotImplementedError),
-    *(zipfile.BadZipFile, zlib.error),
-)
 _AGAIN = "identify again, or give the folder that an identification wrote"
 
 
@@ -135,11 +130,11 @@ def read_result(folder: Path) -> Result:
     """
     path = folder / "result.json"
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
+        raw = json_of(path)
     except OSError as error:
         raise RuntimeFault(f"cannot read '{path}' ({error.strerror or error}); {_AGAIN}") from None
-    except (ValueError, RecursionError):
-        raise RuntimeFault(f"'{path}' is damaged (not JSON); {_AGAIN}") from None
+    except ValueError as error:
+        raise RuntimeFault(f"'{path}' is damaged ({error}); {_AGAIN}") from None
     found = raw.get("format") if isinstance(raw, dict) else None
     if found != FORMAT:
         raise RuntimeFault(f"'{path}' has the format {found}, expected {FORMAT}; {_AGAIN}")
@@ -244,12 +239,12 @@ def _provenance(raw: Mapping[str, Any]) -> Provenance:
 def _prediction(path: Path, n: int) -> Prediction:
     fault = f"{_AGAIN}; expected t (N,) and measured, before, after (N, {n})"
     try:
-        with path.open("rb") as handle, np.load(handle) as file:
-            arrays = {key: np.asarray(file[key], dtype=float) for key in ("t", "measured")}
-            arrays |= {key: np.asarray(file[key], dtype=float) for key in ("before", "after")}
+        file = open_npz(require_file(path).read_bytes(), path.name)
+        keys = ("t", "measured", "before", "after")
+        arrays = {key: np.asarray(file[key], dtype=float) for key in keys}
     except OSError as error:
         raise RuntimeFault(f"cannot read '{path}' ({error.strerror or error}); {fault}") from None
-    except _UNREADABLE:
+    except (RecordingError, ValueError, KeyError, TypeError):
         raise RuntimeFault(f"'{path}' is damaged; {fault}") from None
     t = arrays.pop("t")
     if t.ndim != 1 or len(t) < 2 or any(a.shape != (len(t), n) for a in arrays.values()):

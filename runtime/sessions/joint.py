@@ -7,13 +7,13 @@ is taken off the measured one after the motion has passed the filter. Between tw
 hole in time, so that nothing is differentiated or filtered across them.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from runtime.documents import json_of
 from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array, Library
 from runtime.objective import samples_of
@@ -51,11 +51,11 @@ def read_carried(path: Path, lib: Library) -> Array:
         RecordingError: no such file, or of a link that the robot does not have.
     """
     try:
-        facts = json.loads(path.read_text(encoding="utf-8"))
+        facts = json_of(path)
         link, values = str(facts["link"]), np.array(facts["pi_in_link"], dtype=float)
         if values.shape != (10,) or not np.isfinite(values).all():
             raise ValueError
-    except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
+    except (OSError, ValueError, KeyError, TypeError):
         raise RecordingError(
             f"'{path}' holds no payload; give the payload.json that the command payload writes"
         ) from None

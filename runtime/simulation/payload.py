@@ -1,15 +1,17 @@
 """A box in the hand of a virtual robot: P = m [[Σ, c], [cᵀ, 1]],  Σ = diag(L²)/12 + c cᵀ."""
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from runtime.documents import toml_of
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 
+LARGEST = 1e6
+"""kg and m; no hand holds more."""
 _KEYS = ("mass", "com", "size", "link")
 
 
@@ -31,7 +33,7 @@ class Box:
 
     def __post_init__(self) -> None:
         numbers = np.array([self.mass, *self.com, *self.size], dtype=float)
-        if numbers.size != 7 or not np.isfinite(numbers).all() or not self.mass > 0:
+        if numbers.size != 7 or not (np.abs(numbers) < LARGEST).all() or not self.mass > 0:
             raise IdentificationError(
                 "a payload expects a mass above 0 kg, a centre x, y, z and edges of a box in m, "
                 f"got {self.mass!r}, {self.com!r}, {self.size!r}"
@@ -99,7 +101,7 @@ def read_payload(text: str) -> Box:
 
 def _from_file(path: Path) -> Box:
     try:
-        facts = tomllib.loads(path.read_text(encoding="utf-8"))
+        facts = toml_of(path)
     except (OSError, ValueError) as error:
         raise IdentificationError(
             f"'{path}' is no TOML that can be read ({error}); write {', '.join(_KEYS)} into it"

@@ -15,7 +15,6 @@ import dataclasses
 import difflib
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.documents import toml_of
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 
@@ -220,7 +220,7 @@ def _strength(lib: Library) -> Array:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return toml_of(path)
     except OSError as error:
         names = ", ".join(sorted(file.stem for file in FOLDER.glob("*.toml")))
         raise IdentificationError(

@@ -3,7 +3,6 @@
 Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5).
 """
 
-import zipfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.atomic import replacing
-from runtime.errors import IdentificationError
+from runtime.documents import require_file
+from runtime.errors import IdentificationError, RecordingError
 from runtime.library import Array, Library
+from runtime.recording.tables import open_npz
 
 EXPLAINED = 1e-9
 """Part of a column of length one that others leave, below which they explain it."""
@@ -148,13 +149,13 @@ def load_statistics(path: Path, lib: Library) -> Statistics:
         IdentificationError: missing, damaged, or of another robot.
     """
     try:
-        with Path(path).open("rb") as handle, np.load(handle, allow_pickle=False) as file:
-            arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
-            rest, count = float(file["rest"]), float(file["n_samples"])
-            found = str(file["model_hash"])
+        file = open_npz(require_file(Path(path)).read_bytes(), Path(path).name)
+        arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
+        rest, count = float(file["rest"]), float(file["n_samples"])
+        found = str(file["model_hash"])
     except FileNotFoundError:
         raise IdentificationError(f"there are no statistics at '{path}'; save some first") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile):
+    except (OSError, RecordingError, ValueError, KeyError, TypeError):
         raise IdentificationError(
             f"'{path}' is damaged or holds no statistics; compress the recording again"
         ) from None

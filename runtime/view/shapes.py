@@ -16,12 +16,15 @@ import numpy as np
 from defusedxml.ElementTree import ParseError, fromstring
 from scipy.spatial.transform import Rotation
 
+from runtime.documents import text_of
 from runtime.errors import LibraryError, RuntimeFault
 from runtime.library import Array, Library
 
 BASE = "base"
 LINE_RADIUS = 0.012
 """m, of what stands for a link where nothing is known of its shape."""
+LARGEST = 1e4
+"""m; what is longer belongs to no robot."""
 COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
 """Of links without a colour of their own, in turn."""
 _MISSING = "the viewer is not installed; install it with: pip install 'symgen[view]'"
@@ -73,15 +76,17 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
     home = lib.folder if urdf is None else urdf.parent
     places = (*packages, *_package_path())
     try:
-        robot = fromstring(text)
-    except ParseError as error:
+        visuals = tuple(_visuals(fromstring(text, forbid_dtd=True), lib))
+    except (ParseError, ValueError) as error:
         raise LibraryError(f"'{urdf or lib.name}' is no URDF ({error}); give the model") from None
     shapes: list[Shape] = []
     missing: list[str] = []
-    for link, pose, visual in _visuals(robot, lib):
+    for link, pose, visual in visuals:
         try:
             shapes.append(_shape(link, len(shapes), pose, visual, places, home))
-        except (OSError, ValueError, ImportError, TypeError, KeyError, AttributeError) as error:
+        except RuntimeFault:
+            raise
+        except Exception as error:  # trimesh and its loaders raise whatever the damage leads to
             missing.append(f"{_name(visual)} ({str(error) or type(error).__name__})")
     if shapes:
         rest = f"; not drawn: {', '.join(missing)}" if missing else ""
@@ -94,8 +99,8 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return text_of(path)
+    except (OSError, ValueError) as error:
         raise LibraryError(f"cannot read '{path}' ({error}); give a URDF") from None
 
 
@@ -123,13 +128,14 @@ def _visuals(robot: Element, lib: Library) -> Iterator[tuple[str, Array, Element
 
 def _carrier(link: str, above: dict[Any, Element], lib: Library) -> tuple[str, Array] | None:
     """The moving link, or BASE, that carries a link, and the pose of this in that."""
-    pose = np.eye(4)
+    pose, seen = np.eye(4), {""}
     while link not in lib.link_names:
         if link == lib.manifest.base:
             return BASE, pose
         joint = above.get(link)
-        if joint is None or joint.get("type") != "fixed":
+        if link in seen or joint is None or joint.get("type") != "fixed":
             return None
+        seen.add(link)
         pose = _pose(joint.find("origin")) @ pose
         parent = joint.find("parent")
         link = "" if parent is None else str(parent.get("link"))
@@ -139,13 +145,17 @@ def _carrier(link: str, above: dict[Any, Element], lib: Library) -> tuple[str, A
 def _pose(origin: Element | None) -> Array:
     pose = np.eye(4)
     if origin is not None:
-        pose[:3, 3] = _numbers(origin.get("xyz", "0 0 0"))
-        pose[:3, :3] = Rotation.from_euler("xyz", _numbers(origin.get("rpy", "0 0 0"))).as_matrix()
+        pose[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3)
+        turns = _numbers(origin.get("rpy", "0 0 0"), 3)
+        pose[:3, :3] = Rotation.from_euler("xyz", turns).as_matrix()
     return pose
 
 
-def _numbers(text: str) -> list[float]:
-    return [float(word) for word in text.split()]
+def _numbers(text: str, count: int) -> list[float]:
+    values = [float(word) for word in text.split()]
+    if len(values) != count or not np.abs(values).max() < LARGEST:
+        raise ValueError(f"'{text}' is not {count} numbers of a robot")
+    return values
 
 
 def _name(visual: Element) -> str:
@@ -164,13 +174,13 @@ def _shape(
     if kind.tag == "mesh":
         path = _found(str(kind.get("filename")), places, home)
         mesh = trimesh.load(path, force="scene")
-        pose = pose @ np.diag([*_numbers(kind.get("scale", "1 1 1")), 1.0])
+        pose = pose @ np.diag([*_numbers(kind.get("scale", "1 1 1"), 3), 1.0])
         return Shape(link, f"visual{number}", mesh, pose)
     mesh = {
-        "box": lambda: trimesh.creation.box(_numbers(kind.get("size", ""))),
-        "sphere": lambda: trimesh.creation.icosphere(3, float(kind.get("radius", ""))),
+        "box": lambda: trimesh.creation.box(_numbers(kind.get("size", ""), 3)),
+        "sphere": lambda: trimesh.creation.icosphere(3, *_numbers(kind.get("radius", ""), 1)),
         "cylinder": lambda: trimesh.creation.cylinder(
-            float(kind.get("radius", "")), float(kind.get("length", ""))
+            *_numbers(kind.get("radius", ""), 1), *_numbers(kind.get("length", ""), 1)
         ),
     }[kind.tag]()
     mesh.visual.face_colors = COLOURS[number % len(COLOURS)]

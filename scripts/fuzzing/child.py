@@ -1,7 +1,8 @@
 """python -m scripts.fuzzing.child JOB: reads damaged files within limits, one JSON line for each.
 
-A line says which file begins, the next how it ended: accepted, refused, or the fault. A fault is
-an exception that is not ours, a file left over, an opened canary, a process or a connection begun.
+A line says which file begins, the next how it ended: read, refused, or the fault. A fault is an
+exception or a warning that is not ours, a file left over, memory without bound, an opened canary, a
+process or a connection begun.
 """
 
 import json
@@ -10,102 +11,125 @@ import resource
 import shutil
 import signal
 import sys
+import tempfile
 import time
 import traceback
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
-import numpy as np
-
 from runtime.errors import RuntimeFault
 from runtime.library import load
-from scripts.fuzzing.doors import DOORS, furnish
-from scripts.fuzzing.mutators import CANARY, mutated
+from scripts.fuzzing.damage import generator, mutated
+from scripts.fuzzing.doors import DOORS, OUT, Door
+from scripts.fuzzing.mutators import CANARY
+from scripts.fuzzing.places import SHARE, clear, misplace
+from scripts.fuzzing.watch import Watch
 from symgen.errors import SymgenError
 
-SECONDS = 5.0
-"""Of processor time per file, on any machine; a good file takes milliseconds."""
+SECONDS = 20.0
+"""Of processor time per file, on a busy machine; a good report takes one, the rest milliseconds."""
+PATIENCE = 300.0
+"""Of anybody's time, for a reader that waits for something."""
 MEMORY = 2**30
 """Bytes of address space beyond what the process has before it reads damaged files."""
-FORBIDDEN = (
-    *("os.system", "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.spawn", "os.symlink"),
-    *("subprocess.Popen", "pickle.find_class", "socket.connect", "socket.bind", "pty.spawn"),
-    *("os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.chmod", "shutil.rmtree"),
-)
-TEMPTING = ("/etc/passwd", "/dev/zero", "/dev/stdin", CANARY)
-WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
+RESIDENT = 4 * 10**8
+"""Bytes of memory that one file may take; good ones take a few million."""
 
 
 class Hang(BaseException):
     """The time of a file is over."""
 
 
-class Watch:
-    """Notes what a reader has no reason to do, while it is armed."""
-
-    def __init__(self) -> None:
-        self.armed = False
-        self.seen: list[str] = []
-        sys.addaudithook(self._hear)
-
-    def _hear(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if not self.armed:
-            return
-        if event in FORBIDDEN:
-            self.seen.append(f"{event} {arguments!r:.200}")
-        elif event == "open":
-            name, _, flags = arguments
-            if (isinstance(flags, int) and flags & WRITING) or str(name).endswith(TEMPTING):
-                self.seen.append(f"open {arguments!r:.200}")
-
-
 def main() -> None:
-    """Work through the job: {robot, folder, seed, work: [[kind, first, count], …]}."""
+    """Work through the job: {robot, folder, seed, keep, work: [[kind, first, count], …]}."""
     job = json.loads(sys.argv[1])
+    tell = _only_ours()
     sys.dont_write_bytecode = True
     lib = load(job["robot"])
     root = Path(job["folder"])
+    tempfile.tempdir = str(root / "tmp")
+    (root / "tmp").mkdir(exist_ok=True)
+    os.chdir(root / "tmp")  # what libraries leave where they stand is found there
     (root / CANARY).write_text("nobody reads this")
-    watch = Watch()
-    signal.signal(signal.SIGPROF, _over)
+    watch = Watch((root / "tmp",))
+    for number in (signal.SIGPROF, signal.SIGALRM):
+        signal.signal(number, _over)
     for kind, first, count in job["work"]:
         door, folder = DOORS[kind], root / kind
         shutil.rmtree(folder, ignore_errors=True)
-        furnish(kind, folder, lib)
-        door.read(folder, lib)  # a good file is accepted, and everything it needs is imported
+        folder.mkdir(parents=True)
+        door.furnish(folder, lib)
+        watch.allowed = (str(root / "tmp"), str(folder / OUT))
+        door.read(folder, lib)  # a good file is read, and everything it needs is imported
+        warnings.simplefilter("error", RuntimeWarning)
+        shutil.rmtree(folder / OUT, ignore_errors=True)
         good = (folder / door.file).read_bytes()
-        _limit_memory()
-        before = _files(folder)
+        before = _files(folder, door)
         for index in range(first, first + count):
-            rng = np.random.default_rng([job["seed"], sorted(DOORS).index(kind), index])
-            data = mutated(good, Path(door.file).suffix, rng)
-            (folder / door.file).write_bytes(data)
-            _say(begin=[kind, index])
-            held = _peak()
-            start = time.process_time()
+            tell(begin=[kind, index])
+            _damage(door, folder, good, kind, job["seed"], index)
+            held, start = _resident(), time.process_time()
             outcome = _read(lambda door=door, folder=folder: door.read(folder, lib), watch)
-            left = sorted(_files(folder) ^ before)
+            seconds, grown = time.process_time() - start, _peak() - held
+            if grown > RESIDENT and outcome in {"read", "refused"}:
+                outcome = f"takes {grown / 1e6:.0f} MB"
+            left = sorted(_files(folder, door) ^ before) + _remains(root, folder, outcome)
             if left:
-                outcome = f"left or removed {left}"
-                before = _files(folder)
-            _say(
-                kind=kind,
-                index=index,
-                outcome=outcome,
-                seconds=time.process_time() - start,
-                grown=_peak() - held,
-            )
+                outcome, before = f"left or removed {left}", _files(folder, door)
+            if outcome not in {"read", "refused"} and job.get("keep"):
+                _keep(folder / door.file, Path(job["keep"]), f"{kind}-{index}")
+            shutil.rmtree(folder / OUT, ignore_errors=True)
+            tell(kind=kind, index=index, outcome=outcome, seconds=seconds, grown=grown)
+        shutil.rmtree(folder, ignore_errors=True)
 
 
-def _read(read: Any, watch: Watch) -> str:
-    """What came of it: accepted, refused, or the fault."""
+def _only_ours() -> Callable[..., None]:
+    """Says facts where commands cannot: what they print goes nowhere."""
+    own = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+    def tell(**facts: Any) -> None:
+        print(json.dumps(facts), file=own, flush=True)
+
+    return tell
+
+
+def _damage(door: Door, folder: Path, good: bytes, kind: str, seed: int, index: int) -> None:
+    rng = generator(seed, kind, index)
+    path = folder / door.file
+    clear(path)
+    if rng.random() < SHARE:
+        misplace(path, rng)
+    else:
+        path.write_bytes(mutated(good, door.file, rng))
+    if door.seal is not None:
+        door.seal(folder)
+
+
+def _read(read: Callable[[], Any], watch: Watch) -> str:
+    """What came of it: read, refused, or the fault."""
+    try:
+        return _timed(read, watch)
+    except Hang:  # the alarm came when the reader had just ended
+        return "hangs: no answer in time"
+    finally:
+        _limit_memory(resource.RLIM_INFINITY)
+        watch.armed = False
+
+
+def _timed(read: Callable[[], Any], watch: Watch) -> str:
     watch.seen.clear()
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    _limit_memory(pages * resource.getpagesize() + MEMORY)
     watch.armed = True
     signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE)
     try:
         read()
-        outcome = "accepted"
+        outcome = "read"
     except (RuntimeFault, SymgenError):
         outcome = "refused"
     except Hang:
@@ -113,7 +137,8 @@ def _read(read: Any, watch: Watch) -> str:
     except BaseException:
         outcome = traceback.format_exc()[-1500:]
     finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
+        for timer in (signal.ITIMER_PROF, signal.ITIMER_REAL):
+            signal.setitimer(timer, 0)
         watch.armed = False
     return f"did {watch.seen[0]}" if watch.seen else outcome
 
@@ -122,22 +147,43 @@ def _over(_: int, __: FrameType | None) -> NoReturn:
     raise Hang
 
 
-def _limit_memory() -> None:
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + MEMORY
-    resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
+def _limit_memory(most: int) -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+def _resident() -> int:
+    """Bytes held now, from which on the peak is counted anew."""
+    Path("/proc/self/clear_refs").write_text("5")
+    return _peak()
 
 
 def _peak() -> int:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return 1024 * int(line.split()[1])
+    return 0
 
 
-def _files(folder: Path) -> set[str]:
-    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+def _files(folder: Path, door: Door) -> set[str]:
+    found = {str(path.relative_to(folder)) for path in folder.rglob("*")}
+    return {name for name in found if name != door.file and name.split("/")[0] != OUT}
 
 
-def _say(**facts: Any) -> None:
-    print(json.dumps(facts), flush=True)
+def _remains(root: Path, folder: Path, outcome: str) -> list[str]:
+    """What a temporary folder still holds, and what a command that refused has written."""
+    found = list((root / "tmp").iterdir())
+    for path in found:
+        clear(path)
+    if outcome == "refused":
+        found += [path for path in (folder / OUT).rglob("*") if path.is_file()]
+    return [str(path.relative_to(root)) for path in found]
+
+
+def _keep(path: Path, folder: Path, name: str) -> None:
+    """A copy of the damaged file."""
+    if path.is_file() and not path.is_symlink():
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copy(path, folder / f"{name}{''.join(path.suffixes)}")
 
 
 if __name__ == "__main__":

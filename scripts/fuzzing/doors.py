@@ -1,95 +1,114 @@
-"""The doors through which files come: a good file for each, and the function that reads it."""
+"""The doors through which files come: the file that is damaged, and the function that reads it."""
 
-import io
+import contextlib
+import hashlib
 import json
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import typer
 
-import runtime
-from runtime.excitation import Trajectory
+from runtime.cli.evaluate import evaluate_command
+from runtime.cli.export import export_command
+from runtime.cli.inspect import inspect_command
+from runtime.cli.predict import predict_command
+from runtime.cli.simulate import simulate_command
+from runtime.comparison.truth import read_truth
+from runtime.errors import RuntimeFault
+from runtime.experiments.chunks import read_rows
 from runtime.library import Library, load
 from runtime.library.manifest import read_manifest
 from runtime.library.recipe import read_recipe
 from runtime.loop import read_loop
+from runtime.payload import read_arm_model, read_known
 from runtime.prior_file import read_prior
-from runtime.recording import Recording, load_recipe, read_recording, write_recording
-from runtime.trajectory_file import read_trajectory, write_motion
+from runtime.recording import load_recipe, open_streamed, read_recording
+from runtime.report import write_report
+from runtime.report.experiments import write_experiments
+from runtime.sessions.joint import read_carried
+from runtime.simulation import read_payload
+from runtime.simulation.settings import settings_of
+from runtime.statistics import load_statistics
+from runtime.trajectory_file import read_trajectory
+from runtime.view import look_of, read_motion
+from scripts.fuzzing import goods
 
-URDF = Path(__file__).parents[2] / "symgen" / "robots" / "fr3.urdf"
-PRIOR = """trust = "cad"
-total_mass = [1.0, 30.0]
-
-[link.{link}]
-mass = [0.5, 2.5]
-com_box = [[-0.3, -0.3, -0.3], [0.3, 0.3, 0.3]]
-com_hull = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
-symmetry = ["xz"]
-"""
-RECIPE = """joints = {joints}
-[time]
-file = "log.csv"
-column = "t"
-unit = "s"
-[position]
-file = "log.csv"
-columns = {q}
-unit = "rad"
-[torque]
-file = "log.csv"
-columns = {tau}
-unit = "N*m"
-sign = 1
-[gear]
-matrix = {gear}
-[preparation]
-filter = "butterworth"
-cutoff_hz = 10.0
-rate_hz = 50.0
-[friction]
-columns = ["viscous", "coulomb", "offset"]
-[split]
-train = [0.0, 0.48]
-validation = [0.48, 0.6]
-test = [0.6, 1.0]
-"""
-LOOP = """[controller]
-stiffness = 225.0
-damping = 30.0
-rotor = {rotor}
-rate_hz = 1000.0
-[reference]
-trajectory = "motion.json"
-start = 0.0
-"""
+Reader = Callable[[Path, Library], Any]
+OUT = "out"
+"""The only folder in which a command may write."""
 
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """The file that is damaged, and what reads it: (folder of the file, the robot) → anything."""
+    """A file that is damaged.
+
+    Attributes:
+        file: its path in the folder.
+        furnish: writes good files.
+        read: what reads it; (folder of the files, the robot) → anything.
+        seal: called after the damage, for files that vouch for others by digest.
+    """
 
     file: str
-    read: Callable[[Path, Library], Any]
+    furnish: Callable[[Path, Library], None]
+    read: Reader
+    seal: Callable[[Path], None] | None = None
 
 
-def _log(file: str) -> Door:
-    return Door(file, lambda folder, _: read_recording(folder / file))
+def _log(file: str, furnish: Callable[[Path, Library], None], place: str = "") -> Door:
+    where = place or file
+    return Door(file, furnish, lambda folder, lib: read_recording(folder / where))
+
+
+def _streamed(file: str) -> Door:
+    def read(folder: Path, lib: Library) -> None:
+        log = open_streamed(folder / file)
+        for start in range(0, min(log.rows, 10**6), 2**16):
+            log.block(start, start + 2**16)
+        log.instants(range(0, log.rows, 50), 20)
+
+    return Door(file, goods.Log(file), read)
+
+
+def _all(*readers: Reader) -> Reader:
+    """Every one of them, however the others end."""
+
+    def read(folder: Path, lib: Library) -> None:
+        faults = []
+        for each in readers:
+            try:
+                each(folder, lib)
+            except RuntimeFault as fault:
+                faults.append(fault)
+        if faults:
+            raise faults[0]
+
+    return read
 
 
 def _urdf(folder: Path, _: Library) -> None:
     from symgen.chain import read_chain
+    from symgen.cli.common import read_urdf
 
-    read_chain((folder / "robot.urdf").read_text(encoding="utf-8", errors="replace"))
+    read_chain(read_urdf(folder / "robot.urdf"))
 
 
-def _inspected(folder: Path, _: Library) -> None:
-    from symgen.inspect import inspect_file
+def _inspected(file: str) -> Reader:
+    def read(folder: Path, _: Library) -> None:
+        from symgen.inspect import inspect_file
 
-    inspect_file(folder / "robot.urdf")
+        inspect_file(folder / file)
+
+    return read
+
+
+def _repaired(folder: Path, _: Library) -> None:
+    from symgen.inspect import inspect_file, repaired
+
+    repaired(inspect_file(folder / "robot.urdf", with_base=False), folder / "robot.urdf")
 
 
 def _robot(folder: Path, _: Library) -> None:
@@ -104,79 +123,170 @@ def _request(folder: Path, _: Library) -> None:
     request_from_folder(folder)
 
 
-DOORS = {
-    "csv": _log("log.csv"),
-    "npz": _log("log.npz"),
-    "parquet": _log("log.parquet"),
-    "mcap": _log("log.mcap"),
-    "urdf": Door("robot.urdf", _urdf),
-    "inspect": Door("robot.urdf", _inspected),
-    "recipe": Door("recipe.toml", lambda folder, _: load_recipe(folder / "recipe.toml")),
-    "folder": Door("recipe.toml", lambda folder, _: read_recording(folder)),
-    "robot": Door("robot.toml", _robot),
-    "prior": Door("prior.toml", lambda folder, lib: read_prior(folder / "prior.toml", lib)),
-    "loop": Door("loop.toml", lambda folder, lib: read_loop(folder / "loop.toml", lib)),
-    "trajectory": Door("motion.json", lambda f, lib: read_trajectory(f / "motion.json", lib)),
-    "manifest": Door("manifest.json", lambda f, _: read_manifest(f / "manifest.json")),
-    "library": Door("manifest.json", lambda folder, _: load(folder)),
-    "request": Door("manifest.json", _request),
-    "compile": Door("compile.json", lambda folder, _: read_recipe(folder)),
-    "build": Door("build.json", lambda folder, _: load(folder)),
+def _doctor(file: str) -> Door:
+    def read(folder: Path, lib: Library) -> None:
+        with contextlib.suppress(typer.Exit):
+            inspect_command(
+                str(folder / file), str(lib.folder), recipe_out=folder / OUT / "recipe.toml"
+            )
+
+    return Door(file, goods.Log(file, 300), read)
+
+
+def _evaluated(folder: Path, lib: Library) -> None:
+    evaluate_command(folder, str(folder / "log.csv"), str(lib.folder), as_json=True)
+
+
+def _exported(folder: Path, lib: Library) -> None:
+    formats = "urdf,inertials,friction"
+    export_command(folder, formats, folder / OUT, str(lib.folder), overwrite=True)
+
+
+def _reported(folder: Path, _: Library) -> None:
+    write_report(folder, folder / OUT / "report.html")
+
+
+def _experiments(folder: Path, _: Library) -> None:
+    write_experiments(folder, folder / OUT / "report.html", tables_to=folder / OUT / "tables.md")
+
+
+def _vouch(folder: Path) -> None:
+    """result.json names the digests of the other files as they are now."""
+    path = folder / "toy" / "result.json"
+    facts = json.loads(path.read_text())
+    for name in ("trials.parquet", "series.npz"):
+        if (folder / "toy" / name).is_file() and not (folder / "toy" / name).is_symlink():
+            data = (folder / "toy" / name).read_bytes()
+            facts["files"][name] = hashlib.sha256(data).hexdigest()
+    path.write_text(json.dumps(facts))
+
+
+def _predicted(folder: Path, lib: Library) -> None:
+    predict_command(str(folder / "motion.json"), str(lib.folder), noise="0.05", as_json=True)
+
+
+def _simulated(folder: Path, lib: Library) -> None:
+    class Typed:
+        """A command line on which nothing but the robot and the motion was given."""
+
+        def get_parameter_source(self, _: str) -> None:
+            """None of them."""
+
+    out = folder / OUT / "log.csv"
+    simulate_command(Typed(), str(lib.folder), folder / "motion.json", out, keep_every=10)  # type: ignore[arg-type]
+
+
+def _looped(folder: Path, lib: Library) -> None:
+    loop = read_loop(folder / "loop.toml", lib)
+    loop.simulate(lib, lib.pi0, {}, np.linspace(loop.start, loop.start + 1.0, 50))
+
+
+def _study(file: str, seal: Callable[[Path], None] | None = None) -> Door:
+    return Door(f"toy/{file}", goods.study, _experiments, seal)
+
+
+def _visual(form: str) -> Door:
+    def read(folder: Path, lib: Library) -> None:
+        look_of(lib, folder / f"{form}.urdf")
+
+    return Door(f"mesh.{form}", goods.mesh, read)
+
+
+def _collision(form: str) -> Door:
+    return Door(f"mesh.{form}", goods.mesh, _inspected(f"{form}.urdf"))
+
+
+def _rows(folder: Path, _: Library) -> None:
+    read_rows(folder / "toy" / "trials.parquet", goods.MARK)
+
+
+DOORS: dict[str, Door] = {
+    # Logs.
+    "csv": _log("log.csv", goods.Log("log.csv")),
+    "npz": _log("log.npz", goods.Log("log.npz")),
+    "parquet": _log("log.parquet", goods.Log("log.parquet")),
+    "mcap": _log("log.mcap", goods.mcap),
+    "cdr": _log("log.cdr.mcap", goods.mcap),
+    "ros1": _log("log.bag", goods.ros1),
+    "ros2": _log("bag/bag.db3", goods.Ros2(), "bag"),
+    "db3": _log("bag/bag.db3", goods.Ros2()),
+    "ros2-yaml": _log("bag/metadata.yaml", goods.Ros2(), "bag"),
+    "ros2-packed": _log("bag/bag.db3", goods.Ros2("MESSAGE"), "bag"),
+    "ros2-zstd": _log("bag/bag.db3.zstd", goods.Ros2("FILE"), "bag"),
+    "libfranka": _log("log.csv", goods.franka),
+    "folder": _log("recipe.toml", goods.recipe, "."),
+    "stream-csv": _streamed("log.csv"),
+    "stream-npz": _streamed("log.npz"),
+    "stream-parquet": _streamed("log.parquet"),
+    "doctor-csv": _doctor("log.csv"),
+    "doctor-npz": _doctor("log.npz"),
+    "recipe": Door("recipe.toml", goods.recipe, lambda f, _: load_recipe(f / "recipe.toml")),
+    # Models.
+    "urdf": Door("robot.urdf", goods.urdf, _urdf),
+    "inspect": Door("robot.urdf", goods.urdf, _inspected("robot.urdf")),
+    "repair": Door("robot.urdf", goods.urdf, _repaired),
+    "mjcf": Door("robot.xml", goods.mjcf, _inspected("robot.xml")),
+    "stl": _collision("stl"),
+    "obj": _collision("obj"),
+    "dae": _collision("dae"),
+    "view-urdf": Door("robot.urdf", goods.urdf, lambda f, lib: look_of(lib, f / "robot.urdf")),
+    "view-stl": _visual("stl"),
+    "view-obj": _visual("obj"),
+    "view-dae": _visual("dae"),
+    "robot": Door("robot.toml", goods.robot_config, _robot),
+    # Generated folders.
+    "manifest": Door(
+        "manifest.json", goods.generated, lambda f, _: read_manifest(f / "manifest.json")
+    ),
+    "library": Door("manifest.json", goods.generated, lambda folder, _: load(folder)),
+    "request": Door("manifest.json", goods.generated, _request),
+    "compile": Door("compile.json", goods.generated, lambda folder, _: read_recipe(folder)),
+    "build": Door("build.json", goods.generated, lambda folder, _: load(folder)),
+    # What else is known of a robot.
+    "prior": Door("prior.toml", goods.prior, lambda f, lib: read_prior(f / "prior.toml", lib)),
+    "virtual": Door(
+        "settings.toml", goods.virtual, lambda f, lib: settings_of(lib, f / "settings.toml")
+    ),
+    "box": Door(
+        "box.toml", goods.virtual, lambda f, lib: read_payload(str(f / "box.toml")).pi(lib)
+    ),
+    "truth": Door(
+        "log.truth.json", goods.truth, lambda f, lib: read_truth(f / "log.truth.json", lib)
+    ),
+    "payload": Door(
+        "payload.json",
+        goods.payload,
+        _all(
+            lambda f, _: read_known(str(f / "payload.json")),
+            lambda f, lib: read_carried(f / "payload.json", lib),
+        ),
+    ),
+    # Motions.
+    "trajectory": Door(
+        "motion.json", goods.trajectory, lambda f, lib: read_trajectory(f / "motion.json", lib)
+    ),
+    "loop": Door("loop.toml", goods.trajectory, _looped),
+    "film": Door(
+        "motion.json", goods.trajectory, lambda f, lib: read_motion(str(f / "motion.json"), lib)
+    ),
+    "predict": Door("motion.json", goods.trajectory, _predicted),
+    "simulate": Door("motion.json", goods.trajectory, _simulated),
+    # Results.
+    "evaluate": Door("result.json", goods.result, _evaluated),
+    "export": Door("result.json", goods.result, _exported),
+    "arm": Door("result.json", goods.result, read_arm_model),
+    "report": Door("result.json", goods.result, _reported),
+    "predictions": Door("predictions.npz", goods.result, _reported),
+    "compare": Door("compare.json", goods.comparison, _reported),
+    "statistics": Door(
+        "statistics.npz",
+        goods.statistics,
+        lambda f, lib: load_statistics(f / "statistics.npz", lib),
+    ),
+    # Experiments.
+    "study": _study("result.json"),
+    "study-config": _study("config.json"),
+    "trials": _study("trials.parquet", _vouch),
+    "series": _study("series.npz", _vouch),
+    "chunk": Door("toy/trials.parquet", goods.study, _rows),
 }
-
-
-def furnish(kind: str, folder: Path, lib: Library) -> None:
-    """Write a good file of a kind, and what belongs beside it."""
-    folder.mkdir(parents=True)
-    if kind in {"library", "request", "manifest", "compile", "build"}:
-        shutil.copytree(lib.folder, folder, dirs_exist_ok=True)
-        (folder / f"{folder.name}.urdf").write_text(lib.urdf())  # the folder's name is the robot's
-    elif kind in {"urdf", "inspect"}:
-        (folder / "robot.urdf").write_text(lib.urdf())
-    elif kind == "robot":
-        shutil.copy(URDF.with_suffix(".toml"), folder / "robot.toml")
-    elif kind == "prior":
-        (folder / "prior.toml").write_text(PRIOR.format(link=lib.link_names[-1]))
-    elif kind in {"loop", "trajectory"}:
-        coefficients = 0.1 * np.ones((lib.n_joints, 4))
-        write_motion(Trajectory(lib.home, coefficients, 5.0), lib, folder / "motion.json")
-        (folder / "loop.toml").write_text(LOOP.format(rotor=[0.1] * lib.n_joints))
-    elif kind == "mcap":
-        (folder / "log.mcap").write_bytes(_mcap(_motion(lib)))
-    elif kind in {"recipe", "folder"}:
-        names = range(1, lib.n_joints + 1)
-        text = RECIPE.format(
-            joints=json.dumps(list(lib.joint_names)),
-            q=[f"q{i}" for i in names],
-            tau=[f"tau{i}" for i in names],
-            gear=np.eye(lib.n_joints).tolist(),
-        )
-        (folder / "recipe.toml").write_text(text)
-        write_recording(_motion(lib), folder / "log.csv")
-    else:
-        write_recording(_motion(lib), folder / DOORS[kind].file)
-
-
-def _motion(lib: Library) -> Recording:
-    t = np.arange(60) * 0.01
-    phase = t[:, None] * np.linspace(1, 3, lib.n_joints)
-    q = lib.home + 0.2 * np.sin(phase)
-    return runtime.Recording(t=t, q=q, tau=np.cos(3 * q), name="log")
-
-
-def _mcap(log: Recording) -> bytes:
-    from mcap.writer import Writer
-
-    out = io.BytesIO()
-    writer = Writer(out, chunk_size=4096)
-    writer.start()
-    schema = writer.register_schema("sensor_msgs/msg/JointState", "jsonschema", b"{}")
-    channel = writer.register_channel("/joint_states", "json", schema)
-    names = [f"joint{i}" for i in range(log.q.shape[1])]
-    for t, q, tau in zip(log.t, log.q, log.tau, strict=True):
-        stamp = {"sec": 1_700_000_000, "nanosec": round(1e9 * t)}
-        told = {"header": {"stamp": stamp}, "name": names, "position": [*q], "effort": [*tau]}
-        nanos = 1_700_000_000 * 10**9 + stamp["nanosec"]
-        writer.add_message(channel, nanos, json.dumps(told).encode(), nanos)
-    writer.finish()
-    return out.getvalue()

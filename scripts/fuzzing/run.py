@@ -7,65 +7,87 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 from rich.table import Table
 
 ROOT = Path(__file__).parents[2]
-SILENCE = 120.0
+SILENCE = 600.0
 """Seconds without a line after which a child is taken to hang where Python cannot stop it."""
+
+
+class Fault(NamedTuple):
+    """The index of a file, and what a reader did with it."""
+
+    index: int
+    told: str
+
+
+Step = Callable[[str, Fault | None], None]
 
 
 @dataclass(slots=True)
 class Tally:
     """What became of the files of one kind."""
 
-    accepted: int = 0
+    read: int = 0
     refused: int = 0
     seconds: float = 0.0
     slowest: float = 0.0
     memory: int = 0
-    faults: list[tuple[int, str]] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
 
     @property
     def files(self) -> int:
         """All of them."""
-        return self.accepted + self.refused + len(self.faults)
+        return self.read + self.refused + len(self.faults)
+
+    def add(self, other: "Tally") -> None:
+        """Count another kind in."""
+        self.read += other.read
+        self.refused += other.refused
+        self.faults += other.faults
+        self.seconds += other.seconds
+        self.slowest = max(self.slowest, other.slowest)
+        self.memory = max(self.memory, other.memory)
 
 
 def fuzz(
     kinds: Sequence[str],
-    files: int,
+    count: int,
     seed: int,
     robot: Path,
-    step: Callable[[], None] = lambda: None,
+    step: Step = lambda kind, fault: None,
+    first: int = 0,
+    keep: Path | None = None,
 ) -> dict[str, Tally]:
     """Read damaged files, equally many of every kind.
 
     Args:
         kinds: of `doors.DOORS`.
-        files: in all.
-        seed: the same seed and kind give the same files.
+        count: of each kind.
+        seed: the same seed, kind and index give the same file.
         robot: folder of a compiled robot.
-        step: called after every file.
+        step: called after every file with its kind, and with the fault where there is one.
+        first: index of the first file of each kind.
+        keep: a folder for the files that are faults.
     """
     tallies = {kind: Tally() for kind in kinds}
-    share, more = divmod(files, len(kinds))
-    wanted = {kind: share + (i < more) for i, kind in enumerate(kinds)}
-    with tempfile.TemporaryDirectory(prefix="fuzz.") as folder:
+    job: dict[str, Any] = {"robot": str(robot), "seed": seed, "keep": keep and str(keep)}
+    with tempfile.TemporaryDirectory(prefix="fuzz.") as folder, suppress(KeyboardInterrupt):
         while work := [
-            (kind, tallies[kind].files, count - tallies[kind].files)
-            for kind, count in wanted.items()
-            if count > tallies[kind].files
+            (kind, first + tally.files, count - tally.files)
+            for kind, tally in tallies.items()
+            if count > tally.files
         ]:
-            job = {"robot": str(robot), "folder": folder, "seed": seed, "work": work}
-            _one_child(job, tallies, step)
+            _one_child(job | {"folder": folder, "work": work}, tallies, step)
     return tallies
 
 
-def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Callable[[], None]) -> None:
+def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Step) -> None:
     """Run a child to its end or its death."""
     begun: tuple[str, int] | None = None
     end = ""
@@ -85,8 +107,7 @@ def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Callable[[]
             for facts in _lines(child.stdout):
                 begun = facts.get("begin")
                 if begun is None:
-                    _count(tallies[facts["kind"]], facts)
-                    step()
+                    step(facts["kind"], _count(tallies[facts["kind"]], facts))
         except TimeoutError:
             child.kill()
             end = f"hangs outside Python, silent for {SILENCE:g} s"
@@ -95,8 +116,9 @@ def _one_child(job: dict[str, Any], tallies: dict[str, Tally], step: Callable[[]
         said = complaint.read().decode(errors="replace")[-800:]
     if begun is not None:
         kind, index = begun
-        tallies[kind].faults.append((index, f"{end or f'kills the process ({code})'}\n{said}"))
-        step()
+        fault = Fault(index, f"{end or f'kills the process ({code})'}\n{said}")
+        tallies[kind].faults.append(fault)
+        step(kind, fault)
     elif code:
         raise RuntimeError(f"the child of the fuzzer failed by itself:\n{said}")
 
@@ -117,26 +139,33 @@ def _lines(stream: IO[bytes]) -> Iterator[dict[str, Any]]:
     raise TimeoutError
 
 
-def _count(tally: Tally, facts: dict[str, Any]) -> None:
-    outcome = facts["outcome"]
-    if outcome == "accepted":
-        tally.accepted += 1
+def _count(tally: Tally, facts: dict[str, Any]) -> Fault | None:
+    outcome, fault = facts["outcome"], None
+    if outcome == "read":
+        tally.read += 1
     elif outcome == "refused":
         tally.refused += 1
     else:
-        tally.faults.append((facts["index"], outcome))
+        fault = Fault(facts["index"], outcome)
+        tally.faults.append(fault)
     tally.seconds += facts["seconds"]
     tally.slowest = max(tally.slowest, facts["seconds"])
     tally.memory = max(tally.memory, facts["grown"])
+    return fault
 
 
 def table(tallies: dict[str, Tally]) -> Table:
     """One row per kind."""
+    whole = Tally()
     shown = Table("kind", title="damaged files")
-    for head in ("files", "accepted", "refused", "faults", "CPU s", "slowest ms", "memory MB"):
+    for head in ("files", "read", "refused", "faults", "CPU s", "slowest ms", "memory MB"):
         shown.add_column(head, justify="right")
-    for kind, tally in tallies.items():
-        counts = (tally.files, tally.accepted, tally.refused, len(tally.faults))
+    for kind, tally in (*tallies.items(), ("all", whole)):
+        if tally is whole:
+            shown.add_section()
+        else:
+            whole.add(tally)
+        counts = (tally.files, tally.read, tally.refused, len(tally.faults))
         shown.add_row(
             kind,
             *map(str, counts),

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from symgen.documents import text_of
 from symgen.errors import BuildError
 
 app = typer.Typer(
@@ -57,11 +58,12 @@ def read_urdf(urdf: Path) -> str:
         BuildError: it cannot be read.
     """
     try:
-        return urdf.read_text(encoding="utf-8")
+        return text_of(urdf)
     except UnicodeDecodeError as error:
         raise BuildError(f"the URDF '{urdf}' is not UTF-8 text ({error.reason})") from None
-    except OSError as error:
-        raise BuildError(f"cannot read the URDF '{urdf}': {error.strerror}") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise BuildError(f"cannot read the URDF '{urdf}': {reason}") from None
 
 
 def read_locks(items: list[str]) -> dict[str, float]:

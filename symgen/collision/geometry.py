@@ -21,6 +21,8 @@ from symgen.errors import CollisionError
 
 Array = NDArray[np.float64]
 
+LARGEST = 10.0
+"""m from the frame of its link; beyond lies no robot, but a mesh in mm."""
 EDGE = 0.02
 """m; longest edge of a triangle after cutting."""
 _CORNERS = 32
@@ -102,6 +104,11 @@ def _link(link: str, parts: list[Any]) -> LinkGeometry:
             continue
         corners = _corners(part.name, shape)
         corners = corners @ placement.rotation.T + placement.translation
+        if not np.abs(corners).max() < LARGEST:
+            raise CollisionError(
+                f"the collision shape '{part.name}' reaches {np.abs(corners).max():g} m, which no "
+                "robot does; shapes are in m, so correct its size or the scale of its mesh"
+            )
         volume += float(ConvexHull(corners.reshape(-1, 3)).volume)
         triangles.append(cut(corners))
     joined = np.concatenate(triangles) if triangles else np.zeros((0, 3, 3))

@@ -1,5 +1,8 @@
 """Volume and extent of a link's shapes: primitives in closed form, meshes by their convex hull.
 
+A mesh may lie anywhere, for packages keep theirs beside the model's folder; nothing of it but its
+shape is told.
+
 The hull's volume is at least that of the part, watertight or not. coal (in the `pin` wheel) loads
 STL, DAE and OBJ. Overlap of a link's shapes is counted twice: the density is a rough one.
 """
@@ -10,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from symgen.inspect.collada import is_sound
 from symgen.inspect.model import Array, Link, Shape
 
 LARGEST_MESH = 200 * 2**20
@@ -92,6 +96,8 @@ def _corners(path: Path, scale: tuple[float, ...]) -> Array | None:
     import coal
     from scipy.spatial import ConvexHull, QhullError
 
+    if path.suffix.lower() == ".dae" and not is_sound(path):
+        return None
     try:
         vertices = np.array(coal.MeshLoader().load(str(path), np.array(scale)).vertices())
         return vertices[ConvexHull(vertices).vertices]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from symgen.documents import text_of
 from symgen.errors import InertiaError, SymgenError, UrdfError
 from symgen.inspect import bodies, joints, relatives
 from symgen.inspect.base import Base, base_of
@@ -16,8 +17,6 @@ from symgen.inspect.repair import Repair, repair
 from symgen.inspect.rewrite import with_bodies
 from symgen.inspect.urdf import read_urdf
 
-LARGEST_FILE = 50 * 2**20
-"""Bytes; robots are described in thousands of lines, not in millions."""
 INERTIAL = frozenset({"triangle", "zero-inertia"})
 """Kinds of errors that a repair removes."""
 
@@ -131,9 +130,7 @@ def facts(inspection: Inspection) -> dict[str, Any]:
 
 def _read(path: Path) -> str:
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise UrdfError(f"'{path}' has more than {LARGEST_FILE >> 20} MiB, no robot has")
-        return path.read_bytes().decode("utf-8-sig")
+        return text_of(path)
     except UnicodeDecodeError as error:
         raise UrdfError(f"'{path}' is not UTF-8 text ({error.reason}); convert it") from None
     except (OSError, ValueError) as error:

@@ -11,6 +11,7 @@ import numpy as np
 
 from symgen.errors import UrdfError
 from symgen.inspect.model import ERROR, Body, Finding, Joint, Link, Model
+from symgen.inspect.urdf import HUGE, SPECK
 
 
 def read_mjcf(path: Path) -> Model:
@@ -25,6 +26,7 @@ def read_mjcf(path: Path) -> Model:
         raise UrdfError(
             f"'{path}' is an MJCF file, which MuJoCo reads; install it: pip install mujoco"
         ) from None
+    mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT where we stand
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except Exception as error:  # MuJoCo raises several types
@@ -38,10 +40,28 @@ def read_mjcf(path: Path) -> Model:
         )
         note = "inertias that MuJoCo would infer from geoms are unknown: only written ones are read"
         links = {b.name or f"body {b.id}": _written(b, mujoco) for b in spec.bodies[1:]}
+        links, unread = _readable(links)
         joints = tuple(_spec_joint(j, mujoco) for j in spec.joints)
-        return Model(name, "MJCF", links, joints, (finding,), (note,))
+        return Model(name, "MJCF", links, joints, (finding, *unread), (note,))
     links, all_joints = _compiled(model, mujoco)
-    return Model(name, "MJCF", links, all_joints)
+    links, unread = _readable(links)
+    return Model(name, "MJCF", links, all_joints, unread)
+
+
+def _readable(links: dict[str, Link]) -> tuple[dict[str, Link], tuple[Finding, ...]]:
+    """The links, those without a body whose numbers no machine has, and what is said of these."""
+    kept, findings = {}, []
+    for name, link in links.items():
+        kept[name], body = link, link.body
+        if body is None:
+            continue
+        sizes = np.abs([body.mass, *body.com, *body.inertia.ravel()])
+        if not (sizes < HUGE).all() or 0 < abs(body.mass) < SPECK:
+            kept[name] = Link(name)
+            told = f"a mass of {body.mass:g} kg, an inertia up to {sizes[4:].max():g} kg·m²"
+            wanted = f"expected masses from {SPECK:g} kg up and numbers below {HUGE:g}"
+            findings.append(Finding(ERROR, "unreadable", f"link '{name}'", told, wanted))
+    return kept, tuple(findings)
 
 
 def _line(error: Exception) -> str:

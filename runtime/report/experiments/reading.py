@@ -16,7 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import RuntimeFault
+from runtime.documents import json_of, require_file
+from runtime.errors import RecordingError, RuntimeFault
+from runtime.recording.parquet import rows_of
+from runtime.recording.tables import open_npz
+from runtime.report.experiments.curves import is_drawable
 
 Array = NDArray[np.float64]
 
@@ -130,26 +134,27 @@ def read_experiment(folder: Path) -> Experiment:
     """
     path = folder / RESULT
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"))
-        known = json.loads((folder / CONFIG).read_text(encoding="utf-8"))
+        raw = json_of(path)
+        known = json_of(folder / CONFIG)
         if raw["format"] != FORMAT:
             raise ValueError(f"format {FORMAT}")
         _require_whole(folder, raw, known)
-        with np.load(folder / SERIES, allow_pickle=False) as file:
-            series = {name: np.array(file[name], dtype=float) for name in file.files}
+        file = open_npz((folder / SERIES).read_bytes(), SERIES)
+        series = {name: np.array(values, dtype=float) for name, values in file.items()}
         return _experiment(raw, series)
     except OSError as error:
         name = Path(error.filename or path).name
         raise RuntimeFault(
             f"cannot read '{folder / name}' ({error.strerror or error}); {_AGAIN}"
         ) from None
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError, EOFError) as error:
+    except (RecordingError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise RuntimeFault(f"'{path}' is damaged (no valid {error}); {_AGAIN}") from None
 
 
 def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     for name in (TRIALS, SERIES):
-        if hashlib.sha256((folder / name).read_bytes()).hexdigest() != raw["files"][name]:
+        found = hashlib.sha256(require_file(folder / name).read_bytes()).hexdigest()
+        if found != raw["files"][name]:
             raise RuntimeFault(
                 f"'{folder / name}' is not the file that {RESULT} vouches for; {_AGAIN}"
             )
@@ -172,8 +177,9 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
 
 
 def _agrees(told: Mapping[str, Any], values: list[float]) -> bool:
-    std = float(np.std(values, ddof=1)) if len(values) > 1 else None
-    pairs = [(told["mean"], float(np.mean(values)))]
+    with np.errstate(all="ignore"):  # what overflows agrees with nothing
+        std = float(np.std(values, ddof=1)) if len(values) > 1 else None
+        pairs = [(told["mean"], float(np.mean(values)))]
     if std is not None and told["std"] is not None:
         pairs.append((told["std"], std))
     scale = max(map(abs, values))
@@ -184,19 +190,14 @@ def _agrees(told: Mapping[str, Any], values: list[float]) -> bool:
 def _trials(path: Path) -> tuple[str, list[dict[str, Any]]]:
     """The config hash of trials.parquet, and its rows."""
     try:
-        import pyarrow
-        import pyarrow.parquet
+        import pyarrow.parquet  # noqa: F401
     except ImportError:
         raise RuntimeFault(
             "the trials of experiments are Parquet, which needs pyarrow; install it with: "
             "pip install 'symgen[experiments]'"
         ) from None
-    try:
-        table = pyarrow.parquet.read_table(path, partitioning=None)
-    except (pyarrow.ArrowException, ValueError) as error:
-        raise ValueError(f"'{path.name}': {error}") from None
-    mark = (table.schema.metadata or {}).get(b"config_hash", b"")
-    return mark.decode(errors="replace"), table.to_pylist()
+    metadata, rows = rows_of(path)
+    return metadata.get(b"config_hash", b"").decode(errors="replace"), rows
 
 
 def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
@@ -243,6 +244,9 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
     missing = [name for name in view.series if name not in series]
     if view.kind not in KINDS or missing:
         raise ValueError(f"view '{view.id}': kind '{view.kind}', missing series {missing}")
+    if not is_drawable(view.kind, [series[name] for name in view.series], view.series):
+        shapes = ", ".join(str(series[name].shape) for name in view.series)
+        raise ValueError(f"view '{view.id}': a picture '{view.kind}' of series of {shapes}")
     return view
 
 

@@ -1,0 +1,269 @@
+"""Good files of every kind, for one robot, each in an empty folder."""
+
+import json
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import runtime
+from runtime.excitation import Trajectory
+from runtime.experiments.outcome import CONFIG, write_json, write_outcome
+from runtime.experiments.study import Finished, Study, View
+from runtime.library import Library
+from runtime.loop import Loop, write_loop
+from runtime.recording import Friction, Preparation, Recording, write_recording
+from runtime.results import write_result
+from runtime.simulation.settings import settings_of
+from runtime.trajectory_file import write_motion
+from scripts.fuzzing import bags
+from scripts.fuzzing.texts import BOX, MJCF, PRIOR, RECIPE
+
+MODELS = Path(__file__).parents[2] / "symgen" / "robots"
+MARK = "ab" * 32
+
+
+def motion(lib: Library, rows: int = 60) -> Recording:
+    """Some motion with the torque of the URDF, noise upon it."""
+    t = np.arange(rows) * 0.01
+    phase = 2 * t[:, None] * np.linspace(1, 3, lib.n_joints)
+    q, rates = lib.home + 0.2 * np.sin(phase), 2 * np.linspace(1, 3, lib.n_joints)
+    dq, ddq = 0.2 * rates * np.cos(phase), -0.2 * rates**2 * np.sin(phase)
+    noise = np.random.default_rng(0).normal(scale=0.05, size=q.shape)
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + noise
+    return Recording(t=t, q=q, tau=tau, name="log")
+
+
+def generated(folder: Path, lib: Library) -> None:
+    """A generated folder; its name is the robot's."""
+    shutil.copytree(lib.folder, folder, dirs_exist_ok=True)
+    (folder / f"{folder.name}.urdf").write_text(lib.urdf())
+
+
+def urdf(folder: Path, lib: Library) -> None:
+    """The robot's URDF."""
+    (folder / "robot.urdf").write_text(lib.urdf())
+
+
+def mesh(folder: Path, lib: Library) -> None:
+    """A URDF of one link whose shape is a mesh, in three formats."""
+    import trimesh
+
+    solid = trimesh.creation.icosphere(1, 0.1)
+    for form in ("stl", "obj", "dae"):
+        data = solid.export(file_type=form)
+        text = data.decode("latin1") if isinstance(data, bytes) else data
+        text = re.sub(r"[0-9a-f]{32}|<(created|modified)>[^<]*</\1>", "", text)  # once and for all
+        (folder / f"mesh.{form}").write_bytes(text.encode("latin1"))
+        text = lib.urdf().replace(
+            "</inertial>",
+            "</inertial>"
+            + "".join(
+                f'<{tag}><geometry><mesh filename="mesh.{form}"/></geometry></{tag}>'
+                for tag in ("visual", "collision")
+            ),
+            1,
+        )
+        (folder / f"{form}.urdf").write_text(text)
+
+
+def mjcf(folder: Path, _: Library) -> None:
+    """A MuJoCo model."""
+    (folder / "robot.xml").write_text(MJCF)
+
+
+def robot_config(folder: Path, _: Library) -> None:
+    """What a URDF cannot say."""
+    shutil.copy(MODELS / "fr3.toml", folder / "robot.toml")
+
+
+def prior(folder: Path, lib: Library) -> None:
+    """What is known of an arm."""
+    (folder / "prior.toml").write_text(PRIOR.format(link=lib.link_names[-1]))
+
+
+def trajectory(folder: Path, lib: Library) -> None:
+    """A motion and the loop that makes a robot follow it."""
+    coefficients = 0.01 * np.ones((lib.n_joints, 4))
+    found = Trajectory(lib.home, coefficients, 5.0)
+    write_motion(found, lib, folder / "motion.json")
+    write_loop(Loop(found, rotor=np.full(lib.n_joints, 0.1)), "motion.json", folder / "loop.toml")
+
+
+def virtual(folder: Path, lib: Library) -> None:
+    """Settings of a virtual robot, and what it carries."""
+    tables = settings_of(lib).facts()
+    lines = [
+        f"[{name}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in own.items())
+        for name, own in tables.items()
+    ]
+    (folder / "settings.toml").write_text("\n".join(lines))
+    (folder / "box.toml").write_text(BOX.format(link=lib.link_names[-1]))
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """A log in a file of one name."""
+
+    file: str
+    rows: int = 60
+
+    def __call__(self, folder: Path, lib: Library) -> None:
+        """Write it."""
+        write_recording(motion(lib, self.rows), folder / self.file)
+
+
+def mcap(folder: Path, lib: Library) -> None:
+    """Joint states as JSON and as CDR."""
+    for name, encoding in (("log.mcap", "json"), ("log.cdr.mcap", "cdr")):
+        told = bags.payloads(motion(lib), encoding)
+        (folder / name).write_bytes(bags.mcap(told, encoding))
+
+
+def ros1(folder: Path, lib: Library) -> None:
+    """A ROS 1 bag."""
+    (folder / "log.bag").write_bytes(bags.ros1(bags.payloads(motion(lib), "ros1")))
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2:
+    """A ROS 2 bag; mode is NONE, FILE or MESSAGE."""
+
+    mode: str = "NONE"
+
+    def __call__(self, folder: Path, lib: Library) -> None:
+        """Write it."""
+        bags.furnish_ros2(folder, motion(lib), self.mode)
+
+
+def franka(folder: Path, lib: Library) -> None:
+    """What libfranka's logToCSV writes."""
+    log = motion(lib)
+    names = [f"state.{key}[{i}]" for key in ("q", "dq", "tau_J") for i in range(lib.n_joints)]
+    values = np.hstack([log.q, 0 * log.q, log.tau])
+    rows = [
+        f"{round(1000 * t)},1.0," + ",".join(map(str, row))
+        for t, row in zip(log.t, values, strict=True)
+    ]
+    header = ",".join(["time", "success_rate", *names])
+    (folder / "log.csv").write_text("\n".join([header, *rows]) + "\n")
+
+
+def recipe(folder: Path, lib: Library) -> None:
+    """A folder of a CSV and how it is read."""
+    names = range(1, lib.n_joints + 1)
+    text = RECIPE.format(
+        joints=json.dumps(list(lib.joint_names)),
+        q=[f"q{i}" for i in names],
+        tau=[f"tau{i}" for i in names],
+        gear=np.eye(lib.n_joints).tolist(),
+    )
+    (folder / "recipe.toml").write_text(text)
+    write_recording(motion(lib), folder / "log.csv")
+
+
+def result(folder: Path, lib: Library) -> None:
+    """What `identify` writes, and a log to try it on."""
+    log = motion(lib, 400)
+    terms = Friction(("viscous", "coulomb", "offset"))
+    found = runtime.identify(log, lib, preparation=Preparation(), friction_columns=terms)
+    write_result(found, folder, "a test")
+    write_recording(motion(lib), folder / "log.csv")
+
+
+def truth(folder: Path, lib: Library) -> None:
+    """What `simulate` tells of the robot that it was."""
+    facts = {"robot": lib.name, "seed": 0, "pi": lib.pi0.tolist(), "lam": lib.lam0.tolist()}
+    (folder / "log.truth.json").write_text(json.dumps(facts))
+
+
+def payload(folder: Path, lib: Library) -> None:
+    """What `payload` writes."""
+    facts = {
+        "format": 1,
+        "robot": lib.name,
+        "link": lib.link_names[-1],
+        "frame": "flange",
+        "mass": 1.5,
+        "com": [0.01, 0.0, 0.1],
+        "inertia": (0.01 * np.eye(3)).tolist(),
+        "sigma": [0.01] * 10,
+        "pi_in_link": [1.5, 0.015, 0.0, 0.15, 0.03, 0.03, 0.01, 0.0, 0.0, 0.0],
+    }
+    (folder / "payload.json").write_text(json.dumps(facts))
+
+
+def statistics(folder: Path, lib: Library) -> None:
+    """The triangular factor of a log."""
+    from runtime.objective import samples_of
+    from runtime.preprocessing import prepare
+    from runtime.statistics import compress
+
+    samples = samples_of(prepare(motion(lib), Preparation(), lib=lib), lib)
+    compress(lib, samples, np.ones(lib.n_joints)).save(folder / "statistics.npz")
+
+
+def comparison(folder: Path, lib: Library) -> None:
+    """What `compare` writes."""
+    n = lib.n_joints
+    row = {"method": "map", "outcome": "consistent", "status": "converged", "rms": [0.1] * n}
+    figures = ("test_percent", "train_percent", "base_error_percent", "seconds")
+    row |= dict.fromkeys((*figures, "smallest_relative_eigenvalue", "gap_to_convex_optimum"), 0.5)
+    row |= {"iterations": 5, "consistent": True, "boundary": False}
+    facts = {
+        "format": 1,
+        "robot": lib.name,
+        "recording": {"name": "log"},
+        "joints": list(lib.joint_names),
+        "units": ["N*m"] * n,
+        "before_percent": 5.0,
+        "rows": [row, row | {"method": "ols"}, {"method": "iv", "outcome": "not run"}],
+        "advice": {"take": "map", "sentences": ["take map", "ols is no better"]},
+        "notes": ["one run"],
+        "provenance": {
+            "command": "compare",
+            "seed": 0,
+            "model_hash": MARK,
+            "versions": {"numpy": "2"},
+            "files": {"log.csv": MARK},
+        },
+    }
+    facts["rows"][2]["status"] = "needs --loop"
+    (folder / "compare.json").write_text(json.dumps(facts))
+
+
+def study(folder: Path, lib: Library) -> None:
+    """A finished experiment of three trials."""
+    t = np.linspace(0, 1, 30)
+    series = {"t": t, "one": t**2, "two": np.sin(t[:, None] * [1.0, 2.0])}
+    rows = [
+        {"case": "p", "method": method, "trial": k, "status": "ok", "airm": 0.1 * (k + 1)}
+        | {"tau_error_1": 1.0 + k, "tau_error_2": 2.0 + k}
+        for method in ("adam", "map")
+        for k in range(3)
+    ]
+    told = ("airm", "tau_error_1", "tau_error_2")
+    views = (
+        View("table-5.2", "table", "AIRM", ("p",), told),
+        View("fig-5.2", "band", "curves", series=("t", "one", "one"), axes=("iteration", "AIRM")),
+        View("fig-5.8", "bars", "bars", ("p",), told[1:]),
+    )
+    toy = Study(
+        name="toy",
+        title="A toy study",
+        config=None,  # type: ignore[arg-type]
+        prepare=None,  # type: ignore[arg-type]
+        run=None,  # type: ignore[arg-type]
+        finish=None,  # type: ignore[arg-type]
+        views=views,
+        cases={"p": "perturbed"},
+        methods={"adam": "the document's", "map": "ours"},
+    )
+    place = folder / "toy"
+    place.mkdir()
+    config = {"seed": 5}
+    write_json(place / CONFIG, {"config_hash": MARK, "trials": 3, "config": config})
+    finished = Finished(series, {"rate_hz": 100.0})
+    write_outcome(toy, place, lib, config, MARK, 3, rows, finished, "reproduce")

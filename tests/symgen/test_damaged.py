@@ -1,0 +1,104 @@
+"""Model files that a fuzzer found a way through: each is one sentence now."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from symgen.chain import read_chain
+from symgen.cli.common import read_urdf
+from symgen.collision.geometry import read_geometry
+from symgen.config import read_config
+from symgen.errors import CollisionError, SymgenError
+from symgen.inspect import inspect_file
+from symgen.request import request_from_folder
+from tests.conftest import TINY_URDF
+
+DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="s"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 0 0 1</float_array>
+<technique_common><accessor source="#a" count="4" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
+<triangles count="4"><input semantic="VERTEX" source="#v" offset="0"/>
+<p>0 1 2 0 3 1 0 2 3 1 3 2</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="w"><node><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#w"/></scene></COLLADA>
+"""
+
+
+def with_mesh(folder: Path, dae: str) -> Path:
+    (folder / "mesh.dae").write_bytes(dae.encode("latin1"))
+    shape = '<collision><geometry><mesh filename="mesh.dae"/></geometry></collision>'
+    path = folder / "robot.urdf"
+    path.write_text(TINY_URDF.replace("</inertial>", f"</inertial>{shape}"))
+    return path
+
+
+def test_a_good_mesh_is_measured(tmp_path: Path) -> None:
+    """Oracle: 1.5 kg in a corner of a unit cube, 1/6 m³."""
+    found = inspect_file(with_mesh(tmp_path, DAE), with_base=False)
+    assert found.rows[0].density == pytest.approx(9.0)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        ("3 1 0 2", "3\xff\xff 1 0 2"),
+        ("3 1 0 2", "3 x1 0 2"),
+        ("1 0 0 0", "1 0 0 ?"),
+        ("<asset>", "<!DOCTYPE x []><asset>"),
+        ("<node>", "<node>" * 300),
+    ],
+    ids=["no XML", "no index", "no number", "DTD", "depth"],
+)
+def test_a_mesh_of_no_numbers_is_not_loaded(tmp_path: Path, good: str, bad: str) -> None:
+    """Property: what sends the loader into an endless loop is passed over, and told."""
+    dae = DAE.replace(good, bad)
+    assert dae != DAE
+    found = inspect_file(with_mesh(tmp_path, dae), with_base=False)
+    assert found.rows[0].density is None
+    assert any("mesh.dae" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("number", ["nan", "1e300", "1e-12"])
+def test_a_body_of_mjcf_has_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: str
+) -> None:
+    """Property: what MuJoCo refuses or takes is judged as a URDF is, and it leaves no log."""
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "robot.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="rod"><joint/><inertial pos="0 0 0.1" '
+        f'mass="{number}" diaginertia="0.02 0.02 0.01"/></body></worldbody></mujoco>'
+    )
+    found = inspect_file(path)
+    assert found.rows == ()
+    assert [each.name for each in tmp_path.iterdir()] == ["robot.xml"]
+    assert any(f.kind in {"unreadable", "structure"} for f in found.errors)
+
+
+def test_shapes_are_in_metres(tmp_path: Path) -> None:
+    """Property: a box of kilometres would be cut into triangles of two centimetres."""
+    shape = '<collision><geometry><box size="1e4 1 1"/></geometry></collision>'
+    chain = read_chain(TINY_URDF.replace("</inertial>", f"</inertial>{shape}"))
+    with pytest.raises(CollisionError, match="reaches 5000 m"):
+        read_geometry(chain, [])
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, Path.mkdir, lambda p: p.symlink_to("/dev/zero")])
+def test_only_files_are_read(tmp_path: Path, make) -> None:
+    """Property: a pipe is not waited for, and a device is not read to its end."""
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    for name in ("robot.urdf", "robot.toml", "manifest.json"):
+        make(folder / name)
+    for read in (
+        lambda: read_urdf(folder / "robot.urdf"),
+        lambda: inspect_file(folder / "robot.urdf"),
+        lambda: read_config(folder / "robot.toml"),
+        lambda: request_from_folder(folder),
+    ):
+        with pytest.raises(SymgenError, match=r"regular file|not a complete generated folder"):
+            read()

@@ -212,6 +212,10 @@ def test_energy_is_weaker_but_right(lib, trajectories, pi_true):
     assert found.uncertainty.noise.shape == found.uncertainty.white.shape == (7,)
     # The noise of the low-passed torque, 0.05 N·m √(10/50), and what the model still lacks.
     assert (found.uncertainty.noise < 0.5).all()
+    # Y_b K is Y to the rounding of K, so that rows have the band of their motion.
+    s = samples_of(prepare(runs[2], at(10.0, "acceleration")), lib)
+    band = found.uncertainty.model_band(lib, s.q, s.dq, s.ddq)
+    assert found.uncertainty.band_of(lib, s) == pytest.approx(band, rel=1e-6)
 
 
 def test_several_logs_with_a_payload(lib):
@@ -226,6 +230,7 @@ def test_several_logs_with_a_payload(lib):
     ]
     found, study = identify_sessions(sessions, lib, friction_columns=Friction())
     assert max(held.after.overall for held in study.held) < 1.0
+    assert found.test.ddq is None  # nothing was differentiated after all
     beta = lib.base_matrix @ lib.pi0
     assert np.linalg.norm(found.beta - beta) < 0.01 * np.linalg.norm(beta)
     wrong = [replace(each, preparation=replace(usual, regressor="energy")) for each in sessions]

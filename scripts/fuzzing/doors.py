@@ -137,9 +137,13 @@ def _evaluated(folder: Path, lib: Library) -> None:
     evaluate_command(folder, str(folder / "log.csv"), str(lib.folder), as_json=True)
 
 
-def _exported(folder: Path, lib: Library) -> None:
-    formats = "urdf,inertials,friction"
-    export_command(folder, formats, folder / OUT, str(lib.folder), overwrite=True)
+def _exported(form: str) -> Door:
+    """One format: of several, those that are whole stay where another fails."""
+
+    def read(folder: Path, lib: Library) -> None:
+        export_command(folder, form, folder / OUT, str(lib.folder), overwrite=True)
+
+    return Door("result.json", goods.result, read)
 
 
 def _reported(folder: Path, _: Library) -> None:
@@ -273,7 +277,8 @@ DOORS: dict[str, Door] = {
     "simulate": Door("motion.json", goods.trajectory, _simulated),
     # Results.
     "evaluate": Door("result.json", goods.result, _evaluated),
-    "export": Door("result.json", goods.result, _exported),
+    "export": _exported("urdf"),
+    "export-friction": _exported("friction"),
     "arm": Door("result.json", goods.result, read_arm_model),
     "report": Door("result.json", goods.result, _reported),
     "predictions": Door("predictions.npz", goods.result, _reported),

@@ -1,5 +1,6 @@
 """An identification on disk: result.json and predictions.npz, written as a whole or not at all."""
 
+import dataclasses
 import json
 import sys
 from collections.abc import Mapping
@@ -17,6 +18,7 @@ from runtime.identification import Identification
 from runtime.library import Array
 from runtime.library.manifest import PI_NAMES
 from runtime.objective import samples_of
+from runtime.recording import Preparation
 from runtime.saved import model_facts
 from runtime.statistics import compress
 from runtime.uncertainty import BAND_SAMPLES
@@ -148,8 +150,16 @@ def _recording_facts(result: Identification) -> dict[str, Any]:
         "duration": float(sum(b - a for a, b in ends.values())),
         "samples": samples,
         "history": list(result.train.history),
+        "preparation": _told(result.train.prepared),
         "split": spans,
     }
+
+
+def _told(preparation: Preparation | None) -> dict[str, Any]:
+    """What differs from a recording as it is."""
+    usual = Preparation()
+    facts = dataclasses.asdict(preparation or usual)
+    return {key: value for key, value in facts.items() if value != getattr(usual, key)}
 
 
 def _link_facts(result: Identification) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from runtime.errors import RecordingError
 from runtime.library import Array, Library
 from runtime.library.manifest import PI_NAMES
 from runtime.network import FrictionNet
-from runtime.recording import Friction
+from runtime.recording import Friction, Preparation
 
 LARGEST = 1e9
 """SI units; what no arm has, NaN included, is no result."""
@@ -60,6 +60,7 @@ class Saved:
     phi: Array
     net: FrictionNet | None
     history: tuple[str, ...]
+    preparation: Preparation
     model: Model | None
 
 
@@ -103,6 +104,7 @@ def read_result(folder: Path) -> Saved:
             phi=np.array(terms["values"], dtype=float),
             net=net and FrictionNet(np.array(net["theta"]), np.array(net["scale"])),
             history=tuple(map(str, facts["recording"]["history"])),
+            preparation=Preparation(**facts["recording"].get("preparation", {})),
             model=_model(facts["model"], n) if "model" in facts else None,
         )
         whole = len(saved.units) == n and saved.pi.shape == (len(PI_NAMES) * n,)

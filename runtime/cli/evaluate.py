@@ -14,10 +14,11 @@ from runtime.library import load
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
 from runtime.preprocessing import is_filtered, prepare
-from runtime.recording import read_recording
+from runtime.recording import Preparation, read_recording
 from runtime.results import error_facts
 from runtime.saved import read_result, require_model
 
+ALIKE = "the log is prepared as that of identify was; --cutoff and --rate replace it"
 RAW = (
     "the model was identified from a low-passed log, this one is raw: "
     "give --cutoff and --rate as there"
@@ -49,10 +50,11 @@ def evaluate_command(
     Percentages compare in one band only: a wider one has more of the noise of the torque.
 
     \b
-    python -m runtime evaluate results/first-map second.csv --cutoff 10 --rate 100
+    python -m runtime evaluate results/first-map second.csv
+    python -m runtime evaluate results/first-map second.csv --cutoff 20 --rate 100
 
-    Prepare the log as the other one was: a model of low-passed torque cannot predict the noise
-    that is left in the raw one.
+    A log without a preparation of its own is prepared as that of identify was: a model of
+    low-passed torque cannot predict the noise that is left in a raw one.
     """
     saved = read_result(result)
     lib = load(robot or saved.robot)
@@ -60,7 +62,12 @@ def evaluate_command(
     recording = read_recording(log, recipe, run, lib.joint_names)
     require_plausible(recording, lib)
     terms = saved.friction
-    prepared = prepare(recording, preparation_of(recording, cutoff, rate), terms, lib=lib)
+    preparation = preparation_of(recording, cutoff, rate)
+    own = recording.recipe.preparation if recording.recipe else Preparation()
+    if preparation is None and own == Preparation() != saved.preparation:
+        preparation = saved.preparation
+        notes.append(ALIKE)
+    prepared = prepare(recording, preparation, terms, lib=lib)
     samples = samples_of(prepared, lib)
     before = samples.rigid(lib, lib.pi0)
     after = samples.rigid(lib, saved.pi)

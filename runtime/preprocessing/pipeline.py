@@ -68,7 +68,7 @@ def prepare(
         missing = wanted and data.columns is None
         late = (lambda each: add_columns(each, *friction, lib=lib)) if missing else None
         data = renewed_rotor(_reduced(data, preparation, late))
-    return _without_rest(data, preparation)
+    return _finished(data, preparation)
 
 
 def prepare_power(
@@ -105,13 +105,13 @@ def _without_accelerations(
     whole = balanced(data, friction, lib, power)
     kept = _kept(_filtered(whole, preparation), preparation)
     if rows is not None:
-        return _without_rest(kept, preparation).replace(rows=rows)
+        return _finished(kept, preparation).replace(rows=rows)
     bare = whole.replace(dq=None, tau=None, columns=None, column_names=(), motors=None)
     groups: list[Any] = [
         _kept(_filtered(bare.replace(rows=part), preparation, ("rows",)), preparation).rows
         for part in rows_of(data, lib, power)
     ]
-    return _without_rest(kept.replace(rows=np.concatenate(groups, axis=2)), preparation)
+    return _finished(kept.replace(rows=np.concatenate(groups, axis=2)), preparation)
 
 
 def momentum_torque(
@@ -190,10 +190,10 @@ def _kept(recording: Recording, preparation: Preparation) -> Recording:
     return data
 
 
-def _without_rest(recording: Recording, preparation: Preparation) -> Recording:
-    if preparation.rest_speed is None:
-        return recording
-    return drop_rest(recording, preparation.rest_speed)
+def _finished(recording: Recording, preparation: Preparation) -> Recording:
+    """Without rest; says how it was prepared."""
+    data = recording.replace(prepared=preparation)
+    return data if preparation.rest_speed is None else drop_rest(data, preparation.rest_speed)
 
 
 def _grid_hz(recording: Recording, preparation: Preparation) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.recipe import Recipe
+from runtime.recording.recipe import Preparation, Recipe
 
 FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")
@@ -42,6 +42,7 @@ class Recording:
         history: one sentence per step, from the file on.
         source: file name → sha256 of the bytes that were read.
         recipe: the recipe it was read with; its defaults for preparation, split and friction.
+        prepared: how it was prepared, None as read.
     """
 
     t: FloatArray
@@ -58,6 +59,7 @@ class Recording:
     history: tuple[str, ...] = ()
     source: Mapping[str, str] = field(default_factory=dict)
     recipe: Recipe | None = None
+    prepared: Preparation | None = None
 
     def __post_init__(self) -> None:
         def put(key: str, value: Any) -> None:

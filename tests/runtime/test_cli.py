@@ -165,7 +165,7 @@ def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path
 def test_evaluate_prepares_the_log_as_identify_did(
     command: Command, lib: Library, log: Path, tmp_path: Path
 ) -> None:
-    """Property: with the same options the same error; without them the reader is told."""
+    """Property: the same error by the same options and by none; without the filter one is told."""
     words = ("--cutoff", "10", "--rate", "50")
     assert command("identify", log, "--robot", lib.folder, "--out", "out", *words).code == 0
     promised = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -176,7 +176,13 @@ def test_evaluate_prepares_the_log_as_identify_did(
         promised["torque_error_percent"]["after_overall"], rel=0.3
     )
     assert told["notes"] == []
-    assert "note: the model was identified from a low-passed log, this" in command(*asked).out
+    bare = json.loads(command(*asked, "--json").out)
+    assert bare["torque_error_percent"] == told["torque_error_percent"]
+    assert bare["notes"] == [
+        "the log is prepared as that of identify was; --cutoff and --rate replace it"
+    ]
+    raw = command(*asked, "--rate", "50").out
+    assert "note: the model was identified from a low-passed log, this" in raw
 
 
 def test_the_chain_on_a_second_robot(

@@ -1,19 +1,21 @@
 """Maximum a posteriori with an entropic prior: the default method.
 
-Weights w_j = 1/s_j² come from the residuals, γ = κ S/N = κ s²/N_eff from the trust in the URDF and
-from the noise at the frequencies of the motion (`runtime.colour`).
+Weights w_j = 1/s_j² come from the residuals, γ = κ s²/N_eff from the trust in the URDF and from how
+many independent samples the residuals are worth, N_eff = N / (1 + 2 Σ ρ_l) over 24 lags. Slower
+patterns are rather friction that the model lacks than noise, and for friction the URDF stands in no
+better; how far they bend the answer is told by its σ, which counts them (`runtime.colour`).
 """
 
 import numpy as np
 
-from runtime.colour import Colour, colour_of
+from runtime.colour import colour_of
 from runtime.convex import CAD, Minimum, Prior, convex_problem, prior_of, reduce, solve
 from runtime.convex.constraints import Constraints, constrained
 from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 from runtime.objective import Samples
 from runtime.problem import Fit, Problem
-from runtime.residuals import noise, residuals, weights_from
+from runtime.residuals import inflation, noise, residuals, weights_from
 from runtime.statistics import Statistics, compress
 
 PASSES = 3
@@ -49,8 +51,9 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
         rest = residuals(lib, few, found.pi, phi)
         weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = problem.statistics(weights)
-    colour = colour_of(lib, [train], statistics, weights)
-    phi, found, notes = _fitted(lib, statistics, weights, prior, kappa, colour, constraints)
+    phi, found, _ = _fitted(lib, statistics, weights, prior, kappa)
+    worth = inflation(residuals(lib, train, found.pi, phi), weights)
+    phi, found, notes = _fitted(lib, statistics, weights, prior, kappa, worth, constraints)
     return Fit(
         pi=found.pi,
         phi=phi.reshape(train.columns.shape[1:]),
@@ -60,7 +63,7 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
         notes=(*prior.notes, *notes),
         statistics=statistics,
         weights=weights,
-        colour=colour,
+        colour=colour_of(lib, [train], statistics, weights),
     )
 
 
@@ -70,16 +73,12 @@ def _fitted(
     weights: Array,
     prior: Prior,
     kappa: float,
-    colour: Colour | None = None,
+    worth: float = 1.0,
     constraints: Constraints | None = None,
 ) -> tuple[Array, Minimum, tuple[str, ...]]:
-    """φ and the minimum of one weighting, a weight per equation of a sample.
-
-    The noise is white unless its colour is known.
-    """
+    """φ and the minimum of one weighting, a weight per equation of a sample; worth is N/N_eff."""
     data, eliminated = reduce(statistics, len(weights))
-    level = data.variance if colour is None else colour.level
-    gamma = kappa * max(level, LEAST_VARIANCE) / data.count
+    gamma = kappa * max(data.variance, LEAST_VARIANCE) * worth / data.count
     notes: tuple[str, ...] = ()
     if constraints is None:
         found = solve(lib, convex_problem(data, prior, gamma))

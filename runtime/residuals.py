@@ -48,5 +48,13 @@ def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
     return out
 
 
+def inflation(rest: Array, weights: Array) -> float:
+    """1 + 2 Σ ρ_l over the joints together, by their weighted power; at least 1 (Bartlett 1946)."""
+    power = weights * _power(rest - rest.mean(axis=0))
+    if not power.sum() > 0:
+        return 1.0
+    return max(1.0, float(1 + 2 * (autocorrelation(rest).sum(axis=0) @ power) / power.sum()))
+
+
 def _power(rest: Array) -> Array:
     return np.asarray(np.einsum("ij,ij->j", rest, rest))

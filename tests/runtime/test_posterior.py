@@ -17,7 +17,7 @@ from runtime.posterior import fit_map
 from runtime.prior_file import PriorFile, read_prior
 from runtime.problem import Problem
 from runtime.recording import Friction
-from runtime.residuals import noise, residuals
+from runtime.residuals import autocorrelation, inflation, noise, residuals
 from runtime.results import result_facts
 from runtime.uncertainty import uncertainty_of
 from scripts.bench.trials import map_trials
@@ -63,16 +63,23 @@ def test_intervals_cover_the_truth(lib, noisy, pi_true):
 
 
 def test_covariance_is_the_inverse_hessian(lib, noisy):
-    """Oracle: (N H / S)⁻¹ of the solver's own Hessian at its minimum, S the noise it listens to."""
+    """Oracle: (N H / S)⁻¹, H = G + κ S/N B with G and B of the solver's own Hessian G + γ B.
+
+    γ counts noise over 24 lags, S at the frequencies of the motion.
+    """
     train = samples_of(noisy, lib)
     p = Problem(lib, train, train, thesis_weights(train.tau), lib.lam0)
     fit = fit_map(p)
     known = {"statistics": fit.statistics, "colour": fit.colour}
     u = uncertainty_of(lib, train, fit.pi, fit.phi, first_guess=lib.pi0, **known)
     data, _ = reduce(fit.statistics, 7)
-    gamma = CAD * fit.colour.level / len(train)
-    hessian = minimise(convex_problem(data, prior_of(lib), gamma), fit.pi).hessian()
-    precision = len(train) * hessian / fit.colour.level
+    worth = inflation(residuals(lib, train, fit.pi, fit.phi), fit.weights)
+    gamma = CAD * data.variance * worth / len(train)
+    found = minimise(convex_problem(data, prior_of(lib), gamma), fit.pi)
+    np.testing.assert_allclose(found.pi, fit.pi, rtol=1e-4, atol=1e-6)  # γ is taken a step later
+    gram, level = data.factor.T @ data.factor / len(train), fit.colour.level
+    curvature = (found.hessian() - gram) / gamma
+    precision = len(train) * gram / level + CAD * curvature
     expected = u.root.T @ precision @ u.root
     # Rounding × condition of H, 1e8 in natural units.
     np.testing.assert_allclose(expected, np.eye(70), atol=1e-5)
@@ -105,6 +112,18 @@ def test_bands_cover_unseen_torque(found):
     miss = np.abs(test.tau - found.predict_recording(found.test))[rows] / band
     # 707 samples: σ of the share is 0.8 %; s itself is known to 3 %, which moves it by 1 %.
     assert 0.92 < np.mean(miss < 1.96) < 0.98
+
+
+def test_correlated_residuals_count_less(lib):
+    """Oracle: AR(1) with ρ = 0.8 inflates by (1 + ρ)/(1 − ρ) = 9; white noise by 1."""
+    rng = np.random.default_rng(0)
+    rest = rng.normal(size=(20000, 3))
+    for k in range(1, len(rest)):
+        rest[k] += 0.8 * rest[k - 1]
+    assert inflation(rest, np.ones(3)) == pytest.approx(9, rel=0.1)
+    assert inflation(rng.normal(size=(20000, 3)), np.ones(3)) == pytest.approx(1, abs=0.1)
+    assert autocorrelation(rest)[0] == pytest.approx(0.8, abs=0.02)
+    assert inflation(np.zeros((50, 3)), np.ones(3)) == 1.0
 
 
 def test_monte_carlo_of_the_document(lib, trajectories):

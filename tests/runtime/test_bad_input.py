@@ -241,6 +241,7 @@ OTHERS: dict[str, tuple[Case, str]] = {
     ),
     "trajectory for ever": (lambda d: d.trajectory(duration=float("inf")), "not finite"),
     "trajectory too long": (lambda d: d.trajectory(duration=1e9), "up to 3600 s"),
+    "too many samples": (lambda d: d.simulate("--rate", "1e9"), "fewer than 10,000,000 samples"),
 }
 
 

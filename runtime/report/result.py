@@ -20,6 +20,8 @@ from runtime.report.sureness import Sureness, read_sureness
 Array = NDArray[np.float64]
 
 FORMAT = 1
+LARGEST = 1e100
+"""SI units; axes cannot be drawn much above."""
 _AGAIN = "identify again, or give the folder that an identification wrote"
 
 
@@ -250,6 +252,8 @@ def _prediction(path: Path, n: int) -> Prediction:
     if t.ndim != 1 or len(t) < 2 or any(a.shape != (len(t), n) for a in arrays.values()):
         shapes = ", ".join(f"{key} {a.shape}" for key, a in [("t", t), *arrays.items()])
         raise RuntimeFault(f"'{path}' holds {shapes}; {fault}")
+    if any(np.abs(a[np.isfinite(a)]).max(initial=0.0) > LARGEST for a in (t, *arrays.values())):
+        raise RuntimeFault(f"'{path}' holds numbers above {LARGEST:g}, which no arm has; {fault}")
     return Prediction(t, **arrays)
 
 

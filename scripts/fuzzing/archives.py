@@ -21,6 +21,8 @@ TYPES = (
 )
 PICKLE = b"cos\nsystem\n(S'touch hacked'\ntR."
 ZEROS = 10**8
+MOST_ROWS = 10**5
+"""Of a table that is damaged once more: cells of 5000 numbers still fit."""
 
 
 def npz_parts(data: bytes, rng: Rng) -> bytes:
@@ -93,7 +95,7 @@ def parquet_columns(data: bytes, rng: Rng) -> bytes:
         table = pq.read_table(io.BytesIO(data))
     except Exception:  # damaged before
         return data
-    if not table.num_columns:
+    if not table.num_columns or table.num_rows > MOST_ROWS:  # of a round before this one
         return data
     k, rows = int(rng.integers(table.num_columns)), table.num_rows
     name, column = table.column_names[k], table.column(k).combine_chunks()

@@ -243,6 +243,9 @@ def test_missing_and_damaged_files_are_named(tmp_path: Path) -> None:
     np.savez(path, t=np.zeros(3))
     with pytest.raises(RuntimeFault, match="is damaged"):
         write_report(folder)
+    np.savez(path, **predictions() | {"after": np.full((400, 2), -1e308)})
+    with pytest.raises(RuntimeFault, match="above 1e\\+100, which no arm has"):
+        write_report(folder)
     np.savez_compressed(path, **predictions())
     whole = bytearray(path.read_bytes())
     whole[2000:2100] = bytes(100)

@@ -63,7 +63,7 @@ def toml_of(path: Path) -> dict[str, Any]:
         tables = tomllib.loads(text_of(path))
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
-    for value in _values(tables):
+    for value in values_of(tables):
         if isinstance(value, int) and abs(value) >= 10**_DIGITS:
             raise ValueError(f"a whole number has more than {_DIGITS} digits")
     return tables
@@ -84,7 +84,8 @@ def _whole(text: str) -> int:
     return int(text)
 
 
-def _values(tree: Any) -> Iterator[Any]:
+def values_of(tree: Any) -> Iterator[Any]:
+    """The leaves of tables and lists within each other."""
     pending = [tree]
     while pending:
         value = pending.pop()

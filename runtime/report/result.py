@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.documents import json_of, require_file
+from runtime.documents import json_of, require_file, values_of
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.recording.tables import open_npz
 from runtime.report.sessions import Sessions, read_sessions
@@ -140,6 +140,8 @@ def read_result(folder: Path) -> Result:
     found = raw.get("format") if isinstance(raw, dict) else None
     if found != FORMAT:
         raise RuntimeFault(f"'{path}' has the format {found}, expected {FORMAT}; {_AGAIN}")
+    if any(isinstance(x, float) and abs(x) > LARGEST for x in values_of(raw)):
+        raise RuntimeFault(f"'{path}' is damaged (a number above {LARGEST:g}); {_AGAIN}")
     try:
         return _result(raw, folder)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
@@ -252,8 +254,8 @@ def _prediction(path: Path, n: int) -> Prediction:
     if t.ndim != 1 or len(t) < 2 or any(a.shape != (len(t), n) for a in arrays.values()):
         shapes = ", ".join(f"{key} {a.shape}" for key, a in [("t", t), *arrays.items()])
         raise RuntimeFault(f"'{path}' holds {shapes}; {fault}")
-    if any(np.abs(a[np.isfinite(a)]).max(initial=0.0) > LARGEST for a in (t, *arrays.values())):
-        raise RuntimeFault(f"'{path}' holds numbers above {LARGEST:g}, which no arm has; {fault}")
+    if not all((np.abs(values) <= LARGEST).all() for values in (t, *arrays.values())):
+        raise RuntimeFault(f"'{path}' holds NaN or more than {LARGEST:g}, as no arm has; {fault}")
     return Prediction(t, **arrays)
 
 

@@ -218,6 +218,7 @@ def test_a_damaged_result_is_one_sentence(tmp_path: Path, text: str) -> None:
         (lambda raw: raw.update(links=[3]), "is damaged"),
         (lambda raw: raw["links"][0].update(com=[1, 2]), r"'com': expected the shape \(3,\)"),
         (lambda raw: raw["links"][0].update(mass="heavy"), "heavy"),
+        (lambda raw: raw["links"][0].update(mass=1e308), r"a number above 1e\+100"),
         (lambda raw: raw["torque_rms"].update(after=[1]), r"'after': expected the shape \(2,\)"),
         (lambda raw: raw["friction"].update(values=[[1], [2]]), r"expected the shape \(2, 2\)"),
         (lambda raw: raw.update(units=["N"]), "'units': expected 2"),
@@ -243,9 +244,10 @@ def test_missing_and_damaged_files_are_named(tmp_path: Path) -> None:
     np.savez(path, t=np.zeros(3))
     with pytest.raises(RuntimeFault, match="is damaged"):
         write_report(folder)
-    np.savez(path, **predictions() | {"after": np.full((400, 2), -1e308)})
-    with pytest.raises(RuntimeFault, match="above 1e\\+100, which no arm has"):
-        write_report(folder)
+    for value in (-1e308, np.inf, np.nan):
+        np.savez(path, **predictions() | {"after": np.full((400, 2), value)})
+        with pytest.raises(RuntimeFault, match="holds NaN or more than 1e\\+100, as no arm has"):
+            write_report(folder)
     np.savez_compressed(path, **predictions())
     whole = bytearray(path.read_bytes())
     whole[2000:2100] = bytes(100)

@@ -140,7 +140,7 @@ def read_result(folder: Path) -> Result:
     found = raw.get("format") if isinstance(raw, dict) else None
     if found != FORMAT:
         raise RuntimeFault(f"'{path}' has the format {found}, expected {FORMAT}; {_AGAIN}")
-    if any(isinstance(x, float) and abs(x) > LARGEST for x in values_of(raw)):
+    if any(isinstance(x, float) and LARGEST < abs(x) < np.inf for x in values_of(raw)):
         raise RuntimeFault(f"'{path}' is damaged (a number above {LARGEST:g}); {_AGAIN}")
     try:
         return _result(raw, folder)

@@ -202,8 +202,8 @@ def _errors(percent: Mapping[str, Any], rms: Mapping[str, Any], which: str, n: i
 def _link(raw: Mapping[str, Any]) -> Link:
     return Link(
         name=str(raw["name"]),
-        mass_before=_number(raw, "mass_before"),
-        mass=_number(raw, "mass"),
+        mass_before=_finite(raw, "mass_before"),
+        mass=_finite(raw, "mass"),
         com_before=_array(raw, "com_before", (3,)),
         com=_array(raw, "com", (3,)),
         eigenvalue=_number(raw, "min_relative_eigenvalue"),
@@ -270,6 +270,13 @@ def _number(raw: Mapping[str, Any], key: str) -> float:
     """A float; null counts as NaN, for JSON has no NaN of its own."""
     value = raw[key]
     return float("nan") if value is None else float(value)
+
+
+def _finite(raw: Mapping[str, Any], key: str) -> float:
+    value = float(raw[key])
+    if not np.isfinite(value):
+        raise ValueError(f"'{key}': expected a number, got {value}")
+    return value
 
 
 def _optional(raw: Mapping[str, Any], key: str) -> float | None:

@@ -218,6 +218,7 @@ def test_a_damaged_result_is_one_sentence(tmp_path: Path, text: str) -> None:
         (lambda raw: raw.update(links=[3]), "is damaged"),
         (lambda raw: raw["links"][0].update(com=[1, 2]), r"'com': expected the shape \(3,\)"),
         (lambda raw: raw["links"][0].update(mass="heavy"), "heavy"),
+        (lambda raw: raw["links"][0].update(mass=float("inf")), "'mass': expected a number"),
         (lambda raw: raw["links"][0].update(mass=1e308), r"a number above 1e\+100"),
         (lambda raw: raw["torque_rms"].update(after=[1]), r"'after': expected the shape \(2,\)"),
         (lambda raw: raw["friction"].update(values=[[1], [2]]), r"expected the shape \(2, 2\)"),

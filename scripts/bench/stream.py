@@ -121,13 +121,31 @@ def write_npz(lib: Library, rows: int, path: Path) -> None:
             part.unlink()
 
 
-WRITERS = {"parquet": write_parquet, "npz": write_npz}
+def write_csv(lib: Library, rows: int, path: Path) -> None:
+    """t, q1…, dq1…, tau1… with the digits that a double has."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    n = lib.n_joints
+    titles = ["t", *(f"{key}{j}" for key in ("q", "dq", "tau") for j in range(1, n + 1))]
+    schema = pa.schema([(title, pa.float64()) for title in titles])
+    plain = csv.WriteOptions(quoting_header="none", quoting_style="none")
+    with csv.CSVWriter(path, schema, write_options=plain) as writer:
+        for t, *signals in motion(lib, rows):
+            values = np.hstack([t[:, None], *signals])
+            writer.write_table(pa.table(list(values.T), schema=schema))
+
+
+WRITERS = {"parquet": write_parquet, "npz": write_npz, "csv": write_csv}
+TEXT = 2.4
+"""Characters of a number as text over the bytes of a double, with its comma."""
 
 
 def measure(robot: str, kind: str, size: int, folder: Path) -> Row:
     """One log of about `size` bytes, identified in a process of its own."""
     lib = load(robot)
-    rows = size // (8 * (1 + 3 * lib.n_joints))
+    wide = TEXT if kind == "csv" else 1.0
+    rows = int(size / (8 * wide * (1 + 3 * lib.n_joints)))
     path = folder / f"log.{kind}"
     WRITERS[kind](lib, rows, path)
     code = f"from bench.stream import child; child({robot!r}, {str(path)!r})"
@@ -154,16 +172,19 @@ def child(robot: str, path: str) -> None:
     )
     wall = time.perf_counter() - start
     rss = _peak()
+    start = time.process_time()
     log = open_streamed(path)
     blocks = blocks_of(log, lib, PREPARATION, FRICTION)
-    start = time.process_time()
     for first, last in zip(blocks.edges, blocks.edges[1:], strict=False):
         log.block(first, last)
     read = time.process_time() - start
+    for first, last in zip(blocks.edges, blocks.edges[1:], strict=False):
+        log.block(first, last)
+    again = time.process_time() - start - read
     start, count = time.process_time(), 0
     for part in blocks.parts(*blocks.span()):
         count += len(part)
-    prepare = time.process_time() - start - read
+    prepare = time.process_time() - start - again
     samples = samples_of(result.train, lib)
     told = result.streamed
     if told is None:

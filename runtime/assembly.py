@@ -71,7 +71,7 @@ def assemble(
     recipe = recording.recipe
     terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
     terms = geared(terms, recording)
-    usual = preparation or (recipe.preparation if recipe else Preparation())
+    usual = preparation or recording.preparation
     done = [
         _prepared(r, preparation, terms, lib)
         for r in (recording, validation, test)
@@ -162,7 +162,7 @@ def _aligned(
     part: Recording, lib: Library, preparation: Preparation | None, terms: Friction
 ) -> Callable[[Recording], Samples]:
     """Prepares another recording of the same clock like the first and takes the rows of `part`."""
-    usual = preparation or (part.recipe.preparation if part.recipe else Preparation())
+    usual = preparation or part.preparation
     usual = replace(usual, rest_speed=None)
 
     def rows(other: Recording) -> Samples:

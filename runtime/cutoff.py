@@ -103,7 +103,7 @@ def choose_cutoff(
         IdentificationError: too few samples for five blocks, or a rate that leaves no candidate.
     """
     recipe = recording.recipe
-    base = preparation or (recipe.preparation if recipe else Preparation())
+    base = preparation or recording.preparation
     parts = splitting or (recipe.split if recipe else None) or Split()
     terms = friction or (recipe.friction if recipe else None) or Friction()
     bench = _Bench(recording.replace(columns=None, column_names=()), lib, base, parts, terms)

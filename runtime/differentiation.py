@@ -112,7 +112,7 @@ def settled_regressor(
         preparation: default is the recipe's.
         replaces: take momentum then, instead of only naming it.
     """
-    usual = preparation or (recording.recipe.preparation if recording.recipe else Preparation())
+    usual = preparation or recording.preparation
     found = judged(recording, lib, usual)
     if found is None or not found.fails:
         return preparation, ()

@@ -31,6 +31,12 @@ THINNEST_AXIS = 1e-6
 sign-normalised steps can carry a, b or c through 0, where P is singular."""
 
 
+def in_batches(preset: str | Preset | None) -> bool:
+    """Whether Adam draws samples with these settings; by default it takes all of them."""
+    chosen = PRESETS.get(preset) if isinstance(preset, str) else preset
+    return chosen is not None and chosen.batch is not None
+
+
 def fit_adam(problem: Problem, preset: Preset) -> Fit:
     """Descend in x = [λ, ψ] from the first guess with its best friction (Sec. 4.6, 4.7)."""
     descent = start_of(problem)

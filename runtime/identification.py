@@ -131,7 +131,7 @@ class Identification:
 
     def predict_samples(self, samples: Samples) -> Array:
         """τ̂ of prepared samples, or the power of rows of power."""
-        return _predict(self.lib, samples, self)
+        return torque_of(self.lib, samples, self.pi, self.phi, self.net)
 
     def before(self, recording: Recording) -> Array:
         """τ̂ of the model one starts with: the URDF's π, no friction."""
@@ -288,12 +288,15 @@ def _loss(problem: Problem, fit: Fit, statistics: Statistics) -> float:
     """In the weights of `statistics`: those that the optimum is measured in."""
     if fit.net is None:
         return statistics.value(fit.pi, fit.phi)
-    rest = problem.train.tau - _predict(problem.lib, problem.train, fit)
+    rest = problem.train.tau - torque_of(problem.lib, problem.train, fit.pi, fit.phi, fit.net)
     return float(np.mean(rest**2 @ problem.weights) / 2)
 
 
-def _predict(lib: Library, samples: Samples, model: Fit | Identification) -> Array:
-    tau = samples.rigid(lib, model.pi)
-    if model.phi.size:
-        tau = tau + samples.friction(model.phi)
-    return tau if model.net is None else tau + model.net.torque(samples.columns)
+def torque_of(
+    lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
+) -> Array:
+    """τ̂ of a model with its friction, (N, n); the power of rows of power."""
+    tau = samples.rigid(lib, pi)
+    if phi.size:
+        tau = tau + samples.friction(phi)
+    return tau if net is None else tau + net.torque(samples.columns)

@@ -4,7 +4,7 @@ from runtime.baselines import BASELINES
 from runtime.convex import CAD
 from runtime.descent import Preset
 from runtime.errors import IdentificationError, NeedsError
-from runtime.fitting import PRESETS, fit_adam, fit_levenberg
+from runtime.fitting import PRESETS, fit_adam, fit_levenberg, in_batches
 from runtime.objective import WITHOUT_ACCELERATIONS
 from runtime.posterior import fit_map
 from runtime.prior_file import PriorFile
@@ -65,7 +65,7 @@ def _require_rows(problem: Problem, method: str, preset: str | Preset | None) ->
     """
     if problem.train.base is None:
         return
-    batches = method == "adam" and preset not in {None, "full"}
+    batches = method == "adam" and in_batches(preset)
     joints = method == "wls" and problem.train.equations < problem.lib.n_joints
     if method not in WITHOUT_ACCELERATIONS or batches or joints:
         what = "adam with mini-batches" if batches else method

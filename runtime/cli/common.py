@@ -98,7 +98,7 @@ def preparation_of(
     """The recipe's preparation with --cutoff, --rate and --regressor; None where none is given."""
     if cutoff is None and rate is None and regressor is None:
         return None
-    base = recording.recipe.preparation if recording.recipe else Preparation()
+    base = recording.preparation
     if regressor is not None:
         base = dataclasses.replace(base, regressor=regressor)
     if cutoff is not None:

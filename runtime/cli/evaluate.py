@@ -10,6 +10,7 @@ from runtime import metrics
 from runtime.cli.common import console, preparation_of, say, torque_table
 from runtime.cli.options import Rate
 from runtime.datasets import locate
+from runtime.identification import torque_of
 from runtime.library import load
 from runtime.objective import samples_of
 from runtime.plausibility import require_plausible
@@ -63,19 +64,14 @@ def evaluate_command(
     require_plausible(recording, lib)
     terms = saved.friction
     preparation = preparation_of(recording, cutoff, rate)
-    own = recording.recipe.preparation if recording.recipe else Preparation()
-    if preparation is None and own == Preparation() != saved.preparation:
+    if preparation is None and recording.preparation == Preparation() != saved.preparation:
         preparation = saved.preparation
         notes.append(ALIKE)
     prepared = prepare(recording, preparation, terms, lib=lib)
     samples = samples_of(prepared, lib)
-    before = samples.rigid(lib, lib.pi0)
-    after = samples.rigid(lib, saved.pi)
-    if terms.columns:
-        after = after + samples.friction(saved.phi)
-    if saved.net:
-        after = after + saved.net.torque(samples.columns)
-    errors = [metrics.torque_error(samples.tau, tau) for tau in (before, after)]
+    after = torque_of(lib, samples, saved.pi, saved.phi, saved.net)
+    both = (samples.rigid(lib, lib.pi0), after)
+    errors = [metrics.torque_error(samples.tau, tau) for tau in both]
     if is_filtered(saved.history) and not is_filtered(prepared.history):
         notes.append(RAW)
     figures: dict[str, Any] = {

@@ -54,7 +54,7 @@ def prepare(
     Raises:
         RecordingError: a step cannot be taken; the message says which setting to change.
     """
-    preparation = preparation or _of_recipe(recording)
+    preparation = preparation or recording.preparation
     data = _on_grid(recording, preparation)
     if preparation.regressor != "acceleration" and data.rows is None:
         return _without_accelerations(data, preparation, friction, lib, False, rows)
@@ -82,7 +82,7 @@ def prepare_power(
     Raises:
         RecordingError: a step cannot be taken.
     """
-    preparation = preparation or _of_recipe(recording)
+    preparation = preparation or recording.preparation
     data = _on_grid(recording, preparation)
     return _without_accelerations(data, preparation, friction, lib, True, None)
 
@@ -142,10 +142,6 @@ def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
     if limit is None:
         return recording
     return low_pass(recording, limit, preparation.order, ("q", "dq"))
-
-
-def _of_recipe(recording: Recording) -> Preparation:
-    return recording.recipe.preparation if recording.recipe else Preparation()
 
 
 def _on_grid(recording: Recording, preparation: Preparation) -> Recording:

@@ -136,6 +136,11 @@ class Recording:
         return int(self.q.shape[1])
 
     @property
+    def preparation(self) -> Preparation:
+        """What its recipe asks for; none without a recipe."""
+        return self.recipe.preparation if self.recipe else Preparation()
+
+    @property
     def duration(self) -> float:
         """Time from the first to the last sample [s]."""
         return float(self.t[-1] - self.t[0])

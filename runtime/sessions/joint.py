@@ -77,7 +77,7 @@ def prepared_of(session: Session, lib: Library, terms: Friction) -> Recording:
     """
     require_plausible(session.recording, lib)
     bare = session.recording.replace(columns=None, column_names=(), name=session.name)
-    usual = session.preparation or (bare.recipe.preparation if bare.recipe else Preparation())
+    usual = session.preparation or bare.preparation
     if usual.regressor == "energy":
         raise IdentificationError(
             "several logs have an offset per joint each, which rows of energy cannot tell; use "

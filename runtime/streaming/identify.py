@@ -16,7 +16,7 @@ import numpy as np
 from runtime.assembly import PARTS, Assembly, require_enough
 from runtime.descent import Preset
 from runtime.errors import IdentificationError
-from runtime.fitting import PRESETS
+from runtime.fitting import in_batches
 from runtime.friction import geared
 from runtime.identification import Identification, Streamed, identify_assembled
 from runtime.library import Array, Library
@@ -52,8 +52,7 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
         IdentificationError: it does, or there is no such method.
     """
     require_method(method)
-    chosen = PRESETS.get(preset) if isinstance(preset, str) else preset
-    if method not in STREAMED or (chosen is not None and chosen.batch is not None):
+    if method not in STREAMED or in_batches(preset):
         what = f"the method {method}" if method not in STREAMED else "a preset with mini-batches"
         raise IdentificationError(
             f"{what} needs the samples one by one, which a streamed log does not hold; choose one "

@@ -9,7 +9,7 @@ Source: document Sec. 3.3 and 4.3 with the errata to Eqs. 2.27, 2.28, 4.14, 4.20
 import casadi as ca
 
 from symgen.errors import InertiaError
-from symgen.spatial import Matrix, exp_so3, log_so3, skew, symmetric_eigen
+from symgen.spatial import Matrix, exp_so3, log_so3, skew, so3_coefficients, symmetric_eigen
 
 PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
 PI_UNITS = ("kg", *("kg*m",) * 3, *("kg*m^2",) * 6)
@@ -66,6 +66,53 @@ def pi_from_lam(lam: Matrix) -> Matrix:
     a2, b2, c2 = lam[7] ** 2, lam[8] ** 2, lam[9] ** 2
     moments = ca.diag(ca.vertcat(b2 + c2, c2 + a2, a2 + b2))
     return pi_from_com(mass, com, ca.mtimes([rotation, moments, rotation.T]))
+
+
+def lam_frame(lam: Matrix) -> Matrix:
+    """What `pi_adjoint` needs of λ besides λ itself: m, R by columns, B and C of `exp_so3`."""
+    _, b, c = so3_coefficients(lam[4:7])
+    return ca.vertcat(ca.exp(lam[0]), ca.vec(exp_so3(lam[4:7])), b, c)
+
+
+def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
+    """(∂π/∂λ)ᵀ slope in closed form, a third of what differentiation in reverse costs.
+
+    With S the symmetric matrix for which slope[4:] · π[4:] = tr(S I) and T = Rᵀ S R:
+    ∂a = 2a (T₂₂ + T₃₃), ∂c = m (slope[1:4] + 2 (tr(S) 1 − S) c), and a turn δφ in the frame of
+    the axes of inertia changes tr(S I) by 2 ((c² − b²) T₂₃, (a² − c²) T₁₃, (b² − a²) T₁₂) · δφ,
+    where δφ = (1 − B [ω×] + C [ω×]²) δω.
+
+    Args:
+        lam: (10,).
+        frame: (12,), of `lam_frame`.
+        slope: (10,) ∂cost/∂π.
+
+    Returns:
+        (10,) ∂cost/∂λ. Source: Eqs. 4.25–4.32.
+    """
+    com, omega, axes = lam[1:4], lam[4:7], lam[7:10]
+    mass, rotation, b, c = frame[0], ca.reshape(frame[1:10], 3, 3), frame[10], frame[11]
+    xx, yy, zz = (slope[i] for i in (4, 5, 6))
+    xy, xz, yz = (slope[i] / 2 for i in (7, 8, 9))
+    s = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    shift = ca.trace(s) * com - ca.mtimes(s, com)
+    turned = ca.mtimes(s, rotation)
+    t = [[ca.dot(rotation[:, i], turned[:, j]) for j in range(3)] for i in range(3)]
+    squares = [axes[i] ** 2 for i in range(3)]
+    torque = ca.vertcat(
+        2 * (squares[2] - squares[1]) * t[1][2],
+        2 * (squares[0] - squares[2]) * t[0][2],
+        2 * (squares[1] - squares[0]) * t[0][1],
+    )
+    once = ca.cross(omega, torque)
+    return ca.vertcat(
+        mass * (slope[0] + ca.dot(com, slope[1:4] + shift)),
+        mass * (slope[1:4] + 2 * shift),
+        torque + b * once + c * ca.cross(omega, once),
+        2 * axes[0] * (t[1][1] + t[2][2]),
+        2 * axes[1] * (t[2][2] + t[0][0]),
+        2 * axes[2] * (t[0][0] + t[1][1]),
+    )
 
 
 def _principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:

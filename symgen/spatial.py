@@ -11,7 +11,7 @@ import casadi as ca
 Matrix = Any
 """`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
 
-_SMALL_ANGLE_SQUARED = 1e-4
+_LEAST_ANGLE = 1e-100
 _HALF_TURN = 1e-15
 _JACOBI_SWEEPS = 6
 
@@ -22,10 +22,7 @@ def skew(v: Matrix) -> Matrix:
 
 
 def exp_so3(omega: Matrix) -> Matrix:
-    """R = I + A [ω×] + B [ω×]² with A = sin θ / θ, B = (1 − cos θ)/θ² (Eq. 2.7).
-
-    Below θ = 0.01 the Taylor series of A and B in θ² replace the quotients; the unused branch
-    is fed a harmless argument, else its derivative at θ = 0 would turn 0·∞ into NaN.
+    """R = I + A [ω×] + B [ω×]² (Eq. 2.7), with the coefficients of `so3_coefficients`.
 
     Args:
         omega: (3,) rotation vector, rad.
@@ -33,17 +30,31 @@ def exp_so3(omega: Matrix) -> Matrix:
     Returns:
         (3, 3) rotation matrix.
     """
-    theta2 = ca.dot(omega, omega)
-    small = theta2 < _SMALL_ANGLE_SQUARED
-    safe2 = ca.if_else(small, 1.0, theta2)
-    theta = ca.sqrt(safe2)
-    half = ca.sin(theta / 2)
-    a_series = 1 - theta2 / 6 * (1 - theta2 / 20 * (1 - theta2 / 42 * (1 - theta2 / 72)))
-    b_series = 0.5 - theta2 / 24 * (1 - theta2 / 30 * (1 - theta2 / 56 * (1 - theta2 / 90)))
-    a = ca.if_else(small, a_series, ca.sin(theta) / theta)
-    b = ca.if_else(small, b_series, 2 * half * half / safe2)
-    k = skew(omega)
-    return ca.DM.eye(3) + a * k + b * ca.mtimes(k, k)
+    a, b, _ = so3_coefficients(omega)
+    cosine = 1 - b * ca.dot(omega, omega)
+    rotation = ca.diag(ca.vertcat(cosine, cosine, cosine)) + a * skew(omega)
+    for i in range(3):
+        for j in range(i + 1):
+            product = b * (omega[i] * omega[j])  # of [ω×]² = ω ωᵀ − θ² 1, once for both places
+            rotation[i, j] += product
+            if j < i:
+                rotation[j, i] += product
+    return rotation
+
+
+def so3_coefficients(omega: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """A = sin θ / θ, B = (1 − cos θ)/θ² and C = (1 − A)/θ², θ = |ω|.
+
+    B and C are those of the right Jacobian 1 − B [ω×] + C [ω×]² of the exponential (Solà, Deray,
+    Atchuthan, A micro Lie theory, 2018, Appendix B). The chord 2 sin(θ/2)/θ has no cancellation, so
+    A and B are exact to rounding. C and the slopes of A and B lose digits as 1/θ² and 1/θ, but
+    always multiply θ² and θ; the least θ keeps them finite at 0, where a series would cost a choice.
+    """
+    theta = ca.sqrt(ca.dot(omega, omega) + _LEAST_ANGLE**2)
+    share = 1 / theta
+    chord = 2 * ca.sin(theta / 2) * share
+    a = chord * ca.cos(theta / 2)
+    return a, chord * chord / 2, (1 - a) * share * share
 
 
 def _shepperd_quaternion(rotation: Matrix) -> Matrix:

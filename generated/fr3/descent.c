@@ -13,10 +13,11 @@
 #define LINKS 7
 #define JOINTS 7
 #define PARAMETERS 10
+#define FRAME 12
 #define LAMBDA (PARAMETERS * LINKS)
 #define BASE 43
 #define LINK_TILES ((LINKS + LANES - 1) / LANES)
-#define BLOCK 4 /* tiles of a mini-batch that are gathered together */
+#define SIDE_BY_SIDE 6 /* vectors that add up a product with a matrix, enough to hide how long one takes */
 
 typedef fr3_least_squares least_squares;
 
@@ -38,11 +39,20 @@ static void collect(double *numbers, const double *tiles)
     }
 }
 
-/* pi of all links, as tiles whose lanes are links. */
-static void masses(const double *lam, double *pi)
+/* pi of all links and what d pi / d lambda shares with it, as tiles whose lanes are links. */
+static void masses(const double *lam, double *pi, double *frame)
 {
-    for (long t = 0; t < LINK_TILES * PARAMETERS * LANES; t += PARAMETERS * LANES) {
-        OWN(pi_from_lam_tile)(NULL, lam + t, pi + t);
+    for (long t = 0; t < LINK_TILES * LANES; t += LANES) {
+        OWN(pi_frame_tile)(NULL, lam + t * PARAMETERS, pi + t * PARAMETERS, frame + t * FRAME);
+    }
+}
+
+/* (d pi / d lambda)' slope of all links. */
+static void masses_back(const double *lam, const double *frame, const double *slope, double *gradient)
+{
+    for (long t = 0; t < LINK_TILES * LANES; t += LANES) {
+        const long at = t * PARAMETERS;
+        OWN(pi_adjoint_tile)(NULL, lam + at, frame + t * FRAME, slope + at, gradient + at);
     }
 }
 
@@ -372,102 +382,125 @@ static void coordinates(const double *pi, const double *psi, long n_psi, double 
     }
 }
 
-/* Entries [c, c + W blocks) of R y - r; R is upper triangular. */
-INLINE void misfit_part(const least_squares *p, long equations, const double *y, double *residual, long c, const int blocks)
+/* Entries [c, c + W blocks) of M y - r, M stored column after column, `columns` of them; of an upper
+ * triangular one only what is above the diagonal is read. */
+INLINE void affine_part(const double *matrix, const double *right, const double *y, long columns, long equations, double *out, long c, const int blocks, const int triangular)
 {
-    vd part[2][4];
+    vd part[SIDE_BY_SIDE];
+    long i = 0;
     UNROLL for (int b = 0; b < blocks; ++b) {
-        part[b][0] = -*(const vu *)(p->target + c + b * W);
-        part[b][1] = part[b][2] = part[b][3] = vd_all(0.0);
+        part[b] = -*(const vu *)(right + c + b * W);
     }
-    for (long i = c / 4 * 4; i < equations; i += 4) {
-        UNROLL for (int k = 0; k < 4; ++k) {
-            UNROLL for (int b = 0; b < blocks; ++b) {
-                part[b][k] += *(const vu *)(p->factor + (i + k) * equations + c + b * W) * y[i + k];
+    if (triangular) {
+        i = c;
+        UNROLL for (int corner = 0; corner < blocks; ++corner) {
+            for (const long end = i + W; i < end; ++i) {
+                UNROLL for (int b = 0; b <= corner; ++b) {
+                    part[b] += *(const vu *)(matrix + i * equations + c + b * W) * y[i];
+                }
             }
         }
     }
+    for (; i < columns; ++i) {
+        UNROLL for (int b = 0; b < blocks; ++b) {
+            part[b] += *(const vu *)(matrix + i * equations + c + b * W) * y[i];
+        }
+    }
     UNROLL for (int b = 0; b < blocks; ++b) {
-        *(vu *)(residual + c + b * W) = (part[b][0] + part[b][1]) + (part[b][2] + part[b][3]);
+        *(vu *)(out + c + b * W) = part[b];
     }
 }
 
-/* residual = R y - r with R stored column after column; returns the loss. */
-static double misfit(const least_squares *p, long equations, const double *y, double *residual)
+INLINE void affine(const double *matrix, const double *right, const double *y, long columns, long equations, double *out, const int triangular)
 {
     long c = 0;
-    for (; c + W < equations; c += 2 * W) {
-        misfit_part(p, equations, y, residual, c, 2);
+    for (; c + SIDE_BY_SIDE * W <= equations; c += SIDE_BY_SIDE * W) {
+        affine_part(matrix, right, y, columns, equations, out, c, SIDE_BY_SIDE, triangular);
+    }
+    for (; c + 2 * W <= equations; c += 2 * W) {
+        affine_part(matrix, right, y, columns, equations, out, c, 2, triangular);
     }
     if (c < equations) {
-        misfit_part(p, equations, y, residual, c, 1);
+        affine_part(matrix, right, y, columns, equations, out, c, 1, triangular);
     }
+}
+
+/* residual = R y - r; returns the loss. */
+static double misfit(const least_squares *p, long equations, const double *y, double *residual)
+{
+    affine(p->factor, p->target, y, equations, equations, residual, 1);
     vd total = {0};
-    for (c = 0; c < equations; c += W) {
+    for (long c = 0; c < equations; c += W) {
         total += *(const vu *)(residual + c) * *(const vu *)(residual + c);
     }
     return (p->rest + vd_sum(total)) * p->scale;
 }
 
-/* d L / d y = 2 scale R' residual. */
-static void pull_back(const least_squares *p, long equations, const double *residual, double *slope)
+static double dot(const double *a, const double *b, long size)
 {
-    for (long i = 0; i < equations; i += W) {
-        vd part[W];
-        UNROLL for (int k = 0; k < W; ++k) {
-            part[k] = (vd){0};
+    vd part = {0};
+    for (long c = 0; c < size; c += W) {
+        part += *(const vu *)(a + c) * *(const vu *)(b + c);
+    }
+    double sum = 0.0;
+    for (int l = 0; l < W; ++l) {
+        sum += part[l];
+    }
+    return sum;
+}
+
+/* A = 2 scale R' R, whole, and b = 2 scale R' r: the slope of the loss is A y - b. The products
+ * round as R' (R y - r) does, relative to |R'| |R|; only solving with A would lose digits. */
+static void normal_equations(const least_squares *p, long equations, double *matrix, double *right)
+{
+    for (long i = 0; i < equations; ++i) {
+        const double *own = p->factor + i * equations;
+        for (long j = 0; j <= i; ++j) {
+            const double product = 2 * p->scale * dot(own, p->factor + j * equations, j / W * W + W);
+            matrix[i * equations + j] = matrix[j * equations + i] = product;
         }
-        for (long c = 0; c <= i; c += W) {
-            const vd r = *(const vu *)(residual + c);
-            UNROLL for (int k = 0; k < W; ++k) {
-                part[k] += *(const vu *)(p->factor + (i + k) * equations + c) * r;
-            }
-        }
-        *(vu *)(slope + i) = 2 * p->scale * fold(part);
+        right[i] = 2 * p->scale * dot(own, p->target, i / W * W + W);
     }
 }
 
-/* Mean loss over the named samples and its slope in y; a sample is [q dq ddq tau columns],
- * filled up to a multiple of LANES numbers. `later` names those of the next mini-batch, which
- * arrive from memory meanwhile. */
+/* Mean loss over the named samples and its slope in y; a sample is [sines and cosines in pairs, dq,
+ * ddq, tau, columns, q], filled up to a multiple of LANES numbers. `later` names those of the next
+ * mini-batch, which arrive from memory meanwhile. */
 static double mini_batch(const fr3_adam_job *job, const long *rows, const long *later, const double *y, double *slope)
 {
     const long n_psi = job->size - LAMBDA, k = job->columns_per_joint;
-    const int width = (int)((4 + k) * JOINTS), stride = (width + LANES - 1) / LANES * LANES;
-    double *samples = job->work, *rub = samples + BLOCK * width * LANES;
+    const int q_at = (int)((5 + k) * JOINTS), stride = (q_at + JOINTS + LANES - 1) / LANES * LANES;
+    const int width = q_at + JOINTS;
+    double *tile = job->work, *dq = tile + 2 * JOINTS * LANES, *ddq = dq + JOINTS * LANES;
+    double *tau = ddq + JOINTS * LANES, *rub = tile + stride * LANES;
+    const double *columns = tau + JOINTS * LANES, *q = tile + q_at * LANES;
     double u[6], total[BASE + 1] = {0}; /* slope and loss, as in the tiles that add up */
     TILE(whole, BASE + 1) = {0};
-    TILE(rest, BASE + 1) = {0};
-    TILE(sc, BLOCK * 2 * JOINTS);
+    TILE(rest, BASE + 1);
     TILE(residual, JOINTS);
     fr3_loss_gradient_prepare(job->weight, y, u);
     memset(rub, 0, sizeof(double) * (size_t)(n_psi * LANES));
-    for (long first = 0; first < job->batch; first += BLOCK * LANES) {
-        const long end = first + BLOCK * LANES < job->batch ? first + BLOCK * LANES : job->batch;
-        for (long b = first; b < end; b += LANES) {
-            double *tile = samples + (b - first) * width;
-            pick(tile, job->samples, rows + b, stride, width, end - b);
-            for (long i = b; i < b + LANES && i < end; ++i) {
-                for (int line = 0; line < stride; line += LANES) {
-                    __builtin_prefetch(job->samples + later[i] * stride + line, 0, 2);
-                }
+    if (job->batch % LANES) {
+        memset(rest, 0, sizeof(rest));
+    }
+    for (long b = 0; b < job->batch; b += LANES) {
+        const long have = job->batch - b < LANES ? job->batch - b : LANES;
+        double *sums = have < LANES ? rest : whole;
+        pick(tile, job->samples, rows + b, stride, width, have);
+        for (long i = b; i < b + have; ++i) {
+            for (int line = 0; line < width; line += LANES) {
+                __builtin_prefetch(job->samples + later[i] * stride + line, 0, 2);
             }
-            OWN(loss_gradient_sines)(1, tile, sc + (b - first) * 2 * JOINTS);
         }
-        for (long b = first; b < end; b += LANES) {
-            double *tile = samples + (b - first) * width, *tau = tile + 3 * JOINTS * LANES;
-            const double *columns = tau + JOINTS * LANES;
-            for (long i = 0; i < n_psi * LANES; i += W) {
-                *(vu *)(tau + i / (k * LANES) * LANES + i % LANES) -= y[BASE + i / LANES] * *(const vu *)(columns + i);
-            }
-            double *sums = end - b < LANES ? rest : whole;
-            OWN(loss_gradient_tile)(sc + (b - first) * 2 * JOINTS, tile, tile + JOINTS * LANES, tile + 2 * JOINTS * LANES, tau, job->weight, y, u, sums + BASE * LANES, sums, residual);
-            for (long i = 0; i < JOINTS * LANES && n_psi; ++i) {
-                residual[i] *= i % LANES < end - b ? job->weight[i / LANES] : 0.0;
-            }
-            for (long i = 0; i < n_psi * LANES; i += W) {
-                *(vu *)(rub + i) += *(const vu *)(columns + i) * *(const vu *)(residual + i / (k * LANES) * LANES + i % LANES);
-            }
+        for (long i = 0; i < n_psi * LANES; i += W) {
+            *(vu *)(tau + i / (k * LANES) * LANES + i % LANES) -= y[BASE + i / LANES] * *(const vu *)(columns + i);
+        }
+        OWN(loss_gradient_tile)(tile, q, dq, ddq, tau, job->weight, y, u, sums + BASE * LANES, sums, residual);
+        for (long i = 0; i < JOINTS * LANES && n_psi; ++i) {
+            residual[i] *= i % LANES < have ? job->weight[i / LANES] : 0.0;
+        }
+        for (long i = 0; i < n_psi * LANES; i += W) {
+            *(vu *)(rub + i) += *(const vu *)(columns + i) * *(const vu *)(residual + i / (k * LANES) * LANES + i % LANES);
         }
     }
     if (job->batch % LANES) {
@@ -495,12 +528,12 @@ static void adam_step(const fr3_adam_job *job, const double *gradient, double *x
         const vd v_new = keep2 * *(const vu *)(v + i) + (1.0 - keep2) * (g * g);
         *(vu *)(m + i) = m_new;
         *(vu *)(v + i) = v_new;
-        *(vu *)(x + i) -= job->rate * (m_new * mean) / (vd_sqrt(v_new * spread) + job->epsilon);
+        *(vu *)(x + i) -= vd_quotient(job->rate * (m_new * mean), vd_sqrt(v_new * spread) + job->epsilon);
     }
 }
 
-/* The held-out loss is looked at: keep the best point, count the patience. */
-static void validate(fr3_adam_job *job, double training, double loss)
+/* The held-out loss is looked at: keep the best point, count the patience. lam: as tiles. */
+static void validate(fr3_adam_job *job, double training, double loss, const double *lam)
 {
     if (!isfinite(loss)) {
         job->finished = FR3_DIVERGED;
@@ -514,6 +547,7 @@ static void validate(fr3_adam_job *job, double training, double loss)
         job->best = loss;
         job->improved_at = job->step;
         memcpy(job->best_x, job->x, sizeof(double) * (size_t)job->padded);
+        collect(job->best_x, lam);
     }
 }
 
@@ -523,10 +557,13 @@ static void adam(fr3_adam_job *job, long iterations)
 {
     enum { ROOM = LINK_TILES * PARAMETERS, AFTER = LAMBDA / LANES * LANES };
     const long equations = job->equations, n_psi = job->size - LAMBDA;
-    double *y = job->work + (BLOCK * (4 + job->columns_per_joint) * JOINTS + n_psi) * LANES;
+    const long width = (6 + job->columns_per_joint) * JOINTS;
+    double *y = job->work + ((width + LANES - 1) / LANES * LANES + n_psi) * LANES;
     double *residual = y + equations, *slope = residual + equations, *gradient = slope + equations;
+    double *right = gradient + job->padded, *matrix = right + equations;
     TILE(pi, ROOM);
     TILE(lam, ROOM);
+    TILE(frame, LINK_TILES * FRAME);
     TILE(m, ROOM);
     TILE(v, ROOM);
     TILE(by_lam, ROOM);
@@ -534,38 +571,39 @@ static void adam(fr3_adam_job *job, long iterations)
     spread(lam, job->x);
     spread(m, job->m);
     spread(v, job->v);
-    masses(lam, pi);
+    masses(lam, pi, frame);
     coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
+    if (!job->batch) {
+        normal_equations(&job->training, equations, matrix, right);
+    }
     memset(gradient, 0, sizeof(double) * (size_t)job->padded);
     if (job->step == 0) {
-        validate(job, 0.0, misfit(&job->held, equations, y, residual));
+        validate(job, 0.0, misfit(&job->held, equations, y, residual), lam);
     }
     for (long k = 0; k < iterations && !job->finished; ++k) {
-        double training;
+        const int look = (job->step + 1) % job->validate_every == 0;
+        double training = 0.0;
         if (job->batch) {
             const long *rows = job->rows + k * job->batch;
             training = mini_batch(job, rows, k + 1 < iterations ? rows + job->batch : rows, y, slope);
         } else {
-            training = misfit(&job->training, equations, y, residual);
-            pull_back(&job->training, equations, residual, slope);
+            training = look ? misfit(&job->training, equations, y, residual) : 0.0;
+            affine(matrix, right, y, BASE + n_psi, equations, slope, 0);
         }
         job->step += 1;
         job->power1 *= job->beta1;
         job->power2 *= job->beta2;
         from_base(slope, by_pi);
-        for (long t = 0; t < ROOM * LANES; t += PARAMETERS * LANES) {
-            OWN(pi_adjoint_tile)(NULL, lam + t, by_pi + t, by_lam + t);
-        }
+        masses_back(lam, frame, by_pi, by_lam);
         adam_step(job, by_lam, lam, m, v, ROOM * LANES);
         if (n_psi) {
             memcpy(gradient + LAMBDA, slope + BASE, sizeof(double) * (size_t)n_psi);
             adam_step(job, gradient + AFTER, job->x + AFTER, job->m + AFTER, job->v + AFTER, job->padded - AFTER);
         }
-        masses(lam, pi);
+        masses(lam, pi, frame);
         coordinates(pi, job->x + LAMBDA, n_psi, y, equations);
-        if (job->step % job->validate_every == 0) {
-            collect(job->x, lam);
-            validate(job, training, misfit(&job->held, equations, y, residual));
+        if (look) {
+            validate(job, training, misfit(&job->held, equations, y, residual), lam);
         }
         if (!job->finished && job->step - job->improved_at >= job->patience) {
             job->finished = FR3_PATIENCE;
@@ -670,19 +708,6 @@ static void solve(const double *factor, long size, double *x)
         }
         x[k] = sum / column[k];
     }
-}
-
-static double dot(const double *a, const double *b, long size)
-{
-    vd part = {0};
-    for (long c = 0; c < size; c += W) {
-        part += *(const vu *)(a + c) * *(const vu *)(b + c);
-    }
-    double sum = 0.0;
-    for (int l = 0; l < W; ++l) {
-        sum += part[l];
-    }
-    return sum;
 }
 
 /* Loss at x, its residual and the blocks that J needs. */

@@ -30,11 +30,11 @@ void fr3_inverse_dynamics(const double q[7], const double dq[7], const double dd
  * q [rad], dq [rad/s], ddq [rad/s^2], beta [SI] -> tau [N*m] */
 void fr3_base_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double beta[43], double tau[7]);
 
-/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1695 operations, at most 17752 bytes of stack.
+/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1437 operations, at most 15688 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> tau [N*m] */
 void fr3_torque(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double tau[7]);
 
-/* d tau / d lam, Eqs. 4.34-4.36. 8731 operations, at most 77904 bytes of stack.
+/* d tau / d lam, Eqs. 4.34-4.36. 7673 operations, at most 69440 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> jacobian 7 x 70 [d tau / d lam] */
 void fr3_torque_jacobian(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double jacobian[490]);
 
@@ -86,17 +86,21 @@ void fr3_link_poses(const double q[7], double H[112]);
  * q [rad], dq [rad/s], ddq [rad/s^2], tau [N*m], weight [1], beta [SI] -> loss [1], gradient [d loss / d beta], residual [N*m] */
 void fr3_loss_gradient(const double q[7], const double dq[7], const double ddq[7], const double tau[7], const double weight[7], const double beta[43], double loss[1], double gradient[43], double residual[7]);
 
-/* Eqs. 4.25-4.31. 146 operations, at most 5360 bytes of stack.
+/* Eqs. 4.25-4.31. 108 operations, at most 5056 bytes of stack.
  * lam [lambda] -> pi [SI] */
 void fr3_pi_from_lam(const double lam[10], double pi[10]);
 
-/* pi and d pi / d lam of one link. 705 operations, at most 10640 bytes of stack.
+/* pi and d pi / d lam of one link. 551 operations, at most 9408 bytes of stack.
  * lam [lambda] -> pi [SI], jacobian 10 x 10 [d pi / d lam] */
 void fr3_pi_jacobian(const double lam[10], double pi[10], double jacobian[100]);
 
-/* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations, at most 7416 bytes of stack.
- * lam [lambda], slope [d cost / d pi] -> gradient [d cost / d lam] */
-void fr3_pi_adjoint(const double lam[10], const double slope[10], double gradient[10]);
+/* pi of one link, and its m, R, B, C for pi_adjoint. 111 operations, at most 5184 bytes of stack.
+ * lam [lambda] -> pi [SI], frame [m, R by columns, B, C] */
+void fr3_pi_frame(const double lam[10], double pi[10], double frame[12]);
+
+/* (d pi / d lam)' slope of one link, Eq. 4.32. 171 operations, at most 5576 bytes of stack.
+ * lam [lambda], frame [m, R by columns, B, C], slope [d cost / d pi] -> gradient [d cost / d lam] */
+void fr3_pi_adjoint(const double lam[10], const double frame[12], const double slope[10], double gradient[10]);
 
 /* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations, at most 5784 bytes of stack.
  * theta [log-Cholesky] -> pi [SI], jacobian 10 x 10 [d pi / d theta] */
@@ -118,7 +122,7 @@ void fr3_lam_from_pi(const double pi[10], double lam[10]);
  * pi [SI], floor [1] -> realisable [SI] */
 void fr3_nearest_realisable(const double pi[10], const double floor[1], double realisable[10]);
 
-/* M(lam), Eq. 4.14 (linear part first). 149 operations, at most 5592 bytes of stack.
+/* M(lam), Eq. 4.14 (linear part first). 111 operations, at most 5288 bytes of stack.
  * lam [lambda] -> M 6 x 6 [SI] */
 void fr3_inertia_matrix(const double lam[10], double M[36]);
 
@@ -191,9 +195,9 @@ enum {
 /* Adam in x = [lambda; psi], see descent.c. x, m, v, best_x are `padded` long, a multiple of 8, and
  * zero beyond `size`; factors have `equations` rows and columns, a multiple of 8 too. batch = 0
  * descends on `training`, else on mini-batches: rows names batch samples per iteration,
- * each 4 n + n columns_per_joint numbers filled up to a multiple of 8. work holds
- * 8 (4 n (4 + columns_per_joint) + size) + 3 equations + padded numbers. Arrays that begin at a
- * multiple of 64 bytes are read faster. */
+ * each sin q1, cos q1, sin q2 ..., dq, ddq, tau, n columns_per_joint columns and q, filled up to a
+ * multiple of 8, `width`. work holds 8 (width + size) + (4 + equations) equations + padded numbers.
+ * Arrays that begin at a multiple of 64 bytes are read faster. */
 typedef struct {
     long size, padded, equations;
     fr3_least_squares training, held;

@@ -99,20 +99,25 @@ HIDDEN void fr3_loss_gradient_prepare(const double *weight, const double *beta, 
 HIDDEN void OWN(loss_gradient_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *tau, const double *weight, const double *beta, const double *u, double *loss, double *gradient, double *residual);
 
-/* Eqs. 4.25-4.31. 146 operations per sample. */
+/* Eqs. 4.25-4.31. 108 operations per sample. */
 HIDDEN void OWN(pi_from_lam_sines)(long tiles, const double *lam, double *sc);
 HIDDEN void OWN(pi_from_lam_tile)(
 const double *sc,const double *lam, double *pi);
 
-/* pi and d pi / d lam of one link. 705 operations per sample. */
+/* pi and d pi / d lam of one link. 551 operations per sample. */
 HIDDEN void OWN(pi_jacobian_sines)(long tiles, const double *lam, double *sc);
 HIDDEN void OWN(pi_jacobian_tile)(
 const double *sc,const double *lam, double *pi, double *jacobian);
 
-/* (d pi / d lam)' slope of one link, Eq. 4.32. 402 operations per sample. */
+/* pi of one link, and its m, R, B, C for pi_adjoint. 111 operations per sample. */
+HIDDEN void OWN(pi_frame_sines)(long tiles, const double *lam, double *sc);
+HIDDEN void OWN(pi_frame_tile)(
+const double *sc,const double *lam, double *pi, double *frame);
+
+/* (d pi / d lam)' slope of one link, Eq. 4.32. 171 operations per sample. */
 HIDDEN void OWN(pi_adjoint_sines)(long tiles, const double *lam, double *sc);
 HIDDEN void OWN(pi_adjoint_tile)(
-const double *sc,const double *lam, const double *slope, double *gradient);
+const double *sc,const double *lam, const double *frame, const double *slope, double *gradient);
 
 /* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations per sample. */
 HIDDEN void OWN(cholesky_jacobian_sines)(long tiles, const double *theta, double *sc);

@@ -44,8 +44,9 @@ class BodyKernels:
 
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:
         """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 n,) from ∂cost/∂π. Source: Eq. 4.32."""
-        links = self._links("lam", lam), self._links("slope", slope)
-        return self._binding.call("pi_adjoint", *links)[0].reshape(np.shape(lam))
+        links, slopes = self._links("lam", lam), self._links("slope", slope)
+        frame = self._binding.call("pi_frame", links)[1]
+        return self._binding.call("pi_adjoint", links, frame, slopes)[0].reshape(np.shape(lam))
 
     def lam_from_pi(self, pi: ArrayLike) -> Array:
         """λ of every link from π, a ≥ b ≥ c. Source: Eqs. 4.18–4.23.

@@ -19,8 +19,6 @@ from runtime.library.lanes import LANES, padded, padded_size, zeros
 Array = NDArray[np.float64]
 
 PATIENCE, DIVERGED, CONVERGED, STALLED = 1, 2, 3, 4
-_GATHERED = 4
-"""Tiles of a mini-batch that are gathered together, BLOCK of descent.c."""
 _GROWTH = 2.0
 
 _POINTER = ctypes.POINTER(ctypes.c_double)
@@ -181,13 +179,13 @@ class CompiledAdam(_Jobs):
         job.m, job.v = self._pointer(zeros(job.padded)), self._pointer(zeros(job.padded))
         job.training_trace = self._pointer(self.training_trace[k])
         job.held_trace = self._pointer(self.held_trace[k])
-        n, width = problem.weights.size, 0
+        n = problem.weights.size
         if batch and problem.samples is not None:
-            job.batch, width = batch, problem.samples.shape[1]
-            job.columns_per_joint = width // n - 4
-            job.samples = self._pointer(padded(problem.samples, padded_size(width)))
+            job.batch, job.columns_per_joint = batch, problem.samples.shape[1] // n - 4
+            job.samples = self._pointer(_with_sines(problem.samples, n))
             job.weight = self._pointer(problem.weights)
-        scratch = LANES * (_GATHERED * max(width, 4 * n) + size) + 3 * job.equations + job.padded
+        width, equations = padded_size((6 + job.columns_per_joint) * n), job.equations
+        scratch = LANES * (width + size) + (4 + equations) * equations + job.padded
         job.work = self._pointer(zeros(scratch))
 
     def run(
@@ -254,6 +252,13 @@ class CompiledLevenberg(_Jobs):
     def x(self, index: int) -> Array:
         """The current point of a job."""
         return self._x[index].copy()
+
+
+def _with_sines(samples: Array, n: int) -> Array:
+    """Rows [q dq ddq tau columns] in the order of `mini_batch` in descent.c."""
+    q = samples[:, :n]
+    pairs = np.stack((np.sin(q), np.cos(q)), axis=2).reshape(len(q), 2 * n)
+    return padded(np.hstack([pairs, samples[:, n:], q]), padded_size((samples.shape[1] + 2 * n)))
 
 
 def _padded(array: Array, size: int) -> Array:

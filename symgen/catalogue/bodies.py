@@ -10,10 +10,13 @@ from symgen.kernel import Argument, Kernel, make_kernel
 def body_kernels() -> tuple[Kernel, ...]:
     """Every kernel of one body; a batch runs over links."""
     pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
+    frame_ = Argument("frame", (12,), "m, R by columns, B, C")
     floor_ = Argument("floor", (1,), "1", shared=True)
     slope_ = Argument("slope", (P,), "d cost / d pi")
     theta_ = Argument("theta", (P,), "log-Cholesky")
-    pi, lam, floor, slope, theta = (a.symbol() for a in (pi_, lam_, floor_, slope_, theta_))
+    pi, lam, frame, floor, slope, theta = (
+        a.symbol() for a in (pi_, lam_, frame_, floor_, slope_, theta_)
+    )
     pivot, log_det, traces, curvature = inertia.barrier(pi)
     return (
         make_kernel(
@@ -32,13 +35,16 @@ def body_kernels() -> tuple[Kernel, ...]:
             "link",
         ),
         make_kernel(
+            "pi_frame",
+            {lam_: lam},
+            {pi_: inertia.pi_from_lam(lam), frame_: inertia.lam_frame(lam)},
+            "pi of one link, and its m, R, B, C for pi_adjoint",
+            "link",
+        ),
+        make_kernel(
             "pi_adjoint",
-            {lam_: lam, slope_: slope},
-            {
-                Argument("gradient", (P,), "d cost / d lam"): ca.jtimes(
-                    inertia.pi_from_lam(lam), lam, slope, True
-                )
-            },
+            {lam_: lam, frame_: frame, slope_: slope},
+            {Argument("gradient", (P,), "d cost / d lam"): inertia.pi_adjoint(lam, frame, slope)},
             "(d pi / d lam)' slope of one link, Eq. 4.32",
             "link",
         ),

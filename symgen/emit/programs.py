@@ -55,7 +55,7 @@ def programs(
 _STATISTICS = {"base_regressor"}
 _DESCENT = {
     "loss_gradient",
-    "pi_from_lam",
+    "pi_frame",
     "pi_adjoint",
     "pi_jacobian",
     "cholesky_jacobian",
@@ -126,13 +126,15 @@ def _run(columns: list[int]) -> tuple[int, int]:
 def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
     """Sizes for the descents in λ."""
     (pi,), (beta,) = kernels["base_parameters"].inputs, kernels["base_parameters"].outputs
-    (lam,) = kernels["pi_jacobian"].inputs
+    lam, frame, _ = kernels["pi_adjoint"].inputs
     return {
         "parameters": lam.size,
+        "frame": frame.size,
         "joints": kernels["loss_gradient"].inputs[0].size,
         "links": pi.size // lam.size,
         "base": beta.size,
         "uniform": max(tiles["loss_gradient"].uniform, 1),
+        "slides": len(tiles["loss_gradient"].turns) < kernels["loss_gradient"].inputs[0].size,
         "to_base": _on_tiles(kernels["base_parameters"], pi, lam.size),
         "from_base": _on_tiles(
             kernels["base_adjoint"], kernels["base_adjoint"].outputs[0], lam.size

@@ -86,8 +86,9 @@ PROGRAMS = """
                 job.x[i] = 0.0;
             }
             job.training_trace = numbers(4), job.held_trace = numbers(4);
-            job.samples = numbers(9 * ((5 * N + 7) / 8 * 8)), job.weight = numbers(N);
-            job.work = numbers(8 * (4 * N * 5 + size) + 3 * equations + padded);
+            const long width = (7 * N + 7) / 8 * 8;
+            job.samples = numbers(9 * width), job.weight = numbers(N);
+            job.work = numbers(8 * (width + size) + (4 + equations) * equations + padded);
             NAME_LEVEL_adam(&job, 1, 20);
             printf("%ld %d\\n", job.step, isfinite(job.best));
         }

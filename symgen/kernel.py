@@ -49,6 +49,8 @@ class Kernel:
         equation: one line that says what is computed, with its source.
         function: dense and row-major, inputs and outputs in the declared order.
         rare: needed so seldom that a batch goes one by one, and vectors are not worth compiling.
+        factors: names of a regressor and of a map's Jacobian, link by link, whose product this is:
+            C multiplies what they return. Empty for all others.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Kernel:
     per: str
     function: Any
     rare: bool = False
+    factors: tuple[str, ...] = ()
 
     @property
     def operations(self) -> int:
@@ -74,6 +77,7 @@ def make_kernel(
     equation: str,
     per: str = "sample",
     rare: bool = False,
+    factors: tuple[str, ...] = (),
 ) -> Kernel:
     """Freeze expressions into a kernel with common subexpressions shared.
 
@@ -84,6 +88,7 @@ def make_kernel(
         equation: what is computed.
         per: what a batch runs over.
         rare: no vector form.
+        factors: of a product.
 
     Raises:
         BuildError: an expression does not have the declared shape.
@@ -105,4 +110,4 @@ def make_kernel(
         [a.name for a in outputs],
         {"cse": True},
     )
-    return Kernel(name, tuple(inputs), tuple(outputs), equation, per, function, rare)
+    return Kernel(name, tuple(inputs), tuple(outputs), equation, per, function, rare, factors)

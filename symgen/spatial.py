@@ -46,9 +46,9 @@ def so3_coefficients(omega: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """A = sin θ / θ, B = (1 − cos θ)/θ² and C = (1 − A)/θ², θ = |ω|.
 
     B and C are those of the right Jacobian 1 − B [ω×] + C [ω×]² of the exponential (Solà, Deray,
-    Atchuthan, A micro Lie theory, 2018, Appendix B). The chord 2 sin(θ/2)/θ has no cancellation, so
-    A and B are exact to rounding. C and the slopes of A and B lose digits as 1/θ² and 1/θ, but
-    always multiply θ² and θ; the least θ keeps them finite at 0, where a series would cost a choice.
+    Atchuthan, A micro Lie theory, 2018, Appendix B). The chord 2 sin(θ/2)/θ cancels nothing, so A
+    and B are exact to rounding. C and the slopes of A and B lose digits as 1/θ² and 1/θ, but
+    always multiply θ² and θ; the least θ keeps them finite at 0, where others take a series.
     """
     theta = ca.sqrt(ca.dot(omega, omega) + _LEAST_ANGLE**2)
     share = 1 / theta

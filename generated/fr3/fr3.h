@@ -34,13 +34,13 @@ void fr3_base_inverse_dynamics(const double q[7], const double dq[7], const doub
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> tau [N*m] */
 void fr3_torque(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double tau[7]);
 
-/* d tau / d lam, Eqs. 4.34-4.36. 7673 operations, at most 69440 bytes of stack.
- * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> jacobian 7 x 70 [d tau / d lam] */
-void fr3_torque_jacobian(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double jacobian[490]);
-
 /* Y with tau = Y pi, Eq. 3.1. 1538 operations, at most 20352 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2] -> Y 7 x 70 [d tau / d pi] */
 void fr3_regressor(const double q[7], const double dq[7], const double ddq[7], double Y[490]);
+
+/* d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36. 7673 operations, at most 29256 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> jacobian 7 x 70 [d tau / d lam] */
+void fr3_torque_jacobian(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double jacobian[490]);
 
 /* Y_b with tau = Y_b beta, Eq. 3.11. 1233 operations, at most 16400 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2] -> Y_b 7 x 43 [d tau / d beta] */

@@ -258,7 +258,7 @@ def _with_sines(samples: Array, n: int) -> Array:
     """Rows [q dq ddq tau columns] in the order of `mini_batch` in descent.c."""
     q = samples[:, :n]
     pairs = np.stack((np.sin(q), np.cos(q)), axis=2).reshape(len(q), 2 * n)
-    return padded(np.hstack([pairs, samples[:, n:], q]), padded_size((samples.shape[1] + 2 * n)))
+    return padded(np.hstack([pairs, samples[:, n:], q]), padded_size(samples.shape[1] + 2 * n))
 
 
 def _padded(array: Array, size: int) -> Array:

@@ -47,6 +47,12 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         ),
         make_kernel("torque", with_lam, {tau_: torque}, "tau = Y(q, dq, ddq) pi(lam), Eq. 4.3"),
         make_kernel(
+            "regressor",
+            motion,
+            {Argument("Y", (n, P * n), "d tau / d pi"): dynamics.regressor(chain, q, dq, ddq)},
+            "Y with tau = Y pi, Eq. 3.1",
+        ),
+        make_kernel(
             "torque_jacobian",
             with_lam,
             {
@@ -54,13 +60,8 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
                     chain, q, dq, ddq, lam
                 )
             },
-            "d tau / d lam, Eqs. 4.34-4.36",
-        ),
-        make_kernel(
-            "regressor",
-            motion,
-            {Argument("Y", (n, P * n), "d tau / d pi"): dynamics.regressor(chain, q, dq, ddq)},
-            "Y with tau = Y pi, Eq. 3.1",
+            "d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36",
+            factors=("regressor", "pi_jacobian"),
         ),
         make_kernel(
             "base_regressor",

@@ -13,9 +13,9 @@ from typing import Any
 
 import jinja2
 
+from symgen.emit.forms import forms_of
 from symgen.emit.programs import programs
 from symgen.emit.reference import reference_code
-from symgen.emit.ssa import c_body, tile_program
 from symgen.emit.stack import BLOCK, stack_bounds
 from symgen.kernel import Argument, Kernel
 
@@ -41,8 +41,7 @@ def emit(
         facts: the model's own part of the manifest, JSON-ready.
         versions: tool → version, for the banner and the manifest.
     """
-    bodies = {kernel.name: c_body(kernel) for kernel in kernels}
-    tiles = {kernel.name: tile_program(kernel) for kernel in kernels if not kernel.rare}
+    forms = forms_of(kernels)
     reference = reference_code(kernels)
     manifest = {
         "format": 4,
@@ -53,23 +52,24 @@ def emit(
     }
     digest = hashlib.sha256()
     digest.update(json.dumps(manifest, sort_keys=True).encode())
-    digest.update(json.dumps(bodies, sort_keys=True).encode())
-    digest.update(repr(tiles).encode())
+    digest.update(json.dumps(forms.bodies, sort_keys=True).encode())
+    digest.update(repr((forms.tiles, forms.products)).encode())
     for template in sorted(_TEMPLATES.iterdir()):  # programs and their structs tie both sides too
         digest.update(template.read_bytes())
     manifest["model_hash"] = digest.hexdigest()
     context: dict[str, Any] = {
         "name": name,
         "kernels": kernels,
-        "bodies": bodies,
-        "tiles": tiles,
+        "bodies": forms.bodies,
+        "tiles": forms.tiles,
+        "products": forms.products,
         "reference": reference,
-        "stack": stack_bounds(kernels, bodies, tiles, reference),
+        "stack": stack_bounds(kernels, forms, reference),
         "block": BLOCK,
         "manifest": manifest,
         "versions": versions,
     }
-    extras = programs(kernels, tiles, facts)
+    extras = programs(kernels, forms.tiles, facts)
     context["programs"] = {extra.file: extra.context for extra in extras}
     render = _renderer()
     files = {

@@ -8,6 +8,7 @@ for the deepest chain of calls within a file; the C library's functions come on 
 import re
 from dataclasses import dataclass
 
+from symgen.emit.forms import Forms
 from symgen.emit.reference import ReferenceCode
 from symgen.emit.ssa import TileProgram
 from symgen.kernel import Kernel
@@ -40,19 +41,22 @@ class StackBounds:
 
 
 def stack_bounds(
-    kernels: tuple[Kernel, ...],
-    bodies: dict[str, list[str]],
-    tiles: dict[str, TileProgram],
-    reference: ReferenceCode,
+    kernels: tuple[Kernel, ...], forms: Forms, reference: ReferenceCode
 ) -> StackBounds:
     """Bounds for every kernel and every width of a vector."""
+    one = {k: FRAMES + NUMBER * len(lines) for k, lines in forms.bodies.items()}
+    for name, p in forms.products.items():
+        own = p.joints * p.links * p.size + p.size + p.size**2
+        one[name] = FRAMES + NUMBER * own + max(one[p.regressor], one[p.block])
+    tiles: dict[int, dict[str, int]] = {}
+    for w in (1, 2, 4, 8):
+        tiles[w] = {k.name: _tiles(k, forms.tiles[k.name], w) for k in kernels if not k.rare}
+        for name, p in forms.products.items():
+            tiles[w][name] += ROW * p.joints * p.links * p.size + tiles[w][p.regressor]
     return StackBounds(
-        {k.name: FRAMES + NUMBER * (len(bodies[k.name]) + _arguments(k)) for k in kernels},
+        {k.name: one[k.name] + NUMBER * _arguments(k) for k in kernels},
         {k.name: _reference(k, reference.bodies[k.name]) for k in kernels},
-        {
-            w: {k.name: _tiles(k, tiles[k.name], w) for k in kernels if not k.rare}
-            for w in (1, 2, 4, 8)
-        },
+        tiles,
     )
 
 

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 9d6f967e7380cf1d30e9c90fce72eb7dc056b0a9566d5e6868b8b7d5bb922bd2.
+ * Model 30e8c5dfae64378552429c6158e682d25915e7380ee327b646f23f60723855e6.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "9d6f967e7380cf1d30e9c90fce72eb7dc056b0a9566d5e6868b8b7d5bb922bd2";
+    return "30e8c5dfae64378552429c6158e682d25915e7380ee327b646f23f60723855e6";
 }
 
 const char *fr3_level(void)

@@ -57,7 +57,7 @@ def both(p: Problem, preset: Preset):
 
 @pytest.mark.parametrize("columns", [0, 2])
 @pytest.mark.parametrize("batch", [None, 64])
-@pytest.mark.parametrize("name", ["fr3", "tree"])
+@pytest.mark.parametrize("name", ["fr3", "tree", "gantry"])
 def test_same_answers_as_the_reference(robot, name, batch, columns):
     """Oracle: the NumPy loop; 100 steps on every level, same draws, same validations."""
     lib = robot(name)

@@ -1,0 +1,47 @@
+"""Functions of lanes.h that no kernel shows by itself, on every level that runs here."""
+
+import ctypes
+from pathlib import Path
+
+import numpy as np
+
+import symgen
+from runtime.library import Library
+from symgen.compiler import compile_library
+from tests.robots import levels_here
+
+DRIVER = """
+#include "lanes.h"
+#define JOIN(level) quotients_##level
+#define NAME(level) JOIN(level)
+void NAME(LEVEL)(long n, const double *a, const double *b, double *out);
+void NAME(LEVEL)(long n, const double *a, const double *b, double *out)
+{
+    for (long i = 0; i < n; i += W) {
+        *(vu *)(out + i) = vd_quotient(*(const vu *)(a + i), *(const vu *)(b + i));
+    }
+}
+"""
+
+
+def test_quotients(tmp_path: Path, fr3: Library) -> None:
+    """Oracle: the processor's own division, which rounds correctly."""
+    for name in ("lanes.h", "sines.h"):
+        text = (Path(symgen.__file__).parent / "templates" / name).read_text(encoding="utf-8")
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "driver.c").write_text(DRIVER, encoding="utf-8")
+    (tmp_path / "nothing.c").write_text("int nothing;\n", encoding="utf-8")
+    compile_library([tmp_path / "nothing.c"], tmp_path / "lanes.so", [tmp_path / "driver.c"])
+    dll = ctypes.CDLL(str(tmp_path / "lanes.so"))
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=(2, 80_000)) * 10.0 ** rng.uniform(-70, 70, (2, 80_000))
+    a[:8] = 0.0
+    a[8:16], b[8:16] = 1.0, 1.0
+    for level in levels_here(fr3):
+        found = np.empty_like(a)
+        pointers = [x.ctypes.data_as(ctypes.c_void_p) for x in (a, b, found)]
+        dll[f"quotients_{level}"](ctypes.c_long(a.size), *pointers)
+        # One unit in the last place is what the function promises.
+        np.testing.assert_array_max_ulp(found, a / b, maxulp=1)
+        assert not found[:8].any()
+        np.testing.assert_array_equal(found[8:16], 1.0)

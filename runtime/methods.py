@@ -5,7 +5,7 @@ from runtime.convex import CAD
 from runtime.descent import Preset
 from runtime.errors import IdentificationError, NeedsError
 from runtime.fitting import PRESETS, fit_adam, fit_levenberg, in_batches
-from runtime.objective import WITHOUT_ACCELERATIONS
+from runtime.objective import FROM_STATISTICS
 from runtime.posterior import fit_map
 from runtime.prior_file import PriorFile
 from runtime.problem import Fit, Problem
@@ -67,12 +67,12 @@ def _require_rows(problem: Problem, method: str, preset: str | Preset | None) ->
         return
     batches = method == "adam" and in_batches(preset)
     joints = method == "wls" and problem.train.equations < problem.lib.n_joints
-    if method not in WITHOUT_ACCELERATIONS or batches or joints:
+    if method not in FROM_STATISTICS or batches or joints:
         what = "adam with mini-batches" if batches else method
         raise NeedsError(
             f"{what} needs " + ("rows of every joint" if joints else "accelerations") + ", which "
             "the regressor of the log has not; use --regressor acceleration, or one of "
-            f"{', '.join(WITHOUT_ACCELERATIONS)}"
+            f"{', '.join(FROM_STATISTICS)}"
         )
 
 

@@ -18,8 +18,9 @@ from runtime.recording import Recording
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
 
-WITHOUT_ACCELERATIONS = ("map", "pc-ols", "ols", "wls", "lm", "log-cholesky", "adam")
-"""Methods that take rows in which accelerations have been integrated away; adam all at once."""
+FROM_STATISTICS = ("map", "adam", "lm", "log-cholesky", "pc-ols", "ols", "wls")
+"""Methods that need of the samples what compressed statistics keep: they take streamed logs, and
+rows in which accelerations have been integrated away; adam all samples at once."""
 
 
 def thesis_weights(tau: Array) -> Array:
@@ -60,7 +61,7 @@ class Samples:
         if self.acceleration is None:
             raise NeedsError(
                 "this needs accelerations, but the rows were made without them; use the regressor "
-                f"'acceleration', or a method of {', '.join(WITHOUT_ACCELERATIONS)}"
+                f"'acceleration', or a method of {', '.join(FROM_STATISTICS)}"
             )
         return self.acceleration
 

@@ -34,7 +34,8 @@ from runtime.comparison.truth import beside
 from runtime.library import load
 from runtime.loop import read_loop
 from runtime.methods import METHODS
-from runtime.streaming import STREAMED, assemble_streamed, require_streamable
+from runtime.objective import FROM_STATISTICS
+from runtime.streaming import assemble_streamed, require_streamable
 
 
 def compare_command(
@@ -94,10 +95,10 @@ def compare_command(
         known_loop = read_loop(loop, lib) if loop else None
         assembly = assemble(data.recording, lib, loop=known_loop, **options)
     else:
-        names = names or STREAMED
+        names = names or FROM_STATISTICS
         for name in names:
             require_streamable(name)
-        others = ", ".join(name for name in METHODS if name not in STREAMED)
+        others = ", ".join(name for name in METHODS if name not in FROM_STATISTICS)
         say(
             f"streaming {data.streamed.rows} rows of {data.streamed.name}; --no-stream reads them "
             f"as a whole, which {others} need"
@@ -120,7 +121,7 @@ def _streams(
     asked: bool | None, names: tuple[str, ...] | None, loop: Path | None, friction: str | None
 ) -> bool | None:
     """Whether the log stays in its file: as asked, or not where something needs the whole of it."""
-    whole = loop or friction == AUTO or not set(names or STREAMED) <= set(STREAMED)
+    whole = loop or friction == AUTO or not set(names or FROM_STATISTICS) <= set(FROM_STATISTICS)
     return False if asked is None and whole else asked
 
 

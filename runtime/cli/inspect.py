@@ -12,6 +12,7 @@ from runtime.atomic import replacing
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.options import Log, Run
 from runtime.doctor import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
+from runtime.errors import RecordingError
 from runtime.library import load
 
 _COLOURS = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
@@ -61,8 +62,7 @@ def inspect_command(
     with console.status("asking the log"):
         found = inspect_log(log, lib, recipe, run, **options)
     if recipe_out is not None:
-        with replacing(recipe_out) as file:
-            file.write(recipe_text(found).encode())
+        _write_recipe(recipe_out, recipe_text(found).encode())
     if plot is not None:
         from runtime.report.log import draw_log  # matplotlib is slow to import
 
@@ -76,6 +76,21 @@ def inspect_command(
                 say(f"{what}: {path}")
     todo = found.findings if strict else found.of_level(ERROR, WARNING)
     raise typer.Exit(int(bool(todo)))
+
+
+def _write_recipe(path: Path, text: bytes) -> None:
+    """Write the proposal, unless a recipe that says something else is there.
+
+    Raises:
+        RecordingError: it is; by hand or by `gains` it may hold what no log tells.
+    """
+    if path.is_file() and path.read_bytes() != text:
+        raise RecordingError(
+            f"'{path}' is there already and differs from what is proposed now; give --recipe-out "
+            "another name and compare them, or remove the old one"
+        )
+    with replacing(path) as file:
+        file.write(text)
 
 
 def _show(found: Inspection) -> None:

@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from runtime.doctor.finding import ERROR, INFO, Finding
+from runtime.doctor.finding import ERROR, INFO, WARNING, Finding
 from runtime.doctor.names import SI, Meaning, meaning
 from runtime.errors import RecordingError
 from runtime.recording import Recipe
@@ -37,6 +37,7 @@ def draft(
     Raises:
         RecordingError: no positions, or no file that holds numbers.
     """
+    by_convention = False  # without torque: other titles may name it
     if place.is_file():
         if _layout_of(place) not in {"csv", "npz"}:
             return None, []
@@ -44,9 +45,12 @@ def draft(
             plan = Files(place, Recipe()).plan()
         except RecordingError:
             plan = None
-        if plan is not None and _has_time(place, plan):
+        by_convention = plan is not None and _has_time(place, plan)
+        if by_convention and plan is not None and plan.torque is not None:
             return None, []
     found = _described(place, joints)
+    if by_convention and not found.get("torque"):
+        return None, []
     return _recipe(place, found, joints, rate_hz)
 
 
@@ -145,6 +149,17 @@ def _untitled(width: int, own: str, name: str, joints: int) -> Iterable[tuple[st
         yield kind, _part(silent, own, f"{name}: {first}…", layout="csv", columns=columns)
 
 
+def _incomplete(kind: str, part: dict, joints: int) -> Finding:
+    columns = part["where"]["columns"]
+    return Finding(
+        "incomplete_signal",
+        WARNING,
+        f"{part['title']} reads like {kind}, but has {len(columns)} columns ({columns[0]} … "
+        f"{columns[-1]}) for {joints} joints, so it was not taken; log every joint, or describe "
+        "it in a recipe",
+    )
+
+
 def _part(what: Meaning, file: str, title: str, **where: object) -> dict:
     return {
         "title": title,
@@ -158,15 +173,17 @@ def _recipe(
     place: Path, found: Group, joints: int, rate_hz: float | None
 ) -> tuple[Recipe, list[Finding]]:
     wide: Callable[[dict], bool] = lambda p: len(p["where"].get("columns", ())) in {0, joints}  # noqa: E731
-    for kind in found:
+    findings: list[Finding] = []
+    for kind, parts in found.items():
         if kind != "time":
-            found[kind] = [part for part in found[kind] if wide(part)]
+            found[kind] = [part for part in parts if wide(part)]
+            if not found[kind]:
+                findings += [_incomplete(kind, part, joints) for part in parts[:1]]
     if not found.get("position"):
         raise RecordingError(
             f"expected columns, arrays or files of {joints} joint positions in {place.name}, named "
             "like q1 …, position or angle, but found none; describe the files in a recipe"
         )
-    findings: list[Finding] = []
     chosen: dict[str, Signal] = {}
     run = ""
     for kind, parts in found.items():

@@ -2,7 +2,6 @@
 
 from runtime.streaming.blocks import Blocks, blocks_of, head_of
 from runtime.streaming.identify import (
-    STREAMED,
     Passes,
     assemble_streamed,
     identify_streamed,
@@ -10,7 +9,6 @@ from runtime.streaming.identify import (
 )
 
 __all__ = [
-    "STREAMED",
     "Blocks",
     "Passes",
     "assemble_streamed",

@@ -22,7 +22,7 @@ from runtime.identification import Identification, Streamed, identify_assembled
 from runtime.library import Array, Library
 from runtime.methods import chosen_method, require_method
 from runtime.metrics import TorqueError, torque_error_of
-from runtime.objective import Samples, samples_of, thesis_weights
+from runtime.objective import FROM_STATISTICS, Samples, samples_of, thesis_weights
 from runtime.plausibility import require_plausible
 from runtime.prior_file import PriorFile
 from runtime.problem import Problem
@@ -41,8 +41,6 @@ from runtime.threads import one_blas_thread
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part and prepared rows in each: ten of them give noise and correlations to 1 %."""
-STREAMED = ("map", "adam", "lm", "log-cholesky", "pc-ols", "ols", "wls")
-"""What needs no samples one by one; of Adam's presets those without mini-batches."""
 
 
 def require_streamable(method: str, preset: str | Preset | None = None) -> None:
@@ -52,11 +50,15 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
         IdentificationError: it does, or there is no such method.
     """
     require_method(method)
-    if method not in STREAMED or in_batches(preset):
-        what = f"the method {method}" if method not in STREAMED else "a preset with mini-batches"
+    if method not in FROM_STATISTICS or in_batches(preset):
+        what = (
+            f"the method {method}"
+            if method not in FROM_STATISTICS
+            else "a preset with mini-batches"
+        )
         raise IdentificationError(
             f"{what} needs the samples one by one, which a streamed log does not hold; choose one "
-            f"of {', '.join(STREAMED)} (adam with the preset full), or use --no-stream"
+            f"of {', '.join(FROM_STATISTICS)} (adam with the preset full), or use --no-stream"
         )
 
 
@@ -176,7 +178,7 @@ def identify_streamed(
     prior: PriorFile | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Identification:
-    """Find π of a log in its file, by one of `STREAMED`; arguments as for `identify`.
+    """Find π of a log in its file, by one of `FROM_STATISTICS`; arguments as for `identify`.
 
     `train`, `validation` and `test` of the result are windows; `streamed` counts all rows.
 

@@ -12,7 +12,7 @@ import pytest
 from runtime import Recording, write_recording
 from runtime.doctor import inspect_log, recipe_text
 from runtime.library import Library
-from tests.runtime.diagnosis import settles, told, trap_of
+from tests.runtime.diagnosis import EXAMPLE, settles, told, trap_of
 
 
 def test_2_repeated_rows_and_a_jittering_clock(lib: Library, shared_data: Path) -> None:
@@ -146,3 +146,35 @@ def test_9_one_signal_in_another_order(lib, clean, saved, tmp_path, key, kind) -
     assert set(told(found)) == {kind}
     np.testing.assert_array_equal(getattr(found.recording, key), getattr(clean, key))
     settles(found, log, lib, tmp_path)
+
+
+@pytest.mark.parametrize("rivals", [0, 1])
+def test_a_signal_of_too_few_joints_is_named(lib, clean, tmp_path, rivals) -> None:
+    """Property: six torques of a seven-joint arm are told, unless a whole set is there, too."""
+    n = lib.n_joints
+    titles = ["t", *(f"q{j + 1}" for j in range(n)), *(f"effort_{j + 1}" for j in range(n - 1))]
+    columns = [clean.t, *clean.q.T, *clean.tau[:, :-1].T]
+    if rivals:
+        titles += [f"tau_J[{j}]" for j in range(n)]
+        columns += [*clean.tau.T]
+    log = tmp_path / "six.csv"
+    np.savetxt(log, np.column_stack(columns), delimiter=",", header=",".join(titles), comments="")
+    found = inspect_log(log, lib)
+    said = [f.sentence for f in found.findings if f.kind == "incomplete_signal"]
+    assert len(said) == 1 - rivals
+    assert all(f"{n - 1} columns (effort_1 … effort_{n - 1}) for {n} joints" in s for s in said)
+    assert ("no_torque" in told(found)) == (not rivals)
+
+
+def test_an_edited_recipe_is_not_overwritten(command, lib: Library, tmp_path: Path) -> None:
+    """Property: the same proposal is written again, another is refused and the file stays."""
+    words = ("inspect", EXAMPLE, "--robot", lib.folder, "--recipe-out", "r.toml")
+    assert command(*words).code == 0
+    assert command(*words).code == 0
+    edited = (tmp_path / "r.toml").read_bytes() + b"# the tool was changed at noon\n"
+    (tmp_path / "r.toml").write_bytes(edited)
+    refused = command(*words)
+    assert refused.code == 2
+    assert refused.err.count("\n") == 1
+    assert "differs from what is proposed now" in refused.err
+    assert (tmp_path / "r.toml").read_bytes() == edited

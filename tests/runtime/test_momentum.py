@@ -10,7 +10,7 @@ from runtime import Recording, identify, metrics
 from runtime.errors import IdentificationError, NeedsError, RecordingError
 from runtime.friction import Motion, columns, coupling_of_terms, torque
 from runtime.library import Library
-from runtime.objective import WITHOUT_ACCELERATIONS, Samples, samples_of
+from runtime.objective import FROM_STATISTICS, Samples, samples_of
 from runtime.preprocessing import momentum, prepare, prepare_power
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.recipe_file import recipe_from_table
@@ -145,7 +145,7 @@ def made(lib: Library, noisy: Recording):
     return noisy.replace(ddq=None)
 
 
-@pytest.mark.parametrize("method", WITHOUT_ACCELERATIONS)
+@pytest.mark.parametrize("method", FROM_STATISTICS)
 def test_methods_that_take_them(lib, made, pi_true, method):
     """Oracle: the torque of the simulation; each predicts it at 2 Hz below half a percent."""
     found = identify(made, lib, method, preparation=at(2.0), friction_columns=Friction())

@@ -96,7 +96,7 @@ def test_a_block_is_prepared_once(lib, log, tmp_path, monkeypatch):
             assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
 
 
-@pytest.mark.parametrize("method", sorted(set(METHODS) - set(passes.STREAMED)))
+@pytest.mark.parametrize("method", sorted(set(METHODS) - set(passes.FROM_STATISTICS)))
 def test_methods_that_need_samples_say_so(method):
     """Property: one sentence that names the way out."""
     with pytest.raises(IdentificationError, match=f"{method} needs the samples .* --no-stream"):

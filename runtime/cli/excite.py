@@ -171,6 +171,8 @@ def excite_command(
     wanted = criterion or ("cond" if document else "mixed")
     told = information_of(lib, noise, log_rate, prior, payload)
     sample_times(duration, rate)  # before the search: they may be too many
+    if not export:
+        _require_no_log(path.with_suffix(".csv"))
     options = clearance, table, box, friction
     if document and any(option is not None for option in options):
         raise RuntimeFault(
@@ -223,6 +225,22 @@ def excite_command(
     say(f"trajectory: {', '.join(map(str, written))}")
     if export:
         _export(lib, stages, path.with_suffix(""), [kind.value for kind in export], rate, safety)
+
+
+def _require_no_log(path: Path) -> None:
+    """Refuse to put the designed motion where a measured one lies.
+
+    Raises:
+        RuntimeFault: the file has columns of torque, which no design has.
+    """
+    if path.is_file():
+        with path.open(encoding="utf-8", errors="replace") as file:
+            header = file.readline(100_000)
+        if "tau" in header:
+            raise RuntimeFault(
+                f"'{path}' holds torque, so it is a log and not the motion that would be written "
+                "there; give --out another name"
+            )
 
 
 def _log(found: Design, lib: Library, rate: float, path: Path) -> Path:

@@ -102,3 +102,20 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     ran = command("excite", "--robot", lib.folder, "--speed", "150", "--out", "n.json")
     assert (ran.code, (tmp_path / "n.json").exists()) == (2, False)
     assert "up to 100 %, got 150 %" in ran.err
+
+
+def test_excite_leaves_a_measured_log_alone(command: Command, lib: Library, tmp_path: Path) -> None:
+    """Property: refused before the search; a motion of its own is replaced."""
+    words = ("excite", "--robot", lib.folder, "--duration", "4", "--harmonics", "2")
+    words = (*words, "--starts", "1", "--document", "--out", "m.json")
+    log = tmp_path / "m.csv"
+    log.write_text("t,q1,tau1\n0,0,0\n", encoding="utf-8")
+    ran = command(*words)
+    assert ran.code == 2
+    assert ran.err.startswith("runtime: 'm.csv' holds torque")
+    assert len(ran.err.splitlines()) == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["m.csv"]
+    assert log.read_text(encoding="utf-8") == "t,q1,tau1\n0,0,0\n"
+    log.write_text("t,q1\n0,0\n", encoding="utf-8")
+    assert command(*words).code == 0
+    assert len(log.read_text(encoding="utf-8").splitlines()) > 100

@@ -93,13 +93,12 @@ def _by_height(nodes: list[_Node]) -> list[int]:
     waits = [len(node.needs) for node in nodes]
     unread = [len(node.feeds) for node in nodes]
     ready_at = [0] * len(nodes)
+    # How many values more are alive after a statement: its own, less those it is the last to read.
+    growth = [int(bool(node.feeds)) - sum(unread[m] == 1 for m in node.needs) for node in nodes]
+    done = [False] * len(nodes)
     ready = {k for k, count in enumerate(waits) if count == 0}
     order: list[int] = []
     cycle = alive = 0
-
-    def growth(k: int) -> int:
-        return bool(nodes[k].feeds) - sum(unread[m] == 1 for m in nodes[k].needs)
-
     while ready:
         for _ in range(ISSUE):
             now = [k for k in ready if ready_at[k] <= cycle]
@@ -108,14 +107,17 @@ def _by_height(nodes: list[_Node]) -> list[int]:
             if alive < ALIVE:
                 chosen = min(now, key=lambda k: (-nodes[k].height, k))
             else:
-                chosen = min(now, key=lambda k: (growth(k), -nodes[k].height, k))
-                if growth(chosen) > 0 and any(growth(k) <= 0 for k in ready):
+                chosen = min(now, key=lambda k: (growth[k], -nodes[k].height, k))
+                if growth[chosen] > 0 and any(growth[k] <= 0 for k in ready):
                     break  # a statement that frees a register is on its way
             ready.remove(chosen)
+            done[chosen] = True
             order.append(chosen)
-            alive += growth(chosen)
+            alive += growth[chosen]
             for m in nodes[chosen].needs:
                 unread[m] -= 1
+                if unread[m] == 1:
+                    growth[next(k for k in nodes[m].feeds if not done[k])] -= 1
             for m in nodes[chosen].feeds:
                 waits[m] -= 1
                 ready_at[m] = max(ready_at[m], cycle + nodes[chosen].latency)

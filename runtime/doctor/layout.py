@@ -150,13 +150,13 @@ def _untitled(width: int, own: str, name: str, joints: int) -> Iterable[tuple[st
 
 
 def _incomplete(kind: str, part: dict, joints: int) -> Finding:
-    columns = part["where"]["columns"]
+    first, *others = part["where"]["columns"]
+    count = f"{len(others) + 1} columns ({first} … {others[-1]})" if others else "one column"
     return Finding(
         "incomplete_signal",
         WARNING,
-        f"{part['title']} reads like {kind}, but has {len(columns)} columns ({columns[0]} … "
-        f"{columns[-1]}) for {joints} joints, so it was not taken; log every joint, or describe "
-        "it in a recipe",
+        f"{part['title']} reads like {kind}, but has {count} for {joints} joints, so it was not "
+        "taken; log every joint, or describe it in a recipe",
     )
 
 

@@ -121,7 +121,7 @@ def _streams(
     asked: bool | None, names: tuple[str, ...] | None, loop: Path | None, friction: str | None
 ) -> bool | None:
     """Whether the log stays in its file: as asked, or not where something needs the whole of it."""
-    whole = loop or friction == AUTO or not set(names or FROM_STATISTICS) <= set(FROM_STATISTICS)
+    whole = loop or friction == AUTO or not set(names or ()) <= set(FROM_STATISTICS)
     return False if asked is None and whole else asked
 
 

@@ -37,28 +37,27 @@ def draft(
     Raises:
         RecordingError: no positions, or no file that holds numbers.
     """
-    by_convention = False  # without torque: other titles may name it
-    if place.is_file():
-        if _layout_of(place) not in {"csv", "npz"}:
-            return None, []
-        try:
-            plan = Files(place, Recipe()).plan()
-        except RecordingError:
-            plan = None
-        by_convention = plan is not None and _has_time(place, plan)
-        if by_convention and plan is not None and plan.torque is not None:
-            return None, []
+    if place.is_file() and _layout_of(place) not in {"csv", "npz"}:
+        return None, []
+    plan = _by_convention(place)
+    if plan is not None and plan.torque is not None:
+        return None, []
     found = _described(place, joints)
-    if by_convention and not found.get("torque"):
+    if plan is not None and not found.get("torque"):  # nor does another title name it
         return None, []
     return _recipe(place, found, joints, rate_hz)
 
 
-def _has_time(place: Path, plan: Recipe) -> bool:
+def _by_convention(place: Path) -> Recipe | None:
+    """The plan of a file that keeps the default convention and has a clock."""
+    if not place.is_file():
+        return None
     try:
-        return plan.time is not None and len(Files(place, plan).table("time", plan.time).values) > 0
+        plan = Files(place, Recipe()).plan()
+        timed = plan.time is not None and len(Files(place, plan).table("time", plan.time).values)
     except RecordingError:
-        return False
+        return None
+    return plan if timed else None
 
 
 def _described(place: Path, joints: int) -> Group:

@@ -1,9 +1,12 @@
 """Builds of the pendulum, and its folder before and after them."""
 
+import ctypes
 from pathlib import Path
 
+import symgen
 from runtime.library import load
 from symgen.build import build
+from symgen.compiler import compile_library
 from symgen.request import BuildRequest
 from tests.robots import ONE_LEVEL
 
@@ -30,3 +33,14 @@ def mass(folder: Path) -> float:
     """Mass that the library really computes with: τ at rest, arm level, is 0.1 m g."""
     lib = load(folder)
     return float(lib.inverse_dynamics([0.0], [0.0], [0.0], lib.pi0)[0] / (-9.81 * 0.1))
+
+
+def with_headers(folder: Path, driver: str, *headers: str) -> ctypes.CDLL:
+    """C text that includes headers of `templates/`, compiled once per level."""
+    for name in headers:
+        text = (Path(symgen.__file__).parent / "templates" / name).read_text(encoding="utf-8")
+        (folder / name).write_text(text, encoding="utf-8")
+    (folder / "driver.c").write_text(driver, encoding="utf-8")
+    (folder / "nothing.c").write_text("int nothing;\n", encoding="utf-8")
+    compile_library([folder / "nothing.c"], folder / "driver.so", [folder / "driver.c"])
+    return ctypes.CDLL(str(folder / "driver.so"))

@@ -2,14 +2,12 @@
 
 import ctypes
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import symgen
-from symgen.compiler import compile_library
 from tests.robots import levels_here
+from tests.symgen.builds import with_headers
 
 EPS = np.finfo(float).eps
 DRIVER = r"""
@@ -36,13 +34,7 @@ Pairs = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 def solvers(tmp_path_factory: pytest.TempPathFactory, fr3) -> dict[str, Pairs]:
     """level → (a → [low, high], v_low, v_high), for the levels that run here."""
     folder = tmp_path_factory.mktemp("eigen")
-    for name in ("eigen.h", "lanes.h", "sines.h"):
-        text = (Path(symgen.__file__).parent / "templates" / name).read_text(encoding="utf-8")
-        (folder / name).write_text(text, encoding="utf-8")
-    (folder / "driver.c").write_text(DRIVER, encoding="utf-8")
-    (folder / "nothing.c").write_text("int nothing;\n", encoding="utf-8")
-    compile_library([folder / "nothing.c"], folder / "eigen.so", [folder / "driver.c"])
-    dll = ctypes.CDLL(str(folder / "eigen.so"))
+    dll = with_headers(folder, DRIVER, "eigen.h", "lanes.h", "sines.h")
     return {level: _solver(dll[f"pairs_{level}"]) for level in levels_here(fr3)}
 
 

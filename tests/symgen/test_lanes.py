@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-import symgen
 from runtime.library import Library
-from symgen.compiler import compile_library
 from tests.robots import levels_here
+from tests.symgen.builds import with_headers
 
 DRIVER = """
 #include "lanes.h"
@@ -26,13 +25,7 @@ void NAME(LEVEL)(long n, const double *a, const double *b, double *out)
 
 def test_quotients(tmp_path: Path, fr3: Library) -> None:
     """Oracle: the processor's own division, which rounds correctly."""
-    for name in ("lanes.h", "sines.h"):
-        text = (Path(symgen.__file__).parent / "templates" / name).read_text(encoding="utf-8")
-        (tmp_path / name).write_text(text, encoding="utf-8")
-    (tmp_path / "driver.c").write_text(DRIVER, encoding="utf-8")
-    (tmp_path / "nothing.c").write_text("int nothing;\n", encoding="utf-8")
-    compile_library([tmp_path / "nothing.c"], tmp_path / "lanes.so", [tmp_path / "driver.c"])
-    dll = ctypes.CDLL(str(tmp_path / "lanes.so"))
+    dll = with_headers(tmp_path, DRIVER, "lanes.h", "sines.h")
     rng = np.random.default_rng(0)
     a, b = rng.normal(size=(2, 80_000)) * 10.0 ** rng.uniform(-70, 70, (2, 80_000))
     a[:8] = 0.0

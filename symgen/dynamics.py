@@ -189,50 +189,9 @@ def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matri
     return ca.horzcat(*(ca.mtimes(y[:, c], block(lam[c])) for c in columns))
 
 
-def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
-    """M(q) = ∂τ/∂ddq at dq = 0, mirrored from its lower triangle so that M = Mᵀ to the bit."""
-    n = len(chain.joints)
-    ddq = ca.SX.sym("ddq", n)
-    tau = inverse_dynamics(chain, q, ca.SX(n, 1), ddq, pi, gravity=False)
-    lower = ca.densify(ca.tril(ca.jacobian(tau, ddq)))
-    return lower + lower.T - ca.diag(ca.diag(lower))
-
-
 def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms."""
     return inverse_dynamics(chain, q, dq, ca.SX(len(chain.joints), 1), pi)
-
-
-def forward_dynamics(
-    chain: Chain, q: Matrix, dq: Matrix, tau: Matrix, pi: Matrix, rotor: Matrix
-) -> Matrix:
-    """Ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
-
-    Args:
-        chain: n joints.
-        q: (n,) rad or m.
-        dq: (n,) rad/s or m/s.
-        tau: (n,) N·m or N.
-        pi: (10 n,).
-        rotor: J, (n,) inertia of the motors, reflected to the joints, kg·m² or kg.
-    """
-    n = len(chain.joints)
-    m = mass_matrix(chain, q, pi) + ca.diag(rotor)
-    x = tau - bias_forces(chain, q, dq, pi)
-    rows: list[list[Matrix]] = [[0] * n for _ in range(n)]
-    d: list[Matrix] = [0] * n
-    for j in range(n):
-        v = [rows[j][k] * d[k] for k in range(j)]
-        d[j] = m[j, j] - sum(rows[j][k] * v[k] for k in range(j))
-        for i in range(j + 1, n):
-            rows[i][j] = (m[i, j] - sum(rows[i][k] * v[k] for k in range(j))) / d[j]
-    y: list[Matrix] = [0] * n
-    for i in range(n):
-        y[i] = x[i] - sum(rows[i][k] * y[k] for k in range(i))
-    z: list[Matrix] = [0] * n
-    for i in reversed(range(n)):
-        z[i] = y[i] / d[i] - sum(rows[k][i] * z[k] for k in range(i + 1, n))
-    return ca.vertcat(*z)
 
 
 def end_effector(chain: Chain, q: Matrix) -> Matrix:

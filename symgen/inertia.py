@@ -27,21 +27,45 @@ THINNEST = 1e-3
 """Standard deviation of mass along an axis, m, below which no projected body is thin."""
 
 
-def mass_moment_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+Body = tuple[Matrix, Matrix, Matrix]
+"""m (1), m·c (3) and I about the origin of a frame (3×3)."""
+
+
+def mass_moment_inertia(pi: Matrix) -> Body:
     """m (1), m·c (3) and I about the link origin (3×3) of one body."""
     xx, yy, zz, xy, xz, yz = (pi[i] for i in range(4, 10))
     inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
     return pi[0], pi[1:4], inertia
 
 
-def _pi(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
+def pi_of_body(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
+    """π of m, m·c and I about the link origin."""
     i = inertia
     return ca.vertcat(mass, moment, i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
 
 
 def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
     """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30)."""
-    return _pi(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
+    return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
+
+
+def seen_from(rotation: Matrix, translation: Matrix, body: Body) -> Body:
+    """The same body in the frame in which its own has this pose.
+
+    With h = R m c: m c' = h + m p and I' = R I Rᵀ + (2 p·h + m p·p) 1 − p s' − s p', s = h + m p/2
+    (Steiner, Eq. 4.30, without c, which a body without mass has not).
+    """
+    mass, moment, inertia = body
+    h, p = ca.mtimes(rotation, moment), translation
+    half = h + mass * p / 2
+    longest = 2 * ca.dot(p, h) + mass * ca.dot(p, p)
+    turned: Matrix = ca.mtimes(rotation, inertia)
+    moved = ca.SX(3, 3)
+    for i in range(3):
+        for j in range(i + 1):
+            entry = ca.mtimes(turned[i, :], rotation[j, :].T) - p[i] * half[j] - half[i] * p[j]
+            moved[i, j] = moved[j, i] = entry + longest if i == j else entry
+    return mass, h + mass * p, moved
 
 
 def com_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -221,7 +245,7 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
     )
     mass = ca.exp(2 * theta[0])
     sigma = ca.mtimes(upper, upper.T)
-    return _pi(mass, mass * t, mass * (ca.trace(sigma) * ca.DM.eye(3) - sigma))
+    return pi_of_body(mass, mass * t, mass * (ca.trace(sigma) * ca.DM.eye(3) - sigma))
 
 
 def cholesky_from_pi(pi: Matrix) -> Matrix:

@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -73,10 +74,13 @@ def compile_folder(
         LibraryError: the compiler refuses, and its first lines say why.
     """
     units = []
+    spared = {group.gcc for group in recipe.groups if _accepts(compiler, group.gcc)}
     for group in recipe.groups:
         flags = [_spelled(flag, compiler) for flag in group.flags]
-        if (group.level and group.level not in levels) or not _knows(compiler, flags):
+        sets = [flag for flag in flags if flag.startswith("-march=")]
+        if (group.level and group.level not in levels) or not _accepts(compiler, sets):
             continue
+        flags += group.gcc if group.gcc in spared else ()
         for name in group.sources:
             made = target.parent / f"{Path(name).stem}_{group.level}.o"
             command = (*compiler, *recipe.flags, *flags, "-c", name, "-o", str(made))
@@ -105,11 +109,10 @@ def _spelled(flag: str, compiler: Words) -> str:
     return f"-march={flag.removeprefix('-march=').replace('-', '_')}"
 
 
-def _knows(compiler: Words, flags: list[str]) -> bool:
-    """Does the compiler know the instruction set that is asked for, if one is?"""
-    march = [flag for flag in flags if flag.startswith("-march=")]
-    probe = [*compiler, *march, "-x", "c", "-E", os.devnull]
-    return not march or subprocess.run(probe, capture_output=True, check=False).returncode == 0
+def _accepts(compiler: Words, flags: Sequence[str]) -> bool:
+    """Does the compiler know all these flags, such as an instruction set?"""
+    probe = [*compiler, "-Werror", *flags, "-x", "c", "-E", os.devnull]
+    return not flags or subprocess.run(probe, capture_output=True, check=False).returncode == 0
 
 
 def _run(command: Words, folder: Path) -> None:

@@ -18,8 +18,10 @@ REFERENCE = "casadi"
 """The level that the others are compared with; compiled where it is asked for."""
 
 _FLAG = re.compile(
-    r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-Wall|-Wextra|-O[0-3]|-shared|-lm"
+    r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-O[0-3]|-shared|-lm"
     r"|-ffp-contract=fast|-fno-tree-(slp-)?vectorize"
+    r"|-fno-(tree-(dse|vrp|dominator-opts)|dse|ipa-(icf|modref|cp|sra)|ree)"
+    r"|-fno-(cprop-registers|rerun-cse-after-loop)|--param=lra-max-considered-reload-pseudos=20"
     r"|-D(LEVEL|W)=[a-z0-9]{1,16}|-march=x86-64-v[234]"
 )
 _FILE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)")
@@ -28,12 +30,16 @@ _WORD = re.compile(r"[a-z0-9_]{0,16}")
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Files that are compiled alike, the level they make and the machine they are for ("": all)."""
+    """Files that are compiled alike, the level they make and the machine they are for ("": all).
+
+    `gcc` are flags for a compiler that knows every one of them: they spare it time.
+    """
 
     level: str
     machine: str
     sources: tuple[str, ...]
     flags: tuple[str, ...]
+    gcc: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +83,7 @@ def read_recipe(folder: Path) -> CompileRecipe:
                     machine=_matched(_WORD, group["machine"]),
                     sources=_all(_FILE, group["sources"]),
                     flags=_all(_FLAG, group["flags"]),
+                    gcc=_all(_FLAG, group["gcc"]),
                 )
                 for group in _list(raw["groups"])
             ),

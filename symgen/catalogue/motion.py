@@ -4,12 +4,13 @@ from typing import Any
 
 import casadi as ca
 
-from symgen import dynamics, lagrange
+from symgen import dynamics, lagrange, mass_matrix
 from symgen.base_parameters import Array, BaseParameters
 from symgen.catalogue.units import STATE, effort_unit, inertia_unit, state_unit
 from symgen.chain import Chain
 from symgen.inertia import N_PARAMETERS as P
 from symgen.kernel import Argument, Kernel, make_kernel
+from symgen.regrouping import regrouped
 
 
 def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
@@ -26,7 +27,8 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     q, dq, ddq, tau, pi, beta, lam, weight, rotor = s.values()
     motion = {a: s[a] for a in (q_, dq_, ddq_)}
     with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
-    predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
+    grouped = regrouped(chain, pi)
+    predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, grouped)
     from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
     torque = ca.substitute(from_base, beta, _times(base.matrix, dynamics.pi_from_lam_all(lam)))
     pi_own_, beta_own_ = Argument("pi", (P * n,), "SI"), Argument("beta", (b,), "SI")
@@ -112,19 +114,19 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         make_kernel(
             "mass_matrix",
             {q_: q, pi_: pi},
-            {Argument("M", (n, n), "d tau / d ddq"): dynamics.mass_matrix(chain, q, pi)},
+            {Argument("M", (n, n), "d tau / d ddq"): mass_matrix.mass_matrix(chain, q, grouped)},
             "M(q), Eq. 2.34",
         ),
         make_kernel(
             "bias_forces",
             {q_: q, dq_: dq, pi_: pi},
-            {Argument("h", (n,), effort): dynamics.bias_forces(chain, q, dq, pi)},
+            {Argument("h", (n,), effort): dynamics.bias_forces(chain, q, dq, grouped)},
             "h = C(q, dq) dq - tau_grav, Eq. 2.34",
         ),
         make_kernel(
             "forward_dynamics",
             {q_: q, dq_: dq, tau_: tau, pi_: pi, rotor_: rotor},
-            {ddq_: dynamics.forward_dynamics(chain, q, dq, tau, pi, rotor)},
+            {ddq_: mass_matrix.forward_dynamics(chain, q, dq, tau, grouped, rotor)},
             "ddq = (M + diag(J))^-1 (tau - h), J of the rotors",
         ),
         make_kernel(

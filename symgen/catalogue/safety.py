@@ -15,6 +15,7 @@ from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
 from symgen.inertia import N_PARAMETERS
 from symgen.kernel import Argument, Kernel, make_kernel
+from symgen.regrouping import regrouped
 
 
 def safety_kernels(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
@@ -37,7 +38,7 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
     still = dict(zip(arguments[:3], symbols[:3], strict=True)) | {pi_: pi}
     moved = dict(zip(arguments[:4], symbols[:4], strict=True)) | {pi_: pi}
     bent = dict(zip(arguments, symbols, strict=True)) | {pi_: pi}
-    tau = dynamics.inverse_dynamics(chain, q, dq, ddq, pi)
+    tau = dynamics.inverse_dynamics(chain, q, dq, ddq, regrouped(chain, pi))
     rate = ca.jtimes(tau, ca.vertcat(q, dq, ddq), ca.vertcat(dq, ddq, dddq))
     bend = ca.jtimes(rate, ca.vertcat(*symbols[:4]), ca.vertcat(*symbols[1:]))
     names = ("dtau_dq", "dtau_dv", "dtau_da")

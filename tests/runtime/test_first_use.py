@@ -271,6 +271,8 @@ def test_changed_sources_are_not_compiled(toy: Path, kept: Path) -> None:
         lambda raw: raw["link"].append(3),
         lambda raw: raw["groups"][0]["flags"].append("-I/etc"),
         lambda raw: raw["groups"][0]["flags"].append("-o"),
+        lambda raw: raw["groups"][0]["gcc"].append("-fno-such-pass"),
+        lambda raw: raw["groups"][0].pop("gcc"),
         lambda raw: raw["groups"][0]["sources"].append("../evil.c"),
         lambda raw: raw["groups"][0]["sources"].append("-E.c"),
         lambda raw: raw["groups"][0]["sources"].append("evil.c"),

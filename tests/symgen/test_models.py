@@ -14,10 +14,12 @@ import pytest
 from runtime.library import to_pinocchio_order
 from symgen.base_parameters import numeric_base
 from symgen.chain import Chain, ChainOptions, read_chain
-from symgen.dynamics import end_effector, inverse_dynamics, mass_matrix, sampled_regressor
+from symgen.dynamics import end_effector, inverse_dynamics, sampled_regressor
 from symgen.errors import SymgenError
 from symgen.facts import initial_parameters
 from symgen.inspect import inspect_file
+from symgen.mass_matrix import mass_matrix
+from symgen.regrouping import regrouped
 from symgen.request import ROBOTS, BuildRequest, bundled_request
 from tests.oracle import Array, pinocchio_model, random_states
 from tests.robots import MORE
@@ -34,7 +36,10 @@ def numeric(chain: Chain, *outputs: Callable[[ca.SX, ca.SX], ca.SX]) -> ca.Funct
 
 
 def worst_difference(request: BuildRequest) -> tuple[float, Chain]:
-    """Largest difference to Pinocchio in τ, Y and M over the largest entry of each."""
+    """Largest difference to Pinocchio in τ, Y and M over the largest entry of each.
+
+    τ and M come from π and from its regrouped form.
+    """
     chain = read_chain(request.urdf, request.options)
     pi, _ = initial_parameters(chain, request.project)
     model = pinocchio_model(chain.urdf, np.array(chain.gravity))
@@ -44,22 +49,24 @@ def worst_difference(request: BuildRequest) -> tuple[float, Chain]:
     at = np.array([model.joints[index].idx_v for index in ids])
     blocks = np.concatenate([np.arange(10 * (i - 1), 10 * i) for i in ids])
     states = random_states(len(ids), STATES, 3)
-    y, mass = (
-        sampled_regressor(chain)(*states),
-        numeric(chain, lambda q, p: mass_matrix(chain, q, p)),
+    y = sampled_regressor(chain)(*states)
+    calculated = numeric(
+        chain,
+        lambda q, p: regrouped(chain, p),
+        lambda q, p: mass_matrix(chain, q, p),
+        lambda q, p: mass_matrix(chain, q, regrouped(chain, p)),
     )
-    data, ours, theirs = model.createData(), ([], [], []), ([], [], [])
+    data, ours, theirs = model.createData(), ([], [], [], [], []), ([], [], [], [], [])
     for k, state in enumerate(zip(*states, strict=True)):
         x, v, a = (np.empty(len(at)) for _ in range(3))
         x[at], v[at], a[at] = state
         rows = pinocchio.computeJointTorqueRegressor(model, data, x, v, a)
         full = np.triu(pinocchio.crba(model, data, x))
-        answers = (
-            pinocchio.rnea(model, data, x, v, a)[at],
-            rows.reshape(model.nv, -1)[np.ix_(at, blocks)],
-            (full + np.triu(full, 1).T)[np.ix_(at, at)],
-        )
-        mine = (y[k] @ pi, to_pinocchio_order(y[k]), np.asarray(mass(state[0], pi)))
+        tau = pinocchio.rnea(model, data, x, v, a)[at]
+        mass = (full + np.triu(full, 1).T)[np.ix_(at, at)]
+        answers = (tau, tau, rows.reshape(model.nv, -1)[np.ix_(at, blocks)], mass, mass)
+        fewer, *masses = (np.asarray(value) for value in calculated(state[0], pi))
+        mine = (y[k] @ pi, y[k] @ fewer.ravel(), to_pinocchio_order(y[k]), *masses)
         for kept, new in zip((*ours, *theirs), (*mine, *answers), strict=True):
             kept.append(new)
     pairs = [(np.array(o), np.array(t)) for o, t in zip(ours, theirs, strict=True)]

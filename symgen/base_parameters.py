@@ -22,6 +22,8 @@ SILENT_COLUMN = 1e-11
 """Columns this much smaller than the largest are round-off; normalising them would invent one."""
 CLEAR_GAP = 1e3
 """Ratio of neighbouring singular values that counts as the edge of the row space."""
+ROUNDING = 1e-13
+"""Singular values relative to the largest below which geometry leaves nothing, only arithmetic."""
 _SAMPLES_PER_COLUMN = 4
 _SNAP_DIGITS = 12
 _SNAP_WITHIN = 2e-14
@@ -42,6 +44,11 @@ class BaseParameters:
     matrix: Array
     smallest_kept: float
     largest_dropped: float
+
+    @property
+    def lossless(self) -> bool:
+        """What was dropped is rounding: Y_b β is Y π to the last digits."""
+        return self.largest_dropped < ROUNDING
 
     @property
     def gap(self) -> float:

@@ -6,7 +6,8 @@ every output of a `Kernel` is a dense vector in row-major order of its declared 
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import casadi as ca
 
@@ -39,7 +40,20 @@ class Argument:
         return ca.SX.sym(self.name, self.size)
 
 
-@dataclass(frozen=True, slots=True)
+class Instruction(NamedTuple):
+    """One step of a CasADi function: its code, what it reads and writes.
+
+    Of an input and an output one side is (argument, entry); all else are places that are used
+    again. `constant` is 0 except for OP_CONST.
+    """
+
+    op: int
+    reads: list[int]
+    writes: list[int]
+    constant: float
+
+
+@dataclass(frozen=True)
 class Kernel:
     """One generated function.
 
@@ -51,6 +65,9 @@ class Kernel:
         rare: needed so seldom that a batch goes one by one, and vectors are not worth compiling.
         factors: names of a regressor and of a map's Jacobian, link by link, whose product this is:
             C multiplies what they return. Empty for all others.
+        through: names of kernels that C calls one after the other instead: maps of the last input,
+            then the kernel that takes their image for its own last input, and zeros for inputs
+            that this one has not. Empty for all others.
     """
 
     name: str
@@ -61,13 +78,23 @@ class Kernel:
     function: Any
     rare: bool = False
     factors: tuple[str, ...] = ()
+    through: tuple[str, ...] = ()
 
-    @property
+    @cached_property
+    def instructions(self) -> list[Instruction]:
+        """The function step by step; to ask CasADi takes longer than to write C."""
+        f, found = self.function, []
+        for k in range(f.n_instructions()):
+            op = f.instruction_id(k)
+            constant = f.instruction_constant(k) if op == ca.OP_CONST else 0.0
+            found.append(Instruction(op, f.instruction_input(k), f.instruction_output(k), constant))
+        return found
+
+    @cached_property
     def operations(self) -> int:
         """Arithmetic instructions of one evaluation; loads, stores and constants not counted."""
-        f = self.function
         idle = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-        return sum(f.instruction_id(k) not in idle for k in range(f.n_instructions()))
+        return sum(step.op not in idle for step in self.instructions)
 
 
 def make_kernel(
@@ -78,6 +105,7 @@ def make_kernel(
     per: str = "sample",
     rare: bool = False,
     factors: tuple[str, ...] = (),
+    through: tuple[str, ...] = (),
 ) -> Kernel:
     """Freeze expressions into a kernel with common subexpressions shared.
 
@@ -89,6 +117,7 @@ def make_kernel(
         per: what a batch runs over.
         rare: no vector form.
         factors: of a product.
+        through: of a composition.
 
     Raises:
         BuildError: an expression does not have the declared shape.
@@ -110,4 +139,5 @@ def make_kernel(
         [a.name for a in outputs],
         {"cse": True},
     )
-    return Kernel(name, tuple(inputs), tuple(outputs), equation, per, function, rare, factors)
+    given, made = tuple(inputs), tuple(outputs)
+    return Kernel(name, given, made, equation, per, function, rare, factors, through)

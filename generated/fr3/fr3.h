@@ -22,15 +22,15 @@ const char *fr3_model_hash(void);
 /* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
 const char *fr3_level(void);
 
-/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 713 operations, at most 9896 bytes of stack.
- * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m] */
-void fr3_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7]);
-
 /* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 628 operations, at most 9216 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], beta [SI] -> tau [N*m] */
 void fr3_base_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double beta[43], double tau[7]);
 
-/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1437 operations, at most 15688 bytes of stack.
+/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 713 operations, at most 13680 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m] */
+void fr3_inverse_dynamics(const double q[7], const double dq[7], const double ddq[7], const double pi[70], double tau[7]);
+
+/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1437 operations, at most 14272 bytes of stack.
  * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> tau [N*m] */
 void fr3_torque(const double q[7], const double dq[7], const double ddq[7], const double lam[70], double tau[7]);
 
@@ -66,7 +66,7 @@ void fr3_base_adjoint(const double slope[43], double gradient[70]);
  * q [rad], pi [SI] -> M 7 x 7 [d tau / d ddq] */
 void fr3_mass_matrix(const double q[7], const double pi[70], double M[49]);
 
-/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 689 operations, at most 9696 bytes of stack.
+/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 689 operations, at most 17784 bytes of stack.
  * q [rad], dq [rad/s], pi [SI] -> h [N*m] */
 void fr3_bias_forces(const double q[7], const double dq[7], const double pi[70], double h[7]);
 

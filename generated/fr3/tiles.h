@@ -21,17 +21,17 @@
 #define OWN(function) AT(LEVEL, function)
 #define HIDDEN __attribute__((visibility("hidden")))
 
-/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 622 operations per sample. */
-HIDDEN void OWN(inverse_dynamics_sines)(long tiles, const double *q, double *sc);
-HIDDEN void fr3_inverse_dynamics_prepare(const double *pi, double *u);
-HIDDEN void OWN(inverse_dynamics_tile)(
-const double *sc,const double *q, const double *dq, const double *ddq, const double *pi, const double *u, double *tau);
-
 /* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 622 operations per sample. */
 HIDDEN void OWN(base_inverse_dynamics_sines)(long tiles, const double *q, double *sc);
 HIDDEN void fr3_base_inverse_dynamics_prepare(const double *beta, double *u);
 HIDDEN void OWN(base_inverse_dynamics_tile)(
 const double *sc,const double *q, const double *dq, const double *ddq, const double *beta, const double *u, double *tau);
+
+/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 622 operations per sample. */
+HIDDEN void OWN(inverse_dynamics_sines)(long tiles, const double *q, double *sc);
+HIDDEN void fr3_inverse_dynamics_prepare(const double *pi, double *u);
+HIDDEN void OWN(inverse_dynamics_tile)(
+const double *sc,const double *q, const double *dq, const double *ddq, const double *pi, const double *u, double *tau);
 
 /* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 622 operations per sample. */
 HIDDEN void OWN(torque_sines)(long tiles, const double *q, double *sc);
@@ -76,7 +76,7 @@ HIDDEN void fr3_mass_matrix_prepare(const double *pi, double *u);
 HIDDEN void OWN(mass_matrix_tile)(
 const double *sc,const double *q, const double *pi, const double *u, double *M);
 
-/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 599 operations per sample. */
+/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 622 operations per sample. */
 HIDDEN void OWN(bias_forces_sines)(long tiles, const double *q, double *sc);
 HIDDEN void fr3_bias_forces_prepare(const double *pi, double *u);
 HIDDEN void OWN(bias_forces_tile)(

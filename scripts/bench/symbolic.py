@@ -38,10 +38,9 @@ def facts_of(kernel: Any) -> Symbolic:
     """Counts of a kernel's instruction list; a sine or cosine is one operation."""
     import casadi as ca
 
-    f, operations, sines = kernel.function, 0, 0
+    operations = sines = 0
     own: dict[int, bool] = {}
-    for k in range(f.n_instructions()):
-        op, ins, outs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+    for op, ins, outs, _ in kernel.instructions:
         if op == ca.OP_INPUT:
             own[outs[0]] = not kernel.inputs[ins[0]].shared
         elif op == ca.OP_CONST:
@@ -50,4 +49,4 @@ def facts_of(kernel: Any) -> Symbolic:
             own[outs[0]] = any(own[i] for i in ins)
             operations += own[outs[0]]
             sines += own[outs[0]] and op in {ca.OP_SIN, ca.OP_COS}
-    return Symbolic(f, tuple(a.name for a in kernel.inputs), operations, sines)
+    return Symbolic(kernel.function, tuple(a.name for a in kernel.inputs), operations, sines)

@@ -35,19 +35,30 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     slope_ = Argument("slope", (b,), "d cost / d beta")
     pi_own, slope_of_beta = pi_own_.symbol(), slope_.symbol()
     residual = from_base - tau
+    to_base = ("base_parameters", "base_inverse_dynamics")
     loss = ca.dot(residual, weight * residual) / 2
     slope = ca.jtimes(from_base, beta, weight * residual, True)
     return (
-        make_kernel(
-            "inverse_dynamics", with_pi, {tau_: predicted}, "tau = Y(q, dq, ddq) pi, Eq. 4.3"
-        ),
         make_kernel(
             "base_inverse_dynamics",
             motion | {beta_: beta},
             {tau_: from_base},
             "tau = Y_b(q, dq, ddq) beta, Eq. 3.11",
         ),
-        make_kernel("torque", with_lam, {tau_: torque}, "tau = Y(q, dq, ddq) pi(lam), Eq. 4.3"),
+        make_kernel(
+            "inverse_dynamics",
+            with_pi,
+            {tau_: predicted},
+            "tau = Y(q, dq, ddq) pi, Eq. 4.3",
+            through=to_base if base.lossless else (),
+        ),
+        make_kernel(
+            "torque",
+            with_lam,
+            {tau_: torque},
+            "tau = Y(q, dq, ddq) pi(lam), Eq. 4.3",
+            through=("pi_from_lam", *to_base),
+        ),
         make_kernel(
             "regressor",
             motion,
@@ -122,6 +133,7 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
             {q_: q, dq_: dq, pi_: pi},
             {Argument("h", (n,), effort): dynamics.bias_forces(chain, q, dq, grouped)},
             "h = C(q, dq) dq - tau_grav, Eq. 2.34",
+            through=("inverse_dynamics",),
         ),
         make_kernel(
             "forward_dynamics",

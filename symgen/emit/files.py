@@ -41,7 +41,7 @@ def emit(
         facts: the model's own part of the manifest, JSON-ready.
         versions: tool → version, for the banner and the manifest.
     """
-    forms = forms_of(kernels)
+    forms = forms_of(name, kernels)
     reference = reference_code(kernels)
     manifest = {
         "format": 4,
@@ -119,6 +119,6 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
         autoescape=False,  # noqa: S701  C and Markdown, not HTML
     )
     environment.tests["idle_in"] = lambda name, lines: (
-        not any(re.search(rf"\b{name}\[", line) for line in lines)
+        not any(re.search(rf"\b{name}\b", line) for line in lines)
     )
     return lambda template, context: environment.get_template(template).render(context)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from symgen.emit.composition import composed_body, composed_program
 from symgen.emit.product import Product, product, product_program
 from symgen.emit.ssa import TileProgram, c_body, tile_program
 from symgen.kernel import Kernel
@@ -22,16 +23,24 @@ class Forms:
     products: dict[str, Product]
 
 
-def forms_of(kernels: tuple[Kernel, ...]) -> Forms:
+def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
     """Write each kernel once in every form.
+
+    Args:
+        robot: prefix of the functions' names.
+        kernels: those that others are made of among them.
 
     Raises:
         BuildError: an instruction has no C text.
     """
     by_name = {kernel.name: kernel for kernel in kernels}
-    whole = [kernel for kernel in kernels if not kernel.factors]
+    whole = [kernel for kernel in kernels if not (kernel.factors or kernel.through)]
+    composed = [kernel for kernel in kernels if kernel.through]
     bodies = {kernel.name: c_body(kernel) for kernel in whole}
+    bodies |= {k.name: composed_body(robot, k, by_name) for k in composed}
     tiles = {kernel.name: tile_program(kernel) for kernel in whole if not kernel.rare}
+    for kernel in composed:  # one may be made of another before it
+        tiles[kernel.name] = composed_program(robot, kernel, by_name, tiles)
     products = {k.name: product(k, by_name, tiles) for k in kernels if k.factors}
     tiles |= {name: product_program(by_name[name], p, tiles) for name, p in products.items()}
     return Forms(bodies, tiles, products)

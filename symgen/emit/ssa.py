@@ -113,15 +113,13 @@ def c_body(kernel: Kernel) -> list[str]:
     Raises:
         BuildError: an instruction has no C text yet.
     """
-    f = kernel.function
     names: dict[int, str] = {}
     lines: list[str] = []
-    for k in range(f.n_instructions()):
-        op, inputs, outputs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+    for k, (op, inputs, outputs, constant) in enumerate(kernel.instructions):
         if op == ca.OP_INPUT:
             names[outputs[0]] = f"{kernel.inputs[inputs[0]].name}[{inputs[1]}]"
         elif op == ca.OP_CONST:
-            names[outputs[0]] = c_constant(f.instruction_constant(k))
+            names[outputs[0]] = c_constant(constant)
         elif op == ca.OP_OUTPUT:
             lines.append(f"{kernel.outputs[outputs[0]].name}[{outputs[1]}] = {names[inputs[0]]};")
         elif op in EXPRESSIONS:
@@ -166,20 +164,20 @@ class _TileWriter:
         self._filled: dict[str, list[int]] = {a.name: [] for a in kernel.outputs}
 
     def program(self) -> TileProgram:
-        f, kernel = self._kernel.function, self._kernel
+        kernel = self._kernel
         text: dict[int, str] = {}
         shared: dict[int, bool] = {}
         constants: dict[int, float] = {}
-        for k in range(f.n_instructions()):
-            op, ins, outs = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
+        for k, step in enumerate(kernel.instructions):
+            op, ins, outs, constant = step
             if op == ca.OP_INPUT:
                 argument = kernel.inputs[ins[0]]
                 shared[outs[0]] = argument.shared
                 text[outs[0]] = f"{argument.name}[{ins[1]}{'' if argument.shared else ' * VS'}]"
                 constants.pop(outs[0], None)  # CasADi uses its places again
             elif op == ca.OP_CONST:
-                constants[outs[0]] = f.instruction_constant(k)
-                text[outs[0]] = c_constant(constants[outs[0]])
+                constants[outs[0]] = constant
+                text[outs[0]] = c_constant(constant)
                 shared[outs[0]] = True
             elif op == ca.OP_OUTPUT:
                 self._output(kernel.outputs[outs[0]], outs[1], text[ins[0]], shared[ins[0]])

@@ -8,6 +8,7 @@ for the deepest chain of calls within a file; the C library's functions come on 
 import re
 from dataclasses import dataclass
 
+from symgen.emit.composition import composed_numbers
 from symgen.emit.forms import Forms
 from symgen.emit.reference import ReferenceCode
 from symgen.emit.ssa import TileProgram
@@ -44,7 +45,11 @@ def stack_bounds(
     kernels: tuple[Kernel, ...], forms: Forms, reference: ReferenceCode
 ) -> StackBounds:
     """Bounds for every kernel and every width of a vector."""
+    by_name = {k.name: k for k in kernels}
+    composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in kernels if k.through}
     one = {k: FRAMES + NUMBER * len(lines) for k, lines in forms.bodies.items()}
+    for name, own in composed.items():
+        one[name] += own + max(one[called] for called in by_name[name].through)
     for name, p in forms.products.items():
         own = p.joints * p.links * p.size + p.size + p.size**2
         one[name] = FRAMES + NUMBER * own + max(one[p.regressor], one[p.block])
@@ -53,6 +58,9 @@ def stack_bounds(
         tiles[w] = {k.name: _tiles(k, forms.tiles[k.name], w) for k in kernels if not k.rare}
         for name, p in forms.products.items():
             tiles[w][name] += ROW * p.joints * p.links * p.size + tiles[w][p.regressor]
+        for name, own in composed.items():
+            *maps, last = by_name[name].through
+            tiles[w][name] += own + max([tiles[w][last], *(one[called] for called in maps)])
     return StackBounds(
         {k.name: one[k.name] + NUMBER * _arguments(k) for k in kernels},
         {k.name: _reference(k, reference.bodies[k.name]) for k in kernels},
@@ -76,7 +84,7 @@ def _tiles(kernel: Kernel, program: TileProgram, width: int) -> int:
     for argument in own:
         rows += argument.size * (3 * BLOCK if argument.name == program.turned else 1)
     values = sum(line.startswith("const vd") for line in program.body)
-    called = (name for line in program.body for name in _CALL.findall(line))
+    called = _CALL.findall("\n".join(program.body))
     body = NUMBER * width * (values + sum(INLINED.get(name, 2) for name in called))
     prepare = NUMBER * len(program.prepare)
     fixed = ROW * rows + NUMBER * (program.uniform + 4 * _arguments(kernel))

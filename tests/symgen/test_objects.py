@@ -152,7 +152,7 @@ def bounds_of(name: str) -> tuple[StackBounds, Catalogue]:
     request = CASES[name].request(name, None) if name in CASES else bundled_request(name)
     catalogue = make_catalogue(read_chain(request.urdf, request.options))
     kernels = catalogue.kernels
-    return stack_bounds(kernels, forms_of(kernels), reference_code(kernels)), catalogue
+    return stack_bounds(kernels, forms_of(name, kernels), reference_code(kernels)), catalogue
 
 
 def test_tiles_stay_below_the_printed_stack(objects: Path) -> None:

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import clarabel
 import numpy as np
-from scipy import sparse
 
 from symgen import inertia
 from symgen.errors import InertiaError
@@ -176,6 +174,8 @@ class _Problem:
 
     def _cone(self, bound: float | None) -> Array:
         """Least torque change (bound None), else the nearest s whose change is within the bound."""
+        import clarabel
+
         size = self.start.size
         masses, rows = self._masses(), self._rows()
         zero = np.zeros
@@ -217,6 +217,9 @@ class _Problem:
 
 
 def _solve(cost: Array, a: Array, b: Array, cones: list[object]) -> Array:
+    import clarabel
+    from scipy import sparse
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10

@@ -10,21 +10,23 @@ import json
 import shlex
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 from symgen import __version__
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, Joint, read_chain
-from symgen.compiler import compile_library, how_to_compile, sha256_of
+from symgen.compiler import Compilation, Compiled, how_to_compile, sha256_of
 from symgen.documents import json_of
-from symgen.emit import EmittedRobot, emit
+from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
 from symgen.exchange import replace_folder
 from symgen.facts import initial_parameters, model_facts
+from symgen.kernel import Kernel
 from symgen.request import BuildRequest
 
 ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
@@ -62,34 +64,52 @@ def build(
     folder = root / request.name
     if not force and is_current(request, folder, levels):
         return BuildResult(folder, False, ())
-    robot, notes = generate(request)  # a refused robot leaves no trace on disk
+    draft = _draft(request)  # a refused robot leaves no trace on disk
     with _write_errors(folder):
         root.mkdir(parents=True, exist_ok=True)
         with _lock(root, request.name):
             if not force and is_current(request, folder, levels):  # another process was faster
-                return BuildResult(folder, False, notes)
+                return BuildResult(folder, False, draft.notes)
             staging = Path(tempfile.mkdtemp(prefix=f".{request.name}.", dir=root))
             try:
                 staging.chmod(0o755)
-                _write_files(staging, robot)
-                _compile(staging, request, tuple(robot.files), levels)
+                _fill(staging, request, draft, levels)
                 replace_folder(staging, folder)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
-    return BuildResult(folder, True, notes)
+    return BuildResult(folder, True, draft.notes)
 
 
 def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
     """All committed files of a robot as text, and notes for the user."""
+    draft = _draft(request)
+    return _emitted(request, draft), draft.notes
+
+
+@dataclass(frozen=True, slots=True)
+class _Draft:
+    """A robot that was read and not refused."""
+
+    chain: Chain
+    kernels: tuple[Kernel, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def _draft(request: BuildRequest) -> _Draft:
     chain = read_chain(request.urdf, request.options)
     pi0, projected = initial_parameters(chain, request.project)
     catalogue = make_catalogue(chain, request.config.collision)
     facts = model_facts(chain, request, catalogue.base, pi0, projected)
+    return _Draft(chain, catalogue.kernels, facts, _notes(chain, projected))
+
+
+def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> EmittedRobot:
     versions = {"symgen": __version__, "casadi": version("casadi")}
-    robot = emit(request.name, catalogue.kernels, facts, versions)
-    files = robot.files | {f"{request.name}.urdf": chain.urdf}
+    robot = emit(request.name, draft.kernels, draft.facts, versions, early)
+    files = robot.files | {f"{request.name}.urdf": draft.chain.urdf}
     files["compile.json"] = _compile_facts(files)
-    return EmittedRobot(files, robot.model_hash), _notes(chain, projected)
+    return EmittedRobot(files, robot.model_hash)
 
 
 def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
@@ -148,26 +168,37 @@ def _is_almost_square(joint: Joint) -> bool:
     return any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)
 
 
-def _write_files(staging: Path, robot: EmittedRobot) -> None:
-    for name, text in robot.files.items():
-        (staging / name).write_text(text, encoding="utf-8", newline="\n")
+def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> None:
+    """Write and compile everything; what is written early is compiled meanwhile."""
+    with Compilation(staging, how_to_compile(*_KINDS), levels) as compilation:
+        started = set[str]()  # and not written again: a compiler reads them
 
+        def early(name: str, text: str) -> None:
+            _write_files(staging, {name: text})
+            compilation.start(name)
+            started.add(name)
 
-def _compile(
-    staging: Path, request: BuildRequest, names: tuple[str, ...], levels: Sequence[str]
-) -> None:
-    library = staging / f"lib{request.name}.so"
-    once, per_level, unhurried = ([staging / n for n in kind if n in names] for kind in _KINDS)
-    compiled = compile_library(once, library, per_level, unhurried, levels)
+        files = _emitted(request, draft, early).files
+        _write_files(staging, {name: files[name] for name in files if name not in started})
+        compiled = _compile(compilation, staging / f"lib{request.name}.so", files)
     record = {
         "fingerprint": request.fingerprint,
         "levels": sorted(set(levels)),
         "sha256": compiled.sha256,
-        "sources": {name: sha256_of(staging / name) for name in names},
+        "sources": {name: sha256_of(staging / name) for name in files},
         "commands": [shlex.join(command) for command in compiled.commands],
         "compiler": compiled.version,
     }
     (staging / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+
+
+def _write_files(staging: Path, files: Mapping[str, str]) -> None:
+    for name, text in files.items():
+        (staging / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) -> Compiled:
+    return compilation.finish([name for kind in _KINDS for name in kind if name in files], library)
 
 
 @contextmanager

@@ -9,10 +9,10 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from symgen.errors import CompilerError
 
@@ -119,42 +119,78 @@ def compile_library(
         CompilerError: the compiler failed; its message is part of the sentence; a wanted level is
             none of this machine or compiler.
     """
-    compiler = find_compiler()
-    _require_levels(wanted)
-    how = how_to_compile(
-        *([path.name for path in paths] for paths in (sources, per_level, unhurried))
-    )
-    units: list[tuple[str, str, list[str]]] = []
-    spared = {tuple(group["gcc"]) for group in how["groups"]}
-    spared = {flags for flags in spared if _accepts(compiler, flags)}  # none by another compiler
-    for group in how["groups"]:
-        level = group["level"]
-        if group["machine"] not in {"", machine()} or (wanted and level and level not in wanted):
-            continue
-        extra = [_spelled(flag, compiler) for flag in group["flags"]]
-        if not _accepts(compiler, [flag for flag in extra if flag.startswith("-march=")]):
-            if wanted:
-                raise CompilerError(
-                    f"'{shlex.join(compiler)}' cannot compile for the level '{level}'; leave it "
-                    "out or take a newer compiler"
-                )
-            continue  # an older compiler; the loader takes the best of the others
-        extra += group["gcc"] if tuple(group["gcc"]) in spared else []
-        unit = "{}_{}.o" if level else "{}.o"
-        units += [(name, unit.format(Path(name).stem, level), extra) for name in group["sources"]]
-    longest_first = sorted(units, key=lambda unit: -(target.parent / unit[0]).stat().st_size)
-    commands = [
-        (*compiler, *FLAGS, *extra, "-c", source, "-o", unit)
-        for source, unit, extra in longest_first
-    ]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(lambda command: _run(command, target.parent), commands))
-    objects = [unit for _, unit, _ in units]
-    link = (*compiler, "-o", target.name, *objects, *LINK)
-    _run(link, target.parent)
-    for unit in objects:
-        (target.parent / unit).unlink()
-    return Compiled((*commands, link), compiler_version(compiler), sha256_of(target))
+    kinds = [[path.name for path in paths] for paths in (sources, per_level, unhurried)]
+    with Compilation(target.parent, how_to_compile(*kinds), wanted) as compilation:
+        return compilation.finish([name for kind in kinds for name in kind], target)
+
+
+class Compilation:
+    """Compiles files of a folder on all cores, each from when it is there; leaving it stops it.
+
+    Args:
+        folder: where the files lie or will lie, and where objects come and go.
+        how: of `how_to_compile`.
+        wanted: as in `compile_library`.
+
+    Raises:
+        CompilerError: no compiler; a wanted level is none of this machine or compiler.
+    """
+
+    def __init__(self, folder: Path, how: dict[str, Any], wanted: Sequence[str] = ()) -> None:
+        self._folder, self._compiler = folder, find_compiler()
+        _require_levels(wanted)
+        self._units: dict[str, list[tuple[str, list[str]]]] = {}
+        spared = {tuple(group["gcc"]) for group in how["groups"]}
+        spared = {flags for flags in spared if _accepts(self._compiler, flags)}  # none but by GCC
+        for group in how["groups"]:
+            level, own = group["level"], group["machine"] in {"", machine()}
+            if not own or (wanted and level and level not in wanted):
+                continue
+            flags = [_spelled(flag, self._compiler) for flag in group["flags"]]
+            if not _accepts(self._compiler, [f for f in flags if f.startswith("-march=")]):
+                if wanted:
+                    raise CompilerError(
+                        f"'{shlex.join(self._compiler)}' cannot compile for the level '{level}'; "
+                        "leave it out or take a newer compiler"
+                    )
+                continue  # an older compiler; the loader takes the best of the others
+            flags += group["gcc"] if tuple(group["gcc"]) in spared else []
+            for name in group["sources"]:
+                unit = f"{Path(name).stem}_{level}.o" if level else f"{Path(name).stem}.o"
+                self._units.setdefault(name, []).append((unit, flags))
+        self._pool = ThreadPoolExecutor(os.cpu_count())
+        self._running: dict[tuple[str, ...], Future[None]] = {}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._pool.shutdown(cancel_futures=True)
+
+    def start(self, name: str) -> None:
+        """Compile a file that is complete, for every level it is for, in the background."""
+        for unit, flags in self._units.get(name, []):
+            command = (*self._compiler, *FLAGS, *flags, "-c", name, "-o", unit)
+            if command not in self._running:
+                self._running[command] = self._pool.submit(_run, command, self._folder)
+
+    def finish(self, names: Sequence[str], target: Path) -> Compiled:
+        """Compile whichever of these files are not yet, the longest first, and link them.
+
+        Raises:
+            CompilerError: the compiler failed; its message is part of the sentence.
+        """
+        for name in sorted(names, key=lambda name: -(self._folder / name).stat().st_size):
+            self.start(name)
+        for future in self._running.values():
+            future.result()
+        objects = [command[-1] for command in self._running]
+        link = (*self._compiler, "-o", target.name, *objects, *LINK)
+        _run(link, self._folder)
+        for unit in objects:
+            (self._folder / unit).unlink()
+        version = compiler_version(self._compiler)
+        return Compiled((*self._running, link), version, sha256_of(target))
 
 
 def how_to_compile(

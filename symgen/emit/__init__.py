@@ -1,10 +1,11 @@
 """Kernels → the text of a generated folder; knows no robots and no compilers."""
 
-from symgen.emit.files import EmittedRobot, emit
+from symgen.emit.files import Early, EmittedRobot, emit, ignored
 from symgen.emit.forms import Forms, forms_of
 from symgen.emit.ssa import TileProgram, c_body, c_constant, tile_program
 
 __all__ = [
+    "Early",
     "EmittedRobot",
     "Forms",
     "TileProgram",
@@ -12,5 +13,6 @@ __all__ = [
     "c_constant",
     "emit",
     "forms_of",
+    "ignored",
     "tile_program",
 ]

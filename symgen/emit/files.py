@@ -30,8 +30,20 @@ class EmittedRobot:
     model_hash: str
 
 
+Early = Callable[[str, str], None]
+"""Takes name and text of a file that is ready before the others, for a compiler to start on."""
+
+
+def ignored(name: str, text: str) -> None:
+    """The `Early` that waits for all files."""
+
+
 def emit(
-    name: str, kernels: tuple[Kernel, ...], facts: dict[str, Any], versions: dict[str, str]
+    name: str,
+    kernels: tuple[Kernel, ...],
+    facts: dict[str, Any],
+    versions: dict[str, str],
+    early: Early = ignored,
 ) -> EmittedRobot:
     """Render every file of a generated folder.
 
@@ -40,9 +52,14 @@ def emit(
         kernels: in the order in which they appear in the files.
         facts: the model's own part of the manifest, JSON-ready.
         versions: tool → version, for the banner and the manifest.
+        early: is given the reference, which depends on no other file.
     """
-    forms = forms_of(name, kernels)
+    render = _renderer()
     reference = reference_code(kernels)
+    context: dict[str, Any] = {"name": name, "kernels": kernels, "versions": versions}
+    reference_c = render("reference.c.jinja2", context | {"reference": reference})
+    early("reference.c", reference_c)
+    forms = forms_of(name, kernels)
     manifest = {
         "format": 4,
         "robot": name,
@@ -57,21 +74,16 @@ def emit(
     for template in sorted(_TEMPLATES.iterdir()):  # programs and their structs tie both sides too
         digest.update(template.read_bytes())
     manifest["model_hash"] = digest.hexdigest()
-    context: dict[str, Any] = {
-        "name": name,
-        "kernels": kernels,
+    context |= {
         "bodies": forms.bodies,
         "tiles": forms.tiles,
         "products": forms.products,
-        "reference": reference,
         "stack": stack_bounds(kernels, forms, reference),
         "block": BLOCK,
         "manifest": manifest,
-        "versions": versions,
     }
     extras = programs(kernels, forms.tiles, facts)
     context["programs"] = {extra.file: extra.context for extra in extras}
-    render = _renderer()
     files = {
         "manifest.json": json.dumps(manifest, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
         "kernels.c": render("kernels.c.jinja2", context),
@@ -79,7 +91,7 @@ def emit(
         "sines.h": (_TEMPLATES / "sines.h").read_text(encoding="utf-8"),
         "tiles.h": render("tiles.h.jinja2", context),
         "tiles.c": render("tiles.c.jinja2", context),
-        "reference.c": render("reference.c.jinja2", context),
+        "reference.c": reference_c,
         f"{name}.h": render("header.h.jinja2", context),
         "README.md": render("README.md.jinja2", context),
     }

@@ -74,7 +74,7 @@ def _arguments(kernel: Kernel) -> int:
 
 def _reference(kernel: Kernel, body: str) -> int:
     summed = sum(a.size for a in kernel.outputs if a.summed)
-    values = len(set(re.findall(r"\ba\d+\b", body)))
+    values = sum(line.count(",") + 1 for line in _DECLARED.findall(body))
     return FRAMES + NUMBER * (values + summed + 3 * _arguments(kernel))
 
 
@@ -91,4 +91,5 @@ def _tiles(kernel: Kernel, program: TileProgram, width: int) -> int:
     return FRAMES + fixed + max(body, prepare)
 
 
+_DECLARED = re.compile(r"^  casadi_real (a\d.*);$", re.MULTILINE)
 _CALL = re.compile(r"\bvd_(\w+)\(")

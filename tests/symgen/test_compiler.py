@@ -3,6 +3,7 @@
 import ctypes
 import importlib.util
 import os
+import shlex
 import shutil
 import sys
 from pathlib import Path
@@ -12,8 +13,10 @@ import pytest
 from symgen import compiler
 from symgen.compiler import (
     REFERENCE,
+    Compilation,
     compile_library,
     find_compiler,
+    how_to_compile,
     level_names,
     machine,
     sha256_of,
@@ -60,6 +63,28 @@ def test_compiles_and_records(source: Path) -> None:
         for command in done.commands
         for flag in command
     )
+
+
+def test_a_file_that_came_early_is_compiled_once(
+    source: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: started before the others are there, asked for again with them, one command."""
+    log = source.with_name("calls")
+    program = source.with_name("logging-cc")
+    program.write_text(f'#!/bin/sh\necho "$@" >> {log}\nexec {shlex.join(find_compiler())} "$@"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("CC", str(program))
+    later = source.with_name("later.c")
+    with Compilation(source.parent, how_to_compile([source.name, later.name])) as compilation:
+        compilation.start(source.name)
+        later.write_text("double thrice(double x) { return 3.0 * x; }\n")
+        compilation.finish([source.name, later.name], source.with_name("libtwice.so"))
+    assert works(source.with_name("libtwice.so"))
+    calls = log.read_text().splitlines()
+    assert [sum(f"-c {name} " in call for call in calls) for name in ("twice.c", "later.c")] == [
+        1,
+        1,
+    ]
 
 
 def test_complaint_is_shown(source: Path) -> None:

@@ -10,6 +10,11 @@ from symgen.kernel import Argument, Kernel
 Kernels = dict[str, Kernel]
 
 
+def compositions(kernels: Kernels) -> list[Kernel]:
+    """Kernels that are calls; where one that they call is missing, they are written out."""
+    return [k for k in kernels.values() if k.through and kernels.keys() >= set(k.through)]
+
+
 def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
     """Statements for one sample."""
     *maps, last = (kernels[name] for name in kernel.through)

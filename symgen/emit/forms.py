@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from symgen.emit.composition import composed_body, composed_program
+from symgen.emit.composition import composed_body, composed_program, compositions
 from symgen.emit.product import Product, product, product_program
 from symgen.emit.ssa import TileProgram, c_body, tile_program
 from symgen.kernel import Kernel
@@ -34,8 +34,9 @@ def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
         BuildError: an instruction has no C text.
     """
     by_name = {kernel.name: kernel for kernel in kernels}
-    whole = [kernel for kernel in kernels if not (kernel.factors or kernel.through)]
-    composed = [kernel for kernel in kernels if kernel.through]
+    composed = compositions(by_name)
+    called = {kernel.name for kernel in composed}
+    whole = [kernel for kernel in kernels if not kernel.factors and kernel.name not in called]
     bodies = {kernel.name: c_body(kernel) for kernel in whole}
     bodies |= {k.name: composed_body(robot, k, by_name) for k in composed}
     tiles = {kernel.name: tile_program(kernel) for kernel in whole if not kernel.rare}

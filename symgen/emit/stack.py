@@ -8,7 +8,7 @@ for the deepest chain of calls within a file; the C library's functions come on 
 import re
 from dataclasses import dataclass
 
-from symgen.emit.composition import composed_numbers
+from symgen.emit.composition import composed_numbers, compositions
 from symgen.emit.forms import Forms
 from symgen.emit.reference import ReferenceCode
 from symgen.emit.ssa import TileProgram
@@ -46,7 +46,7 @@ def stack_bounds(
 ) -> StackBounds:
     """Bounds for every kernel and every width of a vector."""
     by_name = {k.name: k for k in kernels}
-    composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in kernels if k.through}
+    composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in compositions(by_name)}
     one = {k: FRAMES + NUMBER * len(lines) for k, lines in forms.bodies.items()}
     for name, own in composed.items():
         one[name] += own + max(one[called] for called in by_name[name].through)

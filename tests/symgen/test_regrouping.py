@@ -7,6 +7,7 @@ import pytest
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.dynamics import sampled_regressor
+from symgen.emit import forms_of
 from symgen.inertia import N_PARAMETERS, PI_NAMES
 from symgen.kernel import Kernel
 from symgen.regrouping import regrouped
@@ -78,3 +79,14 @@ def test_torque_goes_through_base_parameters_that_lose_nothing() -> None:
     assert kernels_of(tilted(0.0))["inverse_dynamics"].through == base
     assert kernels_of(tilted(1e-6))["inverse_dynamics"].through == ()
     assert kernels_of(tilted(0.1))["inverse_dynamics"].through == base
+
+
+def test_a_kernel_whose_parts_are_missing_is_written_out() -> None:
+    """Property: calls where all parts are there, else the kernel's own statements."""
+    kernels = kernels_of(tilted(0.0))
+    torque = kernels["torque"]
+    parts = (*(kernels[name] for name in torque.through), torque)
+    together, alone = forms_of("r", parts), forms_of("r", parts[1:])
+    assert together.bodies["torque"][-1] == "r_base_inverse_dynamics(q, dq, ddq, beta, tau);"
+    assert any("exp(" in line for line in alone.bodies["torque"])
+    assert together.tiles["torque"].operations == alone.tiles["torque"].operations

@@ -30,12 +30,12 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     grouped = regrouped(chain, pi)
     predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, grouped)
     from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
+    to_base = ("base_parameters", "base_inverse_dynamics")
     torque = ca.substitute(from_base, beta, _times(base.matrix, dynamics.pi_from_lam_all(lam)))
     pi_own_, beta_own_ = Argument("pi", (P * n,), "SI"), Argument("beta", (b,), "SI")
     slope_ = Argument("slope", (b,), "d cost / d beta")
     pi_own, slope_of_beta = pi_own_.symbol(), slope_.symbol()
     residual = from_base - tau
-    to_base = ("base_parameters", "base_inverse_dynamics")
     loss = ca.dot(residual, weight * residual) / 2
     slope = ca.jtimes(from_base, beta, weight * residual, True)
     return (

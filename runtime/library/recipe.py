@@ -20,8 +20,8 @@ REFERENCE = "casadi"
 _FLAG = re.compile(
     r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-O[0-3]|-shared|-lm"
     r"|-ffp-contract=fast|-fno-tree-(slp-)?vectorize"
-    r"|-fno-(tree-(dse|vrp|dominator-opts)|dse|ipa-(icf|modref|cp|sra)|ree)"
-    r"|-fno-(cprop-registers|rerun-cse-after-loop)|--param=lra-max-considered-reload-pseudos=20"
+    r"|-fno-(tree-dse|tree-vrp|ipa-(icf|modref|sra)|cprop-registers|rerun-cse-after-loop|ree)"
+    r"|--param=lra-max-considered-reload-pseudos=20"
     r"|-D(LEVEL|W)=[a-z0-9]{1,16}|-march=x86-64-v[234]"
 )
 _FILE = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,80}\.(c|h|json|md|urdf)")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
-from symgen.inertia import N_PARAMETERS, mass_moment_inertia, pi_from_lam
+from symgen.inertia import N_PARAMETERS, bodies_of, pi_from_lam
 from symgen.spatial import Matrix, axis_rotation
 
 Array = NDArray[np.float64]
@@ -85,11 +85,12 @@ def inverse_dynamics(
         accel.append(a_here)
         spread.append(_spread(w_here, al_here))
 
+    bodies = bodies_of(pi)
     force, moment = [zero] * n, [zero] * n
     tau: list[Matrix] = [0] * n
     for i in reversed(range(n)):
         joint, pose = chain.joints[i], poses[i]
-        mass, h, inertia = mass_moment_inertia(pi[N_PARAMETERS * i : N_PARAMETERS * (i + 1)])
+        mass, h, inertia = bodies[i]
         w, al, a = omega[i], alpha[i], accel[i]
         f = force[i] + mass * a + ca.mtimes(spread[i], h)
         m = moment[i] + _euler_moment(inertia, w, al, spread[i]) + ca.cross(h, a)

@@ -38,6 +38,17 @@ def mass_moment_inertia(pi: Matrix) -> Body:
     return pi[0], pi[1:4], inertia
 
 
+def bodies_of(pi: Matrix) -> list[Body]:
+    """The bodies of π of all links, link by link."""
+    links = range(0, pi.numel(), N_PARAMETERS)
+    return [mass_moment_inertia(pi[k : k + N_PARAMETERS]) for k in links]
+
+
+def joined(a: Body, b: Body) -> Body:
+    """Two bodies, seen from the same frame, as one."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
 def pi_of_body(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
     """π of m, m·c and I about the link origin."""
     i = inertia

@@ -11,7 +11,7 @@ import casadi as ca
 
 from symgen.chain import Chain
 from symgen.dynamics import inverse_dynamics, joint_pose
-from symgen.inertia import N_PARAMETERS, mass_moment_inertia
+from symgen.inertia import bodies_of
 from symgen.spatial import Matrix
 
 
@@ -38,6 +38,7 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
     drop: list[Matrix] = []  # g · p
     zero, gravity = ca.SX(3, 1), ca.SX(ca.DM(chain.gravity))
     kinetic, potential = ca.SX(0), ca.SX(0)
+    bodies = bodies_of(pi)
     for i, joint in enumerate(chain.joints):
         pose, root = joint_pose(joint, q[i]), joint.parent < 0
         w, v = (zero, zero) if root else (omega[joint.parent], speed[joint.parent])
@@ -52,7 +53,7 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
         speed.append(v_here)
         down.append(ca.mtimes(back, g))
         drop.append(fall + ca.dot(g, p))
-        mass, h, inertia = mass_moment_inertia(pi[N_PARAMETERS * i : N_PARAMETERS * (i + 1)])
+        mass, h, inertia = bodies[i]
         spin = ca.dot(w_here, ca.mtimes(inertia, w_here)) / 2
         lever = ca.dot(h, ca.cross(v_here, w_here))
         kinetic = kinetic + mass * ca.dot(v_here, v_here) / 2 + lever + spin

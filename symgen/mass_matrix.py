@@ -10,7 +10,7 @@ import casadi as ca
 
 from symgen.chain import Chain
 from symgen.dynamics import bias_forces, joint_pose
-from symgen.inertia import N_PARAMETERS, mass_moment_inertia, seen_from
+from symgen.inertia import bodies_of, joined, seen_from
 from symgen.spatial import Matrix
 
 
@@ -27,7 +27,7 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
     """
     n = len(chain.joints)
     poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
-    beyond = [mass_moment_inertia(pi[N_PARAMETERS * i : N_PARAMETERS * (i + 1)]) for i in range(n)]
+    beyond = bodies_of(pi)
     m = ca.SX(n, n)
     for i in reversed(range(n)):
         joint, pose = chain.joints[i], poses[i]
@@ -46,9 +46,8 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
             couple += ca.cross(at.translation, force)
             k = chain.joints[k].parent
         if joint.parent >= 0:
-            own = beyond[joint.parent]
             more = seen_from(pose.rotation, pose.translation, beyond[i])
-            beyond[joint.parent] = (own[0] + more[0], own[1] + more[1], own[2] + more[2])
+            beyond[joint.parent] = joined(beyond[joint.parent], more)
     return ca.densify(m)
 
 

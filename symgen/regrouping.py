@@ -8,7 +8,7 @@ Source: Gautier & Khalil, IEEE T-RA 6(3), 1990 (Table 3.2), for trees and any pl
 import casadi as ca
 
 from symgen.chain import Chain, Joint
-from symgen.inertia import N_PARAMETERS, Body, mass_moment_inertia, pi_of_body, seen_from
+from symgen.inertia import Body, bodies_of, joined, pi_of_body, seen_from
 from symgen.spatial import Matrix
 
 
@@ -22,15 +22,13 @@ def regrouped(chain: Chain, pi: Matrix) -> Matrix:
     Returns:
         (10 n,); on an arm of revolute joints every link keeps seven entries, none of them mass.
     """
-    n = len(chain.joints)
-    bodies = [mass_moment_inertia(pi[N_PARAMETERS * i : N_PARAMETERS * (i + 1)]) for i in range(n)]
-    for i in reversed(range(n)):
-        joint = chain.joints[i]
+    bodies = bodies_of(pi)
+    for i, joint in reversed(list(enumerate(chain.joints))):
         bodies[i], given = _split(joint, bodies[i])
         if joint.parent >= 0:  # the base does not move: what it is given is silent
             rotation, translation = ca.SX(ca.DM(joint.rotation)), ca.DM(joint.translation)
-            own, more = bodies[joint.parent], seen_from(ca.sparsify(rotation), translation, given)
-            bodies[joint.parent] = (own[0] + more[0], own[1] + more[1], own[2] + more[2])
+            more = seen_from(ca.sparsify(rotation), translation, given)
+            bodies[joint.parent] = joined(bodies[joint.parent], more)
     return ca.vertcat(*(pi_of_body(*body) for body in bodies))
 
 

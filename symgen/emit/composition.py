@@ -4,6 +4,8 @@ Its last input goes through maps, inputs that it does not have are zero. Written
 the text of the kernel it calls once more, for the compiler to work through at every level.
 """
 
+from collections.abc import Iterator
+
 from symgen.emit.ssa import TileProgram
 from symgen.kernel import Argument, Kernel
 
@@ -68,10 +70,10 @@ def _missing(kernel: Kernel, last: Kernel) -> list[Argument]:
 def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[str]:
     """Calls of the maps, one after the other, link by link where they are of one link."""
     lines = list[str]()
-    given, length = kernel.inputs[-1].name, kernel.inputs[-1].size
-    for one in maps:
+    given = kernel.inputs[-1].name
+    for one, count in _with_counts(kernel, maps):
         (own,), (made,) = one.inputs, one.outputs
-        count, target = length // own.size, made.name
+        target = made.name
         if one is maps[-1]:
             target = last
         else:
@@ -85,14 +87,20 @@ def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[s
                 f"    {robot}_{one.name}({at}, {to});",
                 "}",
             ]
-        given, length = target, count * made.size
+        given = target
     return lines
 
 
 def composed_numbers(kernel: Kernel, kernels: Kernels) -> int:
     """Numbers that the calls keep on the stack at most: every image."""
-    length, kept = kernel.inputs[-1].size, 0
-    for one in (kernels[name] for name in kernel.through[:-1]):
-        length = length // one.inputs[0].size * one.outputs[0].size
-        kept += length
-    return kept
+    maps = [kernels[name] for name in kernel.through[:-1]]
+    return sum(count * one.outputs[0].size for one, count in _with_counts(kernel, maps))
+
+
+def _with_counts(kernel: Kernel, maps: list[Kernel]) -> Iterator[tuple[Kernel, int]]:
+    """Each map and how often it is called: once per piece of what the one before has made."""
+    length = kernel.inputs[-1].size
+    for one in maps:
+        count = length // one.inputs[0].size
+        length = count * one.outputs[0].size
+        yield one, count

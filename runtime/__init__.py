@@ -7,15 +7,15 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
     result = runtime.identify(recording, lib)
 """
 
-from runtime.descent import Preset
-from runtime.fitting import PRESETS
-from runtime.gains import Gains, identify_gains
-from runtime.identification import Identification, identify
-from runtime.ladder import choose_friction
+from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.fit import PRESETS
+from runtime.estimators.methods import METHODS
+from runtime.identification.online import OnlineEstimate, OnlineEstimator
+from runtime.identification.payload import Payload, identify_payload
+from runtime.identification.sensor_gains import Gains, identify_gains
+from runtime.identification.single_log import Identification, identify
+from runtime.inspection.friction_choice import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
-from runtime.methods import METHODS
-from runtime.online import OnlineEstimate, OnlineEstimator
-from runtime.payload import Payload, identify_payload
 from runtime.recording import Recording, read_recording, write_recording
 
 __all__ = [

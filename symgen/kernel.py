@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from symgen.errors import BuildError
-from symgen.spatial import Matrix
+from symgen.mechanics.spatial import Matrix
 
 
 @dataclass(frozen=True, slots=True)

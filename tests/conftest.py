@@ -13,20 +13,40 @@ import pytest
 from hypothesis import settings
 
 from runtime.library import Library, load
-from symgen.build import build, is_current
-from symgen.request import BuildRequest, bundled_request
+from symgen.build.pipeline import build, is_current
+from symgen.build.request import BuildRequest, bundled_request
 from tests.robots import CASES
 
 REPOSITORY = Path(__file__).parents[1]
 
 FIRST = (
-    *("symgen/test_dynamics.py", "symgen/test_memory.py", "test_readme.py", "test_bench.py"),
-    *("runtime/test_excitation_robots.py", "symgen/test_build_processes.py"),
-    *("symgen/test_objects.py", "runtime/test_statistics.py", "symgen/test_build.py"),
-    *("runtime/test_cli.py", "symgen/test_build_failures.py", "runtime/test_doctor.py"),
-    *("symgen/test_cli.py", "runtime/test_excitation.py", "runtime/test_experiments.py"),
-    *("symgen/test_compiler.py", "test_tutorials.py", "test_packages.py", "test_fuzz.py"),
-    *("runtime/test_experiments_cluster.py", "runtime/test_excitation_cluster.py"),
+    *(
+        "symgen/mechanics/test_dynamics.py",
+        "symgen/test_memory.py",
+        "test_readme.py",
+        "test_bench.py",
+    ),
+    *("runtime/excitation/test_robots.py", "symgen/build/test_build_processes.py"),
+    *(
+        "symgen/test_objects.py",
+        "runtime/estimators/regression/test_factor.py",
+        "symgen/build/test_build.py",
+    ),
+    *(
+        "runtime/cli/test_cli.py",
+        "symgen/build/test_build_failures.py",
+        "runtime/inspection/test_inspection.py",
+    ),
+    *(
+        "symgen/test_cli.py",
+        "runtime/excitation/test_excitation.py",
+        "runtime/experiments/test_experiments.py",
+    ),
+    *("symgen/build/test_compiler.py", "test_tutorials.py", "test_packages.py", "test_fuzz.py"),
+    *(
+        "runtime/experiments/test_experiments_cluster.py",
+        "runtime/excitation/search/test_dask_workers.py",
+    ),
 )
 """Files of a dozen seconds and more, roughly from the longest on."""
 

@@ -194,8 +194,8 @@ def test_numpy_computes_the_same(home: Path, build: Any, monkeypatch: pytest.Mon
     monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
     from bench import doors, numpy_identify
 
+    from runtime.estimators.regression import compress
     from runtime.excitation import ConditionCost
-    from runtime.statistics import compress
 
     setting = doors.setting(load(home / "generated" / build["robot"]))
     lib, t = setting.lib, setting.trajectory

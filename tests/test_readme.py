@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from runtime.estimators.prior_file import read_prior
 from runtime.excitation import Trajectory
-from runtime.loop import read_loop
-from runtime.prior_file import read_prior
+from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
-from runtime.trajectory_file import write_motion
+from runtime.simulation.controller_file import read_loop
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -8,7 +8,6 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from runtime.assembly import Assembly, assemble
 from runtime.cli.common import Robot, Seed, command_line, console, say
 from runtime.cli.options import (
     AUTO,
@@ -28,14 +27,21 @@ from runtime.cli.options import (
     read_data,
 )
 from runtime.cli.progress import TOLD, counting
-from runtime.comparison import Comparison, Truth, compare, read_truth, write_comparison
-from runtime.comparison.output import HEAD, LEGEND, cells
-from runtime.comparison.truth import beside
+from runtime.estimators.methods import METHODS
+from runtime.estimators.regression.samples import FROM_STATISTICS
+from runtime.identification.comparison import (
+    Comparison,
+    Truth,
+    compare,
+    read_truth,
+    write_comparison,
+)
+from runtime.identification.comparison.output import HEAD, LEGEND, cells
+from runtime.identification.comparison.truth import beside
+from runtime.identification.long_logs import assemble_streamed, require_streamable
+from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import load
-from runtime.loop import read_loop
-from runtime.methods import METHODS
-from runtime.objective import FROM_STATISTICS
-from runtime.streaming import assemble_streamed, require_streamable
+from runtime.simulation.controller_file import read_loop
 
 
 def compare_command(
@@ -140,7 +146,7 @@ def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | No
 
 
 def _finish(facts: dict[str, Any], folder: Path) -> None:
-    from runtime.report import write_report  # matplotlib is slow to import
+    from runtime.outputs.report import write_report  # matplotlib is slow to import
 
     title = f"{facts['robot']}, {facts['recording']['name']}: every method"
     table = Table(title=title, box=SIMPLE_HEAD, padding=0, title_justify="left")

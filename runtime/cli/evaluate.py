@@ -6,18 +6,18 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime import metrics
 from runtime.cli.common import console, preparation_of, say, torque_table
 from runtime.cli.options import Rate
-from runtime.datasets import locate
-from runtime.identification import torque_of
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification import metrics
+from runtime.identification.result_file import error_facts
+from runtime.identification.saved_result import read_result, require_model
+from runtime.identification.single_log import torque_of
 from runtime.library import load
-from runtime.objective import samples_of
-from runtime.plausibility import require_plausible
-from runtime.preprocessing import is_filtered, prepare
 from runtime.recording import Preparation, read_recording
-from runtime.results import error_facts
-from runtime.saved import read_result, require_model
+from runtime.recording.datasets import locate
+from runtime.recording.plausibility import require_plausible
+from runtime.recording.preprocessing import is_filtered, prepare
 
 ALIKE = "the log is prepared as that of identify was; --cutoff and --rate replace it"
 RAW = (

@@ -9,11 +9,9 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from runtime.certificate import certificate, pulled_inside, require_speed, slowed
+from runtime.cli.certificate_table import certificate_table, notes, safety_of
 from runtime.cli.common import Robot, Seed, console, say
-from runtime.cli.prediction import EarlierLogs, PayloadAlone, information_of, tell
-from runtime.cli.safety import certificate_table, notes, safety_of
-from runtime.course import course
+from runtime.cli.predict_tables import EarlierLogs, PayloadAlone, information_of, tell
 from runtime.errors import RuntimeFault
 from runtime.excitation import (
     BASES,
@@ -25,14 +23,16 @@ from runtime.excitation import (
     design,
     predict,
 )
-from runtime.excitation.relatives import relatives
-from runtime.excitation.safety import TABLE_MARGIN
+from runtime.excitation.limits.safety import TABLE_MARGIN
+from runtime.excitation.motion_export import export_trajectory, require_proof
+from runtime.excitation.motion_profile import course
+from runtime.excitation.proof.certificate import certificate, pulled_inside, require_speed, slowed
+from runtime.excitation.search.variations import relatives
+from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library, load
+from runtime.parallel import cores
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
-from runtime.threads import cores
-from runtime.trajectory_export import export_trajectory, require_proof
-from runtime.trajectory_file import write_trajectory
 
 WORTH_PROCESSES = {True: 10, False: 4}
 """Starts from which on more processes, which take two seconds to begin, end earlier, as long as
@@ -40,7 +40,7 @@ one start itself with all limits; in document mode it takes a third of that."""
 
 
 class Export(StrEnum):
-    """Kinds of files, see `runtime.trajectory_export`."""
+    """Kinds of files, see `runtime.excitation.motion_export`."""
 
     csv = "csv"
     npz = "npz"
@@ -212,7 +212,7 @@ def excite_command(
     if not export:
         written.append(_log(found, lib, rate, path.with_suffix(".csv")))
     if plot:
-        from runtime.report.trajectory import write_pictures  # matplotlib loads slowly
+        from runtime.outputs.report.trajectory import write_pictures  # matplotlib loads slowly
 
         shown = course(lib, found.trajectory, safety)
         written += write_pictures(shown, path.with_suffix(".png"))

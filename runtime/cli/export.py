@@ -8,9 +8,9 @@ import typer
 from runtime.cli.common import say
 from runtime.cli.options import listed
 from runtime.errors import ExportError
-from runtime.export import FORMATS, export_model
+from runtime.identification.saved_result import read_result, require_model
 from runtime.library import load
-from runtime.saved import read_result, require_model
+from runtime.outputs.model_files import FORMATS, export_model
 
 
 def export_command(

@@ -8,14 +8,14 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.atomic import replacing
 from runtime.cli.common import Robot, command_line, console, preparation_of, say
 from runtime.cli.options import CarryingLink, CoulombSpeed, Rate, Recipe, Run, friction_of
 from runtime.errors import RecordingError
-from runtime.gains import Gains, identify_gains
+from runtime.files import replacing
+from runtime.identification.payload import read_known
+from runtime.identification.payload.output import NORMAL_95
+from runtime.identification.sensor_gains import Gains, identify_gains
 from runtime.library import load
-from runtime.payload import read_known
-from runtime.payload.output import NORMAL_95
 from runtime.recording import Recipe as Plan
 from runtime.recording import plan_of, read_recording, recipe_text
 

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.baselines import INPUTS
 from runtime.cli.common import Robot, Seed, command_line, console, say, torque_table
 from runtime.cli.options import (
     AUTO,
@@ -25,19 +24,20 @@ from runtime.cli.options import (
     read_data,
 )
 from runtime.cli.progress import TOLD, counting
-from runtime.cli.sessions import Logs, PayloadOf, identify_several, runs_of, tell_study
+from runtime.cli.several_logs import Logs, PayloadOf, identify_several, runs_of, tell_study
 from runtime.errors import IdentificationError
-from runtime.export import write_urdf
-from runtime.fitting import PRESETS
-from runtime.identification import Identification, identify
+from runtime.estimators.classical import INPUTS
+from runtime.estimators.descent.fit import PRESETS
+from runtime.estimators.methods import METHODS
+from runtime.estimators.prior_file import read_prior
+from runtime.identification.long_logs import identify_streamed, require_streamable
+from runtime.identification.result_file import write_result
+from runtime.identification.several_logs import Study
+from runtime.identification.single_log import Identification, identify
 from runtime.library import Library, load
-from runtime.loop import read_loop
-from runtime.methods import METHODS
-from runtime.prior_file import read_prior
+from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
-from runtime.results import write_result
-from runtime.sessions import Study
-from runtime.streaming import identify_streamed, require_streamable
+from runtime.simulation.controller_file import read_loop
 
 
 def identify_command(
@@ -181,7 +181,7 @@ def _with_progress(
 
 
 def _finish(result: Identification, folder: Path, study: Study | None = None) -> None:
-    from runtime.report import write_report  # matplotlib is slow to import
+    from runtime.outputs.report import write_report  # matplotlib is slow to import
 
     facts = write_result(result, folder, command_line(), study.facts() if study else None)
     console.print(torque_table(facts))

@@ -8,11 +8,11 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from runtime.atomic import replacing
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.options import Log, Run
-from runtime.doctor import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 from runtime.errors import RecordingError
+from runtime.files import replacing
+from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 from runtime.library import load
 
 _COLOURS = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
@@ -64,7 +64,7 @@ def inspect_command(
     if recipe_out is not None:
         _write_recipe(recipe_out, recipe_text(found).encode())
     if plot is not None:
-        from runtime.report.log import draw_log  # matplotlib is slow to import
+        from runtime.outputs.report.log import draw_log  # matplotlib is slow to import
 
         draw_log(found.recording, plot, found.rest)
     if as_json:

@@ -11,11 +11,11 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import console, numbers_option, preparation_of
-from runtime.cutoff import CutoffChoice, choose_cutoff
-from runtime.differentiation import settled_regressor
 from runtime.errors import IdentificationError, RecordingError
-from runtime.friction import COLUMNS
-from runtime.ladder import Choice, choose_friction
+from runtime.identification.long_logs import head_of
+from runtime.inspection.cutoff_choice import CutoffChoice, choose_cutoff
+from runtime.inspection.friction_choice import Choice, choose_friction
+from runtime.inspection.regressor_choice import settled_regressor
 from runtime.library import Library
 from runtime.recording import (
     REGRESSORS,
@@ -28,7 +28,7 @@ from runtime.recording import (
     open_streamed,
     read_recording,
 )
-from runtime.streaming import head_of
+from runtime.recording.friction import COLUMNS
 
 AUTO = "auto"
 """Instead of columns or a cut-off: let the data choose."""

@@ -9,8 +9,7 @@ from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, preparation_of, say
 from runtime.cli.options import CarryingLink, Rate, Recipe, Run
-from runtime.library import load
-from runtime.payload import (
+from runtime.identification.payload import (
     Payload,
     arm_model,
     identify_payload,
@@ -18,8 +17,9 @@ from runtime.payload import (
     read_arm_model,
     write_payload,
 )
-from runtime.payload.body import NAMES
-from runtime.payload.output import NORMAL_95
+from runtime.identification.payload.body import NAMES
+from runtime.identification.payload.output import NORMAL_95
+from runtime.library import load
 from runtime.recording import read_recording
 
 _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)

@@ -6,7 +6,22 @@ from typing import Annotated
 
 import typer
 
-from runtime.accuracy import (
+from runtime.cli.common import Robot, console, say
+from runtime.cli.options import Asked, Cutoff, Recipe, Run, read_data
+from runtime.cli.predict_situation import Situation, situation_of
+from runtime.cli.predict_tables import (
+    EarlierLogs,
+    PayloadAlone,
+    base_table,
+    link_table,
+    payload_sentence,
+    torque_sentence,
+    worth_table,
+)
+from runtime.excitation.search.information import NOISE, RATE, information
+from runtime.excitation.search.prediction import FRICTION, unseen_joints
+from runtime.excitation.trajectory_file import read_trajectory
+from runtime.identification.expected_accuracy import (
     SECONDS,
     Expected,
     Moved,
@@ -19,24 +34,9 @@ from runtime.accuracy import (
     planned,
     verdict,
 )
-from runtime.cli.common import Robot, console, say
-from runtime.cli.options import Asked, Cutoff, Recipe, Run, read_data
-from runtime.cli.prediction import (
-    EarlierLogs,
-    PayloadAlone,
-    base_table,
-    link_table,
-    payload_sentence,
-    torque_sentence,
-    worth_table,
-)
-from runtime.cli.situation import Situation, situation_of
-from runtime.excitation.information import NOISE, RATE, information
-from runtime.excitation.prediction import FRICTION, unseen_joints
 from runtime.library import Array, Library, load
 from runtime.recording import Friction
 from runtime.simulation import sample_times
-from runtime.trajectory_file import read_trajectory
 
 SAME = "same"
 """Instead of a motion: this one again."""
@@ -207,7 +207,7 @@ def _worths(
 
 
 def _draw(situation: Situation, more: str | None, asked: Asked, path: Path) -> None:
-    from runtime.report.growth import draw_growth  # matplotlib loads slowly
+    from runtime.outputs.report.growth import draw_growth  # matplotlib loads slowly
 
     lib = situation.lib
     further = None if more in {None, SAME} else _further(situation, str(more), asked)

@@ -37,8 +37,8 @@ def report_command(
     python -m runtime report results/experiments --markdown tables.md --figures figures
     """
     # matplotlib is slow to import
-    from runtime.report import write_report
-    from runtime.report.experiments import is_experiments, write_experiments
+    from runtime.outputs.report import write_report
+    from runtime.outputs.report.experiments import is_experiments, write_experiments
 
     page = out or results / "report.html"
     if is_experiments(results):

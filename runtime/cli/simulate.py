@@ -11,12 +11,12 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
-from runtime.atomic import replacing
 from runtime.cli.common import Robot, Seed, console, say
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, design
+from runtime.excitation.trajectory_file import read_trajectory, write_motion
+from runtime.files import replacing
 from runtime.library import Library, load
-from runtime.loop import Loop, write_loop
 from runtime.recording import Recording, write_recording
 from runtime.simulation import (
     Controller,
@@ -28,7 +28,7 @@ from runtime.simulation import (
     record,
     settings_of,
 )
-from runtime.trajectory_file import read_trajectory, write_motion
+from runtime.simulation.controller_file import Loop, write_loop
 
 
 class Engine(StrEnum):

@@ -7,11 +7,11 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from runtime.atomic import replacing
 from runtime.cli.common import Robot, say
+from runtime.files import replacing
 from runtime.library import load
-from runtime.view import Player, Scene, look_of, read_motion
-from runtime.view.scene import FRAME_S
+from runtime.outputs.viewer import Player, Scene, look_of, read_motion
+from runtime.outputs.viewer.scene import FRAME_S
 
 
 def view_command(

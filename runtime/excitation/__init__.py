@@ -5,23 +5,23 @@ column-normalised base regressor at equally spaced samples (Eq. 3.29) with its e
 the generated adjoint; the limits are linear in a.
 """
 
-from runtime.excitation.basis import BASES, COSINE, Basis, basis_of, fourier_basis
-from runtime.excitation.cost import COST_SAMPLES, ConditionCost
-from runtime.excitation.criteria import log_condition
-from runtime.excitation.design import LONGEST, Design, design
-from runtime.excitation.goals import CRITERIA
-from runtime.excitation.information import Information, information
-from runtime.excitation.limits import (
+from runtime.excitation.limits.joint_limits import (
     DEFAULT_ACCELERATION,
     DEFAULT_RANGE,
     LIMIT_STEP,
     Limits,
     whitening,
 )
-from runtime.excitation.prediction import Prediction, covariance_of, predict, torque_band
-from runtime.excitation.safety import Safety
-from runtime.excitation.search import START
-from runtime.excitation.trajectory import Trajectory
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.motion.basis import BASES, COSINE, Basis, basis_of, fourier_basis
+from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.search.condition_cost import COST_SAMPLES, ConditionCost
+from runtime.excitation.search.criteria import CRITERIA
+from runtime.excitation.search.design import LONGEST, Design, design
+from runtime.excitation.search.information import Information, information
+from runtime.excitation.search.measures import log_condition
+from runtime.excitation.search.prediction import Prediction, covariance_of, predict, torque_band
+from runtime.excitation.search.single_start import START
 
 __all__ = [
     "BASES",

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from runtime.documents import json_of
 from runtime.errors import RuntimeFault
-from runtime.experiments.chunks import Chunks, arrow, missing
-from runtime.experiments.lock import locked
-from runtime.experiments.outcome import (
+from runtime.experiments.registry import STUDIES
+from runtime.experiments.storage.chunks import Chunks, arrow, missing
+from runtime.experiments.storage.lock import locked
+from runtime.experiments.storage.result_files import (
     CONFIG,
     RESULT,
     SERIES,
@@ -24,11 +24,11 @@ from runtime.experiments.outcome import (
     write_json,
     write_outcome,
 )
-from runtime.experiments.registry import STUDIES
 from runtime.experiments.study import Arrays, Config, Row, Study, config_facts, config_hash
 from runtime.experiments.workers import on_workers
+from runtime.files import json_of
 from runtime.library import Library
-from runtime.threads import cores, one_blas_thread
+from runtime.parallel import cores, one_blas_thread
 
 DEFAULT_TRIALS = 150
 """Of the document."""

@@ -8,9 +8,9 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from runtime.cluster import on_cluster
 from runtime.experiments.study import Arrays, Config, Row, Study
 from runtime.library import Library, load
+from runtime.parallel import on_cluster
 
 _here = threading.local()
 """What a worker's thread has prepared last, and its key."""
@@ -38,7 +38,7 @@ def on_workers(
     """Rows of every run of trials, as they end.
 
     Raises:
-        IdentificationError: see `runtime.cluster.on_cluster`.
+        IdentificationError: see `runtime.parallel.on_cluster`.
     """
     sent = Sent(study.name, config, dict(needed), lib.folder.resolve(), lib.level)
     return on_cluster(_rows, sent, [runs], scheduler, f"a chunk of '{study.name}'")

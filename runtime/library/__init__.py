@@ -5,9 +5,14 @@ argument given once, such as π, serves all samples.
 """
 
 from runtime.library.binding import Array
-from runtime.library.closed_loop import NOT_POSITIVE, CompiledLoop, LoopBody, LoopLaw
-from runtime.library.convex import CompiledConvex, ConvexAnswer, ConvexTask
-from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
+from runtime.library.compiled_closed_loop import NOT_POSITIVE, CompiledLoop, LoopBody, LoopLaw
+from runtime.library.compiled_convex import CompiledConvex, ConvexAnswer, ConvexTask
+from runtime.library.compiled_descent import (
+    AdamProblem,
+    CompiledAdam,
+    CompiledLevenberg,
+    LeastSquares,
+)
 from runtime.library.library import Library
 from runtime.library.load import load
 from runtime.library.manifest import (

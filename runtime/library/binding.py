@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import LibraryError, ShapeError
 from runtime.library.manifest import ArgumentFacts, KernelFacts, Manifest
-from runtime.library.opening import AGAIN, open_library
-from runtime.threads import cores
+from runtime.library.open_library import AGAIN, open_library
+from runtime.parallel import cores
 
 Array = NDArray[np.float64]
 

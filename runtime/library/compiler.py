@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.progress import Progress, TimeElapsedColumn
 
 from runtime.errors import LibraryError
-from runtime.library.recipe import CompileRecipe
-from runtime.threads import cores
+from runtime.library.compile_recipe import CompileRecipe
+from runtime.parallel import cores
 
 Words = tuple[str, ...]
 

@@ -9,15 +9,20 @@ import numpy as np
 
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
-from runtime.library.bodies import BodyKernels
-from runtime.library.closed_loop import CompiledLoop, LoopBody, LoopLaw
-from runtime.library.convex import CompiledConvex, ConvexTask
-from runtime.library.descent import AdamProblem, CompiledAdam, CompiledLevenberg, LeastSquares
-from runtime.library.excitation import CompiledExcitation, ExcitationFunctions
+from runtime.library.body_kernels import BodyKernels
+from runtime.library.compiled_closed_loop import CompiledLoop, LoopBody, LoopLaw
+from runtime.library.compiled_convex import CompiledConvex, ConvexTask
+from runtime.library.compiled_descent import (
+    AdamProblem,
+    CompiledAdam,
+    CompiledLevenberg,
+    LeastSquares,
+)
+from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
+from runtime.library.compiled_statistics import CompiledStatistics
 from runtime.library.manifest import read_manifest
-from runtime.library.motion import MotionKernels
-from runtime.library.safety import SafetyKernels
-from runtime.library.statistics import CompiledStatistics
+from runtime.library.motion_kernels import MotionKernels
+from runtime.library.safety_kernels import SafetyKernels
 
 
 class Library(MotionKernels, SafetyKernels, BodyKernels):
@@ -147,7 +152,7 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         return function
 
     def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
-        """log cond W̄_b and its gradient in C, see `runtime.excitation`; None without at this level.
+        """log cond W̄_b and its gradient in C, see `excitation`; None without at this level.
 
         Args:
             home: (n,) rad or m.

@@ -2,10 +2,11 @@
 
 from runtime.recording.consistency import check_consistency
 from runtime.recording.reader import plan_of, read_recording
-from runtime.recording.recipe import REGRESSORS, Friction, Preparation, Recipe, Split
-from runtime.recording.recipe_file import bundled_names, load_recipe
-from runtime.recording.recipe_text import recipe_text
+from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
+from runtime.recording.recipes.recipe_text import recipe_text
 from runtime.recording.recording import Recording
+from runtime.recording.settings import REGRESSORS, Friction, Preparation, Split
 from runtime.recording.streamed import StreamedRecording, is_large, open_streamed
 from runtime.recording.writer import write_recording
 

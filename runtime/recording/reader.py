@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime import datasets
 from runtime.errors import RecordingError
+from runtime.recording import datasets
 from runtime.recording.consistency import check_consistency
-from runtime.recording.conversion import converted, usable_rows
-from runtime.recording.files import Files, is_bag, parts_of
-from runtime.recording.recipe import Recipe
-from runtime.recording.recipe_file import bundled_names, load_recipe
+from runtime.recording.formats.tables import Table
+from runtime.recording.log_files import Files, is_bag, parts_of
+from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 from runtime.recording.recording import FloatArray, Recording
-from runtime.recording.tables import Table
+from runtime.recording.unit_conversion import converted, usable_rows
 
 
 def read_recording(

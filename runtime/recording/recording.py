@@ -2,7 +2,7 @@
 
 All quantities are SI, joint side, in the joint order of the model. τ is the torque that the motors
 apply, so that it has the sign of the inverse dynamics. How a log file becomes a recording is the
-business of `reader`; what one does with it afterwards is the business of `runtime.preprocessing`.
+business of `reader`; what one does with it afterwards is the business of `preprocessing`.
 """
 
 import dataclasses
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.recipe import Preparation, Recipe
+from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.settings import Preparation
 
 FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")

@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.conversion import converted
-from runtime.recording.files import SUFFIXES, Files, columns_of, is_bag, parts_of
-from runtime.recording.in_place import NpzRows, ParquetRows, Rows
-from runtime.recording.joint_states import MessageRows
-from runtime.recording.parquet import ParquetLog, parquet_columns
+from runtime.recording.formats.joint_states import MessageRows
+from runtime.recording.formats.parquet import ParquetLog, parquet_columns
+from runtime.recording.formats.row_sources import NpzRows, ParquetRows, Rows
+from runtime.recording.formats.spool import CsvRows
+from runtime.recording.formats.tables import Table
+from runtime.recording.log_files import SUFFIXES, Files, columns_of, is_bag, parts_of
 from runtime.recording.reader import place_and_recipe
-from runtime.recording.recipe import UNITS, Recipe, Signal, Time
+from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
-from runtime.recording.spool import CsvRows
-from runtime.recording.tables import Table
+from runtime.recording.unit_conversion import converted
 
 LARGE = 200_000_000
 """Bytes of a file above which a log is streamed unless the user says otherwise."""

@@ -10,9 +10,9 @@ from typing import IO, Any
 
 import numpy as np
 
-from runtime.atomic import replacing
 from runtime.errors import RecordingError
-from runtime.recording.parquet import write_parquet
+from runtime.files import replacing
+from runtime.recording.formats.parquet import write_parquet
 from runtime.recording.recording import SIGNALS, FloatArray, Recording
 
 

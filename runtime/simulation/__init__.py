@@ -5,7 +5,9 @@
 and a drive with the faults of real ones.
 """
 
-from runtime.simulation.compiled import (
+from runtime.excitation.motion.trajectory import sample_times
+from runtime.simulation.box_payload import Box, read_payload
+from runtime.simulation.closed_loop import (
     Controller,
     Motion,
     Plant,
@@ -14,11 +16,9 @@ from runtime.simulation.compiled import (
     ideal,
     per_joint,
     perturbed_lam,
-    sample_times,
 )
-from runtime.simulation.payload import Box, read_payload
 from runtime.simulation.settings import Settings, settings_of
-from runtime.simulation.virtual import VirtualLog, record
+from runtime.simulation.virtual_robot import VirtualLog, record
 
 __all__ = [
     "Box",

@@ -1,7 +1,7 @@
 """What a virtual robot is made of beside its inertia: rotors, friction, sensors, drive, controller.
 
     [inertia]     spread (of the truth about the model), rotor [kg·m²]
-    [friction]    see `runtime.simulation.friction`
+    [friction]    see `runtime.simulation.joint_friction`
     [sensors]     quanta, noise, bias, gain; see `runtime.simulation.sensors`
     [drive]       delay_s of the torque, step_s of the engine
     [controller]  law, stiffness K_p [1/s²], damping K_d [1/s], rate_hz
@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from runtime.documents import toml_of
 from runtime.errors import IdentificationError
+from runtime.files import toml_of
 from runtime.library import Array, Library
 
 FOLDER = Path(__file__).parent / "robots"

@@ -46,13 +46,13 @@ def build_arm(
 ) -> Arm:
     """Only what is timed, for one level: a whole library of 20 joints takes minutes."""
     from symgen import __version__
-    from symgen.build import ONCE, PER_LEVEL
+    from symgen.build.compiler import compile_library, sha256_of
+    from symgen.build.facts import initial_parameters, model_facts
+    from symgen.build.pipeline import ONCE, PER_LEVEL
+    from symgen.build.request import BuildRequest
     from symgen.catalogue import make_catalogue
     from symgen.chain import read_chain
-    from symgen.compiler import compile_library, sha256_of
     from symgen.emit import emit
-    from symgen.facts import initial_parameters, model_facts
-    from symgen.request import BuildRequest
 
     request = BuildRequest(name, urdf)
     chain = read_chain(request.urdf, request.options)
@@ -79,7 +79,7 @@ def build_arm(
 @contextmanager
 def _only(level: str) -> Iterator[None]:
     """Compile for one level alone."""
-    from symgen import compiler
+    from symgen.build import compiler
 
     machine = compiler.machine()
     every = compiler.LEVELS.get(machine, compiler.PORTABLE)

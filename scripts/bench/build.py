@@ -18,7 +18,7 @@ from typing import Any
 from rich.table import Table
 
 from bench.compiled import BenchError
-from symgen.compiler import compiler_version, find_compiler
+from symgen.build.compiler import compiler_version, find_compiler
 
 _ROOT = Path(__file__).resolve().parents[2]
 

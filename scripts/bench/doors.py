@@ -13,17 +13,17 @@ import numpy as np
 import runtime
 from bench import numpy_identify
 from bench.compiled import BenchError
-from runtime.descent import Preset
 from runtime.errors import RuntimeFault
+from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.optimizers import AdamOptions, StoppingRule
+from runtime.estimators.problem import Problem
+from runtime.estimators.regression import compress
+from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import COST_SAMPLES, ConditionCost, Trajectory, fourier_basis
+from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Array, Library
-from runtime.objective import Samples, samples_of, thesis_weights
-from runtime.optimizers import AdamOptions, StoppingRule
-from runtime.problem import Problem
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal, perturbed_lam
-from runtime.statistics import compress
-from runtime.trajectory_file import read_trajectory
 
 TRIALS, PERTURBATION = 150, 0.15
 """Of the document's ideal case (Table 5.2)."""
@@ -128,7 +128,7 @@ def adam_batch(s: Setting) -> Callable[[], float]:
 
 
 def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], float]:
-    from runtime.fitting import fit_adam
+    from runtime.estimators.descent.fit import fit_adam
 
     problem = s.problem()
     problem.statistics()  # kept by the problem
@@ -144,9 +144,9 @@ def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], 
 
 def levenberg(s: Setting) -> Callable[[], float]:
     """`Library.levenberg`, per step."""
-    from runtime.descent import least_squares
-    from runtime.fitting import start_of
-    from runtime.optimizers import LevenbergOptions
+    from runtime.estimators.descent.drivers import least_squares
+    from runtime.estimators.descent.fit import start_of
+    from runtime.estimators.optimizers import LevenbergOptions
 
     descent, options, steps = start_of(s.problem()), LevenbergOptions(), 5
     squares = least_squares(descent.statistics, descent.objective.unit)

@@ -10,16 +10,16 @@ from dataclasses import replace
 import numpy as np
 
 from bench.doors import Setting, repeated
-from runtime.convex import CAD, Reduced, convex_problem, prior_of, reduce, solve
-from runtime.convex.compiled import follow_compiled
-from runtime.descent import least_squares
-from runtime.fitting import start_of
-from runtime.library.descent import CompiledLevenberg
-from runtime.objective import Samples
-from runtime.optimizers import LevenbergOptions
-from runtime.posterior import fit_map
-from runtime.problem import Problem
-from runtime.statistics import compress
+from runtime.estimators.convex import CAD, Reduced, convex_problem, prior_of, reduce, solve
+from runtime.estimators.convex.compiled import follow_compiled
+from runtime.estimators.convex.map_estimate import fit_map
+from runtime.estimators.descent.drivers import least_squares
+from runtime.estimators.descent.fit import start_of
+from runtime.estimators.optimizers import LevenbergOptions
+from runtime.estimators.problem import Problem
+from runtime.estimators.regression import compress
+from runtime.estimators.regression.samples import Samples
+from runtime.library.compiled_descent import CompiledLevenberg
 
 NOISE = 0.05
 """σ of the torque, N·m."""

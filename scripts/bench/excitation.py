@@ -13,9 +13,9 @@ from bench.compiled import BenchError
 from bench.excitation_peers import Start
 from bench.machine import processor
 from runtime.excitation import COST_SAMPLES
-from runtime.excitation.search import Problem
+from runtime.excitation.search.single_start import Problem
 from runtime.library import Library
-from runtime.threads import one_blas_thread
+from runtime.parallel import one_blas_thread
 
 DOCUMENT = 5.4178
 """Condition number that the document reached (Sec. 3.4.2)."""

@@ -11,13 +11,13 @@ from rich.table import Table
 
 from bench import grid
 from bench.machine import processor
-from runtime.certificate import certificate, pulled_inside
 from runtime.excitation import design
-from runtime.excitation.information import information
-from runtime.excitation.prediction import predict
-from runtime.excitation.safety import Safety
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.proof.certificate import certificate, pulled_inside
+from runtime.excitation.search.information import information
+from runtime.excitation.search.prediction import predict
 from runtime.library import Library
-from runtime.threads import cores
+from runtime.parallel import cores
 
 NOISE, RATE = 0.05, 100.0
 """N·m and Hz, of the errors that are told."""

@@ -15,8 +15,8 @@ from scipy.optimize import minimize
 from bench.accuracy import parameter_order
 from bench.peers.pinocchio_model import pinocchio_model
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
-from runtime.excitation.limits import inside
-from runtime.excitation.search import Problem, Search
+from runtime.excitation.limits.joint_limits import inside
+from runtime.excitation.search.single_start import Problem, Search
 from runtime.library import Array, Library
 
 ITERATIONS = 200

@@ -18,7 +18,7 @@ from bench.clock import interleave, ratio
 from bench.doors import Setting
 from bench.machine import processor
 from runtime.library import Library
-from runtime.threads import one_blas_thread
+from runtime.parallel import one_blas_thread
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from runtime.estimators.regression.samples import Samples
 from runtime.excitation import COST_SAMPLES, fourier_basis
 from runtime.library import Array, Library
-from runtime.objective import Samples
 
 STEP = 1e-7
 """Of the forward differences."""

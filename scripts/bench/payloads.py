@@ -8,9 +8,9 @@ from scipy import signal
 
 from runtime import identify_payload
 from runtime.excitation import Trajectory
+from runtime.identification.payload import ArmModel, mount_of
+from runtime.identification.payload.output import NORMAL_95
 from runtime.library import Library
-from runtime.payload import ArmModel, mount_of
-from runtime.payload.output import NORMAL_95
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
 

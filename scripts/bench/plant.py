@@ -7,9 +7,9 @@ import numpy as np
 from runtime import Identification, Recording, identify
 from runtime.excitation import Trajectory
 from runtime.library import Library
-from runtime.loop import Loop
 from runtime.recording import Friction, Preparation, Split
 from runtime.simulation import Controller, Plant, closed_loop
+from runtime.simulation.controller_file import Loop
 
 ROTOR = np.array([0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 COULOMB = np.array([0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1])

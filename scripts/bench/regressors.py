@@ -11,10 +11,11 @@ import numpy as np
 
 import runtime
 from bench.trials import trajectories
-from runtime import Recording, metrics
-from runtime.experiments.robot import document_robot
+from runtime import Recording
+from runtime.estimators.regression.samples import samples_of
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.identification import metrics
 from runtime.library import Library
-from runtime.objective import samples_of
 from runtime.recording import Friction, Preparation
 from runtime.simulation import Plant, ideal
 

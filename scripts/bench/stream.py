@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from runtime.estimators.regression import compress
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.long_logs import blocks_of, identify_streamed
 from runtime.library import Library, load
-from runtime.objective import Samples, samples_of
 from runtime.recording import Friction, Preparation, open_streamed
-from runtime.statistics import compress
-from runtime.streaming import blocks_of, identify_streamed
 
 _ROOT = Path(__file__).resolve().parents[2]
 RATE, NOISE = 1000.0, 0.05

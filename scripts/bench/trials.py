@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime import metrics
-from runtime.baselines import cone_optimum
-from runtime.convex import CAD, convex_problem, follow_many, prior_of, reduce, solve_many
+from runtime.estimators.classical import cone_optimum
+from runtime.estimators.convex import CAD, convex_problem, follow_many, prior_of, reduce, solve_many
+from runtime.estimators.regression import compress
+from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
-from runtime.experiments.robot import document_robot
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.identification import metrics
 from runtime.library import Library
-from runtime.objective import samples_of
+from runtime.parallel import cores
 from runtime.simulation import Plant, ideal
-from runtime.statistics import compress
-from runtime.threads import cores
 
 Array = NDArray[np.float64]
 

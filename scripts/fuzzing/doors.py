@@ -16,24 +16,24 @@ from runtime.cli.export import export_command
 from runtime.cli.inspect import inspect_command
 from runtime.cli.predict import predict_command
 from runtime.cli.simulate import simulate_command
-from runtime.comparison.truth import read_truth
 from runtime.errors import RuntimeFault
-from runtime.experiments.chunks import read_rows
+from runtime.estimators.prior_file import read_prior
+from runtime.estimators.regression import load_statistics
+from runtime.excitation.trajectory_file import read_trajectory
+from runtime.experiments.storage.chunks import read_rows
+from runtime.identification.comparison.truth import read_truth
+from runtime.identification.payload import read_arm_model, read_known
+from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.library import Library, load
+from runtime.library.compile_recipe import read_recipe
 from runtime.library.manifest import read_manifest
-from runtime.library.recipe import read_recipe
-from runtime.loop import read_loop
-from runtime.payload import read_arm_model, read_known
-from runtime.prior_file import read_prior
+from runtime.outputs.report import write_report
+from runtime.outputs.report.experiments import write_experiments
+from runtime.outputs.viewer import look_of, read_motion
 from runtime.recording import load_recipe, open_streamed, read_recording
-from runtime.report import write_report
-from runtime.report.experiments import write_experiments
-from runtime.sessions.joint import read_carried
 from runtime.simulation import read_payload
+from runtime.simulation.controller_file import read_loop
 from runtime.simulation.settings import settings_of
-from runtime.statistics import load_statistics
-from runtime.trajectory_file import read_trajectory
-from runtime.view import look_of, read_motion
 from scripts.fuzzing import goods
 
 Reader = Callable[[Path, Library], Any]
@@ -112,13 +112,13 @@ def _repaired(folder: Path, _: Library) -> None:
 
 
 def _robot(folder: Path, _: Library) -> None:
-    from symgen.config import read_config
+    from symgen.build.config import read_config
 
     read_config(folder / "robot.toml")
 
 
 def _request(folder: Path, _: Library) -> None:
-    from symgen.request import request_from_folder
+    from symgen.build.request import request_from_folder
 
     request_from_folder(folder)
 

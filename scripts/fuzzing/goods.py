@@ -10,14 +10,14 @@ import numpy as np
 
 import runtime
 from runtime.excitation import Trajectory
-from runtime.experiments.outcome import CONFIG, write_json, write_outcome
+from runtime.excitation.trajectory_file import write_motion
+from runtime.experiments.storage.result_files import CONFIG, write_json, write_outcome
 from runtime.experiments.study import Finished, Study, View
+from runtime.identification.result_file import write_result
 from runtime.library import Library
-from runtime.loop import Loop, write_loop
 from runtime.recording import Friction, Preparation, Recording, write_recording
-from runtime.results import write_result
+from runtime.simulation.controller_file import Loop, write_loop
 from runtime.simulation.settings import settings_of
-from runtime.trajectory_file import write_motion
 from scripts.fuzzing import bags
 from scripts.fuzzing.texts import BOX, MJCF, PRIOR, RECIPE
 
@@ -197,9 +197,9 @@ def payload(folder: Path, lib: Library) -> None:
 
 def statistics(folder: Path, lib: Library) -> None:
     """The triangular factor of a log."""
-    from runtime.objective import samples_of
-    from runtime.preprocessing import prepare
-    from runtime.statistics import compress
+    from runtime.estimators.regression import compress
+    from runtime.estimators.regression.samples import samples_of
+    from runtime.recording.preprocessing import prepare
 
     samples = samples_of(prepare(motion(lib), Preparation(), lib=lib), lib)
     compress(lib, samples, np.ones(lib.n_joints)).save(folder / "statistics.npz")

@@ -5,8 +5,6 @@ Batches run over samples, over links (maps of one body) or over points of a time
 
 from dataclasses import dataclass
 
-from symgen import dynamics
-from symgen.base_parameters import BaseParameters, numeric_base
 from symgen.catalogue.bodies import body_kernels
 from symgen.catalogue.motion import motion_kernels
 from symgen.catalogue.safety import safety_kernels
@@ -14,6 +12,8 @@ from symgen.catalogue.trajectory import trajectory_kernels
 from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.kernel import Kernel
+from symgen.mechanics import dynamics
+from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 
 
 @dataclass(frozen=True, slots=True)

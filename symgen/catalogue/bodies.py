@@ -2,9 +2,9 @@
 
 import casadi as ca
 
-from symgen import inertia
-from symgen.inertia import N_PARAMETERS as P
 from symgen.kernel import Argument, Kernel, make_kernel
+from symgen.mechanics import inertia
+from symgen.mechanics.inertia import N_PARAMETERS as P
 
 
 def body_kernels() -> tuple[Kernel, ...]:

@@ -4,13 +4,13 @@ from typing import Any
 
 import casadi as ca
 
-from symgen import dynamics, lagrange, mass_matrix
-from symgen.base_parameters import Array, BaseParameters
 from symgen.catalogue.units import STATE, effort_unit, inertia_unit, state_unit
 from symgen.chain import Chain
-from symgen.inertia import N_PARAMETERS as P
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.regrouping import regrouped
+from symgen.mechanics import dynamics, lagrange, mass_matrix
+from symgen.mechanics.base_parameters import Array, BaseParameters
+from symgen.mechanics.inertia import N_PARAMETERS as P
+from symgen.mechanics.regrouping import regrouped
 
 
 def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:

@@ -8,14 +8,14 @@ from typing import Any
 
 import casadi as ca
 
-from symgen import dynamics
 from symgen.catalogue.units import STATE, effort_unit, state_unit
 from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
-from symgen.inertia import N_PARAMETERS
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.regrouping import regrouped
+from symgen.mechanics import dynamics
+from symgen.mechanics.inertia import N_PARAMETERS
+from symgen.mechanics.regrouping import regrouped
 
 
 def safety_kernels(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:

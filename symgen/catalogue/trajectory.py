@@ -2,11 +2,11 @@
 
 import casadi as ca
 
-from symgen import excitation
-from symgen.base_parameters import BaseParameters
 from symgen.catalogue.units import STATE, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel
+from symgen.mechanics import excitation
+from symgen.mechanics.base_parameters import BaseParameters
 
 
 def trajectory_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:

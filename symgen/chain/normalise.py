@@ -1,6 +1,6 @@
 """Lock, cut and snap: the URDF that the user means, again as a URDF.
 
-It is the one that the kernels describe, the manifest's hash covers and `runtime.export` fills
+It is the one that the kernels describe, the manifest's hash covers and runtime fills
 with identified numbers.
 """
 

@@ -8,7 +8,9 @@ from typing import Annotated
 
 import typer
 
-from symgen.build import build, generate
+from symgen.build.config import RobotConfig, read_config
+from symgen.build.pipeline import build, generate
+from symgen.build.request import BuildRequest, bundled_request, bundled_robots, request_from_folder
 from symgen.chain import ChainOptions
 from symgen.cli.common import (
     DEFAULT_ROOT,
@@ -23,9 +25,7 @@ from symgen.cli.common import (
     read_locks,
     read_urdf,
 )
-from symgen.config import RobotConfig, read_config
 from symgen.errors import BuildError
-from symgen.request import BuildRequest, bundled_request, bundled_robots, request_from_folder
 
 
 @app.command("build")

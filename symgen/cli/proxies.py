@@ -8,11 +8,11 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
+from symgen.build.config import RobotConfig, home_of, read_config
 from symgen.chain import ChainOptions, read_chain
 from symgen.cli.common import Base, Config, Lock, Tip, app, console, read_locks, read_urdf, say
 from symgen.collision import MARGIN, CollisionModel
 from symgen.collision.tables import toml_from_collision
-from symgen.config import RobotConfig, home_of, read_config
 from symgen.errors import BuildError, CollisionError
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ import typer
 from rich.table import Column, Table
 from rich.text import Text
 
-from symgen.base_parameters import describe_combination
-from symgen.build import is_current
+from symgen.build.pipeline import is_current
+from symgen.build.request import bundled_request, bundled_robots
 from symgen.cli.common import DEFAULT_ROOT, Root, app, console, folders_of
 from symgen.errors import BuildError
-from symgen.request import bundled_request, bundled_robots
+from symgen.mechanics.base_parameters import describe_combination
 
 _DAMAGE = (
     *(OSError, ValueError, ArithmeticError, LookupError),

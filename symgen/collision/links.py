@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from symgen.chain import Chain
 from symgen.collision.geometry import LinkGeometry
 from symgen.collision.model import BASE
-from symgen.dynamics import joint_pose
+from symgen.mechanics.dynamics import joint_pose
 
 Array = NDArray[np.float64]
 

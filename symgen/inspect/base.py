@@ -10,13 +10,13 @@ from xml.etree.ElementTree import Element, SubElement
 import casadi as ca
 import numpy as np
 
-from symgen import inertia
-from symgen.base_parameters import BaseParameters, describe_combination, numeric_base
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.document import MOVING, Document, numbers
-from symgen.dynamics import sampled_regressor
 from symgen.errors import UrdfError
 from symgen.inspect.model import Array, Model
+from symgen.mechanics import inertia
+from symgen.mechanics.base_parameters import BaseParameters, describe_combination, numeric_base
+from symgen.mechanics.dynamics import sampled_regressor
 
 SNAP = 1e-4
 """rad: how far rounded angles may be off before the rank is decided on exact ones."""

@@ -2,7 +2,7 @@
 
 Nothing is refused here. `urdf` and `mjcf` fill it, the checks judge it, `inspection` shows it.
 Inertias are about the centre of mass in the axes of the link; π, P and the rest come from
-`symgen.inertia`.
+`symgen.mechanics.inertia`.
 """
 
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen import inertia
+from symgen.mechanics import inertia
 
 Array = NDArray[np.float64]
 

@@ -14,10 +14,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from symgen import inertia
 from symgen.errors import InertiaError
 from symgen.inspect.base import Base, lumping, pi_of, pseudo_of
 from symgen.inspect.model import Array, Body, Model
+from symgen.mechanics import inertia
 
 FLOOR = 1e-2
 """P ⪰ FLOOR · P_ref: a link keeps at least this much of its own body in every direction."""

@@ -13,17 +13,17 @@ import numpy as np
 import pytest
 
 from runtime import Identification, Recording, identify, read_recording, write_recording
-from runtime.accuracy import Moved, moved_of, planned
 from runtime.cli import main
 from runtime.excitation import Design, Trajectory
-from runtime.excitation.prediction import FRICTION
+from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.trajectory_file import write_trajectory
+from runtime.identification.expected_accuracy import Moved, moved_of, planned
 from runtime.library import Library, load
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
-from runtime.trajectory_file import write_trajectory
-from symgen.build import build
+from symgen.build.pipeline import build
+from symgen.build.request import BuildRequest
 from symgen.chain import ChainOptions
-from symgen.request import BuildRequest
 from tests.robots import DATA, ONE_LEVEL
 from tests.runtime.desk import Desk
 from tests.runtime.diagnosis import EXAMPLE

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from runtime.doctor import ERROR, WARNING, Inspection, inspect_log, recipe_text
+from runtime.inspection import ERROR, WARNING, Inspection, inspect_log, recipe_text
 from runtime.library import Library
 
 EXAMPLE = Path(__file__).parents[2] / "runtime" / "examples" / "fr3_simulated.npz"

@@ -4,10 +4,10 @@ import numpy as np
 import pinocchio
 from scipy.stats import chi2
 
-from runtime import friction, to_pinocchio_order
+from runtime import to_pinocchio_order
 from runtime.excitation import Trajectory
 from runtime.library import Library
-from runtime.recording import Friction
+from runtime.recording import Friction, friction
 from tests.oracle import pinocchio_model
 
 TRIALS = 200

@@ -4,9 +4,9 @@ import numpy as np
 import pinocchio
 import pytest
 
+from symgen.build.facts import initial_parameters
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.errors import InertiaError, SymgenError, UrdfError
-from symgen.facts import initial_parameters
 from tests.conftest import TINY_URDF
 from tests.robots import DATA
 

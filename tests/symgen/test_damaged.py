@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from symgen.build.config import read_config
+from symgen.build.request import request_from_folder
 from symgen.chain import read_chain
 from symgen.cli.common import read_urdf
 from symgen.collision.geometry import read_geometry
-from symgen.config import read_config
 from symgen.errors import CollisionError, SymgenError
 from symgen.inspect import inspect_file
-from symgen.request import request_from_folder
 from tests.conftest import TINY_URDF
 
 DAE = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

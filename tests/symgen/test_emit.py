@@ -15,7 +15,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from symgen.compiler import compile_library
+from symgen.build.compiler import compile_library
 from symgen.emit import c_body, c_constant, emit
 from symgen.emit.reference import reference_code
 from symgen.emit.ssa import EXPRESSIONS

@@ -7,16 +7,17 @@ import numpy as np
 import pinocchio
 import pytest
 
-from runtime import metrics, read_recording
+from runtime import read_recording
+from runtime.identification import metrics
 from runtime.library import Library
-from runtime.preprocessing import prepare
-from symgen import inertia
+from runtime.recording.preprocessing import prepare
 from symgen.errors import InertiaError
 from symgen.inspect import Body, Repair, inspect_file, inspect_text, repaired
 from symgen.inspect import inspection as door
 from symgen.inspect.base import lumping, pseudo_of
 from symgen.inspect.repair import FLOOR, ROUND, THIN, repair
 from symgen.inspect.rewrite import with_bodies
+from symgen.mechanics import inertia
 from tests.symgen.bodies import BRICK, FLAT, GOOD, POINT, arm, before_2024, block
 from tests.taylor import Array
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from runtime.library import Library
-from symgen.build import ONCE, PER_LEVEL
-from symgen.compiler import LEVELS, find_compiler, machine
+from symgen.build.compiler import LEVELS, find_compiler, machine
+from symgen.build.pipeline import ONCE, PER_LEVEL
 from tests.robots import levels_here
 
 # Every buffer is exactly as long as the header says, so one number too far is caught.

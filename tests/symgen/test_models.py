@@ -12,15 +12,15 @@ import pinocchio
 import pytest
 
 from runtime.library import to_pinocchio_order
-from symgen.base_parameters import numeric_base
+from symgen.build.facts import initial_parameters
+from symgen.build.request import ROBOTS, BuildRequest, bundled_request
 from symgen.chain import Chain, ChainOptions, read_chain
-from symgen.dynamics import end_effector, inverse_dynamics, sampled_regressor
 from symgen.errors import SymgenError
-from symgen.facts import initial_parameters
 from symgen.inspect import inspect_file
-from symgen.mass_matrix import mass_matrix
-from symgen.regrouping import regrouped
-from symgen.request import ROBOTS, BuildRequest, bundled_request
+from symgen.mechanics.base_parameters import numeric_base
+from symgen.mechanics.dynamics import end_effector, inverse_dynamics, sampled_regressor
+from symgen.mechanics.mass_matrix import mass_matrix
+from symgen.mechanics.regrouping import regrouped
 from tests.oracle import Array, pinocchio_model, random_states
 from tests.robots import MORE
 

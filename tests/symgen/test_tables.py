@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from runtime.library import Library
-from symgen.base_parameters import regrouped_base
 from symgen.chain import read_chain
+from symgen.mechanics.base_parameters import regrouped_base
 from tests.taylor import Array
 
 PI_7 = [

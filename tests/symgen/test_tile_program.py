@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from runtime.library.binding import LEVELS
-from symgen.compiler import compile_library
+from symgen.build.compiler import compile_library
 from symgen.emit import emit, tile_program
 from symgen.emit.ssa import _TILE_EXPRESSIONS, EXPRESSIONS
 from symgen.errors import BuildError

@@ -1,7 +1,7 @@
 """Tables B.4 to B.6: π of the document's robot, its λ and its base parameters."""
 
-from runtime.experiments.robot import document_robot
 from runtime.experiments.study import Finished, Row, Study, View
+from runtime.experiments.trials.document_robot import document_robot
 from runtime.library import Library
 from runtime.library.manifest import PI_NAMES
 

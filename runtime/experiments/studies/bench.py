@@ -5,25 +5,25 @@ from typing import Any
 
 import numpy as np
 
-from runtime.baselines.pc_ols import fit_pc_ols
-from runtime.descent import Preset
 from runtime.errors import IdentificationError
-from runtime.experiments.frozen import fit_frozen, link_rows
-from runtime.experiments.measure import Judge, judge, torque_rms
-from runtime.experiments.motions import ROLES, condition
-from runtime.experiments.robot import document_robot
-from runtime.experiments.solving import adam_of_all, stream, timed
+from runtime.estimators.classical.pc_ols import fit_pc_ols
+from runtime.estimators.convex.map_estimate import fit_map
+from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.fit import PRESETS
+from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, log_of
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.frozen_link import fit_frozen, link_rows
+from runtime.experiments.trials.motions import ROLES, condition
+from runtime.experiments.trials.scores import Judge, judge, torque_rms
+from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
 from runtime.experiments.views import TORQUE, torque_bars, torque_table
-from runtime.fitting import PRESETS
+from runtime.identification.payload import identify_payload
 from runtime.library import Array, Library
-from runtime.objective import Samples, samples_of, thesis_weights
-from runtime.payload import identify_payload
-from runtime.posterior import fit_map
-from runtime.preprocessing import prepare as prepared
-from runtime.problem import Fit, Problem
 from runtime.recording import Friction
+from runtime.recording.preprocessing import prepare as prepared
 
 GUESS, BATCHES = 0, 3
 """Streams of a trial, those of the simulated Monte Carlo."""

@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import COST_SAMPLES, ConditionCost
-from runtime.excitation.finish import repaired
-from runtime.excitation.search import Problem, Search
-from runtime.experiments.motions import ROLES, condition, curves
-from runtime.experiments.robot import document_robot
+from runtime.excitation.search.finish import repaired
+from runtime.excitation.search.single_start import Problem, Search
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.motions import ROLES, condition, curves
 from runtime.experiments.views import motion
 from runtime.library import Array, Library
-from runtime.objective import samples_of
 from runtime.simulation import Plant, ideal
 
 

@@ -1,8 +1,8 @@
 """Sec. 5.1.1: noise-free data, three sizes of the first guess's error."""
 
-from runtime.experiments.montecarlo import Case, Setting
-from runtime.experiments.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 from runtime.experiments.study import Finished, Row, View
+from runtime.experiments.trials.montecarlo import Case, Setting
+from runtime.experiments.trials.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 
 CASES = {Case(f"p={p:g}", p): f"first guess perturbed by {100 * p:g} %" for p in (0.05, 0.15, 0.25)}
 

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 
 from runtime.excitation import Trajectory
-from runtime.excitation.finish import repaired
-from runtime.excitation.search import Problem, Search
-from runtime.experiments.measure import per_joint, torque_rms
-from runtime.experiments.motions import ROLES, curves, designed
-from runtime.experiments.robot import document_robot
+from runtime.excitation.search.finish import repaired
+from runtime.excitation.search.single_start import Problem, Search
 from runtime.experiments.study import Arrays, Finished, Row, Study
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.motions import ROLES, curves, designed
+from runtime.experiments.trials.scores import per_joint, torque_rms
 from runtime.experiments.views import motion as motion_view
 from runtime.library import Array, Library
-from runtime.preprocessing import DOCUMENT
-from runtime.preprocessing import prepare as prepared
 from runtime.recording import Recording
+from runtime.recording.preprocessing import DOCUMENT
+from runtime.recording.preprocessing import prepare as prepared
 from runtime.simulation import Box, read_payload, record, sample_times, settings_of
 
 EMPTY, LOADED = "empty", "payload"

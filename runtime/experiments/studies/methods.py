@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from runtime.assembly import Assembly, assemble
-from runtime.comparison import Figures, Truth, compare
-from runtime.experiments.measure import per_joint, torque_rms
-from runtime.experiments.motions import designed
-from runtime.experiments.robot import document_robot
-from runtime.experiments.solving import stream
+from runtime.estimators.methods import METHODS
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.motions import designed
+from runtime.experiments.trials.scores import per_joint, torque_rms
+from runtime.experiments.trials.timed_fits import stream
 from runtime.experiments.views import TORQUE
+from runtime.identification.comparison import Figures, Truth, compare
+from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library
-from runtime.loop import Loop
-from runtime.methods import METHODS
 from runtime.recording import Friction, Preparation, Recording
 from runtime.simulation import Controller, Plant, closed_loop
+from runtime.simulation.controller_file import Loop
 
 CAD, TRAINING, VALIDATION = range(3)
 """Streams."""

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.experiments.motions import designed
-from runtime.experiments.robot import document_robot
+from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.motions import designed
 from runtime.library import Array, Library
-from runtime.objective import Samples, TorqueObjective, samples_of, thesis_weights
 from runtime.recording import Recording
 from runtime.simulation import Plant, ideal
 

@@ -1,9 +1,9 @@
 """Sec. 5.1.3: noise on the torque of training and validation, p = 0.15."""
 
-from runtime.experiments.curves import single
-from runtime.experiments.montecarlo import Case, Setting
-from runtime.experiments.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 from runtime.experiments.study import Finished, Row, View
+from runtime.experiments.trials.curves import single
+from runtime.experiments.trials.montecarlo import Case, Setting
+from runtime.experiments.trials.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 
 SEVERE, THIRD = 0.1, 2
 """Noise in N·m and trial of Fig. 5.4; the last one where there are fewer."""

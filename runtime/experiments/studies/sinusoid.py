@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-from runtime.experiments.montecarlo import Case, Config, Setting, setting_of
-from runtime.experiments.montecarlo_study import data_facts, final_tables, monte_carlo
-from runtime.experiments.motions import curves, sinusoidal
+from runtime.estimators.regression.samples import samples_of
 from runtime.experiments.study import Arrays, Finished, Row
+from runtime.experiments.trials.montecarlo import Case, Config, Setting, setting_of
+from runtime.experiments.trials.montecarlo_study import data_facts, final_tables, monte_carlo
+from runtime.experiments.trials.motions import curves, sinusoidal
 from runtime.experiments.views import motion
 from runtime.library import Library
-from runtime.objective import samples_of
 from runtime.recording import Recording
 
 CASES = {

@@ -1,0 +1,1 @@
+"""Estimators: a `Problem` in, a `Fit` out."""

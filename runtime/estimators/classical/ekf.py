@@ -1,0 +1,139 @@
+"""EKF: state [q, dq, π, φ, δ], one sample after the other, first-order covariance.
+
+The derivatives of forward dynamics follow from the kernels of inverse dynamics,
+∂ddq/∂x = −M⁻¹ ∂τ/∂x. Source: Gautier & Poignet 2001; the semi-implicit Jacobian is ours.
+"""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.classical.filter_input import (
+    SPEED_VARIANCE,
+    Stream,
+    prior_covariance,
+    process_noise,
+    stream_of,
+)
+from runtime.estimators.classical.ols import fit_of_pi
+from runtime.estimators.problem import Fit, Problem
+from runtime.library import Array, Library
+
+_LOOK = 100
+"""Steps between two looks at the consistency of π."""
+
+
+def fit_ekf(problem: Problem) -> Fit:
+    """π and φ after the last sample.
+
+    Raises:
+        IdentificationError: the recording suits no filter, or the filter diverged.
+    """
+    stream = stream_of(problem, "ekf")
+    return _fit(problem, stream, *run_ekf(problem.lib, stream, problem.start))
+
+
+def _fit(problem: Problem, stream: Stream, x: Array, covariance: Array, bad: int) -> Fit:
+    lib = problem.lib
+    n, n_pi = lib.n_joints, lib.pi0.size
+    pi, phi = x[2 * n : 2 * n + n_pi], x[2 * n + n_pi : -n].reshape(n, -1)
+    looks = 1 + (len(stream.q) - 1) // _LOOK
+    base = lib.base_matrix @ covariance[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi]
+    sigma = np.sqrt(np.einsum("ij,ij->i", base, lib.base_matrix).clip(0))
+    notes = [
+        f"noise taken from the recording: position {stream.sigma_q.max():.2g}, torque "
+        f"{stream.sigma_tau.max():.2g} at most"
+    ]
+    if bad:
+        notes.append(
+            f"on its way the filter held links that cannot exist at {bad} of {looks} looks; "
+            "nothing in it keeps them physical"
+        )
+    status = (
+        f"filtered {len(stream.q)} samples; largest standard deviation of a base parameter "
+        f"{sigma.max():.2g}"
+    )
+    return fit_of_pi(problem, pi, phi, status, len(stream.q), tuple(notes))
+
+
+@np.errstate(over="ignore", invalid="ignore")  # told as a sentence at the end
+def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int]:
+    """State and covariance after the last sample, and how often a look found no bodies.
+
+    Args:
+        lib: of the robot.
+        stream: samples.
+        lam: λ of the first guess.
+
+    Raises:
+        IdentificationError: the state became infinite.
+    """
+    n, n_pi = lib.n_joints, lib.pi0.size
+    at = slice(2 * n, None)
+    x = np.concatenate([stream.q[0], stream.first_speed, lib.pi_from_lam(lam), stream.first_extra])
+    p = np.zeros((x.size, x.size))
+    p[:n, :n] = np.diag(stream.sigma_q**2)
+    p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
+    p[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi] = prior_covariance(lib, lam)
+    tail = np.arange(2 * n + n_pi, x.size)
+    p[tail, tail] = stream.extra_variance
+    late = tail[-n:]
+    noise, bad = np.diag(stream.sigma_q**2), 0
+    top = np.zeros((2 * n, x.size))
+    for step, q in enumerate(stream.q):
+        gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
+        x = x + gain.T @ (q - x[:n])
+        p = p - gain.T @ p[:n]
+        if not np.isfinite(x).all():
+            break
+        if step % _LOOK == 0:
+            bad += bool((lib.relative_eigenvalues(x[at][:n_pi]) < 0).any())
+        if step == len(stream.q) - 1:
+            break
+        x[: 2 * n], spread = _advance(lib, stream, step, x, top)
+        rows = top @ p
+        p[: 2 * n, 2 * n :] = rows[:, 2 * n :]
+        p[2 * n :, : 2 * n] = rows[:, 2 * n :].T
+        p[: 2 * n, : 2 * n] = rows @ top.T
+        p[: 2 * n, : 2 * n] += spread
+        p[late, late] += stream.wander
+        p = (p + p.T) / 2
+    if not (np.isfinite(x).all() and np.isfinite(p).all()):
+        raise IdentificationError(
+            f"the filter diverged after {step * stream.dt:.2f} s; the first guess is too far from "
+            "the robot, or the torque's unit, sign or friction is not what was said"
+        )
+    return x, p, bad
+
+
+def _advance(lib: Library, stream: Stream, step: int, x: Array, top: Array) -> tuple[Array, Array]:
+    """The next [q, dq] and its process noise; `top` receives its derivative by the state."""
+    n, n_pi, dt = lib.n_joints, lib.pi0.size, stream.dt
+    q, dq, pi, phi, delay = np.split(x, [n, 2 * n, 2 * n + n_pi, x.size - n])
+    speed, push, drift = stream.speed[step], stream.push[step], stream.drift[step]
+    middle = q + dt / 2 * dq
+    secants, constants = stream.friction(step)
+    phi = phi.reshape(n, -1)
+    drag = np.sum(secants * stream.passive(phi), axis=1)
+    steady = np.sum((secants * speed[:, None] + constants) * phi, axis=1) - drag * speed
+    implicit = lib.mass_matrix(middle, pi) + dt / 2 * np.diag(drag)
+    force = stream.tau[step] + delay * drift - steady - drag * dq
+    ddq = np.linalg.solve(implicit, force - lib.bias_forces(middle, dq + dt / 2 * push, pi))
+    _, by_q, by_dq, _ = lib.torque_derivatives(middle, speed, push, pi)
+    k = secants.shape[1]
+    right = np.zeros((n, x.size + n))
+    right[:, :n] = -by_q
+    right[:, n : 2 * n] = -dt / 2 * by_q - by_dq - np.diag(drag)
+    right[:, 2 * n : 2 * n + n_pi] = -lib.regressor(middle, speed, push)
+    columns = secants * speed[:, None] + constants
+    for j in range(n):
+        right[j, 2 * n + n_pi + j * k : 2 * n + n_pi + (j + 1) * k] = -columns[j]
+    right[:, x.size - n : x.size] = np.diag(drift)
+    right[:, x.size :] = np.diag(stream.sigma_tau)
+    solved = dt * np.linalg.solve(implicit, right)
+    top[n:] = solved[:, : x.size]
+    top[n:, n : 2 * n] += np.eye(n)
+    top[:n] = dt / 2 * top[n:]
+    top[:n, : 2 * n] += np.concatenate([np.eye(n), dt / 2 * np.eye(n)], axis=1)
+    after = dq + dt * ddq
+    moved = np.concatenate([q + dt / 2 * (dq + after), after])
+    return moved, process_noise(np.asarray(solved[:, x.size :], dtype=float), dt)

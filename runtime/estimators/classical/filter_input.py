@@ -1,0 +1,205 @@
+"""What the filters work on: the recording at its full rate, its noise, the friction in their state.
+
+Measured torque is their input and measured position their output; the state is
+[q, dq, parameters, δ], and one step of dt is
+
+    (M + dt/2 S) a = τ + δ τ̇ − h − S dq − offset,   dq⁺ = dq + dt a,   q⁺ = q + dt (dq + dq⁺)/2
+
+with M and h in the middle of the step. It is implicit in friction because smooth Coulomb friction
+on a light wrist is far too fast for an explicit step; S = f(v̄)/v̄, its secant, keeps its sign and
+cannot push a joint through rest. δ, one per joint, is what nobody knows of when within a step a
+torque acts (held or not, sampled before or after): 0.2 ms of it, left out, bend the parameters by
+many of their deviations.
+
+v̄ and ā are those of the smoothed positions, and how a step answers to the parameters is asked
+there: the noise of τ over a small inertia is a large a, which the robot never had, and a filter
+that takes it for motion believes to have seen the inertia. Source: instruments against errors in
+variables (Söderström 2018, Ch. 6); in a filter they are ours.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.errors import NeedsError, RecordingError
+from runtime.estimators.problem import Problem
+from runtime.library import Array, Library
+from runtime.recording import Friction, Recording
+from runtime.recording.preprocessing import differentiate, low_pass
+from runtime.recording.preprocessing.segments import segments, uniform_step
+
+SLOWEST = 200.0
+"""Hz below which a step of a filter is too long for the friction of a wrist."""
+LEAST_NOISE = (1e-6, 1e-3)
+"""Of position, rad or m, and of torque, N·m: a filter that trusts its data blindly diverges."""
+FIRST_FRICTION = 0.3
+"""Viscous and Coulomb friction before the first sample, and its deviation, N·m (s/rad)."""
+LAM_FLOOR = np.array([0.3, *(0.02,) * 3, *(0.3,) * 3, *(0.02,) * 3])
+"""|λ| is taken to be at least so large where its uncertainty is relative."""
+TRUST = 0.05
+"""Relative standard deviation of the first guess in λ."""
+SPEED_VARIANCE = 1e-4
+"""Of the first velocity, (rad/s)²."""
+SMOOTH_HZ = 20.0
+"""Cut-off of ā and τ̇, at most a fifth of the rate: above what arms do, and below the noise."""
+DELAY, WANDER = 0.5, 0.5
+"""Standard deviation of δ, in steps, and of what it changes by in a second: behind a rotor J it
+is (M + J)⁻¹ M of half a step, and M is another in every posture."""
+JITTER = 1e-10
+"""Process noise of every velocity and step, (rad/s)², so that no covariance is singular."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """Samples for a filter.
+
+    Attributes:
+        dt: step, s.
+        q, tau: (N, n).
+        speed, push, drift: v̄, ā and τ̇ in the middle of every step, (N − 1, n).
+        sigma_q, sigma_tau: standard deviations of their noise, (n,).
+        names: friction columns.
+        width: ε of the Coulomb column.
+    """
+
+    dt: float
+    q: Array
+    tau: Array
+    speed: Array
+    push: Array
+    drift: Array
+    sigma_q: Array
+    sigma_tau: Array
+    names: tuple[str, ...]
+    width: float
+
+    def friction(self, step: int) -> tuple[Array, Array]:
+        """Secants column/dq at the smoothed speed of a step, and constant columns; each (n, k)."""
+        speed = self.speed[step]
+        slow = np.abs(speed) < 1e-3 * self.width
+        coulomb = np.tanh(speed / self.width) / np.where(slow, 1.0, speed)
+        one, zero = np.ones_like(speed), np.zeros_like(speed)
+        table = {
+            "viscous": (one, zero),
+            "coulomb": (np.where(slow, 1 / self.width, coulomb), zero),
+            "offset": (zero, one),
+        }
+        parts = [table[name] for name in self.names]
+        secants, constants = (
+            np.array([part[i] for part in parts]).reshape(len(parts), -1).T for i in (0, 1)
+        )
+        return secants, constants
+
+    @property
+    def first_extra(self) -> Array:
+        """φ joint by joint, and δ, before the first sample, (n k + n,)."""
+        n = self.q.shape[1]
+        start = [0.0 if name == "offset" else FIRST_FRICTION for name in self.names]
+        return np.concatenate([np.tile(start, n), np.zeros(n)])
+
+    @property
+    def extra_variance(self) -> Array:
+        """Of the same, (n k + n,)."""
+        n = self.q.shape[1]
+        friction = np.full(n * len(self.names), FIRST_FRICTION**2)
+        return np.concatenate([friction, np.full(n, (DELAY * self.dt) ** 2)])
+
+    def passive(self, phi: Array) -> Array:
+        """φ (…, n, k) without what drives the joints: negative friction would run away."""
+        least = [-np.inf if name == "offset" else 0.0 for name in self.names]
+        return np.maximum(phi, least)
+
+    @property
+    def wander(self) -> float:
+        """Process noise of δ per step, s²."""
+        return (WANDER * self.dt) ** 2 * self.dt
+
+    @property
+    def first_speed(self) -> Array:
+        """dq at the beginning, from a line through the first 20 samples, (n,)."""
+        count = min(20, len(self.q))
+        return np.asarray(np.polyfit(np.arange(count) * self.dt, self.q[:count], 1)[0])
+
+
+def stream_of(problem: Problem, method: str) -> Stream:
+    """The training part of the recording at its full rate.
+
+    Raises:
+        NeedsError: too slow, not uniform, with holes, or friction that no filter knows.
+    """
+    bench = problem.bench
+    if bench is None or bench.recording.tau is None:
+        raise NeedsError(f"the method {method} needs the recording with its torque")
+    log, columns = bench.recording, bench.friction
+    foreign = set(columns.columns) - {"viscous", "coulomb", "offset"}
+    if foreign:
+        raise NeedsError(
+            f"the method {method} knows the friction columns viscous, coulomb and offset, not "
+            f"{', '.join(sorted(foreign))}; leave them out"
+        )
+    whole = bench.span
+    rows = (log.t >= whole[0]) & (log.t <= whole[1])
+    part = log.take(rows, "Took the span of the training samples.")
+    try:
+        dt = uniform_step(part, f"run the {method}")
+    except RecordingError:
+        raise NeedsError(
+            f"the method {method} follows the robot sample by sample and needs a uniform clock; "
+            "resample the recording (max_gap_s in a recipe), or choose another method"
+        ) from None
+    if dt * SLOWEST > 1.0 + 1e-9 or len(segments(part.t)) > 1:
+        raise NeedsError(
+            f"the method {method} follows the robot sample by sample and needs one stretch "
+            f"without holes at {SLOWEST:g} Hz or more, got {len(segments(part.t))} at "
+            f"{1 / dt:g} Hz; record at the controller's rate, or choose another method"
+        )
+    return stream_from(part, dt, columns)
+
+
+def stream_from(part: Recording, dt: float, terms: Friction) -> Stream:
+    """A recording with torque and a uniform clock, its noise and what is smooth of it."""
+    assert part.tau is not None  # noqa: S101  the caller has checked it
+    bare = part.replace(dq=None, ddq=None, columns=None, column_names=())
+    smooth = differentiate(low_pass(bare, min(SMOOTH_HZ, 0.2 / dt)))
+    assert smooth.dq is not None  # noqa: S101  just filled
+    assert smooth.ddq is not None  # noqa: S101
+    assert smooth.tau is not None  # noqa: S101
+    return Stream(
+        dt=dt,
+        q=part.q,
+        tau=part.tau,
+        speed=(smooth.dq[1:] + smooth.dq[:-1]) / 2,
+        push=(smooth.ddq[1:] + smooth.ddq[:-1]) / 2,
+        drift=np.diff(smooth.tau, axis=0) / dt,
+        sigma_q=np.maximum(noise_of(part.q), LEAST_NOISE[0]),
+        sigma_tau=np.maximum(noise_of(part.tau), LEAST_NOISE[1]),
+        names=terms.columns,
+        width=terms.coulomb_speed,
+    )
+
+
+def noise_of(values: Array) -> Array:
+    """Standard deviation of white noise on a smooth signal: third differences have 20 σ²."""
+    return np.asarray(np.sqrt(np.mean(np.diff(values, 3, axis=0) ** 2, axis=0) / 20))
+
+
+def prior_covariance(lib: Library, lam: Array) -> Array:
+    """Of π, (10 n, 10 n), through ∂π/∂λ from relative deviations of λ."""
+    jacobian = lib.pi_jacobian(lam)
+    sigma = TRUST * np.maximum(np.abs(lam.reshape(lib.n_joints, -1)), LAM_FLOOR)
+    blocks = jacobian * sigma[:, None, :]
+    whole = np.zeros((lam.size, lam.size))
+    size = blocks.shape[1]
+    for k, block in enumerate(blocks):
+        part = slice(k * size, (k + 1) * size)
+        whole[part, part] = block @ block.T
+    return whole
+
+
+def process_noise(spread: Array, dt: float) -> Array:
+    """Of [q, dq] after a step, (2 n, 2 n), from the effect of the torque's noise on dq, (n, n)."""
+    both = np.concatenate([dt / 2 * spread, spread])
+    noise = np.asarray(both @ both.T)
+    n = len(spread)
+    noise[range(n, 2 * n), range(n, 2 * n)] += JITTER
+    return noise

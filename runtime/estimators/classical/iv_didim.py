@@ -1,0 +1,187 @@
+"""IDIM-IV and DIDIM: the robot of the last estimate is simulated under the same controller.
+
+IDIM-IV takes the regressor Z along that noise-free motion as instruments of the measured one,
+b = (Zᵀ W X)⁻¹ Zᵀ W T; DIDIM takes it instead of the measured one, b = (Zᵀ W Z)⁻¹ Zᵀ W T, and needs
+the measured torque only. Both begin with the first guess and no friction. Source: Janot, Vandanjon
+& Gautier 2014; Gautier, Janot & Vandanjon 2013.
+"""
+
+import numpy as np
+
+from runtime.errors import IdentificationError, NeedsError, SimulationError
+from runtime.estimators.classical.ols import (
+    RANK_TOLERANCE,
+    Solution,
+    fit_of_base,
+    pi_of_beta,
+    solve,
+)
+from runtime.estimators.classical.wls import residual, reweighted, weights_of, with_torque
+from runtime.estimators.problem import Bench, Fit, Problem
+from runtime.estimators.regression import compress
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
+from runtime.recording.friction import spread
+
+CONVERGED = 1e-3
+"""Relative step of the normalised unknowns at which both methods stop."""
+IV_ITERATIONS = 6
+DIDIM_ITERATIONS = 8
+UNCERTAIN = 0.1
+"""Standard deviation of the predicted torque, relative to that of the measured one, from which on
+an estimate by instruments says nothing."""
+_BLOCK = 4096
+_SIMULATED = ("viscous", "coulomb", "offset")
+
+
+def fit_iv(problem: Problem) -> Fit:
+    """IDIM-IV with the weights of IDIM-WLS; keeps IDIM-WLS where it fails.
+
+    Raises:
+        IdentificationError: the loop is unknown, or the motion does not excite all parameters.
+    """
+    lib, train = problem.lib, problem.train
+    bench = _bench(problem, "iv")
+    kept, weights, _ = reweighted(lib, train, bench.friction.columns)
+    now, why = _first(problem), f"the estimate still moves after {IV_ITERATIONS} simulations"
+    for iteration in range(1, IV_ITERATIONS + 1):
+        try:
+            instruments = _along(problem, bench, now)
+            found, deviation = _instrumental(lib, instruments, train, weights)
+        except SimulationError as error:
+            why = str(error)
+            break
+        size, step = _change(train, now, found, lib)
+        now = found
+        share = float(np.max(deviation / train.tau.std(axis=0)))
+        if not share < UNCERTAIN:
+            why = (
+                f"noise in the measured motion leaves {100 * share:.0f} % of a joint's torque "
+                "undetermined"
+            )
+            break
+        if step < CONVERGED * size:
+            status = f"converged after {iteration} simulations"
+            return fit_of_base(problem, now.beta, now.phi, status, iteration)
+    status = (
+        f"not converged, the answer of wls is kept: {why}; filter the positions more strongly, or "
+        "use didim, which needs the torque only"
+    )
+    return fit_of_base(problem, kept.beta, kept.phi, status, iteration)
+
+
+def fit_didim(problem: Problem) -> Fit:
+    """DIDIM with the weights of its own residuals.
+
+    Raises:
+        IdentificationError: the loop is unknown, the first guess cannot be simulated, or the motion
+            does not excite all parameters.
+    """
+    lib, train = problem.lib, problem.train
+    bench = _bench(problem, "didim")
+    now, weights = _first(problem), np.ones(lib.n_joints)
+    status = (
+        f"not converged after {DIDIM_ITERATIONS} simulations; check gains, rotors and reference "
+        "of the loop, and the friction columns"
+    )
+    for iteration in range(1, DIDIM_ITERATIONS + 1):
+        try:
+            motion = with_torque(_along(problem, bench, now), train.tau)
+        except SimulationError as error:
+            if iteration == 1:
+                raise
+            status = f"not converged, the last estimate is kept: {error}"
+            break
+        found = solve(compress(lib, motion, weights), lib, bench.friction.columns)
+        weights, _ = weights_of(residual(lib, motion, found).var(axis=0), lib)
+        size, step = _change(train, now, found, lib)
+        now = found
+        if step < CONVERGED * size:
+            status = f"converged after {iteration} simulations"
+            break
+    return fit_of_base(problem, now.beta, now.phi, status, iteration)
+
+
+def _bench(problem: Problem, method: str) -> Bench:
+    bench = problem.bench
+    if bench is None or bench.loop is None:
+        raise NeedsError(
+            f"the method {method} simulates the robot under its controller and needs to know it; "
+            "give the controller's gains and the reference motion by --loop FILE.toml"
+        )
+    foreign = [name for name in bench.friction.columns if name not in _SIMULATED]
+    if foreign:
+        raise NeedsError(
+            f"the simulator knows the friction columns {', '.join(_SIMULATED)}, not "
+            f"{', '.join(foreign)}; choose among them for {method}"
+        )
+    return bench
+
+
+def _first(problem: Problem) -> Solution:
+    lib = problem.lib
+    beta = lib.base_matrix @ lib.pi_from_lam(problem.start)
+    return Solution(beta, np.zeros(problem.train.columns.shape[1:]), np.nan)
+
+
+def _along(problem: Problem, bench: Bench, now: Solution) -> Samples:
+    """The training samples as the robot of the last estimate would have made them."""
+    assert bench.loop is not None  # noqa: S101  _bench has checked it
+    names = bench.friction.columns
+    # Negative friction drives the joints; the next estimate is free to have it again.
+    found = {
+        name: value if name == "offset" else np.maximum(value, 0.0)
+        for name, value in zip(names, now.phi.T, strict=True)
+    }
+    speed = {"coulomb_speed": bench.friction.coulomb_speed} if "coulomb" in names else {}
+    pi = pi_of_beta(problem, now.beta)
+    motion = bench.loop.simulate(problem.lib, pi, found | speed, bench.recording.t)
+    return bench.aligned(motion)
+
+
+def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple[Solution, Array]:
+    """b = (Zᵀ W X)⁻¹ Zᵀ W T, and the deviation of the torque Z b per joint, (n,).
+
+    The deviation follows from cov b = A⁻¹ Zᵀ W S W Z A⁻ᵀ, A = Zᵀ W X, S of the residuals T − X b.
+    """
+    n, p = lib.n_joints, len(lib.base_columns) + x.columns[0].size
+    product, right, squares = np.zeros((p, p)), np.zeros(p), np.zeros((n, p, p))
+    for start in range(0, len(x), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        left, rows = (observations(lib, samples, part).transpose(1, 0, 2) for samples in (z, x))
+        squares += left.transpose(0, 2, 1) @ left
+        product += np.tensordot(weights, left.transpose(0, 2, 1) @ rows, 1)
+        right += np.einsum("jik,ij,j->k", left, x.tau[part], weights)
+    lengths = np.sqrt(np.einsum("jkk->k", squares))
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    matrix = product / np.outer(lengths, lengths)
+    sigma = np.linalg.svd(matrix, compute_uv=False)
+    if not sigma[-1] > RANK_TOLERANCE * sigma[0]:
+        raise IdentificationError(
+            "the instruments along the simulated motion do not determine all parameters; record "
+            "a richer trajectory, and check that the loop's reference is that of the recording"
+        )
+    beta, phi = np.split(
+        np.linalg.solve(matrix, right / lengths) / lengths, [len(lib.base_columns)]
+    )
+    found = Solution(beta, phi.reshape(n, -1), float(sigma[0] / sigma[-1]))
+    variance = residual(lib, x, found).var(axis=0)
+    unit = squares / np.outer(lengths, lengths)
+    spread = np.linalg.solve(matrix, np.tensordot(weights**2 * variance, unit, 1))
+    covariance = np.linalg.solve(matrix, spread.T)
+    return found, np.sqrt(np.einsum("jkl,kl->j", unit, covariance).clip(0) / len(x))
+
+
+def observations(lib: Library, samples: Samples, part: slice) -> Array:
+    """[Y_b F], (N, n, n_b + n k): the columns of β and of φ joint by joint."""
+    motion = (samples.q[part], samples.dq[part], samples.ddq[part])
+    extra = spread(samples.columns[part], samples.coupling)
+    return np.concatenate([lib.base_regressor(*motion), extra], axis=2)
+
+
+def _change(train: Samples, before: Solution, after: Solution, lib: Library) -> tuple[float, float]:
+    """Size of the new estimate and of its step, both as torque on the training samples."""
+    step = Solution(after.beta - before.beta, after.phi - before.phi, np.nan)
+    silent = with_torque(train, np.zeros_like(train.tau))
+    sizes = [float(np.linalg.norm(residual(lib, silent, part))) for part in (after, step)]
+    return sizes[0], sizes[1]

@@ -1,0 +1,64 @@
+"""NN-aided friction: linear columns and a small net of them, in turn with the rigid body.
+
+Twice: the net learns τ − Y π − F φ; then π and φ are found anew from τ − net, physically consistent
+each time. Source: the idea of Hu, Xiong et al.; inputs dq, tanh(dq/ε) and the Dahl state.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.errors import NeedsError
+from runtime.estimators.classical.wls import with_torque
+from runtime.estimators.convex.map_estimate import fit_map
+from runtime.estimators.friction_net import FrictionNet, train
+from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array
+
+ROUNDS = 2
+INPUTS = ("viscous", "coulomb", "dahl")
+"""Friction columns that feed the nets."""
+
+
+def fit_neural(problem: Problem) -> Fit:
+    """π and φ by the most probable consistent model (`fit_map`), the rest of the friction by nets.
+
+    Raises:
+        NeedsError: there are no friction columns to learn from.
+    """
+    if not problem.train.columns.shape[2]:
+        raise NeedsError(
+            "the nets learn from friction columns, but there are none; name some, for example "
+            f"--friction {','.join(INPUTS)}"
+        )
+    held, data = problem.validation, problem.train
+    fit = fit_map(problem)
+    for round_ in range(ROUNDS):
+        rng = np.random.default_rng([problem.seed, round_])
+        net = train(
+            data.columns, _rest(problem, data, fit), held.columns, _rest(problem, held, fit), rng
+        )
+        without = with_torque(data, data.tau - net.torque(data.columns))
+        fit = fit_map(replace(problem, train=without))
+    learned = int(np.sum(np.any(net.theta, axis=1)))
+    error = _error(problem, held, fit, net)
+    status = (
+        f"{ROUNDS} rounds; nets for {learned} of {problem.lib.n_joints} joints, which leave "
+        f"{error:.3g} N·m of the validation torque"
+    )
+    notes = (
+        () if learned else ("linear friction explains the validation data best: no net is kept",)
+    )
+    return replace(fit, status=status, iterations=ROUNDS, optimum=None, net=net, notes=notes)
+
+
+def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
+    """τ − Y π − F φ."""
+    rigid = samples.rigid(problem.lib, fit.pi)
+    return samples.tau - rigid - samples.friction(fit.phi)
+
+
+def _error(problem: Problem, samples: Samples, fit: Fit, net: FrictionNet) -> float:
+    rest = _rest(problem, samples, fit) - net.torque(samples.columns)
+    return float(np.sqrt(np.mean(rest**2)))

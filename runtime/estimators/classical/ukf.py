@@ -1,0 +1,155 @@
+"""UKF: state [q, dq, β, φ, δ], one sample after the other, covariance from sigma points.
+
+2 L + 1 points x ± h columns of the Cholesky factor of P, h = α √L, α = 0.1, β = 2, κ = 0. Base
+parameters, because a direction that the data never see would only make the points wander. Points
+whose mass matrix falls below a fifth of the mean's belong to no robot that moves; their pair is
+taken with a smaller h, whose weights 1/(2 h²) keep mean and covariance what they are. All points
+move under the torque that gives their mean the acceleration ā of the smoothed positions, and
+together by what the measured torque says beyond it (`stream` tells why).
+Source: Julier & Uhlmann 1997; van der Merwe 2004 for the weights.
+"""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.classical.filter_input import (
+    SPEED_VARIANCE,
+    Stream,
+    prior_covariance,
+    process_noise,
+    stream_of,
+)
+from runtime.estimators.classical.ols import fit_of_base
+from runtime.estimators.problem import Fit, Problem
+from runtime.library import Array, Library
+
+ALPHA, BETA = 0.1, 2.0
+_LIGHTEST = 0.2
+"""Smallest M of a sigma point relative to that of the mean."""
+_NEAREST = 1e-3
+"""Smallest h: below, a pair is a difference quotient anyway."""
+_RIDGE = 1e-12
+"""Relative addition to the covariance where rounding makes it indefinite."""
+
+
+def fit_ukf(problem: Problem) -> Fit:
+    """β and φ after the last sample.
+
+    Raises:
+        IdentificationError: the recording suits no filter, or the filter diverged.
+    """
+    lib, stream = problem.lib, stream_of(problem, "ukf")
+    n, n_b = lib.n_joints, len(lib.base_columns)
+    x, covariance = run_ukf(lib, stream, problem.start)
+    sigma = np.sqrt(np.diag(covariance)[2 * n : 2 * n + n_b])
+    status = (
+        f"filtered {len(stream.q)} samples; largest standard deviation of a base parameter "
+        f"{sigma.max():.2g}"
+    )
+    beta, phi = x[2 * n : 2 * n + n_b], x[2 * n + n_b : -n].reshape(n, -1)
+    return fit_of_base(problem, beta, phi, status, len(stream.q))
+
+
+@np.errstate(over="ignore", invalid="ignore")  # told as a sentence at the end
+def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
+    """State and covariance after the last sample.
+
+    Raises:
+        IdentificationError: the state became infinite.
+    """
+    n, n_b = lib.n_joints, len(lib.base_columns)
+    beta = lib.base_matrix @ lib.pi_from_lam(lam)
+    x = np.concatenate([stream.q[0], stream.first_speed, beta, stream.first_extra])
+    p = np.zeros((x.size, x.size))
+    p[:n, :n] = np.diag(stream.sigma_q**2)
+    p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
+    inside = slice(2 * n, 2 * n + n_b)
+    p[inside, inside] = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
+    tail = np.arange(2 * n + n_b, x.size)
+    p[tail, tail] = stream.extra_variance
+    late = tail[-n:]
+    noise = np.diag(stream.sigma_q**2)
+    far = np.full(x.size, ALPHA * np.sqrt(x.size))
+    reach = far
+    for step, q in enumerate(stream.q):
+        gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
+        x = x + gain.T @ (q - x[:n])
+        p = p - gain.T @ p[:n]
+        if step == len(stream.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
+            break
+        points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
+        moved, inverse = _advance(lib, stream, step, points)
+        points[:, : 2 * n] = moved
+        # Offsets from the image of the mean: its own large weight then multiplies zero.
+        offsets = points[1:] - points[0]
+        weights = np.tile(0.5 / reach**2, 2)
+        shift = weights @ offsets
+        x = points[0] + shift
+        centre = 2 - weights.sum() - ALPHA**2 + BETA
+        centred = offsets - shift
+        p = (centred * weights[:, None]).T @ centred + centre * np.outer(shift, shift)
+        spread = stream.dt * inverse * stream.sigma_tau
+        p[: 2 * n, : 2 * n] += process_noise(spread, stream.dt)
+        p[late, late] += stream.wander
+    if not (np.isfinite(x).all() and np.isfinite(p).all()):
+        raise IdentificationError(
+            f"the filter diverged after {step * stream.dt:.2f} s; the first guess is too far from "
+            "the robot, or the torque's unit, sign or friction is not what was said"
+        )
+    return x, p
+
+
+def _root(p: Array) -> Array:
+    """Lower Cholesky factor of P."""
+    p = (p + p.T) / 2
+    try:
+        return np.asarray(np.linalg.cholesky(p), dtype=float)
+    except np.linalg.LinAlgError:
+        values, vectors = np.linalg.eigh(p)
+        raised = np.maximum(values, _RIDGE * values[-1])
+        return np.asarray(vectors * np.sqrt(raised))
+
+
+def _points(lib: Library, x: Array, root: Array, reach: Array) -> tuple[Array, Array]:
+    """The mean, x + h L and x − h L as rows, and h, drawn in where the mass matrix gives way."""
+    n, n_b = lib.n_joints, len(lib.base_columns)
+    while True:
+        offsets = (root * reach).T
+        points = np.concatenate([x[None], x + offsets, x - offsets])
+        mass = lib.mass_matrix(points[:, :n], _pi(lib, points[:, 2 * n : 2 * n + n_b]))
+        rest = mass[1:] - _LIGHTEST * mass[0]
+        try:
+            np.linalg.cholesky(rest)
+            return points, reach
+        except np.linalg.LinAlgError:
+            light = np.linalg.eigvalsh(rest)[:, 0] <= 0
+            pairs = light.reshape(2, -1).any(axis=0) & (reach > _NEAREST)
+            if not pairs.any():
+                return points, reach
+            reach = np.where(pairs, reach / 2, reach)
+
+
+def _pi(lib: Library, beta: Array) -> Array:
+    """A π with these base parameters: β in the base columns, zero elsewhere."""
+    pi = np.zeros((len(beta), lib.pi0.size))
+    pi[:, lib.base_columns] = beta
+    return pi
+
+
+def _advance(lib: Library, stream: Stream, step: int, points: Array) -> tuple[Array, Array]:
+    """[q, dq] of all points after a step, and (M + dt/2 S)⁻¹ of the first one."""
+    n, n_b, dt = lib.n_joints, len(lib.base_columns), stream.dt
+    q, dq, beta, phi, delay = np.split(points, [n, 2 * n, 2 * n + n_b, points.shape[1] - n], axis=1)
+    push = stream.push[step]
+    middle, speed = q + dt / 2 * dq, dq + dt / 2 * push
+    secants, constants = stream.friction(step)
+    phi = phi.reshape(len(points), n, -1)
+    columns = secants * stream.speed[step][:, None] + constants
+    pi, drag = _pi(lib, beta), np.sum(secants * stream.passive(phi[0]), axis=1)
+    late = delay * stream.drift[step] - np.sum(columns * phi, axis=2) + drag * stream.speed[step]
+    smooth = lib.inverse_dynamics(middle[0], speed[0], push, pi[0]) + drag * speed[0] - late[0]
+    ddq = lib.forward_dynamics(middle, speed, smooth + late - drag * dq, pi, dt / 2 * drag)
+    inverse = np.linalg.inv(lib.mass_matrix(middle[0], pi[0]) + dt / 2 * np.diag(drag))
+    ddq = ddq + inverse @ (stream.tau[step] - smooth)
+    moved = np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1)
+    return moved, np.asarray(inverse, dtype=float)

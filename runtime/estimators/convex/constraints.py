@@ -1,0 +1,170 @@
+"""Further priors, linear in π: equations E π = e and half-spaces a·π ≤ l, each with a name.
+
+Masses, centres of mass (m·c is linear where c ∈ {c : n·c ≤ d} is n·(m c) ≤ d m) and symmetry planes
+are of this kind. A first point strictly inside comes from one cone program; where there is none its
+multipliers name the priors that contradict each other (Farkas). Then the Newton of `newton` goes on
+within the subspace of the equations, with logarithmic barriers.
+"""
+
+from dataclasses import dataclass
+
+import clarabel
+import numpy as np
+from scipy import sparse
+from scipy.linalg import block_diag, null_space
+
+from runtime.errors import IdentificationError
+from runtime.estimators.convex.bodies import SIZE
+from runtime.estimators.convex.eliminate_friction import Reduced
+from runtime.estimators.convex.entropic_prior import Prior
+from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem, minimise
+from runtime.library import Array
+
+BARRIER = 1e-2
+"""Weight of a half-space's logarithm relative to γ: it then moves nothing that is not near it."""
+ROOM = 0.05
+"""How far inside the first point lies where there is room, in units of the prior."""
+LEAST_ROOM = 1e-6
+"""Less is none: priors that leave only a surface have no strictly consistent answer."""
+HURRY = 1e4
+"""Cost of a lack of room against distance from the prior."""
+ACTIVE = 1e-2
+"""A half-space whose slack is below this share of its scale holds with equality."""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """coefficients · π = value, or ≤ value, and what the user called it."""
+
+    name: str
+    coefficients: Array
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Constraints:
+    """Named linear priors."""
+
+    equations: tuple[Row, ...] = ()
+    bounds: tuple[Row, ...] = ()
+
+
+def constrained(
+    constraints: Constraints, data: Reduced, prior: Prior, gamma: float | Array
+) -> tuple[Minimum, tuple[str, ...]]:
+    """The minimum under all priors, and sentences about those that hold with equality.
+
+    Raises:
+        IdentificationError: priors that contradict each other, by name.
+    """
+    whiten = _whitening(prior)
+    start = _inside(constraints, prior, whiten)
+    rows, limits = _stacked(constraints.bounds, start.size)
+    inside = HalfSpaces(rows, limits, BARRIER * float(np.min(gamma))) if len(rows) else None
+    free = None
+    if constraints.equations:
+        matrix, _ = _stacked(constraints.equations, start.size)
+        scaled = np.linalg.solve(whiten.T, matrix.T).T  # E in whitened unknowns
+        free = Subspace(start, np.linalg.solve(whiten, null_space(scaled)))
+    found = minimise(convex_problem(data, prior, gamma, inside, free), start)
+    notes: tuple[str, ...] = ()
+    if len(rows):
+        scale = np.linalg.norm(np.linalg.solve(whiten.T, rows.T), axis=0)
+        tight = (limits - rows @ found.pi) < ACTIVE * scale
+        names = dict.fromkeys(b.name for b, t in zip(constraints.bounds, tight, strict=True) if t)
+        if names:
+            notes = (f"the data press against the prior on {', '.join(names)}",)
+    return found, notes
+
+
+def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
+    """The point nearest to the prior that keeps some room: min d − HURRY t, t ≤ ROOM."""
+    size = prior.centre.size
+    e, e_value = _stacked(constraints.equations, size)
+    a, limit = _stacked(constraints.bounds, size)
+    # π = centre + back x, x in units of the prior
+    back = np.asarray(np.linalg.inv(whiten), dtype=np.float64)
+    a_x, e_x = a @ back, e @ back
+    scale, length = np.linalg.norm(a_x, axis=1), np.linalg.norm(e_x, axis=1)
+    if (scale == 0).any() or (length == 0).any():
+        raise IdentificationError("a prior says nothing about any parameter; correct its numbers")
+    zero = np.zeros
+    cone, room = _consistency(prior, back)
+    blocks = [
+        np.hstack([e_x / length[:, None], zero((len(e), 2))]),
+        np.hstack([a_x / scale[:, None], np.ones((len(a), 1)), zero((len(a), 1))]),
+        np.hstack([zero((1, size)), [[1.0, 0.0]]]),
+        np.hstack([zero((1, size + 1)), [[-1.0]]]),
+        np.hstack([-np.eye(size), zero((size, 2))]),
+        np.hstack([-cone, room[:, None], zero((len(cone), 1))]),
+    ]
+    at = prior.centre
+    sides = [
+        (e_value - e @ at) / length,
+        (limit - a @ at) / scale,
+        [ROOM],
+        zero(size + 1),
+        room,
+    ]
+    bodies = size // SIZE
+    cones = [
+        clarabel.ZeroConeT(len(e)),
+        clarabel.NonnegativeConeT(len(a) + 1),
+        clarabel.SecondOrderConeT(size + 1),
+        *[clarabel.PSDTriangleConeT(4)] * bodies,
+    ]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    solution = clarabel.DefaultSolver(
+        sparse.csc_matrix((size + 2, size + 2)),
+        np.concatenate([zero(size), [-HURRY, 1.0]]),
+        sparse.csc_matrix(np.vstack(blocks)),
+        np.concatenate(sides),
+        cones if len(e) else cones[1:],
+        settings,
+    ).solve()
+    status, x = str(solution.status), np.array(solution.x)
+    solved = status in {"Solved", "AlmostSolved"}
+    if not solved or x[size] < LEAST_ROOM:
+        _contradiction(constraints, np.abs(np.array(solution.z)))
+    return np.asarray(prior.centre + back @ x[:size])
+
+
+def _contradiction(constraints: Constraints, multipliers: Array) -> None:
+    rows = (*constraints.equations, *constraints.bounds)
+    shares = multipliers[: len(rows)]
+    guilty = shares > 1e-3 * max(float(shares.max()), 1e-300)
+    names = list(dict.fromkeys(r.name for r, g in zip(rows, guilty, strict=True) if g))
+    what = (
+        f"the priors on {' and '.join(names)} contradict each other"
+        if len(names) > 1
+        else f"the prior on {names[0]} cannot hold"
+    )
+    raise IdentificationError(
+        f"{what}: no bodies that can exist satisfy them; correct or remove one of them"
+    )
+
+
+def _consistency(prior: Prior, back: Array) -> tuple[Array, Array]:
+    """svec of P̃_k(x) = L⁻¹ P_k(back x) L⁻ᵀ with P0 = L Lᵀ, and of the identity, stacked."""
+    basis, size = prior.bodies.basis, prior.centre.size
+    lower = np.linalg.inv(np.linalg.cholesky(prior.bodies.pseudo_inertia(prior.centre)))
+    places = [(i, j) for j in range(4) for i in range(j + 1)]
+    weight = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in places])
+    blocks = []
+    for own in lower:
+        turned = own @ basis @ own.T
+        blocks.append(np.array([turned[:, i, j] for i, j in places]) * weight[:, None])
+    unit = np.tile([1.0 if i == j else 0.0 for i, j in places], size // SIZE)
+    return block_diag(*blocks) @ back, unit
+
+
+def _whitening(prior: Prior) -> Array:
+    """W with Wᵀ W the prior's curvature: ‖W (π − π0)‖² / 2 is D to second order."""
+    _, blocks = prior.bodies.curvature(prior.centre)
+    return np.asarray(block_diag(*(np.linalg.cholesky(b).T for b in blocks)))
+
+
+def _stacked(rows: tuple[Row, ...], size: int) -> tuple[Array, Array]:
+    matrix = np.array([r.coefficients for r in rows]).reshape(len(rows), size)
+    return matrix, np.array([r.value for r in rows])

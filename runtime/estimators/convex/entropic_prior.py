@@ -1,0 +1,85 @@
+"""The entropic prior: D(π) = Σ_k [tr(P0_k⁻¹ P_k) − log det P_k], smallest at P_k = P0_k.
+
+Up to a constant D is the relative entropy between the mass distributions that P and P0 stand for
+(Gaussians of mass m, mean m·c and second moment Σ). To second order it is ½ ‖P0^-½ ΔP P0^-½‖², so
+a weight of κ trusts every direction of P0 to a relative standard deviation of 1/√κ.
+Source: Lee, Wensing & Park 2019 for the divergence; the floor is this project's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from runtime.errors import IdentificationError
+from runtime.estimators.convex.bodies import SIZE, Bodies, bodies_of
+from runtime.library import Array, Library
+
+THIN = 0.05
+"""Eigenvalues of a prior's Σ_com below this share of their sum are raised to it: a thin axis that
+is wrong in the URDF would otherwise outweigh the data."""
+
+CAD, GRIPPER, NONE = 16.0, 4.0, 1.0
+"""κ for a model from CAD, for a gripper or payload, and for one that nobody trusts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Prior:
+    """What was believed before the data.
+
+    Attributes:
+        bodies: P(π).
+        centre: π0 after the floor, (10 n,); P0_k ≻ 0.
+        slope: tr(P0_k⁻¹ B_i), (10 n,): Σ tr(P0_k⁻¹ P_k) = slope · π.
+        notes: what had to be repaired.
+    """
+
+    bodies: Bodies
+    centre: Array
+    slope: Array
+    notes: tuple[str, ...] = ()
+
+
+def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Prior:
+    """The prior around bodies that exist strictly, of any number.
+
+    Raises:
+        IdentificationError: a P0_k is not positive definite.
+    """
+    flat = np.ascontiguousarray(centre, dtype=float).ravel()
+    if flat.size % SIZE or not np.isfinite(flat).all() or bodies.log_det(flat) is None:
+        raise IdentificationError(
+            "the prior needs bodies that exist strictly (P ≻ 0 for every link); take "
+            "nearest_realisable(pi) of the library first"
+        )
+    inverse = np.asarray(np.linalg.inv(bodies.pseudo_inertia(flat)), dtype=np.float64)
+    return Prior(bodies, flat, bodies.against(inverse), notes)
+
+
+def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> Prior:
+    """The prior of a robot: the URDF's π (or a given one) with `floor` under its thin axes.
+
+    Args:
+        lib: of the robot.
+        pi: (10 n,) [kg, kg·m, kg·m²], default is the URDF's.
+        floor: smallest eigenvalue of Σ_com relative to their sum.
+
+    Raises:
+        IdentificationError: a mass that is not above 0.
+    """
+    given = lib.pi0 if pi is None else np.asarray(pi, dtype=float)
+    masses = given.reshape(-1, SIZE)[:, 0]
+    if not (np.isfinite(given).all() and (masses > 0).all()):
+        bad = [n for n, m in zip(lib.link_names, masses, strict=True) if not m > 0]
+        raise IdentificationError(
+            f"the prior needs finite parameters and positive masses; correct {', '.join(bad)} "
+            "in the URDF or in the first guess"
+        )
+    absent = lib.relative_eigenvalues(given) <= 0
+    notes: tuple[str, ...] = ()
+    if absent.any():
+        names = ", ".join(np.array(lib.link_names)[absent])
+        notes = (
+            f"the first guess of {names} is no body that can exist; the prior is the nearest one",
+        )
+    return prior_from(bodies_of(lib), lib.nearest_realisable(given, floor), notes)

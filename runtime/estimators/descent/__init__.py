@@ -1,0 +1,1 @@
+"""Gradient descent in λ: λ-Adam and Levenberg–Marquardt on samples or statistics."""

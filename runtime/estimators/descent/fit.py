@@ -1,0 +1,119 @@
+"""The methods that descend in λ: from a `Problem` to a `Fit`, one at a time or many at once."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from runtime.estimators.descent.drivers import (
+    Descent,
+    Preset,
+    Watch,
+    descend,
+    descend_many,
+    descent_of,
+    levenberg_descend,
+)
+from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Outcome, StoppingRule
+from runtime.estimators.problem import Fit, Problem, best_friction
+from runtime.estimators.regression.torque_objective import TorqueObjective
+from runtime.library import Array, Library
+from runtime.parallel import cores, one_blas_thread
+
+PRESETS = {
+    "simulation": Preset(AdamOptions(1e-3), StoppingRule(1500, 25), 64),
+    "real": Preset(AdamOptions(1e-4), StoppingRule(2500, 25), 64),
+    "full": Preset(AdamOptions(1e-3), StoppingRule(20000, 200, threshold=1e-8), None),
+}
+
+THINNEST_AXIS = 1e-6
+"""Σ_com eigenvalues below this fraction of the trace are raised to it after a descent in λ:
+sign-normalised steps can carry a, b or c through 0, where P is singular."""
+
+
+def in_batches(preset: str | Preset | None) -> bool:
+    """Whether Adam draws samples with these settings; by default it takes all of them."""
+    chosen = PRESETS.get(preset) if isinstance(preset, str) else preset
+    return chosen is not None and chosen.batch is not None
+
+
+def fit_adam(problem: Problem, preset: Preset) -> Fit:
+    """Descend in x = [λ, ψ] from the first guess with its best friction (Sec. 4.6, 4.7)."""
+    descent = start_of(problem)
+    return fit_of(descent, descend(descent, preset))
+
+
+def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
+    """Levenberg–Marquardt from the same start, in λ or in log-Cholesky coordinates."""
+    descent = start_of(problem, cholesky)
+    return fit_of(descent, levenberg_descend(descent, LevenbergOptions()))
+
+
+@one_blas_thread
+def fit_many(
+    problems: Sequence[Problem],
+    preset: Preset,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+    watch: Watch | None = None,
+) -> list[Fit]:
+    """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo.
+
+    Args:
+        problems: with data, starts and seeds of their own.
+        preset: of all.
+        threads: default is one per core; the answers do not depend on it.
+        progress: called with the number of descents that have ended.
+        watch: see `descend_many`.
+    """
+    count = threads or cores()
+    if not problems:
+        return []
+    if not problems[0].lib.descends:
+        return [fit_adam(problem, preset) for problem in problems]
+    with ThreadPoolExecutor(count) as pool:
+        descents = list(pool.map(start_of, problems))
+    outcomes = descend_many(descents, preset, count, progress, watch)
+    return [fit_of(d, o) for d, o in zip(descents, outcomes, strict=True)]
+
+
+def start_of(problem: Problem, cholesky: bool = False) -> Descent:
+    """The first guess with its best friction."""
+    objective = TorqueObjective(problem.lib, problem.train, problem.weights)
+    guess = problem.lib.pi_from_lam(problem.start)
+    phi = best_friction(problem.statistics(), guess, problem.train.columns.shape[1:])
+    bodies = problem.start
+    if cholesky:
+        bodies = problem.lib.cholesky_from_pi(problem.lib.nearest_realisable(guess, THINNEST_AXIS))
+    return descent_of(problem, objective, objective.join(bodies, phi), cholesky)
+
+
+def fit_of(descent: Descent, outcome: Outcome) -> Fit:
+    """π of a descent's last point, kept off the edge of consistency."""
+    lib = descent.problem.lib
+    lam, phi = descent.objective.split(outcome.x)
+    pi, notes = _thickened(lib, descent.bodies(outcome.x))
+    return Fit(
+        pi=pi,
+        phi=phi,
+        lam=lib.lam_from_pi(pi) if notes or descent.cholesky else lam,
+        status=outcome.status.value,
+        iterations=outcome.iterations,
+        trace=outcome.trace,
+        notes=notes,
+    )
+
+
+def _thickened(lib: Library, pi: Array) -> tuple[Array, tuple[str, ...]]:
+    """π with Σ_com of each link at least `THINNEST_AXIS` of its trace, and what was changed."""
+    safe = lib.nearest_realisable(pi, THINNEST_AXIS)
+    thin = lib.relative_eigenvalues(pi) < THINNEST_AXIS
+    result = np.where(np.repeat(thin, pi.size // lib.n_joints), safe, pi)
+    if not thin.any():
+        return pi, ()
+    names = ", ".join(np.array(lib.link_names)[thin])
+    change = float(np.abs(result - pi).max())
+    return result, (
+        f"the data press {names} onto the edge of consistency (a plate or a rod); the thin axes "
+        f"were kept at the smallest allowed size (largest change {change:.1e} kg·m²)",
+    )

@@ -1,0 +1,187 @@
+"""A TOML file beside the robot that says what is known of its bodies before any data.
+
+    trust = "cad"                     # cad | gripper | none, or κ itself
+    total_mass = [17.0, 18.5]         # kg; one number holds exactly
+
+    [link.fr3_link7]
+    mass = [0.5, 1.5]                 # kg
+    com_box = [[-0.1, -0.1, 0.0], [0.1, 0.1, 0.1]]    # m, lowest and highest corner, link frame
+    com_hull = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
+    symmetry = ["xz"]                 # planes of the link frame through its origin
+
+Every entry is optional and every one is linear in π.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from runtime.errors import IdentificationError
+from runtime.estimators.convex import CAD, GRIPPER, NONE
+from runtime.estimators.convex.constraints import Constraints, Row
+from runtime.files import toml_of
+from runtime.library import Array, Library
+from runtime.library.manifest import PI_NAMES
+
+TRUST = {"cad": CAD, "gripper": GRIPPER, "none": NONE}
+MIRRORED = {
+    "xy": ("mZ", "XZ", "YZ"),
+    "xz": ("mY", "XY", "YZ"),
+    "yz": ("mX", "XY", "XZ"),
+}
+"""Entries of π that vanish for a body symmetric about a plane of its link frame."""
+_LARGEST = sys.float_info.max
+_LINK_KEYS = ("mass", "com_box", "com_hull", "symmetry")
+
+
+@dataclass(frozen=True, slots=True)
+class PriorFile:
+    """κ, where it is stated, and the linear priors."""
+
+    kappa: float | None
+    constraints: Constraints
+
+
+def read_prior(path: Path, lib: Library) -> PriorFile:
+    """Read and check a file for a robot.
+
+    Raises:
+        IdentificationError: missing, not TOML, or an entry that means nothing for this robot.
+    """
+    try:
+        facts = toml_of(path)
+    except OSError:
+        raise IdentificationError(f"the prior '{path}' cannot be read; check the path") from None
+    except ValueError as error:
+        raise IdentificationError(f"the prior '{path}' is no TOML: {error}") from None
+    links = facts.get("link", {})
+    tables = links if isinstance(links, dict) else {"": links}
+    no_table = [name for name, own in tables.items() if not isinstance(own, dict)]
+    if no_table:
+        raise IdentificationError(
+            f"the prior '{path}' expects a table [link.NAME] of each link that it knows, got "
+            f"{tables[no_table[0]]!r:.40} for '{no_table[0]}'; write it so"
+        )
+    unknown = [k for k in facts if k not in {"trust", "total_mass", "link"}]
+    unknown += [f"link.{k}" for k in links if k not in lib.link_names]
+    unknown += [
+        f"link.{k}.{key}" for k, own in links.items() for key in own if key not in _LINK_KEYS
+    ]
+    if unknown:
+        raise IdentificationError(
+            f"the prior '{path}' has an unknown entry '{unknown[0]}'; known are trust, total_mass, "
+            f"and {', '.join(_LINK_KEYS)} of the links {', '.join(lib.link_names)}"
+        )
+    rows = _Rows(lib, path)
+    if "total_mass" in facts:
+        rows.interval("total_mass", facts["total_mass"], lib.link_names)
+    for link, own in links.items():
+        if "mass" in own:
+            rows.interval(f"{link}.mass", own["mass"], (link,))
+        if "com_box" in own:
+            rows.box(link, own["com_box"])
+        if "com_hull" in own:
+            rows.hull(link, own["com_hull"])
+        if "symmetry" in own:
+            rows.symmetry(link, own["symmetry"])
+    constraints = Constraints(tuple(rows.equations), tuple(rows.bounds))
+    return PriorFile(_trust(facts.get("trust"), path), constraints)
+
+
+class _Rows:
+    """Collects equations and bounds."""
+
+    def __init__(self, lib: Library, path: Path) -> None:
+        self._lib, self._path = lib, path
+        self.equations: list[Row] = []
+        self.bounds: list[Row] = []
+
+    def interval(self, name: str, given: Any, links: tuple[str, ...]) -> None:
+        """Σ m = value, or lowest ≤ Σ m ≤ highest."""
+        total = sum(self._unit(link, "m") for link in links)
+        if isinstance(given, int | float) and not isinstance(given, bool):
+            (value,) = self._numbers(name, [given], (1,), "a mass or [lowest, highest] in kg")
+            self._positive(name, value)
+            self.equations.append(Row(name, np.asarray(total), float(value)))
+            return
+        low, high = self._numbers(name, given, (2,), "a mass or [lowest, highest] in kg")
+        self._positive(name, high)
+        if low > high:
+            self._refuse(name, "[lowest, highest] in kg")
+        self.bounds += [Row(name, np.asarray(total), high), Row(name, -np.asarray(total), -low)]
+
+    def box(self, link: str, given: Any) -> None:
+        """lowest ≤ c ≤ highest: lowest m ≤ m c ≤ highest m."""
+        name, wanted = f"{link}.com_box", "[[x, y, z], [x, y, z]] in m, lowest and highest corner"
+        low, high = self._numbers(name, given, (2, 3), wanted)
+        if not (low <= high).all():
+            self._refuse(name, wanted)
+        mass = self._unit(link, "m")
+        for axis, key in enumerate(("mX", "mY", "mZ")):
+            moment = self._unit(link, key)
+            self.bounds += [
+                Row(name, moment - high[axis] * mass, 0.0),
+                Row(name, low[axis] * mass - moment, 0.0),
+            ]
+
+    def hull(self, link: str, given: Any) -> None:
+        """c in the convex hull of points: n·(m c) + d m ≤ 0 for its facets."""
+        name, wanted = f"{link}.com_hull", "at least four points [x, y, z] in m, not in one plane"
+        points = self._numbers(name, given, (-1, 3), wanted)
+        try:
+            facets = ConvexHull(points).equations
+        except (QhullError, ValueError):
+            self._refuse(name, wanted)
+        moments = np.array([self._unit(link, key) for key in ("mX", "mY", "mZ")])
+        mass = self._unit(link, "m")
+        for facet in facets:
+            self.bounds.append(Row(name, facet[:3] @ moments + facet[3] * mass, 0.0))
+
+    def symmetry(self, link: str, given: Any) -> None:
+        """m c and products of inertia across a plane vanish."""
+        name = f"{link}.symmetry"
+        planes = given if isinstance(given, list) else [given]
+        if not planes or any(plane not in tuple(MIRRORED) for plane in planes):
+            self._refuse(name, f"a list of {', '.join(MIRRORED)}")
+        for key in sorted({key for plane in planes for key in MIRRORED[plane]}):
+            self.equations.append(Row(name, self._unit(link, key), 0.0))
+
+    def _unit(self, link: str, key: str) -> Array:
+        row = np.zeros(self._lib.pi0.size)
+        row[self._lib.link_names.index(link) * len(PI_NAMES) + PI_NAMES.index(key)] = 1.0
+        return row
+
+    def _numbers(self, name: str, given: Any, shape: tuple[int, ...], wanted: str) -> Array:
+        try:
+            values = np.array(given, dtype=float)
+        except (TypeError, ValueError, OverflowError):
+            self._refuse(name, wanted)
+        fits = values.ndim == len(shape) and all(
+            want in {-1, size} for want, size in zip(shape, values.shape, strict=True)
+        )
+        if not fits or not np.isfinite(values).all():
+            self._refuse(name, wanted)
+        return values
+
+    def _positive(self, name: str, value: float) -> None:
+        if not value > 0:
+            self._refuse(name, "a mass above 0 kg")
+
+    def _refuse(self, name: str, wanted: str) -> Any:
+        raise IdentificationError(f"the prior '{self._path}' needs {wanted} for {name}")
+
+
+def _trust(given: Any, path: Path) -> float | None:
+    if given is None:
+        return None
+    if isinstance(given, str) and given in TRUST:
+        return TRUST[given]
+    if isinstance(given, int | float) and not isinstance(given, bool) and 0 < given <= _LARGEST:
+        return float(given)
+    raise IdentificationError(
+        f"the prior '{path}' needs trust = {', '.join(TRUST)} or a number above 0, got {given!r}"
+    )

@@ -1,0 +1,205 @@
+"""The triangular factor that stands for all samples, and what can be done with it.
+
+Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5).
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import IdentificationError, RecordingError
+from runtime.files import replacing, require_file
+from runtime.library import Array, Library
+from runtime.recording.formats.tables import open_npz
+
+EXPLAINED = 1e-9
+"""Part of a column of length one that others leave, below which they explain it."""
+_ARRAYS = ("factor", "target", "base_matrix")
+_NUMBERS = ("rest", "n_samples", "model_hash")
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """Compressed samples of one robot.
+
+    Attributes:
+        factor: R over [β; φ], (p, p), p = n_b + n k; friction φ joint by joint. With the columns
+            of φ first it is upper triangular with a diagonal ≥ 0.
+        target: r, (p,).
+        rest: ρ, what no parameters explain.
+        n_samples: N, or the sum of the sample weights.
+        base_matrix: K in β = K π, (n_b, 10 n).
+        model_hash: of the library.
+    """
+
+    factor: Array
+    target: Array
+    rest: float
+    n_samples: float
+    base_matrix: Array
+    model_hash: str
+
+    @property
+    def n_base(self) -> int:
+        """n_b; the columns behind it are those of φ."""
+        return len(self.base_matrix)
+
+    def residual(self, pi: Array, phi: Array) -> Array:
+        """R [K π; φ] − r, (p,)."""
+        return self.factor @ np.concatenate([self.base_matrix @ pi, phi.ravel()]) - self.target
+
+    def value(self, pi: Array, phi: Array) -> float:
+        """L at π, φ."""
+        residual = self.residual(pi, phi)
+        return float((residual @ residual + self.rest) / (2 * self.n_samples))
+
+    def over_pi(self) -> Array:
+        """R's columns over [π; φ], (p, 10 n + n k)."""
+        base = self.factor[:, : self.n_base]
+        return np.hstack([base @ self.base_matrix, self.factor[:, self.n_base :]])
+
+    def unit_columns(self) -> tuple[Array, Array]:
+        """R's columns over [β; φ], each of length one, and their lengths.
+
+        A silent column stays zero and counts as of length one.
+        """
+        lengths = np.linalg.norm(self.factor, axis=0)
+        lengths = np.where(lengths > 0, lengths, 1.0)
+        return self.factor / lengths, lengths
+
+    def explained(self) -> NDArray[np.bool_]:
+        """(n k,): the columns of φ that base parameters do as well, silent ones among them."""
+        matrix, _ = self.unit_columns()
+        space, sizes, _ = np.linalg.svd(matrix[:, : self.n_base], full_matrices=False)
+        space = space[:, sizes > EXPLAINED * sizes[0]]
+        others = matrix[:, self.n_base :]
+        rest = others - space @ (space.T @ others)
+        return np.asarray(np.linalg.norm(rest, axis=0) <= EXPLAINED)
+
+    def without(self, columns: NDArray[np.bool_]) -> "Statistics":
+        """With some columns of φ, (n k,), silenced."""
+        kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~columns])
+        return replace(self, factor=np.where(kept, self.factor, 0.0))
+
+    def merged(self, *others: "Statistics") -> "Statistics":
+        """Statistics of all samples together.
+
+        Raises:
+            IdentificationError: of another robot, or with other friction columns.
+        """
+        for other in others:
+            if other.model_hash != self.model_hash or other.factor.shape != self.factor.shape:
+                raise IdentificationError(
+                    "expected statistics of one robot with equally many friction columns, got "
+                    f"{_identity(self)} and {_identity(other)}; compress both with one library"
+                )
+        parts = (self, *others)
+        triangle = joined(np.stack([part.triangle() for part in parts]))
+        count = sum(part.n_samples for part in parts)
+        return from_triangle(triangle, count, self.base_matrix, self.model_hash)
+
+    def scaled(self, forgetting: float) -> "Statistics":
+        """As if every sample so far had counted `forgetting` times, 0 < forgetting ≤ 1.
+
+        Raises:
+            IdentificationError: forgetting outside that range.
+        """
+        if not 0.0 < forgetting <= 1.0:
+            raise IdentificationError(
+                f"expected a forgetting factor above 0 and at most 1, got {forgetting}; "
+                "1 forgets nothing"
+            )
+        root = np.sqrt(forgetting)
+        return replace(
+            self,
+            factor=self.factor * root,
+            target=self.target * root,
+            rest=self.rest * forgetting,
+            n_samples=self.n_samples * forgetting,
+        )
+
+    def triangle(self) -> Array:
+        """The upper triangle over [φ; β; τ], (p + 1, p + 1)."""
+        size = len(self.target)
+        whole = np.zeros((size + 1, size + 1))
+        whole[:size, : size - self.n_base] = self.factor[:, self.n_base :]
+        whole[:size, size - self.n_base : size] = self.factor[:, : self.n_base]
+        whole[:size, size] = self.target
+        whole[size, size] = np.sqrt(self.rest)
+        return whole
+
+    def save(self, path: Path) -> None:
+        """Write an .npz file, as a whole or not at all.
+
+        Raises:
+            RuntimeFault: the place cannot be written.
+        """
+        with replacing(Path(path)) as file:
+            values = {key: np.asarray(getattr(self, key)) for key in _ARRAYS + _NUMBERS}
+            np.savez(file, **values)  # type: ignore[arg-type]
+
+
+def load_statistics(path: Path, lib: Library) -> Statistics:
+    """What `Statistics.save` wrote for this robot.
+
+    Raises:
+        IdentificationError: missing, damaged, or of another robot.
+    """
+    try:
+        file = open_npz(require_file(Path(path)).read_bytes(), Path(path).name)
+        arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
+        rest, count = float(file["rest"]), float(file["n_samples"])
+        found = str(file["model_hash"])
+    except FileNotFoundError:
+        raise IdentificationError(f"there are no statistics at '{path}'; save some first") from None
+    except (OSError, RecordingError, ValueError, KeyError, TypeError):
+        raise IdentificationError(
+            f"'{path}' is damaged or holds no statistics; compress the recording again"
+        ) from None
+    if found != lib.manifest.model_hash:
+        raise IdentificationError(
+            f"the statistics '{path}' belong to the model {found[:12]}, the library "
+            f"'{lib.name}' is {lib.manifest.model_hash[:12]}; compress the recording again"
+        )
+    size = arrays["target"].size
+    fits = arrays["factor"].shape == (size, size) and np.array_equal(
+        arrays["base_matrix"], lib.base_matrix
+    )
+    numbers = np.concatenate([arrays["factor"].ravel(), arrays["target"].ravel(), [rest, count]])
+    if not fits or not np.isfinite(numbers).all() or rest < 0 or count < 0:
+        raise IdentificationError(
+            f"'{path}' is damaged (its arrays do not fit together); compress the recording again"
+        )
+    return Statistics(**arrays, rest=rest, n_samples=count, model_hash=found)
+
+
+def joined(parts: Array) -> Array:
+    """The triangle (p, p) of stacked rows (count, rows, p), its diagonal ≥ 0, by NumPy."""
+    width = parts.shape[2]
+    square = np.zeros((width, width))
+    rows = parts.reshape(-1, width)
+    if not np.isfinite(rows).all():
+        return np.full((width, width), np.nan)
+    upper = np.linalg.qr(rows, mode="r")
+    square[: len(upper)] = np.triu(upper)
+    return square * np.where(np.diag(square) < 0, -1.0, 1.0)[:, None]
+
+
+def from_triangle(triangle: Array, count: float, base: Array, model_hash: str) -> Statistics:
+    """Statistics of `count` samples from the triangle over [φ; β; τ]."""
+    size, n_base = len(triangle) - 1, len(base)
+    columns = np.roll(np.arange(size), n_base)  # [β; φ] from [φ; β]
+    return Statistics(
+        factor=np.ascontiguousarray(triangle[:size][:, columns]),
+        target=triangle[:size, size].copy(),
+        rest=float(triangle[size, size] ** 2),
+        n_samples=count,
+        base_matrix=base,
+        model_hash=model_hash,
+    )
+
+
+def _identity(s: Statistics) -> str:
+    return f"model {s.model_hash[:12]} with {len(s.target) - s.n_base} friction coefficients"

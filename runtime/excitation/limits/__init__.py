@@ -1,0 +1,1 @@
+"""Limits of a motion as constraint rows and as checks."""

@@ -1,0 +1,177 @@
+"""Limits of places and distances as `laws`: g ≤ 0 in units of 0.1 m, with exact slopes.
+
+| law | row | g |
+|---|---|---|
+| tip box | axis and side | (p − upper) / 0.1 m, (lower − p) / 0.1 m |
+| tip speed | | (v²/v_max² − 1) / 2 |
+| self-collision | pair | (margin − distance) / 0.1 m |
+| table | proxy | (margin − height) / 0.1 m |
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.excitation.limits.sampled_motion import Passage, times
+from runtime.library import Array, Library
+
+LENGTH = 0.1
+"""m: a distance that is missing or left by this counts as one whole limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class TipBox:
+    """The tip stays in lower ≤ p ≤ upper, (3,) m in the base frame; ±inf leaves a side open."""
+
+    kind: ClassVar[str] = "tip box"
+    orders: ClassVar[int] = 1
+    even: ClassVar[bool] = True
+    labels: ClassVar[tuple[str, ...]] = ("x max", "y max", "z max", "x min", "y min", "z min")
+    lib: Library
+    lower: Array
+    upper: Array
+
+    def values(self, motion: Array) -> Array:
+        """(p − upper) and (lower − p), in 0.1 m."""
+        p = self.lib.tip_motion(motion[0], motion[1])[0]
+        return np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
+
+    def slopes(self, motion: Array) -> Array:
+        """±∂p/∂q."""
+        slope = self.lib.tip_motion(motion[0], motion[1])[2][:, :, None] / LENGTH
+        return np.concatenate([slope, -slope], axis=1)
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With ±v."""
+        p, v, _ = passage.tip()
+        g = np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
+        return g, np.concatenate([v, -v], axis=1) / LENGTH
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """The coordinate in m."""
+        end = float(np.concatenate([self.upper, self.lower])[row])
+        return end + g * (LENGTH if row < 3 else -LENGTH), end, "m"
+
+
+@dataclass(frozen=True, slots=True)
+class TipSpeed:
+    """v ≤ limit, m/s; squared, because the speed itself has no slope at rest."""
+
+    kind: ClassVar[str] = "tip speed"
+    orders: ClassVar[int] = 2
+    even: ClassVar[bool] = True
+    labels: ClassVar[tuple[str, ...]] = ("tip",)
+    lib: Library
+    limit: float
+
+    def values(self, motion: Array) -> Array:
+        """(v²/v_max² − 1) / 2."""
+        v = self.lib.tip_motion(motion[0], motion[1])[1]
+        return (np.einsum("ni,ni->n", v, v)[:, None] / self.limit**2 - 1) / 2
+
+    def slopes(self, motion: Array) -> Array:
+        """v · ∂v/∂(q, dq) / v_max², with ∂v/∂dq = ∂p/∂q."""
+        _, v, by_speed, by_position = self.lib.tip_motion(motion[0], motion[1])
+        slope = np.stack([by_position, by_speed], axis=2)  # ∂v/∂dq = ∂p/∂q
+        return np.einsum("ni,nidj->ndj", v, slope)[:, None] / self.limit**2
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With v · dv/dt / v_max²."""
+        _, v, dv = passage.tip()
+        square, rate = (np.einsum("ni,ni->n", v, x)[:, None] / self.limit**2 for x in (v, dv))
+        return (square - 1) / 2, rate
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """v in m/s."""
+        return self.limit * float(np.sqrt(max(0.0, 1 + 2 * g))), self.limit, "m/s"
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """Every pair of links stays apart by its own margin, m."""
+
+    kind: ClassVar[str] = "self-collision"
+    orders: ClassVar[int] = 1
+    even: ClassVar[bool] = True
+    lib: Library
+    margin: Array
+    pairs: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Both links."""
+        return self.pairs
+
+    def distances(self, motion: Array) -> Array:
+        """Of every pair, (N, R) m."""
+        return self.lib.clearance(motion[0])[0]
+
+    def values(self, motion: Array) -> Array:
+        """margin − distance, in 0.1 m."""
+        return (self.margin - self.distances(motion)) / LENGTH
+
+    def slopes(self, motion: Array) -> Array:
+        """−∂distance/∂q."""
+        return -self.lib.clearance(motion[0])[1][:, :, None] / LENGTH
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With −∂distance/∂q dq."""
+        distance, slope = self.lib.clearance(passage.motion[0])
+        return (self.margin - distance) / LENGTH, times(slope, passage.motion[1]) / -LENGTH
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """The distance in m."""
+        margin = float(self.margin[row])
+        return margin - g * LENGTH, margin, "m"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Proxies stay above the plane z = height of the base frame by a margin, m."""
+
+    kind: ClassVar[str] = "table"
+    orders: ClassVar[int] = 1
+    even: ClassVar[bool] = True
+    lib: Library
+    height: float
+    margin: float
+    proxies: tuple[str, ...]
+    rows: NDArray[np.intp]
+    """Of those proxies among the moving ones."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Proxies."""
+        return self.proxies
+
+    def distances(self, motion: Array) -> Array:
+        """Of every proxy above the table, (N, R) m."""
+        return self._heights(motion)[0]
+
+    def values(self, motion: Array) -> Array:
+        """margin − height, in 0.1 m."""
+        return (self.margin - self.distances(motion)) / LENGTH
+
+    def slopes(self, motion: Array) -> Array:
+        """−∂height/∂q."""
+        return -self._heights(motion)[1][:, :, None] / LENGTH
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With −∂height/∂q dq."""
+        height, slope = self.lib.plane_clearance(passage.motion[0], self._plane)
+        rate = times(slope, passage.motion[1])[:, self.rows]
+        return (self.margin - height[:, self.rows]) / LENGTH, rate / -LENGTH
+
+    @property
+    def _plane(self) -> Array:
+        return np.array([0.0, 0.0, 1.0, self.height])
+
+    def _heights(self, motion: Array) -> tuple[Array, Array]:
+        heights, slopes = self.lib.plane_clearance(motion[0], self._plane)
+        return heights[:, self.rows], slopes[:, self.rows]
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """The height above the table in m."""
+        return self.margin - g * LENGTH, self.margin, "m"

@@ -1,0 +1,104 @@
+"""Limits of position, velocity and acceleration, linear in the coefficients of a trajectory."""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.excitation.motion.basis import COSINE, Basis
+from runtime.library import Array, Library
+
+LIMIT_STEP = 0.1
+"""Grid of the limits during the descent, s (Sec. 3.4.2); the result is pulled inside at 1 kHz."""
+DEFAULT_ACCELERATION = 10.0
+"""Used where the robot states none, rad/s² or m/s²."""
+DEFAULT_RANGE = np.pi
+"""A joint without position limits moves this far to both sides of its home, rad or m."""
+
+
+class Limits:
+    """Position, velocity and acceleration limits, linear in the coefficients."""
+
+    def __init__(
+        self,
+        lib: Library,
+        home: Array,
+        harmonics: int,
+        duration: float,
+        step: float = LIMIT_STEP,
+        basis: Basis = COSINE,
+    ) -> None:
+        limits = lib.limits()
+        self.assumptions: list[str] = []
+        low, high = (f"{DEFAULT_RANGE:.4g} {side} home" for side in ("below", "above"))
+        lower = self._or(limits["lower"], home - DEFAULT_RANGE, "lower position", lib, low)
+        upper = self._or(limits["upper"], home + DEFAULT_RANGE, "upper position", lib, high)
+        speed = self._or(limits["velocity"], np.pi, "velocity", lib)
+        accel = self._or(limits["acceleration"], DEFAULT_ACCELERATION, "acceleration", lib)
+        outside = (home <= lower) | (home >= upper)
+        if outside.any():
+            j = int(np.argmax(outside))
+            raise IdentificationError(
+                f"the home position {home[j]:.4g} of joint '{lib.joint_names[j]}' is not inside "
+                f"its limits {lower[j]:.4g} to {upper[j]:.4g}; choose another home"
+            )
+        end = duration / 2 if basis.is_symmetric else duration
+        t = np.linspace(0, end, int(np.ceil(end / step)) + 1)
+        phi = basis.at(lib, harmonics, t, duration)
+        self._up, self._down = upper - home, home - lower
+        self._rows = {"position": phi[..., 0], "velocity": phi[..., 1]}
+        self._rows["acceleration"] = phi[..., 2]
+        self._bounds = {"velocity": speed, "acceleration": accel}
+
+    def _or(
+        self, values: Array, missing: float | Array, what: str, lib: Library, told: str = ""
+    ) -> Array:
+        unknown = ~np.isfinite(values)
+        if unknown.any():
+            names = ", ".join(np.array(lib.joint_names)[unknown])
+            text = told or f"{missing:.4g}"
+            self.assumptions.append(f"no {what} limit for {names}: {text} assumed")
+        return np.where(unknown, missing, values)
+
+    def use(self, a: Array) -> dict[str, Array]:
+        """Largest |value| / limit per joint, for each kind of limit."""
+        q = self._rows["position"] @ a.T
+        found = {"position": np.maximum((q / self._up).max(0), (-q / self._down).max(0))}
+        for kind, bound in self._bounds.items():
+            found[kind] = np.abs(self._rows[kind] @ a.T).max(0) / bound
+        return found
+
+    def inequalities(self) -> tuple[Array, Array]:
+        """A and b of all limits as A vec(a) ≤ b, rows of unit bound."""
+        blocks, n = [], len(self._up)
+        for kind, rows in self._rows.items():
+            pairs = [(self._up, rows), (self._down, -rows)]
+            if kind != "position":
+                pairs = [(self._bounds[kind], rows), (self._bounds[kind], -rows)]
+            for bound, signed in pairs:
+                for j in range(n):
+                    block = np.zeros((len(rows), n, rows.shape[1]))
+                    block[:, j] = signed / bound[j]
+                    blocks.append(block.reshape(len(rows), -1))
+        matrix = np.vstack(blocks)
+        matrix = matrix[np.abs(matrix).max(axis=1) > 0]
+        return matrix, np.ones(len(matrix))
+
+
+def whitening(matrix: Array, n: int) -> Array:
+    """S with a = S x: the limits A a ≤ 1 look alike in all directions of x.
+
+    S Sᵀ is, joint by joint, the inverse Hessian of −Σ ln(1 − A a) at rest; the raw coefficients
+    differ in scale by three orders of magnitude, which a quasi-Newton method would have to learn.
+    """
+    width = matrix.shape[1] // n
+    result = np.zeros((matrix.shape[1], matrix.shape[1]))
+    for j in range(n):
+        part = slice(j * width, (j + 1) * width)
+        lower = np.linalg.cholesky(matrix[:, part].T @ matrix[:, part])
+        result[part, part] = np.linalg.inv(lower).T
+    return result
+
+
+def inside(limits: Limits, a: Array) -> Array:
+    """Each joint scaled back until no limit is exceeded."""
+    rho = np.maximum(1.0, np.max(list(limits.use(a).values()), axis=0))
+    return a / rho[:, None]

@@ -1,0 +1,230 @@
+"""Limits of a robot that are not linear in its motion, as g ≤ 0 with exact slopes.
+
+Every law takes a motion (4, N, n), that is q, dq, ddq, dddq at N samples, and returns g (N, R) of
+its R rows and ∂g/∂(q, dq, …) of as many orders as it reads. g is use − 1: it vanishes on the limit
+and is −1 or less far from it. The physics comes from the robot's kernels.
+
+| law | row | g |
+|---|---|---|
+| braking | joint and side | (max(0, ±dq + c)² − k (q̂ ∓ q)) / (k · room at rest at home) |
+| torque | joint and sign | ±(τ + f_v dq) / (limit − f_c) − 1 |
+| torque rate | joint and sign | ±(dτ/dt + f_v ddq) / limit − 1 |
+
+Those of places and distances are in `places`.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from runtime.excitation.limits.sampled_motion import Passage
+from runtime.library import Array, Library
+
+
+class Law(Protocol):
+    """One kind of limit."""
+
+    kind: ClassVar[str]
+    orders: ClassVar[int]
+    """How many of q, dq, ddq, dddq are read."""
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Joint, axis or pair of each row, R."""
+
+    @property
+    def even(self) -> bool:
+        """The same when the motion runs backwards: dq and dddq with the other sign."""
+
+    def values(self, motion: Array) -> Array:
+        """G, (N, R), of a motion (4, N, n)."""
+
+    def slopes(self, motion: Array) -> Array:
+        """∂g/∂(q, …), (N, R, orders, n)."""
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """The quantity of a row at g, its limit and its unit."""
+
+
+class TimedLaw(Law, Protocol):
+    """A limit that tells its rate in time without slopes."""
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """G and dg/dt, (N, R) each."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """Braking towards one end of the range: max(0, s dq + c)² ≤ k (s q̂ − s q), (n,) each.
+
+    s is +1 for the upper ends and −1 for the lower ones; what is infinite has no limit.
+    """
+
+    sign: float
+    k: Array
+    c: Array
+    end: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Braking:
+    """Velocity limits that fall towards the ends of the range, convex in q and dq.
+
+    g is scaled by the room at home: 0 % is used at rest there, as with position limits.
+    """
+
+    kind: ClassVar[str] = "braking"
+    orders: ClassVar[int] = 2
+    sides: tuple[Side, ...]
+    home: Array
+    joints: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Joints, upper ends first."""
+        return tuple(name for _ in self.sides for name in self.joints)
+
+    @property
+    def even(self) -> bool:
+        """Braking looks at the direction of dq."""
+        return False
+
+    def room(self, side: Side) -> Array:
+        """S (q̂ − home) − c²/k, (n,) rad; NaN where the robot may not even rest at home."""
+        room = side.sign * (side.end - self.home) - np.maximum(side.c, 0) ** 2 / side.k
+        return np.where(room > 0, room, np.nan)
+
+    def values(self, motion: Array) -> Array:
+        """(max(0, s dq + c)²/k − s (q̂ − q)) / room."""
+        q, dq = motion[:2]
+        parts = [
+            np.maximum(0, s.sign * dq + s.c) ** 2 / s.k - s.sign * (s.end - q) for s in self.sides
+        ]
+        return np.concatenate(
+            [part / self.room(s) for part, s in zip(parts, self.sides, strict=True)], axis=1
+        )
+
+    def slopes(self, motion: Array) -> Array:
+        """s / room and 2 s max(0, s dq + c) / (k room), each of its own joint."""
+        dq, n = motion[1], motion.shape[2]
+        found = np.zeros((len(dq), len(self.sides), n, 2, n))
+        each = np.arange(n)
+        for i, s in enumerate(self.sides):
+            scale = s.sign / self.room(s)
+            found[:, i, each, 0, each] = scale
+            found[:, i, each, 1, each] = scale * 2 / s.k * np.maximum(0, s.sign * dq + s.c)
+        return found.reshape(len(dq), -1, 2, n)
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """The share of the room at home."""
+        return 1 + g, 1.0, "of the room at home"
+
+
+@dataclass(frozen=True, slots=True)
+class _OfJoints:
+    """±(smooth part) / limit − 1, row by joint, positive sign first."""
+
+    unit: ClassVar[str]
+    lib: Library
+    pi: Array
+    limit: Array
+    viscous: Array
+    joints: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Joints, positive sign first."""
+        return (*self.joints, *self.joints)
+
+    @property
+    def even(self) -> bool:
+        """Inertia and gravity are, and the size of their rate; viscous friction is not."""
+        return not self.viscous.any()
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """The size in `unit`, with N instead of N·m for a slide."""
+        limit = float(self.limit[row % len(self.limit)])
+        return (1 + g) * limit, limit, self.unit
+
+    def _signed(self, slope: Array, order: int) -> Array:
+        """Both signs over the limit, with f_v by the derivative `order`."""
+        slope[:, :, order] += np.diag(self.viscous)
+        slope /= self.limit[:, None, None]
+        return np.concatenate([slope, -slope], axis=1)
+
+    def _with_rate(self, value: Array, rate: Array, rubbing: Array) -> tuple[Array, Array]:
+        """G and dg/dt of ±(value + f_v rubbing[0]) / limit − 1, with rubbing[1] in the rate."""
+        share = (value + self.viscous * rubbing[0]) / self.limit
+        slope = (rate + self.viscous * rubbing[1]) / self.limit
+        return _both(share), np.concatenate([slope, -slope], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Torque(_OfJoints):
+    """|τ + f_v dq| ≤ share · effort − f_c.
+
+    Coulomb friction may act either way for a moment at every turn, so it lowers the limit; that is
+    smooth and never too little.
+    """
+
+    kind: ClassVar[str] = "torque"
+    orders: ClassVar[int] = 3
+    unit: ClassVar[str] = "N·m"
+
+    def torques(self, motion: Array) -> Array:
+        """τ + f_v dq, (N, n) N·m, N for a slide."""
+        smooth = self.lib.inverse_dynamics(*_three(motion), self.pi)
+        return smooth + self.viscous * motion[1]
+
+    def values(self, motion: Array) -> Array:
+        """±(τ + f_v dq) / limit − 1."""
+        return _both(self.torques(motion) / self.limit)
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With dτ/dt + f_v ddq."""
+        tau, dtau, _ = passage.torques(self.pi)
+        return self._with_rate(tau, dtau, passage.motion[1:3])
+
+    def slopes(self, motion: Array) -> Array:
+        """±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
+        slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
+        return self._signed(slope, 1)
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueRate(_OfJoints):
+    """|dτ/dt + f_v ddq| ≤ limit; the step of Coulomb friction at a turn is not counted."""
+
+    kind: ClassVar[str] = "torque rate"
+    orders: ClassVar[int] = 4
+    unit: ClassVar[str] = "N·m/s"
+
+    def values(self, motion: Array) -> Array:
+        """±(dτ/dt + f_v ddq) / limit − 1."""
+        return _both(
+            (self.lib.torque_rate(*_four(motion), self.pi) + self.viscous * motion[2]) / self.limit
+        )
+
+    def along(self, passage: Passage) -> tuple[Array, Array]:
+        """With d²τ/dt² + f_v dddq."""
+        _, dtau, ddtau = passage.torques(self.pi)
+        return self._with_rate(dtau, ddtau, passage.motion[2:4])
+
+    def slopes(self, motion: Array) -> Array:
+        """±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
+        n = motion.shape[2]
+        slope = self.lib.torque_rate_jacobian(*_four(motion), self.pi)[1].reshape(-1, n, 4, n)
+        return self._signed(slope, 2)
+
+
+def _three(motion: Array) -> tuple[Array, Array, Array]:
+    return motion[0], motion[1], motion[2]
+
+
+def _four(motion: Array) -> tuple[Array, Array, Array, Array]:
+    return *_three(motion), motion[3]
+
+
+def _both(share: Array) -> Array:
+    return np.concatenate([share, -share], axis=1) - 1

@@ -1,0 +1,244 @@
+"""Which limits a motion keeps beyond position, velocity and acceleration, and whether it can.
+
+By default all that the robot's manifest states: position-dependent velocity, torque, torque rate,
+tip speed and the margins of its pairs of proxies; a table and a box for the tip where asked.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import IdentificationError
+from runtime.excitation.limits.distance_limits import Clearance, Table, TipBox, TipSpeed
+from runtime.excitation.limits.nonlinear_limits import (
+    Braking,
+    Law,
+    Side,
+    TimedLaw,
+    Torque,
+    TorqueRate,
+)
+from runtime.library import Array, Library
+
+TABLE_MARGIN = 0.03
+"""m between every moving proxy and the table."""
+FIT_PROXIES = (
+    "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
+)
+_PROBES = 32
+"""Random poses in which a proxy that can move has moved."""
+
+
+@dataclass(frozen=True, slots=True)
+class Safety:
+    """Limits to keep; picklable.
+
+    Attributes:
+        torque_fraction: share of the effort limit that may be used, 0 < share ≤ 1.
+        clearance: margin of pairs and table, m; default are the pairs' own and `TABLE_MARGIN`.
+            Pairs that the robot allows closer than its others keep their own.
+        table: height of a horizontal plane below which nothing goes, m in the base frame.
+        box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open.
+        viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty.
+
+    Raises:
+        IdentificationError: numbers that make no limits.
+    """
+
+    torque_fraction: float = 0.95
+    clearance: float | None = None
+    table: float | None = None
+    box: tuple[float, ...] | None = None
+    viscous: tuple[float, ...] = ()
+    coulomb: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not 0 < self.torque_fraction <= 1:
+            raise IdentificationError(
+                f"a torque fraction above 0 and up to 1 is needed, got {self.torque_fraction:g}; "
+                "0.95 leaves 5 % of the effort limit unused"
+            )
+        if self.clearance is not None and not 0 <= self.clearance < np.inf:
+            raise IdentificationError(
+                f"a clearance from 0 m up is needed, got {self.clearance:g}; 0.02 is usual"
+            )
+        if self.table is not None and not np.isfinite(self.table):
+            raise IdentificationError(
+                f"the table needs a finite height in m in the base frame, got {self.table:g}"
+            )
+        if self.box is not None:
+            _check_box(self.box)
+        for name in ("viscous", "coulomb"):
+            values = np.array(getattr(self, name), dtype=float)
+            if not (np.isfinite(values) & (values >= 0)).all():
+                raise IdentificationError(
+                    f"{name} friction needs finite numbers from 0 up, got {values.tolist()}"
+                )
+
+
+def laws(lib: Library, home: Array, safety: Safety | None) -> tuple[Braking | TimedLaw, ...]:
+    """The limits that are not linear; none in the document's mode, `safety` = None.
+
+    Raises:
+        IdentificationError: they ask for what the robot does not state.
+    """
+    if safety is None:
+        return ()
+    return (
+        *_braking(lib, home),
+        *_torques(lib, safety),
+        *_tip(lib, safety),
+        *_distances(lib, safety),
+    )
+
+
+def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
+    """What nobody looks at: limits that the robot does not state or that were not asked for."""
+    if safety is None:
+        return ("torque", "self-collision", "table")
+    limits = lib.limits()
+    names = np.array(lib.joint_names)
+    found = []
+    for key, what in (("effort", "torque"), ("torque_rate", "torque rate")):
+        free = ~np.isfinite(limits[key])
+        if free.any():
+            found.append(f"{what} of {', '.join(names[free])}")
+    if lib.braking is None:
+        found.append("position-dependent velocity")
+    if not np.isfinite(limits["tip_speed"]):
+        found.append("tip speed")
+    if not lib.pairs:
+        found.append("self-collision")
+    if safety.table is None:
+        found.append("table")
+    return tuple(found)
+
+
+def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
+    facts = lib.braking
+    if facts is None:
+        return ()
+    sides = (Side(1.0, facts.k, facts.c, facts.upper), Side(-1.0, facts.k, facts.c, facts.lower))
+    return (Braking(sides, home, lib.joint_names),)
+
+
+def _torques(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
+    limits, n = lib.limits(), lib.n_joints
+    viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
+    found: list[TimedLaw] = []
+    if np.isfinite(limits["effort"]).any():
+        limit = safety.torque_fraction * limits["effort"] - coulomb
+        if not (limit > 0).all():
+            j = int(np.argmin(limit))
+            raise IdentificationError(
+                f"Coulomb friction of {coulomb[j]:g} N·m leaves '{lib.joint_names[j]}' nothing of "
+                f"{100 * safety.torque_fraction:g} % of its {limits['effort'][j]:g} N·m"
+            )
+        found.append(Torque(lib, lib.pi0, limit, viscous, lib.joint_names))
+    if np.isfinite(limits["torque_rate"]).any():
+        rate = np.broadcast_to(limits["torque_rate"], (n,))
+        found.append(TorqueRate(lib, lib.pi0, rate, viscous, lib.joint_names))
+    return tuple(found)
+
+
+_FRICTION = ("viscous", "coulomb")
+
+
+def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:
+    if len(values) not in {0, 1, lib.n_joints}:
+        raise IdentificationError(
+            f"{name} friction needs one number or one per joint, {lib.n_joints}, got {len(values)}"
+        )
+    return np.broadcast_to(np.array(values or (0.0,), dtype=float), (lib.n_joints,)).copy()
+
+
+def _tip(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
+    found: list[TimedLaw] = []
+    if safety.box is not None:
+        ends = np.array(safety.box, dtype=float)
+        found.append(TipBox(lib, ends[::2], ends[1::2]))
+    speed = float(lib.limits()["tip_speed"])
+    if np.isfinite(speed):
+        found.append(TipSpeed(lib, speed))
+    return tuple(found)
+
+
+def _distances(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
+    if safety.clearance is not None and not lib.pairs:
+        raise _no_proxies(lib, "a clearance between its links")
+    if safety.table is not None and not lib.moving_proxies:
+        raise _no_proxies(lib, "a table")
+    found: list[TimedLaw] = []
+    if lib.pairs:
+        names = tuple(f"{pair.first} and {pair.second}" for pair in lib.pairs)
+        found.append(Clearance(lib, _margins(lib, safety.clearance), names))
+    if safety.table is not None:
+        margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
+        rows = _lifted(lib)
+        proxies = tuple(lib.moving_proxies[row] for row in rows)
+        found.append(Table(lib, safety.table, margin, proxies, rows))
+    return tuple(found)
+
+
+def _margins(lib: Library, clearance: float | None) -> Array:
+    """Of every pair; those that are allowed closer than the others stay so."""
+    own = np.array([pair.margin for pair in lib.pairs])
+    if clearance is None:
+        return own
+    return np.where(own < own.max(), np.minimum(own, clearance), clearance)
+
+
+def _lifted(lib: Library) -> NDArray[np.intp]:
+    """Proxies whose height some joint changes: the others meet a table or do not, for ever."""
+    q = np.random.default_rng(0).uniform(-1, 1, (_PROBES, lib.n_joints))
+    heights = lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, 0.0]))[0]
+    # A pose is known to rounding, 1e-15 of a metre.
+    return np.flatnonzero(np.ptp(heights, axis=0) > 1e-9)
+
+
+def _no_proxies(lib: Library, what: str) -> IdentificationError:
+    return IdentificationError(
+        f"'{lib.name}' has no collision proxies, so {what} cannot be checked; {FIT_PROXIES}"
+    )
+
+
+def _check_box(box: tuple[float, ...]) -> None:
+    if len(box) != 6 or np.isnan(box).any():
+        raise IdentificationError(
+            "a box for the tip needs xmin, xmax, ymin, ymax, zmin, zmax in m, got "
+            + ", ".join(f"{x:g}" for x in box)
+        )
+    for axis, low, high in zip("xyz", box[::2], box[1::2], strict=True):
+        if not low < high:
+            raise IdentificationError(
+                f"the box for the tip contradicts itself: {axis} from {low:g} m to {high:g} m; "
+                f"give {axis}min below {axis}max"
+            )
+
+
+def require_rest(found: tuple[Law, ...], home: Array) -> None:
+    """At home the robot may rest.
+
+    Raises:
+        IdentificationError: it breaks a limit there; which, and by how much.
+    """
+    rest = np.zeros((4, 1, len(home)))
+    rest[0] = home
+    for law in found:
+        g = law.values(rest)[0]
+        worst = int(np.argmax(g))  # the first NaN, where there is one
+        if g[worst] < 0:
+            continue
+        if isinstance(law, Braking):
+            side, joint = law.sides[worst // len(home)], worst % len(home)
+            raise IdentificationError(
+                f"at the home position {home[joint]:.4g} of '{law.labels[worst]}' its velocity "
+                f"limit, which ends at {side.end[joint]:.4g}, leaves no speed; choose another home"
+            )
+        value, limit, unit = law.measured(worst, float(g[worst]))
+        raise IdentificationError(
+            f"at rest at home the {law.kind} limit of {law.labels[worst]} is already broken: "
+            f"{value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
+            f"{abs(value - limit):.3g} {unit} too far; choose another home or limit"
+        )

@@ -1,0 +1,179 @@
+"""The course of a motion beside its limits, as plain arrays: all that a picture of it shows.
+
+Values come from the robot's kernels and from the `laws` that the design keeps, at equally spaced
+times; what holds between them is the certificate's to tell. What was not asked for is drawn as
+well, and named as unchecked: torque and distances of a motion in document mode.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.excitation import Safety, Trajectory
+from runtime.excitation.limits.distance_limits import Clearance, Table
+from runtime.excitation.limits.nonlinear_limits import Torque
+from runtime.excitation.limits.safety import laws
+from runtime.excitation.proof.certificate import KINDS, Certificate, certificate
+from runtime.library import Array, Library
+
+SAMPLES = 1001
+"""Over the motion; with the ends and the middle."""
+_EDGE = 201
+"""Points of the bound of velocity over a range."""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """Lower and upper ends per joint, (n,); ±inf where there is none."""
+
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A distance over time, (N,) m, and the margin that it keeps; `kind` as in certificates."""
+
+    kind: str
+    label: str
+    values: Array
+    margin: float
+
+    @property
+    def least(self) -> float:
+        """The smallest distance, m."""
+        return float(self.values.min())
+
+    @property
+    def left(self) -> float:
+        """The smallest distance − margin, m."""
+        return self.least - self.margin
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """Velocities that a joint may have over its range: (K,) each, inf where unlimited."""
+
+    q: Array
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A motion at N times.
+
+    Attributes:
+        robot: its name.
+        joints: n names.
+        units: rad or m per joint.
+        t: (N,) s, from 0 to t_f.
+        motion: q, dq, ddq, dddq and the torque, viscous friction counted where it is known,
+            each (N, n).
+        bands: their limits, under the same names; that of the torque is the share that may be
+            used, less Coulomb friction.
+        shares: use of the limits per kind that the robot limits, (N, n) each.
+        tip: (N, 3) m in the base frame.
+        table: height of a plane, m; None without.
+        box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m; None without.
+        gaps: between links and above the table.
+        envelopes: one per joint.
+        has_friction: the torque counts it.
+        proof: the certificate.
+    """
+
+    robot: str
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    t: Array
+    motion: dict[str, Array]
+    bands: dict[str, Band]
+    shares: dict[str, Array]
+    tip: Array
+    table: float | None
+    box: tuple[float, ...] | None
+    gaps: tuple[Gap, ...]
+    envelopes: tuple[Envelope, ...]
+    has_friction: bool
+    proof: Certificate
+
+
+def course(
+    lib: Library, trajectory: Trajectory, safety: Safety | None = None, samples: int = SAMPLES
+) -> Course:
+    """Everything at `samples` times.
+
+    Raises:
+        IdentificationError: the trajectory is not one of this robot, or `safety` asks for limits
+            that the robot does not state.
+    """
+    proof = certificate(lib, trajectory, safety)
+    t = np.linspace(0.0, trajectory.duration, samples)
+    motion = np.array(trajectory.at(lib, t))
+    gaps: list[Gap] = []
+    free = np.full(lib.n_joints, np.inf)
+    torque_band = Band(-free, free)
+    tau = lib.inverse_dynamics(motion[0], motion[1], motion[2], lib.pi0)
+    for law in laws(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
+        if isinstance(law, Torque):
+            tau, torque_band = law.torques(motion), Band(-law.limit, law.limit)
+        elif isinstance(law, Clearance | Table):
+            margins = np.broadcast_to(law.margin, len(law.labels))
+            rows = zip(law.labels, law.distances(motion).T, margins, strict=True)
+            gaps += [Gap(law.kind, label, row, float(least)) for label, row, least in rows]
+    values = dict(zip(KINDS, motion, strict=True)) | {"torque": tau}
+    bands = _bands(lib) | {"torque": torque_band}
+    return Course(
+        robot=lib.name,
+        joints=lib.joint_names,
+        units=tuple(joint.unit for joint in lib.manifest.joints),
+        t=t,
+        motion=values,
+        bands=bands,
+        shares=_shares(values, bands, trajectory.home),
+        tip=lib.end_effector(motion[0])[:, :3, 3],
+        table=safety.table if safety else None,
+        box=safety.box if safety else None,
+        gaps=tuple(gaps),
+        envelopes=_envelopes(lib, bands),
+        has_friction=safety is not None and bool(safety.viscous or safety.coulomb),
+        proof=proof,
+    )
+
+
+def _bands(lib: Library) -> dict[str, Band]:
+    limits = lib.limits()
+    bands = {kind: Band(-limits[kind], limits[kind]) for kind in KINDS[1:]}
+    return {"position": Band(limits["lower"], limits["upper"]), **bands}
+
+
+def _shares(values: dict[str, Array], bands: dict[str, Band], home: Array) -> dict[str, Array]:
+    """|value| / limit per kind that the robot limits; the position counts from home, as proven."""
+    shares = {}
+    for kind, value in values.items():
+        start = home if kind == "position" else 0.0
+        up, down = bands[kind].upper - start, start - bands[kind].lower
+        if np.isfinite(up).any() or np.isfinite(down).any():
+            shares[kind] = np.maximum((value - start) / up, (start - value) / down)
+    return shares
+
+
+def _envelopes(lib: Library, bands: dict[str, Band]) -> tuple[Envelope, ...]:
+    """dq ≤ min(limit, √(k (q̂ − q)) − c), and the same downwards; the limit alone without braking.
+
+    Source: `runtime.library.manifest.BrakingFacts`.
+    """
+    found = []
+    for j in range(lib.n_joints):
+        low, high = bands["position"].lower[j], bands["position"].upper[j]
+        fast = bands["velocity"].upper[j]
+        facts = lib.braking
+        if facts is None or not np.isfinite([low, high]).all():
+            q = np.array([low, high])
+            found.append(Envelope(q, np.full(2, -fast), np.full(2, fast)))
+            continue
+        q = np.linspace(max(low, facts.lower[j]), min(high, facts.upper[j]), _EDGE)
+        up = np.sqrt(facts.k[j] * (facts.upper[j] - q)) - facts.c[j]
+        down = np.sqrt(facts.k[j] * (q - facts.lower[j])) - facts.c[j]
+        found.append(Envelope(q, -np.minimum(fast, down), np.minimum(fast, up)))
+    return tuple(found)

@@ -1,0 +1,1 @@
+"""Bounds that hold at every instant of a motion."""

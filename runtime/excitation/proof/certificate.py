@@ -1,0 +1,198 @@
+"""A trajectory against the robot's limits for every instant, not only at samples.
+
+Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that are not linear in
+the motion: `law_bounds`, which says what is proven there.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import IdentificationError
+from runtime.excitation import Safety, Trajectory
+from runtime.excitation.limits.safety import laws, unchecked
+from runtime.excitation.proof.joint_bounds import KINDS, joint_bounds, rooms
+from runtime.excitation.proof.nonlinear_bounds import law_bounds
+from runtime.library import Array, Library
+
+UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """The largest use of one limit.
+
+    Attributes:
+        kind: position and braking (as a share of the way from home to the limit), velocity,
+            acceleration, jerk, torque, torque rate, tip box, tip speed, self-collision, table.
+        bound: of use over all t; 1 is the limit itself. For distances 1 + (limit − value)/0.1 m.
+        where: joint, axis, pair or proxy where it is largest.
+        time: when, s; to one step of the grid.
+        value: the quantity at its worst, in `unit`, as the bound has it.
+        limit: of the quantity.
+        is_proven: a theorem, not a second derivative measured at 1 kHz (see `law_bounds`).
+    """
+
+    kind: str
+    bound: float
+    where: str
+    time: float
+    value: float
+    limit: float
+    unit: str
+    is_proven: bool = True
+
+    @property
+    def margin(self) -> float:
+        """1 − bound: what is left of the limit."""
+        return 1.0 - self.bound
+
+    @property
+    def holds(self) -> bool:
+        """The limit is kept at every instant; false where the motion is not a number."""
+        return self.bound <= 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What is known of a trajectory at every instant.
+
+    Attributes:
+        uses: the largest one per kind of limit that is looked at.
+        unlimited: kinds and joints for which the robot states no limit: nothing is known there.
+        unchecked: what else nobody looked at.
+        distances: one per pair of links and, over a table, per proxy.
+    """
+
+    uses: tuple[Use, ...]
+    unlimited: tuple[str, ...]
+    unchecked: tuple[str, ...] = ()
+    distances: tuple[Use, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Every limit that is looked at is kept at every instant."""
+        return all(use.holds for use in self.uses)
+
+    @property
+    def broken(self) -> tuple[Use, ...]:
+        """The limits that are not known to be kept."""
+        return tuple(use for use in self.uses if not use.holds)
+
+    def sentences(self) -> tuple[str, ...]:
+        """One line per limit, for headers and logs."""
+        return (
+            *(_sentence(use) for use in self.uses),
+            *(f"no limit stated: {text}" for text in self.unlimited),
+            *(f"NOT checked: {text}" for text in self.unchecked),
+        )
+
+
+DISTANCES = ("self-collision", "table")
+
+
+def _sentence(use: Use) -> str:
+    at = f"{use.where} at {use.time:.3f} s" + ("" if use.is_proven else " (measured at 1 kHz)")
+    if use.kind in DISTANCES:
+        return (
+            f"{use.kind}: at least {1e3 * use.value:.2f} mm where {1e3 * use.limit:.2f} mm are "
+            f"needed, {at}"
+        )
+    return f"{use.kind}: at most {100 * use.bound:.4f} % of the limit, {at}"
+
+
+def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> Certificate:
+    """Bounds over all t of position, velocity, acceleration, jerk, and of the limits of `safety`.
+
+    Raises:
+        IdentificationError: the trajectory is not one of this robot, or `safety` asks for limits
+            that the robot does not state.
+    """
+    bounds, times = joint_bounds(lib, trajectory)
+    limits, (up, down) = lib.limits(), rooms(lib, trajectory.home)
+    uses, unlimited = [], []
+    for order, kind in enumerate(KINDS):
+        free = _unlimited(limits, kind)
+        if free.any():
+            unlimited.append(f"{kind} of {', '.join(np.array(lib.joint_names)[free])}")
+        if not free.all():
+            worst = int(np.argmax(bounds[order]))  # the first NaN, where there is one
+            bound, time = float(bounds[order, worst]), float(times[order, worst])
+            limit = float(min(up[order, worst], down[order, worst]))
+            what = lib.joint_names[worst], time, bound * limit, limit, UNITS[order]
+            uses.append(Use(kind, bound, *what))
+    rows = [
+        Use(
+            *(bound.law.kind, 1 + bound.bound, bound.law.labels[bound.row], bound.time),
+            *bound.law.measured(bound.row, bound.bound),
+            bound.is_proven,
+        )
+        for bound in law_bounds(lib, laws(lib, trajectory.home, safety), trajectory)
+    ]
+    for kind in dict.fromkeys(row.kind for row in rows):
+        uses.append(max((row for row in rows if row.kind == kind), key=lambda row: row.bound))
+    distances = tuple(row for row in rows if row.kind in DISTANCES)
+    return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances)
+
+
+def fastest(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> float:
+    """A share of the speed in whole percents, as large as is easily found, at which the path holds.
+
+    0 where none is found: distances and the tip's box do not depend on speed.
+    """
+    proof = certificate(lib, trajectory, safety)
+    stays = {"position", "tip box", *DISTANCES}
+    if any(use.kind in stays or not np.isfinite(use.bound) for use in proof.broken):
+        return 0.0
+    low, high = (100, 101) if proof.holds else (0, 100)
+    while high - low > 1:
+        percent = (low + high) // 2
+        if certificate(lib, slowed(trajectory, percent / 100), safety).holds:
+            low = percent
+        else:
+            high = percent
+    return low / 100
+
+
+def _unlimited(limits: dict[str, Array], kind: str) -> NDArray[np.bool_]:
+    if kind == "position":
+        return np.isinf(limits["lower"]) & np.isinf(limits["upper"])
+    return ~np.isfinite(limits[kind])
+
+
+def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
+    """The same path at `speed` times the speed, 0 < speed ≤ 1: t_f / speed.
+
+    Raises:
+        IdentificationError: another speed.
+    """
+    return replace(trajectory, duration=trajectory.duration / require_speed(speed))
+
+
+def require_speed(speed: float) -> float:
+    """The speed itself, if it slows down.
+
+    Raises:
+        IdentificationError: it does not.
+    """
+    if not 0 < speed <= 1:
+        raise IdentificationError(
+            f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
+            "motion must be designed with a shorter --duration"
+        )
+    return speed
+
+
+def pulled_inside(lib: Library, trajectory: Trajectory, most: float = 1e-3) -> Trajectory:
+    """Joints whose proven use is above 1 by at most `most`, scaled back onto their limits.
+
+    A design that touches its limits at samples exceeds them between samples by the chords' error;
+    whatever exceeds more is left as it is, for `certificate` to tell.
+    """
+    bounds, _ = joint_bounds(lib, trajectory)
+    use = bounds.max(axis=0)
+    touched = (use > 1) & (use <= 1 + most)
+    # The bound scales with a; 1e-9 is far above the rounding of its second evaluation.
+    rho = np.where(touched, use * (1 + 1e-9), 1.0)
+    return replace(trajectory, coefficients=trajectory.coefficients / rho[:, None])

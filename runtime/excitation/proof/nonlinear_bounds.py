@@ -1,0 +1,200 @@
+"""Bounds over all t of limits that are not linear in the motion.
+
+On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) + δ²/8 sup g''.
+
+- braking: PROVEN. h = max(0, s dq + c)²/k + s q has h'' ≤ 2 (ddq² + max(0, s dq + c) |dddq|)/k
+  + |ddq|, and each factor is bounded on the interval by its ends and the next derivative.
+- torque, torque rate, tip box and speed, self-collision, table: MEASURED, not proven. ġ is exact at
+  every sample (by kernels along the motion's derivatives); g'' on an interval is taken
+  as `SAFETY` times the largest change of ġ over δ there and on both neighbouring intervals. The
+  fastest wave of a motion, M / t_f, has hundreds of samples per period, so neighbours tell.
+  Where the closest points of two links jump, ġ jumps too and the bound grows, never shrinks.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.excitation import Trajectory, basis_of
+from runtime.excitation.limits.nonlinear_limits import Braking, Law, TimedLaw
+from runtime.excitation.limits.sampled_motion import Passage
+from runtime.library import Array, Library
+
+STEP = 1e-3
+"""Longest interval, s."""
+INTERVALS = 2000
+"""Fewest, however short the motion."""
+SAFETY = 2.0
+_CHUNK = 2048
+"""Intervals at once: their Jacobians stay in the cache."""
+_ROUNDING = 64 * np.finfo(float).eps
+_ORDERS = 5
+"""Derivatives of the motion that are looked at, q included."""
+_DIVIDED = 20
+"""Short intervals in a long one."""
+
+
+@dataclass(frozen=True, slots=True)
+class LawBound:
+    """The largest g of one row.
+
+    Attributes:
+        law, row: whose.
+        bound: of g over all t; inf where it is not a number.
+        time: when, s; to one sample.
+    """
+
+    law: Law
+    row: int
+    bound: float
+    time: float
+
+    @property
+    def is_proven(self) -> bool:
+        """A theorem stands behind it, not a measured second derivative."""
+        return isinstance(self.law, Braking)
+
+
+def law_bounds(
+    lib: Library, laws: Sequence[Braking | TimedLaw], trajectory: Trajectory
+) -> tuple[LawBound, ...]:
+    """One bound per row of each law.
+
+    Of a motion that is its own mirror image half is looked at, for braking in both directions.
+    """
+    course = _Course(trajectory)
+    peaks = [_Peaks(law) for law in laws]
+    mirrored = trajectory.basis.is_symmetric
+    middle = course.count // 2 if mirrored else course.count
+    half = [peak for peak in peaks if mirrored and peak.law.even]
+    whole = [peak for peak in peaks if peak not in half]
+    with np.errstate(all="ignore"):  # what is not a number becomes an infinite bound
+        _see_measured(half, lib, course, middle)
+        _see_measured(whole, lib, course, course.count)
+        for peak in peaks:
+            if isinstance(peak.law, Braking):
+                _see_braking(peak, peak.law, course, middle, forwards=True)
+                if mirrored:
+                    _see_braking(peak, peak.law, course, middle, forwards=False)
+    return tuple(bound for peak in peaks for bound in peak.told(course.step))
+
+
+class _Course:
+    """The motion on its grid of `count` intervals; `sup` bounds its derivatives, (6, n)."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory, a = trajectory, trajectory.coefficients
+        basis, duration = trajectory.basis, trajectory.duration
+        count = max(INTERVALS, int(np.ceil(duration / STEP)))
+        self.count = count + count % 2
+        self.step = duration / self.count
+        powers = duration ** -np.arange(_ORDERS + 1.0)
+        bounds = np.array([basis.bound(k, a.shape[1]) for k in range(_ORDERS + 1)])
+        self.sup = bounds @ np.abs(a).T * powers[:, None]
+        self._weights = a.T * powers[:-1, None, None]
+
+    def between(self, first: int, last: int) -> Array:
+        """Q and derivatives at these samples, the last one included, (5, N, n)."""
+        basis, size = self._trajectory.basis, self._weights.shape[1]
+        return self._moved(_phi(basis.name, basis.zero_jerk, size, first, last, self.count))
+
+    def at(self, samples: NDArray[np.intp]) -> Array:
+        """The same at any samples (N,)."""
+        s = samples / self.count
+        return self._moved(self._trajectory.basis.derivatives(_ORDERS, self._weights.shape[1], s))
+
+    def _moved(self, phi: Array) -> Array:
+        motion = phi @ self._weights
+        motion[0] += self._trajectory.home
+        return motion
+
+
+@lru_cache(maxsize=24)
+def _phi(name: str, zero_jerk: bool, size: int, first: int, last: int, count: int) -> Array:
+    """d^k φ_m/ds^k at neighbouring samples: the same for all motions of this duration."""
+    s = np.arange(first, last + 1) / count
+    return basis_of(name, zero_jerk).derivatives(_ORDERS, size, s)
+
+
+class _Peaks:
+    """The largest bounds of a law that were seen."""
+
+    def __init__(self, law: Braking | TimedLaw) -> None:
+        self.law = law
+        self._best, self._where = np.full((2, len(law.labels)), -np.inf)
+
+    def see(self, bounds: Array, intervals: NDArray[np.intp]) -> None:
+        """Of these intervals, (K, R)."""
+        rows = np.ascontiguousarray(bounds.T)
+        np.copyto(rows, np.inf, where=np.isnan(rows))
+        where = rows.argmax(axis=1)
+        best = rows[np.arange(len(rows)), where]
+        self._where = np.where(best > self._best, intervals[where], self._where)
+        self._best = np.maximum(best, self._best)
+
+    def told(self, step: float) -> list[LawBound]:
+        """One per row."""
+        rows = zip(self._best, self._where, strict=True)
+        return [
+            LawBound(self.law, row, float(best), float((where + 0.5) * step))
+            for row, (best, where) in enumerate(rows)
+        ]
+
+
+def _see_measured(peaks: list[_Peaks], lib: Library, course: _Course, end: int) -> None:
+    """All intervals up to `end`, with a measured second derivative."""
+    laws = [(peak, peak.law) for peak in peaks if not isinstance(peak.law, Braking)]
+    for first in range(0, end if laws else 0, _CHUNK):
+        last = min(first + _CHUNK, end)
+        # An interval more at both sides: neighbours tell how much g bends.
+        before, after = max(first - 1, 0), min(last + 1, end)
+        passage = Passage(lib, course.between(before, after))
+        own, intervals = slice(first - before, last - before), np.arange(first, last)
+        for peak, law in laws:
+            g, slope = law.along(passage)
+            change = np.abs(np.diff(slope, axis=0))
+            bounds = change.copy()
+            np.maximum(bounds[1:], change[:-1], out=bounds[1:])
+            np.maximum(bounds[:-1], change[1:], out=bounds[:-1])
+            bounds *= SAFETY * course.step / 8  # δ²/8 · change / δ
+            bounds += np.maximum(g[1:], g[:-1])
+            peak.see(bounds[own], intervals)
+
+
+def _see_braking(peak: _Peaks, law: Braking, course: _Course, end: int, forwards: bool) -> None:
+    """The intervals up to `end` that may hold the largest bounds, told by long ones."""
+    turned = np.ones(_ORDERS) if forwards else (-1.0) ** np.arange(_ORDERS)
+    turned = turned[:, None, None]
+    ends = np.append(np.arange(0, end, _DIVIDED), end)
+    step = course.step
+    long = turned * course.at(ends)
+    # The bound of any short interval inside a long one is below this: the sums count both.
+    sizes = (1 + _DIVIDED**2) * step**2 / 8, (1 + _DIVIDED) * step / 2
+    bounds = _of_braking(law, long, course.sup, *sizes)
+    chosen = (bounds > law.values(long).max(axis=0)).any(axis=1)
+    chosen[np.argmax(bounds, axis=0)] = True  # the first NaN
+    points = np.minimum(ends[:-1][chosen][:, None] + np.arange(_DIVIDED + 1), end)
+    short = turned * course.at(points.ravel())
+    bounds = _of_braking(law, short, course.sup, step**2 / 8, step / 2)
+    inner = np.arange(len(bounds)) % (_DIVIDED + 1) < _DIVIDED
+    intervals = points.ravel()[:-1][inner]
+    peak.see(bounds[inner], intervals if forwards else course.count - 1 - intervals)
+
+
+def _of_braking(law: Braking, motion: Array, sup: Array, half_square: float, half: float) -> Array:
+    """Proven bounds of g between neighbours and per row, with δ²/8 and δ/2."""
+    g = law.values(motion)
+    ends = np.abs(motion)
+    wide = [np.maximum(ends[k, 1:], ends[k, :-1]) + half * sup[k + 1] for k in range(2, 4)]
+    acceleration, jerk = wide
+    rises = []
+    for side in law.sides:
+        speed = np.maximum(0, side.sign * motion[1] + side.c)
+        speed = np.maximum(speed[1:], speed[:-1]) + half * acceleration
+        bend = 2 / side.k * (acceleration**2 + speed * jerk) + acceleration
+        rounding = _ROUNDING * (sup[0] + 2 / side.k * (sup[1] + side.c) * sup[1])
+        rises.append((half_square * bend + rounding) / law.room(side))
+    return np.asarray(np.maximum(g[1:], g[:-1]) + np.concatenate(rises, axis=1))

@@ -1,0 +1,39 @@
+"""The tasks of a search on a dask cluster, with the same results as here."""
+
+import threading
+from collections.abc import Generator
+from dataclasses import replace
+
+from threadpoolctl import threadpool_limits
+
+from runtime.excitation.search.processes import Rounds, Started
+from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.variations import Task
+from runtime.parallel import on_cluster
+
+_here = threading.local()
+"""The last search of a worker's thread and its key: a library is loaded once per thread."""
+
+
+def on_workers(problem: Problem, rounds: Rounds, scheduler: str) -> Generator[Started, None, None]:
+    """The tasks of every round as they end.
+
+    Raises:
+        IdentificationError: see `runtime.parallel.on_cluster`.
+    """
+    # On a worker the working directory is another one.
+    sent = replace(problem, folder=problem.folder.resolve())
+    return on_cluster(_start, sent, rounds, scheduler, "a start of the search")
+
+
+def _start(problem: Problem, key: str, task: Task) -> Started:
+    """One task, on a worker."""
+    return task.number, *task.done(_search(problem, key))
+
+
+def _search(problem: Problem, key: str) -> Search:
+    known: tuple[str, Search] | None = getattr(_here, "search", None)
+    if known is None or known[0] != key:
+        threadpool_limits(limits=1, user_api="blas")
+        known = _here.search = key, problem.search()
+    return known[1]

@@ -1,0 +1,289 @@
+"""What a motion will tell, before the robot moves: standard deviations for a given torque noise.
+
+Least squares on f t_f samples with white noise σ has the covariance (G + G₀)⁻¹, G the information
+of the motion (`information`). With friction (viscous, Coulomb, offset of every joint) estimated
+beside the unknowns, theirs is the block of the inverse over all columns [Y_b F]. Filtered logs have
+correlated noise: their errors are larger by the root of the inflation.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.search.condition_cost import COST_SAMPLES
+from runtime.excitation.search.criteria import PAYLOAD, sizes, unseen_motions, unseen_times
+from runtime.excitation.search.information import Information, information
+from runtime.excitation.search.measures import covariance, rank, too_many
+from runtime.library import Array, Library
+from runtime.recording import Friction, friction
+
+FRICTION = ("viscous", "coulomb", "offset")
+"""Columns per joint that are reported beside the unknowns alone."""
+SAMPLES = (COST_SAMPLES, 1000)
+"""Of the motion: 80 as the cost sees it, which flatters by some percent, and nearly all."""
+_OFFSET = ("offset",)
+"""What is fitted beside a payload: sensors drift."""
+_COM = np.array([0.0, 0.0, 0.1])
+"""Of the payload in the last link's frame, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """All criteria of one motion for one set of columns.
+
+    Attributes:
+        samples: equally spaced, both ends included.
+        columns: of the regressor, friction's included.
+        friction: names of its columns, empty without.
+        condition: cond of those columns of this motion, each of unit length; no prior.
+        relative_error: RMS over the unknowns of σ / size.
+        torque_error: RMS of the torque's error on unseen motions, all joints together, N·m or N.
+        half_axis: geometric mean of the half-axes of the unknowns' confidence ellipsoid, mixed SI.
+    """
+
+    samples: int
+    columns: int
+    friction: tuple[str, ...]
+    condition: float
+    relative_error: float
+    torque_error: float
+    half_axis: float
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What least squares on the motion will give.
+
+    Attributes:
+        noise: σ of the torque, (n,) N·m or N.
+        rate: Hz.
+        has_prior: earlier logs count too.
+        payload_only: the unknowns are the ten of the last link, not the base parameters.
+        scores: without and with friction, at each of `SAMPLES`.
+        sigma: standard deviations of the unknowns, (k,) SI; friction is not estimated.
+        sigma_with_friction: the same with friction; None where the motion cannot tell them.
+        torque: RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N;
+            friction is not estimated.
+        payload_mass: σ of a payload of 1 kg, 0.1 m before the last link, on a known arm, kg; with
+            the torques' offsets. None where the motion cannot tell.
+        payload_com: of its centre of mass, (3,) m.
+        notes: sentences on what cannot be told.
+    """
+
+    noise: Array
+    rate: float
+    has_prior: bool
+    payload_only: bool
+    scores: tuple[Score, ...]
+    sigma: Array
+    sigma_with_friction: Array | None
+    torque: Array
+    payload_mass: float | None
+    payload_com: Array | None
+    notes: tuple[str, ...]
+
+
+def predict(
+    lib: Library,
+    trajectory: Trajectory,
+    told: Information,
+    names: tuple[str, ...] = FRICTION,
+) -> Prediction:
+    """Prediction for a motion.
+
+    Args:
+        lib: of the robot.
+        trajectory: the motion.
+        told: noise, rate, prior and unknowns.
+        names: friction columns of the second set of scores.
+
+    Raises:
+        IdentificationError: the motion cannot tell the unknowns even without friction.
+    """
+    joints = [_reduced(own, told) for own in unseen_joints(lib, trajectory.home)]
+    seen = np.sum(joints, axis=0)
+    size, scores, notes = sizes(lib, told), [], []
+    spreads: dict[tuple[str, ...], Array] = {}
+    for columns in dict.fromkeys(((), names)):
+        try:
+            for samples in SAMPLES:
+                gram, condition = _gram(lib, trajectory, told, columns, samples)
+                spread = spreads[columns] = _covariance(gram, len(size), trajectory)
+                scores.append(_score(samples, columns, len(gram), condition, spread, size, seen))
+        except IdentificationError as error:
+            if not columns:
+                raise
+            notes.append(f"with friction {', '.join(columns)}: {error}")
+    best = spreads[()]
+    mass, com = _payload(lib, trajectory, told)
+    return Prediction(
+        told.noise,
+        told.rate,
+        told.prior is not None,
+        told.columns is not None,
+        tuple(scores),
+        np.sqrt(np.diag(best)),
+        np.sqrt(np.diag(spreads[names])) if names in spreads else None,
+        np.sqrt([np.sum(own * best) for own in joints]),
+        mass,
+        com,
+        tuple(notes),
+    )
+
+
+def _score(
+    samples: int,
+    names: tuple[str, ...],
+    columns: int,
+    condition: float,
+    spread: Array,
+    size: Array,
+    seen: Array,
+) -> Score:
+    return Score(
+        samples,
+        columns,
+        names,
+        condition,
+        float(np.sqrt(np.mean(np.diag(spread) / size**2))),
+        float(np.sqrt(np.sum(seen * spread))),
+        float(np.exp(np.linalg.slogdet(spread)[1] / (2 * len(spread)))),
+    )
+
+
+def covariance_of(
+    lib: Library,
+    trajectory: Trajectory,
+    told: Information,
+    names: tuple[str, ...] = (),
+    samples: int | None = None,
+) -> Array:
+    """Covariance of the unknowns (k, k) by least squares on the motion, friction estimated too.
+
+    Raises:
+        IdentificationError: the motion excites fewer columns than there are.
+    """
+    count = samples or round(told.rate * trajectory.duration) + 1
+    gram, _ = _gram(lib, trajectory, told, names, count)
+    k = len(lib.base_columns) if told.columns is None else told.columns.shape[1]
+    return _covariance(gram, k, trajectory)
+
+
+def torque_band(lib: Library, spread: Array, q: Array, dq: Array, ddq: Array) -> Array:
+    """√diag(Y_b C Y_bᵀ), (N, n): what the base parameters' covariance leaves of the torque."""
+    rows = lib.base_regressor(q, dq, ddq)
+    return np.asarray(np.sqrt(np.einsum("tjk,kl,tjl->tj", rows, spread, rows, optimize=True)))
+
+
+def unseen_rows(lib: Library, home: Array) -> Array:
+    """Y_b of all samples of unseen motions, (N, n, n_b)."""
+    t = unseen_times()
+    return np.concatenate(
+        [lib.base_regressor(*motion.at(lib, t)[:3]) for motion in unseen_motions(lib, home)]
+    )
+
+
+def unseen_joints(lib: Library, home: Array) -> Array:
+    """Q_j, (n, n_b, n_b): tr(Q_j C) is the mean variance of joint j's torque on unseen motions."""
+    rows = unseen_rows(lib, home)
+    return np.stack([_mean(rows[:, j : j + 1]) for j in range(lib.n_joints)])
+
+
+def _mean(rows: Array) -> Array:
+    return np.einsum("tjk,tjl->kl", rows, rows, optimize=True) / len(rows)
+
+
+def _reduced(matrix: Array, told: Information) -> Array:
+    return matrix if told.columns is None else told.columns.T @ matrix @ told.columns
+
+
+def _gram(
+    lib: Library,
+    trajectory: Trajectory,
+    told: Information,
+    names: tuple[str, ...],
+    samples: int,
+) -> tuple[Array, float]:
+    """Information over [unknowns, friction] and cond of these columns."""
+    t = np.linspace(0.0, trajectory.duration, samples)
+    q, dq, ddq, _ = trajectory.at(lib, t)
+    rows = lib.base_regressor(q, dq, ddq)
+    if told.columns is not None:
+        rows = rows @ told.columns
+    k, n = rows.shape[2], lib.n_joints
+    own = friction.columns(friction.Motion(dq), Friction(names))
+    spread = np.zeros((samples, n, n, own.shape[2]))
+    for j in range(n):
+        spread[:, j, j] = own[:, j]
+    rows = np.concatenate([rows, spread.reshape(samples, n, -1)], axis=2)
+    flat = rows.reshape(-1, rows.shape[2])
+    lengths = np.linalg.norm(flat, axis=0)
+    condition = float(np.linalg.cond(flat / np.where(lengths > 0, lengths, 1.0)))
+    gram = _mean(rows / told.noise[:, None]) * (told.rate * trajectory.duration)
+    if told.prior is not None:
+        gram[:k, :k] += _reduced(told.prior, told)
+    return gram, condition
+
+
+def _covariance(gram: Array, unknowns: int, trajectory: Trajectory) -> Array:
+    inverse = covariance(gram)
+    if inverse is None:
+        raise IdentificationError(too_many(rank(gram), len(gram), trajectory.coefficients.shape[1]))
+    return inverse[:unknowns, :unknowns]
+
+
+def payload_sigma(spread: Array) -> tuple[float, Array]:
+    """σ of mass, kg, and centre of mass, (3,) m, of 1 kg 0.1 m before the last link.
+
+    Args:
+        spread: covariance of the ten parameters, (10, 10).  δc = (δ(mc) − c δm) / m
+    """
+    mass = PAYLOAD[0]
+    slope = np.zeros((3, len(PAYLOAD)))
+    slope[:, 0], slope[:, 1:4] = -_COM / mass, np.eye(3) / mass
+    return float(np.sqrt(spread[0, 0])), np.sqrt(np.diag(slope @ spread @ slope.T))
+
+
+def _payload(
+    lib: Library, trajectory: Trajectory, told: Information
+) -> tuple[float | None, Array | None]:
+    ten = information(lib, told.noise, told.rate, payload=True)
+    try:
+        return payload_sigma(covariance_of(lib, trajectory, ten, _OFFSET))
+    except IdentificationError:
+        return None, None
+
+
+def facts(prediction: Prediction) -> dict[str, object]:
+    """For JSON files."""
+
+    def numbers(values: Iterable[float] | None) -> list[float] | None:
+        return None if values is None else [float(value) for value in values]
+
+    return {
+        "torque_noise": numbers(prediction.noise),
+        "rate_hz": prediction.rate,
+        "earlier_logs_count": prediction.has_prior,
+        "unknowns": "payload" if prediction.payload_only else "base parameters",
+        "criteria": [
+            {
+                "samples": score.samples,
+                "columns": score.columns,
+                "friction": list(score.friction),
+                "condition_number_of_unit_columns": score.condition,
+                "relative_error": score.relative_error,
+                "torque_error": score.torque_error,
+                "half_axis": score.half_axis,
+            }
+            for score in prediction.scores
+        ],
+        "sigma": numbers(prediction.sigma),
+        "sigma_with_friction": numbers(prediction.sigma_with_friction),
+        "sigma_of_torque_per_joint": numbers(prediction.torque),
+        "sigma_of_payload_mass": prediction.payload_mass,
+        "sigma_of_payload_com": numbers(prediction.payload_com),
+        "notes": list(prediction.notes),
+    }

@@ -1,0 +1,253 @@
+"""min log cond C(x) s.t. A x ≤ b, g(x) ≤ 0 where extreme eigenvalues meet, by SDPs in turn.
+
+At an optimum the largest and the smallest eigenvalue are multiple, log cond has a kink there and
+descent along gradients stalls. Here all eigenvalues near an end move together: with V₁, V₂ the
+eigenvectors near the upper and the lower end, Λ₁, Λ₂ their eigenvalues and C_i = ∂C/∂x_i, a step
+d solves
+
+    min  a − b + ½ (b − 1)² + ½ dᵀ B d
+    s.t. Λ₁ + Σ d_i V₁ᵀ C_i V₁ ⪯ a λ_max,   Λ₂ + Σ d_i V₂ᵀ C_i V₂ ⪰ b λ_min,
+         A (x + d) ≤ b,   |d|_∞ ≤ Δ,
+
+and is taken when log cond itself falls (trust region); g is elastic and enters the merit, see
+`elastic`. B is the curvature of the Lagrangian
+(Overton 1988; Overton and Womersley 1995). Knows nothing of robots.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from runtime.excitation.search.conic import Block, Rows, solve
+from runtime.excitation.search.eigenvalue_clusters import Spectrum, bending, of_trace_one, weight_of
+from runtime.excitation.search.elastic import MU, Curved, Nonlinear, corrected
+from runtime.library import Array
+
+RADIUS = 0.3
+"""First Δ, for x that is scaled so that 1 reaches the bounds."""
+_DIFFERENCE = 1e-4
+"""Of the central differences of C, relative to such x: truncation 1e-8, rounding 1e-12."""
+_FLATTEST = 1e-4
+"""Smallest curvature: the model stays convex."""
+_GOOD, _POOR, _TAKEN = 0.7, 0.3, 0.05
+"""Ratios of true to predicted decrease: grow Δ, shrink Δ, take the step."""
+
+
+class MatrixFunction(Protocol):
+    """A symmetric positive definite matrix C (m, m) that depends on x (p,)."""
+
+    def at(self, points: Array) -> Array:
+        """C at K points (K, p): (K, m, m)."""
+
+    def slopes(self, points: Array, weight: Array) -> tuple[Array, Array]:
+        """C and ∂⟨F, C⟩/∂x for a constant symmetric F (m, m): (K, m, m) and (K, p)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Polished:
+    """Where it ended: x with A x ≤ b, log cond there and the merit at every step that was taken."""
+
+    x: Array
+    value: float
+    history: tuple[float, ...]
+
+
+def polish(
+    matrix: MatrixFunction,
+    x: Array,
+    rows: Rows,
+    iterations: int = 40,
+    tolerance: float = 1e-5,
+    nonlinear: Nonlinear | None = None,
+) -> Polished:
+    """Improve an x with A x ≤ b; the merit is never worse.
+
+    Args:
+        matrix: C(x).
+        x: start, (p,).
+        rows: A and b.
+        iterations: semidefinite programmes at most.
+        tolerance: of the merit: ends when the predicted decrease is below.
+        nonlinear: g.
+    """
+
+    def at(x: Array) -> _Point:
+        spectrum = Spectrum.of(matrix.at(x[None])[0])
+        return _Point(x, spectrum, 0.0 if nonlinear is None else nonlinear.violation(x))
+
+    point, radius = at(x), RADIUS
+    history = [point.merit]
+    weights: tuple[Array, Array] | None = None
+    model: _Model | None = None
+    curved: Curved | None = None
+    for _ in range(iterations):
+        if not np.isfinite(point.merit):
+            break
+        if model is None:
+            model = _Model.around(matrix, point.x, point.spectrum, weights)
+            curved = None if nonlinear is None else Curved(nonlinear, point.x)
+        found = model.step(point.x, rows, radius, curved)
+        if found is None:
+            break
+        decrease = found.decrease
+        if curved is not None:
+            decrease += MU * (point.violation - curved.after(found.step))
+        if decrease < tolerance:
+            break
+        after = at(point.x + rows.reach(point.x, found.step) * found.step)
+        if nonlinear is not None and point.merit - after.merit < _POOR * decrease:
+            back = corrected(nonlinear, after.x)
+            if back is not None:
+                other = at(after.x + rows.reach(after.x, back) * back)
+                after = min(after, other, key=lambda trial: trial.merit)
+        ratio = (point.merit - after.merit) / decrease
+        length = float(np.abs(found.step).max())
+        if ratio > _TAKEN:
+            point, weights, model = after, found.weights, None
+            history.append(point.merit)
+            if ratio > _GOOD and length > 0.9 * radius:
+                radius *= 2.0
+            elif ratio < _POOR:
+                radius *= 0.5
+        else:
+            radius = 0.3 * min(radius, length)
+    return Polished(point.x, point.spectrum.value, tuple(history))
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """x, the eigenvalues of C there and the violation v."""
+
+    x: Array
+    spectrum: Spectrum
+    violation: float
+
+    @property
+    def merit(self) -> float:
+        return self.spectrum.value + MU * self.violation
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Attributes.
+
+    step: d.
+    decrease: of log cond, by the model.
+    weights: duals of both ends as matrices (m, m) of trace 1.
+    """
+
+    step: Array
+    decrease: float
+    weights: tuple[Array, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """One cluster, relative to its extreme eigenvalue.
+
+    Attributes:
+        vectors: V, (m, r).
+        values: Λ / λ, (r,).
+        slopes: Vᵀ C_i V / λ, (p, r, r).
+    """
+
+    vectors: Array
+    values: Array
+    slopes: Array
+
+    def block(self, sign: float, column: int, variables: int) -> Block:
+        """Sign (t I − Λ − Σ d_i slopes_i) ⪰ 0 with t = x[column]."""
+        r = len(self.values)
+        j, i = np.tril_indices(r)  # columns of the upper triangle, one after another
+        size = np.where(i == j, 1.0, np.sqrt(2.0))
+        a = np.zeros((len(i), variables))
+        a[:, : len(self.slopes)] = sign * (self.slopes[:, i, j] * size).T
+        a[:, column] = -sign * (i == j)
+        b = -sign * np.diag(self.values)[i, j] * size
+        return Block(a, b, r)
+
+    def weight(self, dual: Array) -> Array:
+        """The dual triangle as V U Vᵀ with trace 1."""
+        r = len(self.values)
+        j, i = np.tril_indices(r)
+        u = np.zeros((r, r))
+        u[i, j] = u[j, i] = dual / np.where(i == j, 1.0, np.sqrt(2.0))
+        return of_trace_one(self.vectors @ u @ self.vectors.T)
+
+
+@dataclass(frozen=True, slots=True)
+class _Model:
+    """Attributes: curvature B, (p, p), and both ends."""
+
+    curvature: Array
+    upper: _End
+    lower: _End
+
+    @classmethod
+    def around(
+        cls, matrix: MatrixFunction, x: Array, at: Spectrum, weights: tuple[Array, Array] | None
+    ) -> "_Model":
+        high, low = at.upper(), at.lower()
+        first = weight_of(at, high, at.values[-1], None if weights is None else weights[0])
+        second = weight_of(at, low, at.values[0], None if weights is None else weights[1])
+        p = len(x)
+        moves = _DIFFERENCE * np.vstack([np.eye(p), -np.eye(p)])
+        seed = first / at.values[-1] - second / at.values[0]
+        matrices, gradients = matrix.slopes(x + moves, seed)
+        slopes = (matrices[:p] - matrices[p:]) / (2 * _DIFFERENCE)
+        curvature = (gradients[:p] - gradients[p:]) / (2 * _DIFFERENCE)
+        # In the basis of all eigenvectors: rows of the ends, all columns.
+        upper = _rotated(slopes, at.vectors[:, high], at.vectors) / at.values[-1]
+        lower = _rotated(slopes, at.vectors[:, low], at.vectors) / at.values[0]
+        curvature += bending(upper, at, high, first, at.values[-1])
+        curvature += bending(lower, at, low, second, at.values[0])
+        return cls(
+            _convex(curvature),
+            _End(at.vectors[:, high], at.values[high] / at.values[-1], upper[:, :, high]),
+            _End(at.vectors[:, low], at.values[low] / at.values[0], lower[:, :, low]),
+        )
+
+    def step(
+        self, x: Array, rows: Rows, radius: float, curved: Curved | None = None
+    ) -> _Step | None:
+        """The programme of the module's head, with μ t for the curved rows."""
+        p = len(x)
+        size = p + 2 if curved is None else p + 3
+        quadratic = np.zeros((size, size))
+        quadratic[:p, :p] = self.curvature
+        quadratic[p + 1, p + 1] = 1.0
+        linear = np.zeros(size)
+        # The programme's value is twice that of log cond, half of log λ_max/λ_min.
+        linear[p:] = (1.0, -2.0) if curved is None else (1.0, -2.0, 2 * MU)
+        box = np.hstack([np.vstack([np.eye(p), -np.eye(p)]), np.zeros((2 * p, size - p))])
+        fixed = [
+            Block(box, np.full(2 * p, radius)),
+            self.upper.block(1.0, p, size),
+            self.lower.block(-1.0, p + 1, size),
+        ]
+
+        def programme(a: Array, slack: Array) -> tuple[Array, list[Array]] | None:
+            limits = Block(np.hstack([a, np.zeros((len(a), size - p))]), slack)
+            elastic = [] if curved is None else [curved.block(size)]
+            return solve(quadratic, linear, [limits, *fixed, *elastic])
+
+        found = rows.solve(x, programme, None if curved is None else curved.grow)
+        if found is None:
+            return None
+        y, duals = found
+        y = y[: p + 2]
+        # At d = 0, a = b = 1 the programme's value is −½.
+        value = linear[: p + 2] @ y + 0.5 * y @ quadratic[: p + 2, : p + 2] @ y
+        weights = self.upper.weight(duals[2]), self.lower.weight(duals[3])
+        return _Step(y[:p], float(-(0.5 + value) / 2), weights)
+
+
+def _rotated(slopes: Array, left: Array, right: Array) -> Array:
+    """Leftᵀ C_i right, (p, r, m)."""
+    return left.T @ slopes @ right
+
+
+def _convex(matrix: Array) -> Array:
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    return (vectors * np.maximum(values, _FLATTEST)) @ vectors.T

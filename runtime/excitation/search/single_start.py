@@ -1,0 +1,284 @@
+"""One descent of the search: from a random admissible trajectory, or from a relative of good ones.
+
+Normalised D-optimality decides for a basin and the goal's measures lead on; where that is log cond
+the semidefinite programmes of `polish` end in its kink. Limits that are not linear are elastic on
+the way and tightened in the last round, so that they hold between its samples.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import IdentificationError
+from runtime.excitation.limits.joint_limits import LIMIT_STEP, Limits, inside, whitening
+from runtime.excitation.limits.limit_rows import LawRows
+from runtime.excitation.limits.safety import Safety, laws, require_rest
+from runtime.excitation.motion.basis import COSINE, Basis
+from runtime.excitation.search.condition_cost import ConditionCost
+from runtime.excitation.search.conic import Rows
+from runtime.excitation.search.criteria import goal
+from runtime.excitation.search.information import Information
+from runtime.excitation.search.measures import Measure, rank, too_many
+from runtime.excitation.search.semidefinite_polish import polish
+from runtime.excitation.search.sqp import Objective, descend
+from runtime.library import Array, Library, load
+
+START = 0.5
+"""Limit use of a random start: far enough inside to choose its own basin."""
+FINE_STEP = 0.01
+"""Grid of the limits of the last polish, s: between its points motions overshoot by 1e-5."""
+FINE_POINTS = 1000
+"""At most, of that grid."""
+POLISH = 40
+"""Semidefinite programmes at most, or steps of the last descent of a smooth goal."""
+TIGHTENED = 2e-3
+"""Of nonlinear limits in the last polish: they bend that much between its samples."""
+ELASTIC = 0.3
+"""Violation of nonlinear limits from which on a random start is shrunk."""
+NOISE = 0.2, 0.8
+"""Of all coordinates of a relative, from and to; 1 reaches the bounds."""
+FAVOUR = 0.25
+"""Probability that the best parent is chosen; the next ones follow a geometric law."""
+WORTH = 0.06
+"""Log cond by which a relative may be worse than the best after a smooth stage: the others and the
+polish gain 0.03 to 0.05 from there."""
+RETURNED = 0.3
+"""RMS of coordinates: a smooth stage ends 0.04 to 0.3 from its own polished optimum, 0.5 and more
+from others."""
+SHRUNK, SHRINKS = 0.8, 60
+"""Factor of one such shrinking, and how many at most: 1e-6 of the joints' limits is no motion."""
+LEAST = 1e-3
+"""Use of the joints' limits below which other limits have left no room."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What is searched, small enough to be sent to another process.
+
+    Attributes:
+        folder: of the robot.
+        level: of its library.
+        home: (n,) rad or m.
+        harmonics: M.
+        duration: t_f, s.
+        seed: of all starts.
+        basis: of the motion.
+        criterion: of `goals.CRITERIA`.
+        information: of the unknowns; None is all base parameters by their regressor alone.
+        safety: limits beyond those of joints; None as in the document.
+    """
+
+    folder: Path
+    level: str
+    home: Array
+    harmonics: int
+    duration: float
+    seed: int
+    basis: Basis = COSINE
+    criterion: str = "cond"
+    information: Information | None = None
+    safety: Safety | None = None
+
+    def search(self) -> "Search":
+        """Loads the library of the folder."""
+        return Search(load(self.folder, self.level), self)
+
+
+class Search:
+    """Descents from random starts and from relatives of good ones.
+
+    A start depends on its number and the seed alone, a relative also on its parents.
+    """
+
+    def __init__(self, lib: Library, problem: Problem) -> None:
+        self.problem = problem
+        self.basis, size = problem.basis, problem.basis.size(problem.harmonics)
+        self.goal = goal(problem.criterion, lib, problem.home, problem.information)
+        shape = self._grid = (lib, problem.home, size, problem.duration)
+        self.cost = ConditionCost(*shape, self.basis, problem.information)
+        self.limits = Limits(*shape, basis=self.basis)
+        self.laws = laws(lib, problem.home, problem.safety)
+        require_rest(self.laws, problem.home)
+        self._seed, self._shape = problem.seed, (lib.n_joints, size)
+        matrix, self._bound = self.limits.inequalities()
+        spread = whitening(matrix, lib.n_joints)
+        # Of `whitening`'s unit vectors each row sees a share; now x of size one reaches a bound.
+        self._spread = spread * np.sqrt(len(matrix) / (3.0 * len(spread)))
+        self._matrix = matrix @ self._spread
+        self._coarse = self.law_rows(LIMIT_STEP)
+
+    def start(self, number: int) -> tuple[float, Array]:
+        """The goal's target and coefficients (n, M), within the limits of the descent's grid.
+
+        Raises:
+            IdentificationError: the limits leave no room for a motion.
+        """
+        rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
+        x = self._shrunk(self._random(number), ELASTIC)
+        for measure, iterations in self.goal.stages:
+            x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
+        if self.goal.is_kinked:
+            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+        return self._ended(x)
+
+    def relative(self, number: int, parents: tuple[Array, ...], best: float) -> tuple[float, Array]:
+        """The same for a variation of one of the parents (n, M), best first, of a kinked goal.
+
+        Every third number has noise on all coefficients, the others new motions of one or two
+        joints: each joint has limits of its own, so that the others' motions stay admissible.
+        The descent begins with the goal's second stage. After it what has come back to a parent
+        is that parent, and what is not below `best` + `WORTH` is given up.
+        """
+        rng = np.random.default_rng((self._seed, number, 1))
+        known = np.linalg.solve(self._spread, np.reshape(parents, (len(parents), -1)).T).T
+        x = known[min(int(rng.geometric(FAVOUR)), len(parents)) - 1]
+        if number % 3 == 2:
+            x = x + rng.uniform(*NOISE) * rng.normal(size=len(x))
+        else:
+            joints = rng.permutation(self._shape[0])[: 1 + number % 3]
+            new = np.repeat(np.isin(np.arange(self._shape[0]), joints), self._shape[1])
+            x = np.where(new, self._drawn(rng), x)
+        x = x / max(1.0, float(np.max(self._matrix @ x)))
+        rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
+        x = self._shrunk(x, ELASTIC)
+        (first, iterations), *later = self.goal.stages[1:]
+        x = descend(self._objective(first), x, rows, iterations, nonlinear=elastic).x
+        distances = np.sqrt(np.square(known - x).mean(axis=1))
+        if distances.min() < RETURNED:
+            back = parents[int(distances.argmin())]
+            return self.value(back), back
+        if self.value(self.coefficients(x[None])[0]) > best + WORTH:
+            return self._ended(x)
+        for measure, iterations in later:
+            x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
+        return self._ended(polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x)
+
+    def _ended(self, x: Array) -> tuple[float, Array]:
+        """The goal's target and coefficients of x moved inside all limits."""
+        a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
+        return self.value(a), a
+
+    def guess(self, number: int) -> Array:
+        """Where a start begins, coefficients (n, M)."""
+        return self.coefficients(self._random(number)[None])[0]
+
+    def require_rank(self) -> None:
+        """Random motions tell all unknowns apart.
+
+        Raises:
+            IdentificationError: they do not, and no other motion of this basis will.
+        """
+        gram = self.cost.correlations(self.guess(0)[None])[0]
+        found = rank(gram)
+        if found < len(gram):
+            raise IdentificationError(too_many(found, len(gram), self._shape[1]))
+
+    def _random(self, number: int) -> Array:
+        """A point well inside the limits."""
+        return self._drawn(np.random.default_rng((self._seed, number)))
+
+    def _drawn(self, rng: np.random.Generator) -> Array:
+        x = rng.normal(size=len(self._spread))
+        return np.asarray(x * (START / np.max(self._matrix @ x)))
+
+    def value(self, a: Array) -> float:
+        """The goal's target."""
+        if self.goal.is_kinked:
+            return self.cost.value_gradient(a)[0]
+        return self.cost.measure(a, self.goal.target)[0]
+
+    def refined(self, a: Array) -> Array:
+        """The same optimum on a finer grid: pulled inside there alone it would lose 0.5 %."""
+        step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
+        fine = Limits(*self._grid, step=step, basis=self.basis)
+        matrix, bound = fine.inequalities()
+        x = np.linalg.solve(self._spread, inside(fine, a).ravel())
+        rows = Rows(matrix @ self._spread, bound)
+        elastic = self._elastic(self.law_rows(step, TIGHTENED))
+        if self.goal.is_kinked:
+            x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
+        else:
+            objective = self._objective(self.goal.target)
+            x = descend(objective, x, rows, POLISH, nonlinear=elastic).x
+        return self.coefficients(x[None])[0]
+
+    def law_rows(
+        self, step: float, tightened: float = 0.0, duration: float | None = None
+    ) -> LawRows:
+        """The nonlinear limits on a grid of this step, s, of the same path in this duration."""
+        lib, home, size, own = self._grid
+        end = own if duration is None else duration
+        t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)
+        phi = self.basis.at(lib, size, t, end)
+        return LawRows(self.laws, home, phi, self.basis.is_symmetric, tightened)
+
+    def coefficients(self, points: Array) -> Array:
+        """A of K points x, (K, n, M)."""
+        return (points @ self._spread.T).reshape(-1, *self._shape)
+
+    def slopes(self, gradients: Array) -> Array:
+        """∂/∂x from ∂/∂a (K, n, M), (K, p)."""
+        return gradients.reshape(-1, len(self._spread)) @ self._spread
+
+    def _elastic(self, rows: LawRows) -> "_Elastic | None":
+        return _Elastic(self, rows) if self.laws else None
+
+    def _shrunk(self, x: Array, violation: float) -> Array:
+        """X scaled towards rest until the nonlinear limits are violated by no more than this."""
+        stopped: list[str] = []
+        for _ in range(SHRINKS):
+            a = self.coefficients(x[None])[0]
+            use = float(np.max(self._matrix @ x))
+            if self._coarse.worst(a) <= violation and use >= LEAST:
+                return x
+            stopped = self._coarse.strongest(a) or stopped
+            if use < LEAST:
+                break
+            x = SHRUNK * x
+        raise IdentificationError(
+            "the limits leave no room for a motion: shrunk to "
+            f"{100 * LEAST:g} % of what the joints may do it still meets the limits of "
+            f"{' and of '.join(stopped)}; relax one of them or choose another home"
+        )
+
+    def _objective(self, measure: Measure) -> Objective:
+        def objective(x: Array) -> tuple[float, Array]:
+            value, gradient = self.cost.measure(self.coefficients(x[None])[0], measure)
+            return value, self.slopes(gradient[None])[0]
+
+        return objective
+
+
+class _Elastic:
+    """The nonlinear limits as functions of x."""
+
+    def __init__(self, search: Search, rows: LawRows) -> None:
+        self._search, self._rows = search, rows
+
+    def violation(self, x: Array) -> float:
+        return max(0.0, self._rows.worst(self._search.coefficients(x[None])[0]))
+
+    def near(self, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
+        numbers, values, slopes = self._rows.linearised(self._search.coefficients(x[None])[0])
+        return numbers, values, self._search.slopes(slopes)
+
+    def jacobian(self, x: Array, numbers: NDArray[np.intp]) -> Array:
+        a = self._search.coefficients(x[None])[0]
+        return self._search.slopes(self._rows.jacobian(a, numbers))
+
+
+class _Correlations:
+    """C of the base regressor as a function of x."""
+
+    def __init__(self, search: Search) -> None:
+        self._search = search
+
+    def at(self, points: Array) -> Array:
+        return self._search.cost.correlations(self._search.coefficients(points))
+
+    def slopes(self, points: Array, weight: Array) -> tuple[Array, Array]:
+        a = self._search.coefficients(points)
+        matrices, gradients = self._search.cost.correlations_slopes(a, weight)
+        return matrices, self._search.slopes(gradients)

@@ -1,0 +1,77 @@
+"""What a search does in turn: random starts, then relatives of the best ones.
+
+Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
+common. Where log cond decides, `SHARE` relatives per start follow in `ROUNDS`. Each inherits from
+one of the `PARENTS` best so far (a geometric law favours the first), with the motion of one or two
+joints new or with noise on all coefficients, and skips D-optimality. It is given up after the first
+smooth stage unless it is new and close to the best by then. A round waits for the one before, so
+that the design depends on the seed alone.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from runtime.excitation.search.single_start import Search
+from runtime.library import Array
+
+SHARE = 1.0
+"""Relatives per start; one takes a third of the time of a start."""
+FEWEST = 8
+"""Starts from which on the best of them are worth relatives."""
+ROUNDS = 6
+PARENTS = 8
+"""At most."""
+DISTINCT = 1e-3
+"""Of log cond: what is closer is the same optimum."""
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One descent, small enough to be sent to another process.
+
+    Attributes:
+        number: of the random start; of relatives it goes on after the starts.
+        parents: coefficients (n, M), best first; none for a random start.
+        best: the goal's target of the first.
+    """
+
+    number: int
+    parents: tuple[Array, ...] = ()
+    best: float = np.inf
+
+    def done(self, search: Search) -> tuple[float, Array]:
+        """The goal's target and coefficients (n, M)."""
+        if not self.parents:
+            return search.start(self.number)
+        return search.relative(self.number, self.parents, self.best)
+
+
+def relatives(criterion: str, starts: int) -> int:
+    """How many follow."""
+    return int(SHARE * starts) if criterion == "cond" and starts >= FEWEST else 0
+
+
+def rounds(
+    criterion: str, starts: int, found: Mapping[int, tuple[float, Array]]
+) -> Iterator[list[Task]]:
+    """Tasks that may be done at once; `found` holds all former ones when the next are asked for."""
+    yield [Task(number) for number in range(starts)]
+    ends = starts + relatives(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
+    for first, last in pairwise(ends):
+        if first == last:
+            continue
+        best, parents = _best(found)
+        yield [Task(number, parents, best) for number in range(first, last)]
+
+
+def _best(found: Mapping[int, tuple[float, Array]]) -> tuple[float, tuple[Array, ...]]:
+    """Target of the best and coefficients of all parents."""
+    chosen: list[tuple[float, Array]] = []
+    for number in sorted(found, key=lambda number: (found[number][0], number)):
+        value, a = found[number]
+        if len(chosen) < PARENTS and not (chosen and value < chosen[-1][0] + DISTINCT):
+            chosen.append((value, a))
+    return chosen[0][0], tuple(a for _, a in chosen)

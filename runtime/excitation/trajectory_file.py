@@ -1,0 +1,96 @@
+"""A designed trajectory as JSON: robot, home, coefficients, duration and what is known of it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import IdentificationError, RecordingError
+from runtime.excitation import COSINE, LONGEST, Design, Prediction, Trajectory, basis_of
+from runtime.excitation.search.prediction import facts as facts_of
+from runtime.files import json_of, replacing
+from runtime.library import Library
+
+LARGEST = 1e6
+"""SI units; no robot moves like that."""
+
+
+def write_trajectory(
+    found: Design, lib: Library, path: Path, prediction: Prediction | None = None
+) -> None:
+    """Write a design and what it will tell, atomically."""
+    known = {
+        "condition_number": found.condition,
+        "condition_numbers_of_starts": list(found.conditions),
+        "condition_numbers_of_relatives": list(found.relatives),
+        "criterion": found.criterion,
+        "criterion_of_starts": list(found.values),
+        "use_of_limits": found.use,
+        "assumptions": list(found.assumptions),
+    }
+    if prediction is not None:
+        known["prediction"] = facts_of(prediction)
+    write_motion(found.trajectory, lib, path, known)
+
+
+def write_motion(
+    trajectory: Trajectory, lib: Library, path: Path, known: dict[str, Any] | None = None
+) -> None:
+    """Write a trajectory and what is known of it, atomically."""
+    basis = trajectory.basis
+    facts = {
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "basis": basis.equation,
+        "basis_name": basis.name,
+        "zero_jerk_at_ends": basis.zero_jerk,
+        "duration": trajectory.duration,
+        "home": trajectory.home.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+        **(known or {}),
+    }
+    with replacing(path) as file:
+        file.write((json.dumps(facts, indent=1) + "\n").encode())
+
+
+def read_trajectory(path: Path, lib: Library) -> Trajectory:
+    """Read a trajectory of this robot; without the name of a basis it is one of cosines.
+
+    Raises:
+        RecordingError: not such a file, or of another robot.
+    """
+    try:
+        facts = json_of(path)
+        joints = facts["joints"]
+        trajectory = Trajectory(
+            np.array(facts["home"], dtype=float),
+            np.array(facts["coefficients"], dtype=float),
+            float(facts["duration"]),
+            basis_of(facts.get("basis_name", COSINE.name), facts.get("zero_jerk_at_ends") is True),
+        )
+    except IdentificationError as error:
+        raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise RecordingError(
+            f"'{path}' is no trajectory ({type(error).__name__}); make one with: "
+            "python -m runtime excite"
+        ) from None
+    n = lib.n_joints
+    shape = trajectory.coefficients.shape
+    fits = trajectory.home.shape == (n,) and len(shape) == 2 and shape[0] == n
+    if joints != list(lib.joint_names) or not fits or not trajectory.coefficients.size:
+        raise RecordingError(f"the trajectory '{path}' belongs to another robot than '{lib.name}'")
+    if shape[1] % trajectory.basis.size(1):
+        raise RecordingError(
+            f"the trajectory '{path}' has {shape[1]} coefficients per joint, its basis "
+            f"'{trajectory.basis.name}' takes pairs of coefficients; make one with: "
+            "python -m runtime excite"
+        )
+    numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]
+    if not (np.abs(numbers) < LARGEST).all() or not 0 < trajectory.duration <= LONGEST:
+        raise RecordingError(
+            f"the trajectory '{path}' holds values that are not finite, or a duration that is not "
+            f"positive, up to {LONGEST:g} s; make one with: python -m runtime excite"
+        )
+    return trajectory

@@ -1,0 +1,1 @@
+"""Files of an experiment: results, chunks, locks."""

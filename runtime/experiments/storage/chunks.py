@@ -1,0 +1,126 @@
+"""Finished trials on disk: chunks/00000-00024.parquet, each whole or not there.
+
+A chunk carries the hash of its config and checksums of its pages: what is truncated, altered or
+of another config is told and computed again.
+"""
+
+from collections.abc import Callable, Iterable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import RecordingError, RuntimeFault
+from runtime.experiments.study import Row
+from runtime.files import replacing
+from runtime.recording.formats.parquet import rows_of
+
+HASH = b"config_hash"
+_TEXT, _WHOLE, _CLAIM, _LIST = ("case", "method", "status"), ("trial",), ("consistent",), ("curve",)
+
+
+def arrow() -> Any:
+    """pyarrow with its parquet, where it is installed.
+
+    Raises:
+        RuntimeFault: it is not.
+    """
+    try:
+        import_module("pyarrow.parquet")
+        return import_module("pyarrow")
+    except ImportError:
+        raise RuntimeFault(
+            "experiments keep their trials as Parquet, which needs pyarrow; install it with: "
+            "pip install 'symgen[experiments]'"
+        ) from None
+
+
+def write_rows(rows: list[Row], path: Path, mark: str) -> None:
+    """Rows as Parquet, columns in the order of their first appearance."""
+    pa = arrow()
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    fields = [pa.field(name, _type(pa, name)) for name in names]
+    schema = pa.schema(fields, metadata={HASH: mark.encode()})
+    table = pa.Table.from_pylist(rows, schema=schema)
+    with replacing(path) as file:
+        pa.parquet.write_table(table, file, write_page_checksum=True)
+
+
+def read_rows(path: Path, mark: str) -> list[Row] | None:
+    """Rows of a file; None where it is damaged or of another config."""
+    arrow()
+    try:
+        metadata, rows = rows_of(path)
+    except RecordingError:
+        return None
+    if metadata.get(HASH, b"").decode(errors="replace") != mark:
+        return None
+    return [{k: v for k, v in row.items() if v is not None} for row in rows]
+
+
+def _type(pa: Any, name: str) -> Any:
+    if name in _TEXT:
+        return pa.string()
+    if name in _WHOLE:
+        return pa.int64()
+    if name in _CLAIM:
+        return pa.bool_()
+    return pa.list_(pa.float64()) if name in _LIST else pa.float64()
+
+
+class Chunks:
+    """The chunks of one study's folder."""
+
+    def __init__(self, folder: Path, mark: str, tell: Callable[[str], None]) -> None:
+        """Args:
+        folder: of the study.
+        mark: hash of its config.
+        tell: called with a sentence about what could not be used.
+        """
+        self._folder, self._mark, self._tell = folder / "chunks", mark, tell
+
+    def read(self, trials: int) -> dict[int, list[Row]]:
+        """Rows of every trial below `trials` that is there; the first file that has one counts."""
+        found: dict[int, list[Row]] = {}
+        for path in sorted(self._folder.glob("*.parquet")):
+            rows, numbers = read_rows(path, self._mark), _numbers(path)
+            if rows is None or {row["trial"] for row in rows} != set(numbers):
+                self._tell(
+                    f"'{path}' is damaged or of another config; its trials are computed again"
+                )
+                continue
+            new = {number for number in numbers if number < trials and number not in found}
+            for row in rows:
+                if row["trial"] in new:
+                    found.setdefault(row["trial"], []).append(row)
+        return found
+
+    def sweep(self) -> None:
+        """Remove the drafts of a run that was killed; only for who holds the lock."""
+        for draft in self._folder.glob(".*"):
+            draft.unlink(missing_ok=True)
+
+    def write(self, numbers: range, rows: list[Row]) -> None:
+        """One finished chunk."""
+        name = f"{numbers.start:05d}-{numbers.stop - 1:05d}.parquet"
+        write_rows(rows, self._folder / name, self._mark)
+
+
+def missing(done: Iterable[int], trials: int, size: int) -> list[range]:
+    """The trials below `trials` that are not done, in runs of at most `size`."""
+    have, runs = set(done), list[range]()
+    for number in range(trials):
+        if number in have:
+            continue
+        if runs and runs[-1].stop == number and len(runs[-1]) < size and number % size:
+            runs[-1] = range(runs[-1].start, number + 1)
+        else:
+            runs.append(range(number, number + 1))
+    return runs
+
+
+def _numbers(path: Path) -> range:
+    """The trials that a file's name promises; none where it is no such name."""
+    first, _, last = path.stem.partition("-")
+    if not (first.isdigit() and last.isdigit()):
+        return range(0)
+    return range(int(first), int(last) + 1)

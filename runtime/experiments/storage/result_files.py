@@ -1,0 +1,110 @@
+"""All rows of a study → trials.parquet, series.npz and, last, result.json that vouches for both."""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.experiments.storage.chunks import write_rows
+from runtime.experiments.storage.document_numbers import document_values
+from runtime.experiments.study import FORMAT, Finished, Row, Study
+from runtime.files import json_of, replacing
+from runtime.identification.result_file import versions
+from runtime.library import Array, Library
+
+RESULT, TRIALS, SERIES, CONFIG = "result.json", "trials.parquet", "series.npz", "config.json"
+_NO_FIGURE = ("case", "method", "trial", "status", "curve")
+
+
+def write_outcome(
+    study: Study,
+    folder: Path,
+    lib: Library,
+    config: Mapping[str, Any],
+    mark: str,
+    trials: int,
+    rows: Sequence[Row],
+    finished: Finished,
+    command: str,
+) -> dict[str, Any]:
+    """Write the three files and return what result.json says."""
+    both = [*rows, *finished.rows]
+    flat = [{k: v for k, v in row.items() if k != "curve"} for row in both]
+    write_rows(flat, folder / TRIALS, mark)
+    with replacing(folder / SERIES) as file:
+        np.savez_compressed(file, **finished.series)  # type: ignore[arg-type]
+    facts = {
+        "format": FORMAT,
+        "study": study.name,
+        "title": study.title,
+        "config": dict(config),
+        "config_hash": mark,
+        "trials": trials,
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "model_hash": lib.manifest.model_hash,
+        "versions": versions() | lib.manifest.versions,
+        "command": command,
+        "files": {name: sha256(folder / name) for name in (TRIALS, SERIES)},
+        "cases": dict(study.cases),
+        "methods": dict(study.methods),
+        "views": [asdict(view) for view in study.views],
+        "facts": finished.facts,
+        "summary": summary(flat),
+        "document": document_values([v.document or v.id for v in study.views]),
+    }
+    write_json(folder / RESULT, facts)
+    return facts
+
+
+def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Mean, standard deviation (n − 1) and count of every figure of every case and method."""
+    values: dict[tuple[str, str, str], list[float]] = {}
+    for row in rows:
+        for name, value in row.items():
+            if name not in _NO_FIGURE:
+                values.setdefault((row["case"], row["method"], name), []).append(float(value))
+    return [
+        {
+            "case": case,
+            "method": method,
+            "metric": metric,
+            "mean": float(np.mean(found)),
+            "std": float(np.std(found, ddof=1)) if len(found) > 1 else None,
+            "n": len(found),
+        }
+        for (case, method, metric), found in values.items()
+    ]
+
+
+def valid_result(folder: Path, mark: str | None = None) -> dict[str, Any] | None:
+    """What result.json says, where it and the files it vouches for are whole and of this hash."""
+    try:
+        facts = json_of(folder / RESULT)
+        whole = all(sha256(folder / name) == told for name, told in facts["files"].items())
+        right = facts["format"] == FORMAT and mark in {None, facts["config_hash"]}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return dict(facts) if whole and right else None
+
+
+def read_series(folder: Path) -> dict[str, Array]:
+    """The curves of a result that `valid_result` has found whole."""
+    with np.load(folder / SERIES) as file:
+        return {name: file[name] for name in file.files}
+
+
+def write_json(path: Path, facts: Mapping[str, Any]) -> None:
+    """Indented, without NaN, whole or not at all."""
+    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(path) as file:
+        file.write(text.encode())
+
+
+def sha256(path: Path) -> str:
+    """Of a file's bytes."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()

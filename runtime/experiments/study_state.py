@@ -1,0 +1,53 @@
+"""How far a study is, from its folder alone."""
+
+from dataclasses import dataclass
+
+from runtime.experiments.runner import Request, asked, folder_hash
+from runtime.experiments.storage.chunks import Chunks
+from runtime.experiments.storage.result_files import read_series, valid_result
+from runtime.experiments.study import Arrays, Study, config_facts, config_hash
+from runtime.library import Library
+
+MISSING, PARTIAL, DONE, DIFFERS = "missing", "partial", "done", "hash differs"
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """One study in one folder.
+
+    Attributes:
+        word: missing, partial, done or hash differs.
+        done: trials that are there.
+        trials: that are asked for.
+    """
+
+    word: str
+    done: int
+    trials: int
+
+    def __str__(self) -> str:
+        if self.word in {MISSING, DIFFERS}:
+            return self.word
+        return f"{self.word} ({self.done} of {self.trials} trials)"
+
+
+def state_of(lib: Library, study: Study, request: Request) -> State:
+    """What `reproduce` would find."""
+    folder = request.out / study.name
+    config, trials = asked(study, request)
+    found = folder_hash(folder)
+    if found is None:
+        return State(MISSING, 0, trials)
+    needed: Arrays = {}
+    for name in study.needs:
+        if valid_result(request.out / name) is None:
+            return State(DIFFERS, 0, trials)
+        needed = {**needed, **read_series(request.out / name)}
+    mark = config_hash(config_facts(study, config, lib), lib.manifest.model_hash, needed)
+    if found != mark:
+        return State(DIFFERS, 0, trials)
+    result = valid_result(folder, mark)
+    if result is not None and result["trials"] == trials:
+        return State(DONE, trials, trials)
+    done = len(Chunks(folder, mark, lambda _: None).read(trials))
+    return State(PARTIAL, done, trials)

@@ -1,0 +1,52 @@
+"""λ-Adam with link 7 left out (Fig. 5.4): its λ stays, the torque of joint 7 weighs nothing.
+
+The text keeps "the gradient-based update associated with link 7" off; what it started from it does
+not say. Here it is the truth: neither perturbed nor updated, as Table 5.9 suggests (errata).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.fit import fit_of, start_of
+from runtime.estimators.optimizers import minimise
+from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.torque_objective import TorqueObjective
+from runtime.library import Array, Library
+
+LINK = 6
+"""From 0."""
+
+
+def link_rows(lib: Library) -> NDArray[np.bool_]:
+    """(10 n,): the entries of λ that belong to the link."""
+    return np.arange(lib.lam0.size) // (lib.lam0.size // lib.n_joints) == LINK
+
+
+def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Array]) -> Fit:
+    """The reference loop in NumPy, as the compiled one updates every link.
+
+    Args:
+        problem: with all links perturbed.
+        truth: true λ, (10 n,).
+        preset: of the document.
+        places: every λ on the way is appended.
+    """
+    lib, batch = problem.lib, preset.batch or len(problem.train)
+    own = link_rows(lib)
+    weights = np.where(np.arange(lib.n_joints) == LINK, 0.0, problem.weights)
+    start = np.where(own, truth, problem.start)
+    descent = start_of(replace(problem, weights=weights, start=start))
+    objective, size = descent.objective, len(problem.train)
+    held = TorqueObjective(lib, problem.validation, weights, objective.unit)
+    rng = np.random.default_rng(problem.seed)
+
+    def value_gradient(x: Array) -> tuple[float, Array]:
+        places.append(x)
+        loss, slope = objective.value_gradient(x, rng.integers(0, size, batch))
+        return loss, np.where(own, 0.0, slope)
+
+    outcome = minimise(descent.x0, value_gradient, held.value, preset.adam, preset.rule)
+    return fit_of(descent, outcome)

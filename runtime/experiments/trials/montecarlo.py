@@ -1,0 +1,194 @@
+"""The document's Monte Carlo (Sec. 5.1): exact motion, perturbed first guess, many trials.
+
+λ₀ = λ_true + p λ_true ⊙ ε (Eq. 5.2), τ_noisy = τ + σ ε (Eq. 5.8), one weighting of Eq. 4.8 per
+trial. Every trial has three streams of random numbers of its own (guess, noise, mini-batches), the
+same in all cases and for all methods.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from runtime.estimators.classical.pc_ols import fit_pc_ols
+from runtime.estimators.convex.map_estimate import fit_map
+from runtime.estimators.descent.drivers import Preset, Watch
+from runtime.estimators.descent.fit import PRESETS, fit_levenberg
+from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.experiments.study import Arrays, Row
+from runtime.experiments.trials.document_robot import document_robot
+from runtime.experiments.trials.frozen_link import fit_frozen
+from runtime.experiments.trials.motions import designed
+from runtime.experiments.trials.scores import Judge, judge
+from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
+from runtime.library import Array, Library
+from runtime.simulation import Plant, ideal
+
+GUESS, NOISE, HELD_NOISE, BATCHES = range(4)
+"""Streams of a trial."""
+METHODS = {
+    "adam": "λ-Adam on mini-batches, exactly as in Table 5.1",
+    "map": "most probable consistent model, the trial's own first guess as prior (κ = 16)",
+    "lm": "MAP, then Levenberg–Marquardt in log-Cholesky coordinates to the optimum of the data",
+    "pc-ols": "the convex program's answer nearest to the first guess (PC-IDIM-OLS, same weights)",
+    "adam-frozen": "λ-Adam with link 7 neither perturbed nor updated, and w₇ = 0",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One column of a table.
+
+    Attributes:
+        name: in all files.
+        perturbation: p.
+        noise: σ of the torque, N·m.
+        training: name of the motion trained on.
+        methods: of `METHODS`.
+    """
+
+    name: str
+    perturbation: float
+    noise: float = 0.0
+    training: str = "designed"
+    methods: tuple[str, ...] = ("adam", "lm")
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """One Monte Carlo.
+
+    Attributes:
+        seed: of all trials.
+        rate_hz: of the samples.
+        adam: Table 5.1, with the improvement that counts (2e-6, not in the document).
+        configurations: of the test trajectory at which mass matrices are compared.
+        curve_every: iterations between two points of an AIRM curve.
+        sinusoid: amplitude of Eq. 5.5 as a share of what the limits allow, and its phases' seed.
+    """
+
+    cases: tuple[Case, ...]
+    seed: int = 0
+    rate_hz: float = 100.0
+    adam: Preset = PRESETS["simulation"]
+    configurations: int = 50
+    curve_every: int = 25
+    sinusoid: tuple[float, int] = (0.5, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What all trials share.
+
+    Attributes:
+        lam: of the true robot.
+        train: samples without noise by the name of their motion.
+        held: validation samples without noise.
+    """
+
+    lib: Library
+    config: Config
+    lam: Array
+    train: dict[str, Samples]
+    held: Samples
+    judge: Judge
+
+
+def setting_of(lib: Library, config: Config, needed: Arrays) -> Setting:
+    """The designs of the excitation study, best first: training, validation, test."""
+    pi = document_robot(lib)
+    runs = [
+        samples_of(ideal(lib, motion, Plant(pi), config.rate_hz), lib)
+        for motion in designed(lib, needed)
+    ]
+    return Setting(
+        lib=lib,
+        config=config,
+        lam=lib.lam_from_pi(pi),
+        train={"designed": runs[0]},
+        held=runs[1],
+        judge=judge(lib, runs[2], pi, config.configurations),
+    )
+
+
+def run_cases(setting: Setting, numbers: range, threads: int) -> list[Row]:
+    """All cases and methods of some trials, every case's Adam in one call of the C."""
+    solvers = {"map": fit_map, "lm": fit_from_map, "pc-ols": fit_pc_ols}
+    rows: list[Row] = []
+    for case in setting.config.cases:
+        problems = [problem_of(setting, case, number) for number in numbers]
+        for method in case.methods:
+            if method == "adam":
+                found = _adam(setting, problems, threads)
+            elif method == "adam-frozen":
+                found = [_frozen(setting, problem) for problem in problems]
+            else:
+                found = [(*timed(solvers[method], problem), []) for problem in problems]
+            for number, problem, (fit, seconds, curve) in zip(
+                numbers, problems, found, strict=True
+            ):
+                rows.append(_row(setting, case, method, number, problem, fit))
+                rows[-1] |= {"time_s": seconds} | ({"curve": curve} if curve else {})
+    return rows
+
+
+def problem_of(setting: Setting, case: Case, number: int) -> Problem:
+    """One trial of one case."""
+    config, lib = setting.config, setting.lib
+    train, held = setting.train[case.training], setting.held
+    if case.noise:
+        train = _noisy(train, case.noise, config.seed, number, NOISE)
+        held = _noisy(held, case.noise, config.seed, number, HELD_NOISE)
+    guess = stream(config.seed, number, GUESS).normal(size=setting.lam.size)
+    batches = int(stream(config.seed, number, BATCHES).integers(2**63))
+    start = setting.lam * (1 + case.perturbation * guess)
+    return Problem(lib, train, held, thesis_weights(train.tau), start, seed=batches)
+
+
+def _noisy(samples: Samples, sigma: float, seed: int, number: int, which: int) -> Samples:
+    noise = stream(seed, number, which).normal(size=samples.tau.shape)
+    return replace(samples, tau=samples.tau + sigma * noise)
+
+
+Found = tuple[Fit, float, list[float]]
+"""An answer, its seconds, and its AIRM on the way."""
+
+
+def _adam(setting: Setting, problems: Sequence[Problem], threads: int) -> list[Found]:
+    config, lib = setting.config, setting.lib
+    places: list[list[Array]] = [[] for _ in problems]
+
+    def seen(done: int, points: list[Array]) -> None:
+        del done
+        for place, x in zip(places, points, strict=True):
+            place.append(x)
+
+    found = adam_of_all(problems, config.adam, threads, Watch(config.curve_every, seen))
+    ended = []
+    for problem, (fit, seconds), place in zip(problems, found, places, strict=True):
+        points = [problem.start, *place[: (fit.iterations or 0) // config.curve_every]]
+        curve = [setting.judge.airm(lib.pi_from_lam(x)) for x in points]
+        ended.append((fit, seconds, curve))
+    return ended
+
+
+def _frozen(setting: Setting, problem: Problem) -> Found:
+    places: list[Array] = []
+    fit, seconds = timed(
+        lambda each: fit_frozen(each, setting.lam, setting.config.adam, places), problem
+    )
+    seen = places[:: setting.config.curve_every]
+    return fit, seconds, [setting.judge.airm(setting.lib.pi_from_lam(x)) for x in seen]
+
+
+def fit_from_map(problem: Problem) -> Fit:
+    """MAP, then the last trace of its prior removed: without noise the data alone decide."""
+    near = problem.lib.lam_from_pi(fit_map(problem).pi)
+    return fit_levenberg(replace(problem, start=near), cholesky=True)
+
+
+def _row(setting: Setting, case: Case, method: str, number: int, problem: Problem, fit: Fit) -> Row:
+    row: Row = {"case": case.name, "method": method, "trial": number, "status": fit.status}
+    row |= setting.judge.row(fit.pi)
+    row |= {"iterations": fit.iterations, "loss": problem.statistics().value(fit.pi, fit.phi)}
+    # Without noise the residuals are rounding, which no number of samples describes.
+    return row | ({} if fit.n_eff is None or not case.noise else {"n_eff": fit.n_eff})

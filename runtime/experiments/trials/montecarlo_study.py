@@ -1,0 +1,96 @@
+"""A study of the document's Monte Carlo (Sec. 5.1): told by its cases, its curves and its views."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.trials.curves import band
+from runtime.experiments.trials.montecarlo import (
+    METHODS,
+    Case,
+    Config,
+    Setting,
+    run_cases,
+    setting_of,
+)
+from runtime.experiments.trials.motions import condition
+from runtime.experiments.trials.scores import torque_rms
+from runtime.experiments.views import torque_table
+from runtime.library import Array, Library
+
+MAIN = ("airm", "frobenius_rms", "iterations", "time_s", "consistent")
+"""Lines of Tables 5.2, 5.4 and 5.6."""
+
+
+def monte_carlo(
+    name: str,
+    title: str,
+    cases: Mapping[Case, str],
+    finish: Callable[[Setting, list[Row]], Finished],
+    views: tuple[View, ...],
+    prepare: Callable[[Library, Config, Arrays], Setting] = setting_of,
+) -> Study:
+    """The methods are those of the cases, the motions those of the excitation study.
+
+    Args:
+        name: of its folder.
+        title: for people.
+        cases: case → a sentence.
+        finish: (setting, all rows) → curves and facts.
+        views: its ids.
+        prepare: where more motions than the designed ones are trained on.
+    """
+    used = {method for case in cases for method in case.methods}
+    return Study(
+        name=name,
+        title=title,
+        config=Config(tuple(cases)),
+        prepare=prepare,
+        run=run_cases,
+        finish=finish,
+        cases={case.name: sentence for case, sentence in cases.items()},
+        methods={method: told for method, told in METHODS.items() if method in used},
+        needs=("excitation",),
+        views=views,
+    )
+
+
+def final_tables(
+    names: tuple[str, str], title: str, cases: Mapping[Case, str]
+) -> tuple[View, View]:
+    """Where every case ends: distances from the truth, torque errors."""
+    columns = tuple(case.name for case in cases)
+    distances, torques = names
+    return (
+        View(distances, "table", f"{title}: final distances", columns, MAIN),
+        torque_table(torques, title, columns),
+    )
+
+
+def bands(setting: Setting, rows: list[Row]) -> dict[str, Array]:
+    """The mean AIRM over the iterations of Adam, of every case."""
+    config, found = setting.config, dict[str, Array]()
+    for case in config.cases:
+        last = config.adam.rule.max_iterations
+        found |= band(rows, case.name, "adam", config.curve_every, last)
+    return found
+
+
+def data_facts(setting: Setting) -> dict[str, Any]:
+    """Rates and counts, filter, friction, weights, torque RMS per joint, condition numbers."""
+    lib, config = setting.lib, setting.config
+    parts = {**setting.train, "validation": setting.held, "test": setting.judge.test}
+    return {
+        "rate_hz": config.rate_hz,
+        "samples": {name: len(samples) for name, samples in parts.items()},
+        "filter": "none: motion and torque are exact, noise is added to the torque alone",
+        "delay": "none",
+        "friction_columns": [],
+        "weights": "Eq. 4.8 from the training torque of every trial, mean 1",
+        "torque_rms": {name: torque_rms(samples.tau).tolist() for name, samples in parts.items()},
+        "condition_numbers": {name: condition(lib, samples) for name, samples in parts.items()},
+        "condition_columns": f"{len(lib.base_columns)} base parameters, columns of unit length, "
+        f"all samples at {config.rate_hz:g} Hz",
+        "seed": config.seed,
+        "configurations": f"{config.configurations} equally spaced on the test trajectory",
+    }

@@ -1,0 +1,61 @@
+"""The motions of the experiments: the designs of the excitation study, and the document's sines."""
+
+import numpy as np
+
+from runtime.estimators.regression.samples import Samples
+from runtime.excitation import Trajectory, log_condition
+from runtime.experiments.study import Arrays
+from runtime.experiments.views import MOTION
+from runtime.library import Array, Library
+from runtime.recording import Recording
+from runtime.simulation import sample_times
+
+PULSATION = 2.0
+"""Of Eq. 5.5, rad/s."""
+ROLES = ("training", "validation", "test")
+"""Of the three best designs, best first."""
+
+
+def designed(lib: Library, needed: Arrays) -> list[Trajectory]:
+    """The best designs in the order of `ROLES`."""
+    duration = float(needed["duration"])
+    return [Trajectory(lib.home, np.array(a), duration) for a in needed["coefficients"]]
+
+
+def sinusoidal(
+    lib: Library, duration: float, rate_hz: float, share: float, seed: int
+) -> tuple[Recording, Array]:
+    """q = a + b sin(2t + φ) (Eqs. 5.5–5.7), and the amplitudes b, (n,) rad.
+
+    The document gives neither a nor b: here a is the default pose and b a share of the largest
+    amplitude within the limits of position, velocity and acceleration. φ ~ U(0, 2π) per joint.
+    """
+    limits = lib.limits()
+    room = np.minimum(limits["upper"] - lib.home, lib.home - limits["lower"])
+    fast = np.minimum(limits["velocity"] / PULSATION, limits["acceleration"] / PULSATION**2)
+    b = share * np.minimum(room, fast)
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, lib.n_joints)
+    t = sample_times(duration, rate_hz)
+    angle = PULSATION * t[:, None] + phase
+    q, dq, ddq = (
+        lib.home + b * np.sin(angle),
+        PULSATION * b * np.cos(angle),
+        -(PULSATION**2) * b * np.sin(angle),
+    )
+    sentence = f"Sines of {PULSATION:g} rad/s, {len(t)} samples at {rate_hz:g} Hz."
+    recording = Recording(
+        t, q, dq, ddq, name="sinusoidal", joint_names=lib.joint_names, history=(sentence,)
+    )
+    return recording, b
+
+
+def condition(lib: Library, samples: Samples) -> float:
+    """Cond of the column-normalised base regressor of all samples."""
+    rows = lib.base_regressor(samples.q, samples.dq, samples.ddq)
+    return float(np.exp(log_condition(rows.reshape(-1, rows.shape[-1]))[0]))
+
+
+def curves(prefix: str, recording: Recording) -> dict[str, Array]:
+    """t, q, dq, ddq, tau of a recording under names of one prefix."""
+    named = {key: getattr(recording, key) for key in MOTION}
+    return {f"{prefix}_{key}": value for key, value in named.items() if value is not None}

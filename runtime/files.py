@@ -1,0 +1,128 @@
+"""Files that others wrote, read within bounds: regular, of a size, UTF-8, JSON or TOML.
+
+A pipe would be waited for, a device never ends, deep nesting exhausts the stack, and of a key that
+stands twice nobody knows which is meant; all of that ends here, as OSError or ValueError. Whether
+the values mean anything is asked by the room that reads them.
+"""
+
+import errno
+import json
+import os
+import stat
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO, Any
+
+from runtime.errors import RuntimeFault
+
+LARGEST = 2**26
+"""Bytes of a document; the largest that is written here has a few million."""
+_DIGITS = 19
+"""Of a whole number that a machine has."""
+
+
+def require_file(path: Path) -> Path:
+    """The path of a regular file, links followed.
+
+    Raises:
+        OSError: there is none, or a folder, a pipe or a device.
+    """
+    if not stat.S_ISREG(path.stat().st_mode):
+        raise OSError(errno.EINVAL, "not a regular file", str(path))
+    return path
+
+
+def bytes_of(path: Path) -> bytes:
+    """A document as it is.
+
+    Raises:
+        OSError: it cannot be read, or is no regular file.
+        ValueError: it is larger than any document.
+    """
+    size = require_file(path).stat().st_size
+    if size > LARGEST:
+        raise ValueError(f"{size} bytes are more than the {LARGEST} of any document")
+    return path.read_bytes()
+
+
+def text_of(path: Path) -> str:
+    """A UTF-8 text; errors as for `bytes_of`."""
+    return bytes_of(path).decode("utf-8")
+
+
+def json_of(document: Path | bytes) -> Any:
+    """The value of a JSON document; errors as for `bytes_of`."""
+    text = document.decode("utf-8") if isinstance(document, bytes) else text_of(document)
+    try:
+        return json.loads(text, object_pairs_hook=_once, parse_int=_whole)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def toml_of(path: Path) -> dict[str, Any]:
+    """The tables of a TOML document; errors as for `bytes_of`."""
+    try:
+        tables = tomllib.loads(text_of(path))
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+    for value in values_of(tables):
+        if isinstance(value, int) and abs(value) >= 10**_DIGITS:
+            raise ValueError(f"a whole number has more than {_DIGITS} digits")
+    return tables
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    told = dict(pairs)
+    if len(told) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"the key {twice[:40]!r} stands twice")
+    return told
+
+
+def _whole(text: str) -> int:
+    if len(text) > _DIGITS + 1:
+        raise ValueError(f"a whole number has more than {_DIGITS} digits")
+    return int(text)
+
+
+def values_of(tree: Any) -> Iterator[Any]:
+    """The leaves of tables and lists within each other."""
+    pending = [tree]
+    while pending:
+        value = pending.pop()
+        if isinstance(value, dict):
+            pending += value.values()
+        elif isinstance(value, list):
+            pending += value
+        else:
+            yield value
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """A binary file that takes the place of `path` when the block ends without an error.
+
+    Missing folders are made. Whatever goes wrong, the old file stays as it was.
+
+    Raises:
+        RuntimeFault: the place cannot be written.
+    """
+    if not path.name:
+        raise RuntimeFault(f"cannot write '{path}': it names no file")
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with draft.open("wb") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    except OSError as error:
+        reason = error.strerror or error
+        raise RuntimeFault(f"cannot write '{path}' ({reason}); choose another place") from None
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)

@@ -1,5 +1,0 @@
-"""Gains of torque sensors and drives, from a run without and a run with a known payload."""
-
-from runtime.gains.estimate import Gains, identify_gains
-
-__all__ = ["Gains", "identify_gains"]

@@ -1,0 +1,1 @@
+"""From one or several logs to an identified robot."""

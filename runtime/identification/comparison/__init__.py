@@ -1,0 +1,22 @@
+"""Every method on the same problem: one row each, what to trust and why, and files that say so."""
+
+from runtime.identification.comparison.advice import Advice, advise
+from runtime.identification.comparison.output import write_comparison
+from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
+from runtime.identification.comparison.run import Comparison, compare
+from runtime.identification.comparison.truth import Truth, read_truth
+
+__all__ = [
+    "FAILED",
+    "NOT_RUN",
+    "RAN",
+    "Advice",
+    "Comparison",
+    "Figures",
+    "Row",
+    "Truth",
+    "advise",
+    "compare",
+    "read_truth",
+    "write_comparison",
+]

@@ -1,0 +1,196 @@
+"""A comparison on disk: compare.json for programs, compare.md for people; times alone may differ
+from run to run.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.estimators.methods import METHODS
+from runtime.files import replacing
+from runtime.identification.comparison.advice import Advice, advise
+from runtime.identification.comparison.row import Figures, Row
+from runtime.identification.comparison.run import Comparison
+from runtime.identification.problem_setup import PARTS
+from runtime.identification.result_file import versions
+from runtime.recording import Recording
+
+FORMAT = 1
+
+
+def write_comparison(
+    comparison: Comparison,
+    folder: Path,
+    command: str,
+    options: Mapping[str, Any],
+    notes: tuple[str, ...] = (),
+) -> dict[str, Any]:
+    """Write compare.json and compare.md; returns the facts of the former.
+
+    Args:
+        comparison: the table.
+        folder: made where it is missing.
+        command: as it was typed.
+        options: by name, as JSON can hold them.
+        notes: sentences on how the problem came about.
+
+    Raises:
+        RuntimeFault: the folder cannot be written.
+    """
+    lib = comparison.assembly.problem.lib
+    advice = advise(comparison.rows, len(lib.base_columns))
+    facts = _facts(comparison, advice, command, options, notes)
+    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(folder / "compare.json") as file:
+        file.write(text.encode())
+    with replacing(folder / "compare.md") as file:
+        file.write(_markdown(facts).encode())
+    return facts
+
+
+def _facts(
+    comparison: Comparison,
+    advice: Advice,
+    command: str,
+    options: Mapping[str, Any],
+    notes: tuple[str, ...],
+) -> dict[str, Any]:
+    assembly, truth = comparison.assembly, comparison.truth
+    lib = assembly.problem.lib
+    parts = {name: _extent(assembly.recordings(name)) for name in PARTS}
+    train = assembly.parts[0]
+    flattered = ("training and test are parts of one run, which flatters every method",)
+    return {
+        "format": FORMAT,
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
+        "recording": {
+            "name": train.name.removesuffix("/train"),
+            "samples": {name: count for name, (count, *_) in parts.items()},
+            "spans": {name: span for name, (_, *span) in parts.items()},
+            "history": list(train.history),
+        },
+        "friction": assembly.friction.facts(),
+        "weights": assembly.problem.weights.tolist(),
+        "before_percent": comparison.before,
+        "convex_optimum": _finite(comparison.optimum),
+        "rows": [_row_facts(row) for row in comparison.rows],
+        "advice": {"take": advice.take, "sentences": list(advice.sentences)},
+        "notes": [*notes, *(flattered if assembly.one_run else ())],
+        "provenance": {
+            "command": command,
+            "options": dict(options),
+            "versions": versions() | lib.manifest.versions,
+            "files": dict(train.source) | ({truth.name: truth.sha256} if truth else {}),
+            "model_hash": lib.manifest.model_hash,
+            "seed": assembly.problem.seed,
+        },
+    }
+
+
+def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
+    """Rows, first and last instant."""
+    ends = [(len(piece), float(piece.t[0]), float(piece.t[-1])) for piece in pieces]
+    return sum(count for count, *_ in ends), ends[0][1], ends[-1][2]
+
+
+def _row_facts(row: Row) -> dict[str, Any]:
+    head = {
+        "method": row.method,
+        "about": METHODS[row.method],
+        "outcome": row.outcome,
+        "status": row.status,
+    }
+    return head | ({} if row.figures is None else _figure_facts(row.figures))
+
+
+def _figure_facts(f: Figures) -> dict[str, Any]:
+    return {
+        "test_percent": f.test_percent,
+        "train_percent": f.train_percent,
+        "rms": f.rms.tolist(),
+        "base_error_percent": f.base_error,
+        "seconds": f.seconds,
+        "iterations": f.iterations,
+        "smallest_relative_eigenvalue": f.smallest_eigenvalue,
+        "consistent": f.is_consistent,
+        "boundary": f.is_boundary,
+        "gap_to_convex_optimum": _finite(f.gap),
+        "excited": f.excited,
+        "told_by_data": f.told,
+    }
+
+
+HEAD = (
+    "method",
+    "error %",
+    "worst RMS",
+    "base %",
+    "s",
+    "steps",
+    "λ_min/tr",
+    "gap %",
+    "status",
+)
+
+
+LEGEND = (
+    "error: of the torque on test, all joints; worst RMS: of the joint of that number, N·m or N; "
+    "base: error of the base parameters where the truth is known; λ_min/tr: smallest relative "
+    "eigenvalue, no body is below 0; gap: (L − L*)/L* in the weighted training loss that all rows "
+    "share, L* the optimum over all consistent models without nets"
+)
+
+
+def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """One line of the table, as `HEAD` has it, rounded for reading."""
+    if "rms" not in row:
+        return (row["method"], *("–",) * (len(HEAD) - 2), row["outcome"])
+    worst = int(np.argmax(row["rms"]))
+    base, gap = row["base_error_percent"], row["gap_to_convex_optimum"]
+    verdict = row["outcome"] if row["consistent"] else "unphysical"
+    return (
+        row["method"],
+        f"{row['test_percent']:.3f}",
+        f"j{worst + 1} {row['rms'][worst]:.3f}",
+        "–" if base is None else f"{base:.3g}",
+        f"{row['seconds']:.3f}",
+        "–" if row["iterations"] is None else str(row["iterations"]),
+        f"{row['smallest_relative_eigenvalue']:.1e}",
+        "–" if gap is None else f"{100 * gap:.3g}",
+        "boundary" if row["boundary"] else verdict,
+    )
+
+
+def _markdown(facts: Mapping[str, Any]) -> str:
+    joints, units, rows = facts["joints"], facts["units"], facts["rows"]
+    lines = [f"# {facts['robot']}, {facts['recording']['name']}: every method on the same data", ""]
+    lines += [f"- {sentence}" for sentence in facts["advice"]["sentences"]]
+    lines += ["", _line(HEAD), "|---" * len(HEAD) + "|"]
+    lines += [_line(cells(row)) for row in rows]
+    lines += [
+        "",
+        f"The URDF without friction has {facts['before_percent']:.3f} %. {LEGEND}.",
+        "",
+        _line(("RMS on test", *joints)),
+        "|---" * (len(joints) + 1) + "|",
+        _line(("unit", *(unit.replace("*", "·") for unit in units))),
+    ]
+    lines += [
+        _line((row["method"], *(f"{x:.4f}" for x in row["rms"]))) for row in rows if "rms" in row
+    ]
+    lines += ["", *(f"- {row['method']}: {row['status']}" for row in rows)]
+    lines += ["", *(f"- {note}" for note in facts["notes"])]
+    return "\n".join(lines) + "\n"
+
+
+def _line(words: tuple[str, ...]) -> str:
+    return "| " + " | ".join(word.replace("|", "/") for word in words) + " |"
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

@@ -1,0 +1,188 @@
+"""Every method, one after the other, on one assembled problem.
+
+All are held against the same convex optimum L* in the same weights, whatever they minimise
+themselves: L = mean ½ rᵀWr of the training samples, the net's share included.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from runtime.errors import IdentificationError, NeedsError, RuntimeFault
+from runtime.estimators.classical import convex_optimum
+from runtime.estimators.classical.pc_ols import BOUNDARY
+from runtime.estimators.methods import require_method
+from runtime.estimators.optimizers import Status
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.uncertainty import uncertainty_of
+from runtime.identification import metrics
+from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
+from runtime.identification.comparison.truth import Truth
+from runtime.identification.problem_setup import Assembly
+from runtime.identification.single_log import Identification, identify_assembled
+from runtime.library import Array
+from runtime.parallel import one_blas_thread
+
+UNTOUCHED = "interrupted by the user before its turn"
+TINY = 1e-9
+"""Share of the loss of τ̂ = 0 that L* is replaced by where data are explained to rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One table.
+
+    Attributes:
+        assembly: problem and recordings of all rows.
+        rows: in the order that was asked for.
+        before: torque error of the URDF without friction on test, percent.
+        optimum: L*, NaN where the convex problem was not solved.
+        truth: of a simulated log.
+    """
+
+    assembly: Assembly
+    rows: tuple[Row, ...]
+    before: float
+    optimum: float
+    truth: Truth | None
+
+
+@one_blas_thread
+def compare(
+    assembly: Assembly,
+    methods: Sequence[str],
+    *,
+    truth: Truth | None = None,
+    started: Callable[[str], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Comparison:
+    """Run the methods; whatever happens to one of them is a row.
+
+    Args:
+        assembly: what all of them are given.
+        methods: names in `METHODS`.
+        truth: to measure base parameters by.
+        started: called with the name of every method before it begins.
+        progress: called by methods that iterate, with iteration and best validation loss.
+
+    Raises:
+        IdentificationError: a name that is no method.
+    """
+    for method in methods:
+        require_method(method)
+    problem = assembly.problem
+    guess = problem.lib.pi_from_lam(problem.start)
+    try:
+        optimum = convex_optimum(problem.lib, problem.statistics(), guess).loss
+    except IdentificationError:  # pc-ols will say why in its own row
+        optimum = np.nan
+    rows: list[Row] = []
+    try:
+        for method in methods:
+            if started is not None:
+                started(method)
+            # A problem of its own: none profits from what another has compressed before.
+            own = replace(assembly, problem=replace(problem, progress=progress))
+            rows.append(_row(own, method, optimum, truth))
+            if rows[-1].status == Status.INTERRUPTED.value:
+                break
+    except KeyboardInterrupt:
+        pass
+    rows += [Row(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
+    start = partial(Samples.rigid, lib=problem.lib, pi=problem.lib.pi0)
+    before = _misfit(_test(assembly), start).error.overall
+    return Comparison(assembly, tuple(rows), before, optimum, truth)
+
+
+def _row(assembly: Assembly, method: str, optimum: float, truth: Truth | None) -> Row:
+    try:
+        found = identify_assembled(assembly, method, certify=False)
+        figures = _figures(assembly, found, optimum, truth)
+    except NeedsError as error:
+        return Row(method, NOT_RUN, str(error))
+    except RuntimeFault as error:
+        return Row(method, FAILED, str(error))
+    except np.linalg.LinAlgError as error:
+        return Row(method, FAILED, f"its linear algebra broke down on these data ({error})")
+    if not np.isfinite([figures.test_percent, figures.train_percent, *figures.rms]).all():
+        return Row(method, FAILED, "its answer predicts no finite torque; do not use it")
+    return Row(method, RAN, found.status, figures)
+
+
+def _figures(
+    assembly: Assembly, found: Identification, optimum: float, truth: Truth | None
+) -> Figures:
+    problem, lib = assembly.problem, found.lib
+    own = _misfit(problem.samples("train"), found.predict_samples)
+    unseen = _misfit(_test(assembly), found.predict_samples)
+
+    def loss(power: Array) -> float:
+        return float(power @ problem.weights / (2 * own.count))
+
+    sure = uncertainty_of(
+        lib,
+        problem.train,
+        found.pi,
+        found.phi,
+        first_guess=lib.pi_from_lam(problem.start),
+        compressed=problem.statistics,
+    )
+    smallest = found.relative_eigenvalues
+    wrong = None
+    if truth is not None:
+        distance = np.linalg.norm(found.beta - truth.beta) / np.linalg.norm(truth.beta)
+        wrong = 100 * float(distance)
+    return Figures(
+        train_percent=own.error.overall,
+        test_percent=unseen.error.overall,
+        rms=unseen.error.rms,
+        squares=unseen.squares,
+        base_error=wrong,
+        seconds=found.seconds,
+        iterations=found.iterations,
+        smallest_eigenvalue=float(smallest.min()),
+        is_consistent=found.is_consistent,
+        is_boundary=found.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
+        gap=(loss(own.power) - optimum) / max(optimum, TINY * loss(own.silent)),
+        excited=sure.rank,
+        told=sure.told,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Misfit:
+    """What a model leaves of the torque of a part.
+
+    Attributes:
+        power, silent: Σ (τ − τ̂)² and Σ τ² per joint, (n,).
+        squares: Σ_j (τ_j − τ̂_j)² of every sample, (N,).
+    """
+
+    power: Array
+    silent: Array
+    squares: Array
+
+    @property
+    def count(self) -> int:
+        return len(self.squares)
+
+    @property
+    def error(self) -> metrics.TorqueError:
+        return metrics.torque_error_of(np.sqrt(self.power), np.sqrt(self.silent), self.count)
+
+
+def _misfit(parts: Iterable[Samples], predict: Callable[[Samples], Array]) -> _Misfit:
+    """Over all rows, a piece at a time."""
+    power, silent = np.zeros((2, 1))
+    squares = []
+    for samples in parts:
+        rest = (samples.tau - predict(samples)) ** 2
+        power, silent = power + rest.sum(axis=0), silent + np.sum(samples.tau**2, axis=0)
+        squares.append(rest.sum(axis=1))
+    return _Misfit(power, silent, np.concatenate(squares))
+
+
+def _test(assembly: Assembly) -> Iterator[Samples]:
+    return (samples_of(part, assembly.problem.lib) for part in assembly.recordings("test"))

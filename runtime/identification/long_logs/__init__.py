@@ -1,0 +1,19 @@
+"""Identification of logs that do not fit into memory: blocks of rows, prepared and compressed."""
+
+from runtime.identification.long_logs.blocks import Blocks, blocks_of, head_of
+from runtime.identification.long_logs.identify import (
+    Passes,
+    assemble_streamed,
+    identify_streamed,
+    require_streamable,
+)
+
+__all__ = [
+    "Blocks",
+    "Passes",
+    "assemble_streamed",
+    "blocks_of",
+    "head_of",
+    "identify_streamed",
+    "require_streamable",
+]

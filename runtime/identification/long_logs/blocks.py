@@ -1,0 +1,196 @@
+"""Blocks of a streamed log, each prepared with so much overlap that no filter feels its edges.
+
+A Butterworth filter of order p forgets like exp(−t/T), T = 1 / (2π f_c sin(π/2p)); thirty T on both
+sides leave 1e-13 of what lies beyond the block. Blocks begin at instants that decimation keeps, so
+that block by block the rows are those of the whole log. Each is prepared once; its rows then wait
+in a temporary file.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from runtime.errors import RecordingError
+from runtime.library import Library
+from runtime.recording import Friction, Preparation, Recording, StreamedRecording
+from runtime.recording.formats.spool import Spool
+from runtime.recording.preprocessing import prepare
+from runtime.recording.recording import SIGNALS, FloatArray
+
+BLOCK = 65536
+"""Rows of a block: a minute at 1 kHz, some ten megabytes."""
+FADING = 30.0
+"""Time constants of the filter in the overlap."""
+_REACH = 4096
+"""Rows among which one has a usable stamp."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blocks:
+    """A streamed log with how it is prepared.
+
+    Attributes:
+        log: the rows.
+        lib: of the robot.
+        preparation: of each block; rest is dropped where there is any motion.
+        terms: friction columns.
+        overlap: rows on either side that are prepared and thrown away.
+        edges: first row of each block, and the number of rows.
+        instants: t [s] of these rows; −∞ and ∞ at the ends.
+        half_step: s; edges are drawn between two rows.
+        spool: prepared rows.
+        kept: index of a block → where they are; None where all rest.
+    """
+
+    log: StreamedRecording
+    lib: Library
+    preparation: Preparation
+    terms: Friction
+    overlap: int
+    edges: tuple[int, ...]
+    instants: FloatArray
+    half_step: float
+    spool: Spool
+    kept: dict[int, "_Kept | None"] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.edges) - 1
+
+    def prepared(self, index: int) -> Recording | None:
+        """The prepared rows of one block; None where all rest.
+
+        Raises:
+            RecordingError: a step cannot be taken.
+        """
+        if index not in self.kept:
+            rows = self._prepare(index)
+            self.kept[index] = None if rows is None else _put_away(rows, self.spool)
+            return rows
+        kept = self.kept[index]
+        return None if kept is None else kept.read(self.spool)
+
+    def _prepare(self, index: int) -> Recording | None:
+        start, stop = self.edges[index], self.edges[index + 1]
+        first = max(start - self.overlap, 0)
+        window = self.log.block(first, min(stop + self.overlap, self.log.rows))
+        whole = prepare(
+            window, replace(self.preparation, rest_speed=None), self.terms, lib=self.lib
+        )
+        low, high = self.instants[index : index + 2] - self.half_step
+        kept = (whole.t >= low) & (whole.t < high)
+        rest = self.preparation.rest_speed
+        if rest is not None and whole.dq is not None:
+            kept &= np.any(np.abs(whole.dq) >= rest, axis=1)
+        rows = np.flatnonzero(kept)
+        return whole.take(rows, f"Took {len(rows)} rows of a block.") if rows.size else None
+
+    def within(self, first: float, last: float) -> range:
+        """The blocks that hold instants first ≤ t < last."""
+        begin = int(np.searchsorted(self.instants, first, side="right")) - 1
+        end = int(np.searchsorted(self.instants - self.half_step, last, side="left"))
+        return range(max(begin, 0), min(max(end, 1), len(self)))
+
+    def span(self) -> tuple[float, float]:
+        """First and last prepared instant [s].
+
+        Raises:
+            RecordingError: nothing is left of the log.
+        """
+        ends = []
+        for order in (range(len(self)), reversed(range(len(self)))):
+            part = next((p for p in map(self.prepared, order) if p is not None), None)
+            if part is None:
+                raise RecordingError(f"the robot rests in all of {self.log.name}; record a motion")
+            ends.append(part)
+        return float(ends[0].t[0]), float(ends[1].t[-1])
+
+    def parts(self, first: float, last: float) -> Iterator[Recording]:
+        """The prepared blocks between two instants, first ≤ t < last, one at a time."""
+        for index in self.within(first, last):
+            block = self.prepared(index)
+            if block is None:
+                continue
+            inside = (block.t >= first) & (block.t < last)
+            if inside.all():
+                yield block
+            elif inside.any():
+                yield block.take(inside, "Cut to the part.")
+
+    def _ratio(self) -> int:
+        """Rows of the log per prepared row."""
+        rate = self.preparation.rate_hz
+        return 1 if rate is None else max(1, round(0.5 / self.half_step / rate))
+
+
+_ARRAYS = ("t", *SIGNALS, "columns")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Kept:
+    """A recording without its rows: the first of them, and where all wait."""
+
+    first: Recording
+    start: int
+    count: int
+
+    def read(self, spool: Spool) -> Recording:
+        arrays, at = {}, self.start
+        for key in _ARRAYS:
+            like = getattr(self.first, key)
+            if like is not None:
+                arrays[key] = spool.read(at, self.count * like.size)
+                arrays[key] = arrays[key].reshape(self.count, *like.shape[1:])
+                at += arrays[key].size
+        return self.first.replace(**arrays)
+
+
+def _put_away(rows: Recording, spool: Spool) -> _Kept:
+    start = spool.size
+    for key in _ARRAYS:
+        values = getattr(rows, key)
+        if values is not None:
+            spool.append(values)
+    first = rows.take([0], "").replace(history=rows.history)
+    return _Kept(first, start, len(rows))
+
+
+def head_of(log: StreamedRecording) -> Recording:
+    """The first rows, which stand for the log where options are understood."""
+    return log.block(0, BLOCK)
+
+
+def blocks_of(
+    log: StreamedRecording, lib: Library, preparation: Preparation, terms: Friction
+) -> Blocks:
+    """The blocks of a log; their size is a whole number of prepared rows.
+
+    Raises:
+        RecordingError: the log has no clock.
+    """
+    rate = head_of(log).rate_hz
+    blocks = Blocks(log, lib, preparation, terms, 0, (), np.zeros(0), 0.5 / rate, Spool(log.name))
+    ratio = blocks._ratio()
+    overlap = _rounded(int(np.ceil(_forgotten(preparation) * rate)) + 8, ratio)
+    size = _rounded(max(BLOCK, 4 * overlap), ratio)
+    starts = range(0, log.rows, size)
+    instants = log.instants(starts, _REACH)
+    instants = np.concatenate([[-np.inf], instants[1:], [np.inf]])
+    edges = (*starts, log.rows)
+    return replace(blocks, overlap=overlap, edges=edges, instants=instants)
+
+
+def _forgotten(preparation: Preparation) -> float:
+    """Seconds after which a prepared row does not know how far away the edge is."""
+    seconds = (preparation.trim_s or 0.0) + (preparation.max_gap_s or 0.0)
+    if preparation.filter == "butterworth" and preparation.cutoff_hz is not None:
+        slowest = 2 * np.pi * preparation.cutoff_hz * np.sin(np.pi / (2 * preparation.order))
+        return seconds + FADING / slowest
+    if preparation.window_s is not None and preparation.filter != "none":
+        return seconds + 2 * preparation.window_s
+    return seconds
+
+
+def _rounded(rows: int, ratio: int) -> int:
+    """The next multiple of ratio."""
+    return -(-rows // ratio) * ratio

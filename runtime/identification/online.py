@@ -1,0 +1,281 @@
+"""Identification while the robot moves: a triangle of fixed size, and from it the latest model.
+
+    RᵀR ← ϑ RᵀR + [F Y_b τ]ᵀ W [F Y_b τ]      one rank-n update per sample, ϑ the forgetting factor
+
+Every so many samples the most probable consistent model follows, warm started from the last one,
+with γ = κ s²/N and N = Σ ϑⁱ. With ϑ = 1 a replayed log gives what the whole log gives at once.
+The same in plain C is `<robot>_online_*` (generated/<robot>/online.c), without friction columns.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from runtime.errors import IdentificationError
+from runtime.estimators.convex import (
+    CAD,
+    ConvexProblem,
+    Prior,
+    convex_problem,
+    minimise,
+    prior_of,
+    reduce,
+)
+from runtime.estimators.regression import Statistics, compress, from_triangle
+from runtime.estimators.regression.samples import Samples
+from runtime.identification.expected_accuracy import (
+    SECONDS,
+    Knowledge,
+    Worth,
+    expected,
+    gained,
+    verdict,
+)
+from runtime.library import Array, ConvexTask, Library
+from runtime.parallel import one_blas_thread
+
+DECREMENT, MOST_STEPS = 1e-12, 50
+"""Newton's end in units of γ: 1e-5 of a standard deviation from the minimum, whatever the start."""
+PERFECT = 1e-12
+"""Squared noise relative to the torque's size below which data count as exact."""
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineEstimate:
+    """The model after some samples.
+
+    Attributes:
+        pi: (10 n,), every body exists strictly.
+        phi: friction coefficients (n, k).
+        samples: N, forgotten ones not counted.
+        rejected: samples left out because they were not finite.
+        variance: s² of the weighted residual, 1 where the weights are right.
+        steps: of Newton.
+        converged: whether these were enough.
+        status: a sentence.
+    """
+
+    pi: Array
+    phi: Array
+    samples: float
+    rejected: int
+    variance: float
+    steps: int
+    converged: bool
+    status: str
+
+
+class OnlineEstimator:
+    """RᵀR ← ϑ RᵀR + [F Y_b τ]ᵀ W [F Y_b τ] with every sample, and the model of it now and then.
+
+    Args:
+        lib: of the robot.
+        weights: diagonal of W, (n,), best 1/σ_j² of the torque sensors; None for ones.
+        columns: k, friction columns per joint that come with the samples.
+        forgetting: ϑ per sample, in (0, 1]; 0.999 at 100 Hz remembers ten seconds.
+        every: samples between two models.
+        kappa: trust in the first guess, 16 for a URDF from CAD.
+        first: π of the first guess, default the URDF's.
+
+    Raises:
+        IdentificationError: an option that makes no estimator.
+    """
+
+    def __init__(
+        self,
+        lib: Library,
+        weights: ArrayLike | None = None,
+        *,
+        columns: int = 0,
+        forgetting: float = 1.0,
+        every: int = 100,
+        kappa: float = CAD,
+        first: ArrayLike | None = None,
+    ) -> None:
+        if not 0.0 < forgetting <= 1.0:
+            raise IdentificationError(
+                f"expected a forgetting factor above 0 and at most 1, got {forgetting}; "
+                "1 forgets nothing"
+            )
+        if every < 1 or not kappa > 0 or columns < 0:
+            raise IdentificationError(
+                f"expected every ≥ 1, κ above 0 and columns ≥ 0, got {every}, {kappa} and {columns}"
+            )
+        n = lib.n_joints
+        self._lib, self._columns = lib, columns
+        given = np.ones(n) if weights is None else np.asarray(weights, dtype=float)
+        if given.shape != (n,) or not (np.isfinite(given) & (given > 0)).all():
+            raise IdentificationError(
+                f"expected {n} weights above 0, got {given}; 1/σ² of every torque sensor is right"
+            )
+        self._weights = np.ascontiguousarray(given)
+        self._forgetting, self._every, self._kappa = forgetting, every, kappa
+        self._prior: Prior = prior_of(lib, None if first is None else np.asarray(first, float))
+        self._pi = self._prior.centre
+        size = len(lib.base_columns) + n * columns + 1
+        self._triangle = np.zeros((size, size))
+        self._count, self._rejected, self._fresh = 0.0, 0, 0
+
+    @property
+    def statistics(self) -> Statistics:
+        """All samples so far, the old ones as far as they are not forgotten."""
+        lib = self._lib
+        return from_triangle(
+            self._triangle.copy(), self._count, lib.base_matrix, lib.manifest.model_hash
+        )
+
+    def add(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        tau: ArrayLike,
+        columns: ArrayLike | None = None,
+    ) -> OnlineEstimate | None:
+        """Take one sample (n,) or several (N, n) in; the newest model if one was due.
+
+        Raises:
+            IdentificationError: shapes that do not fit. Values that are not finite are left out
+                and counted.
+        """
+        s = self._samples(q, dq, ddq, tau, columns)
+        latest, done = None, 0
+        while done < len(s):
+            part = slice(done, done + self._every - self._fresh)
+            taken = Samples(*(a[part] for a in (s.q, s.dq, s.ddq, s.tau, s.columns)))
+            self._absorb(taken)
+            done += len(taken)
+            self._fresh += len(taken)
+            if self._fresh >= self._every:
+                self._fresh = 0
+                latest = self.estimate()
+        return latest
+
+    @one_blas_thread
+    def estimate(self) -> OnlineEstimate:
+        """The most probable consistent model of what was seen so far."""
+        lib, statistics = self._lib, self.statistics
+        unknowns = len(self._triangle) - 1
+        if self._count * lib.n_joints < unknowns + 1:
+            return self._told(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
+        data, eliminated = reduce(statistics, lib.n_joints)
+        size = float(statistics.target @ statistics.target) / self._count
+        gamma = self._kappa * max(data.variance, PERFECT * size) / self._count
+        if not gamma > 0:
+            return self._told(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
+        problem = convex_problem(data, self._prior, gamma)
+        if lib.solves_convex:
+            self._pi, steps, converged = self._newton(problem)
+        else:
+            found = minimise(problem, self._pi)
+            self._pi, steps, converged = found.pi, found.steps, found.converged
+        phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
+        return self._told(phi, data.variance, steps, converged)
+
+    def worth(self, seconds: float, rate_hz: float) -> Worth:
+        """What some more seconds of the same motion will bring, from the running statistics.
+
+        The information so far grows in proportion to the samples, N(t + s) / N(t), and with
+        ϑ < 1 only as far as 1/(1 − ϑ) samples are remembered. Residuals count as white.
+
+        Args:
+            seconds: of recording.
+            rate_hz: of the samples.
+
+        Raises:
+            IdentificationError: no time, or too few samples to know anything.
+        """
+        if not (0 < seconds < np.inf and 0 < rate_hz < np.inf):
+            raise IdentificationError(
+                f"expected seconds and a rate above 0, got {seconds:g} s and {rate_hz:g} Hz"
+            )
+        if self._count * self._lib.n_joints < len(self._triangle):
+            raise IdentificationError(
+                f"{self._count:g} samples say nothing yet of {len(self._triangle) - 1} unknowns; "
+                "add more before asking what others are worth"
+            )
+        statistics, keep = self.statistics, self._forgetting
+        fresh = seconds * rate_hz
+        ages = fresh if keep == 1.0 else (1 - keep**fresh) / (1 - keep)
+        grown = (keep**fresh * self._count + ages) / self._count
+        unit = max(reduce(statistics, self._lib.n_joints)[0].variance, np.finfo(float).tiny)
+        known = Knowledge(self._prior, self._pi, self._kappa)
+        now, later = (
+            expected(self._lib, statistics, known, u).by_name(self._lib)
+            for u in (unit, unit / grown)
+        )
+        return gained(now, later, seconds, "the same motion")
+
+    def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
+        """One sentence while recording: what improves by over 10 % and how soon, or 'stop'.
+
+        It takes for granted that the motion goes on as so far (`worth`).
+        """
+        return verdict([self.worth(each, rate_hz) for each in seconds])
+
+    def _newton(self, problem: ConvexProblem) -> tuple[Array, int, bool]:
+        """The compiled steps, further than a batch needs: the start must leave no trace."""
+        data = problem.data
+        task = ConvexTask(
+            data.factor,
+            data.target,
+            data.rest,
+            data.count,
+            self._prior.slope,
+            problem.gamma,
+            np.ones(1),
+            self._pi,
+        )
+        (answer,) = self._lib.convex([task], DECREMENT, MOST_STEPS).run()
+        return answer.points[0], int(answer.steps.sum()), answer.converged
+
+    def _told(self, phi: Array, variance: float, steps: int, converged: bool) -> OnlineEstimate:
+        if converged:
+            status = f"converged after {steps} Newton steps"
+        elif steps:
+            status = "not converged; check units and outliers of the torque"
+        else:
+            status = "too few samples or no torque yet: this is the first guess"
+        if self._rejected:
+            status += f"; {self._rejected} samples were not finite and left out"
+        return OnlineEstimate(
+            self._pi.copy(), phi, self._count, self._rejected, variance, steps, converged, status
+        )
+
+    def _absorb(self, s: Samples) -> None:
+        """RᵀR ← ϑᴺ RᵀR + Σ ϑ^(N−1−i) rows_iᵀ W rows_i."""
+        values = [a.reshape(len(s), -1) for a in (s.q, s.dq, s.ddq, s.tau, s.columns)]
+        good = np.isfinite(np.hstack(values)).all(axis=1)
+        self._rejected += int((~good).sum())
+        rows = Samples(*(a[good] for a in (s.q, s.dq, s.ddq, s.tau, s.columns)))
+        count = len(rows)
+        if not count:
+            return
+        lib, keep = self._lib, self._forgetting
+        update = lib.compiled_statistics.update if lib.compiled_statistics else None
+        if self._columns == 0 and update is not None:
+            for state in zip(rows.q, rows.dq, rows.ddq, rows.tau, strict=True):
+                update(self._triangle, keep, *state, self._weights)
+        else:
+            own = keep ** np.arange(count - 1, -1, -1.0)
+            fresh = compress(lib, rows, self._weights, own, threads=1)
+            self._triangle = self.statistics.scaled(keep**count).merged(fresh).triangle()
+        ages = keep ** np.arange(count)
+        self._count = keep**count * self._count + float(ages.sum())
+
+    def _samples(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, tau: ArrayLike, columns: ArrayLike | None
+    ) -> Samples:
+        n = self._lib.n_joints
+        motion = [np.atleast_2d(np.asarray(a, dtype=float)) for a in (q, dq, ddq, tau)]
+        count = len(motion[0])
+        extra = np.zeros((count, n, 0)) if columns is None else np.asarray(columns, dtype=float)
+        extra = extra.reshape(count, n, -1) if extra.size == count * n * self._columns else extra
+        if any(a.shape != (count, n) for a in motion) or extra.shape != (count, n, self._columns):
+            raise IdentificationError(
+                f"expected q, dq, ddq and tau of {n} joints and {self._columns} friction columns, "
+                f"got {', '.join(str(a.shape) for a in (*motion, extra))}"
+            )
+        return Samples(*(np.ascontiguousarray(a) for a in (*motion, extra)))

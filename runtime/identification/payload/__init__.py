@@ -1,0 +1,25 @@
+"""What hangs on the arm: ten unknowns of one body, the arm itself as it is known."""
+
+from runtime.identification.payload.body import Body, body_of, pi_of_body
+from runtime.identification.payload.estimate import Payload, identify_payload
+from runtime.identification.payload.known import Known, read_known
+from runtime.identification.payload.mount import Mount, mount_of
+from runtime.identification.payload.output import load_facts, write_payload
+from runtime.identification.payload.reading import ArmModel, arm_model, read_arm_model
+
+__all__ = [
+    "ArmModel",
+    "Body",
+    "Known",
+    "Mount",
+    "Payload",
+    "arm_model",
+    "body_of",
+    "identify_payload",
+    "load_facts",
+    "mount_of",
+    "pi_of_body",
+    "read_arm_model",
+    "read_known",
+    "write_payload",
+]

@@ -1,0 +1,87 @@
+"""Mass, centre of mass and inertia of one body, with the covariance that π's gives them.
+
+c = h / m,   Σ_com = Σ − h hᵀ / m,   I_com = tr(Σ_com) 1 − Σ_com,   C_x = J C_π Jᵀ
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.estimators.convex import Bodies
+from runtime.library import Array
+
+NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
+"""Of the ten values: kg, m ×3, kg·m² ×6, the inertia about the centre of mass."""
+_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """One body in a frame.
+
+    Attributes:
+        mass: kg.
+        com: centre of mass, (3,) m.
+        inertia: about the centre of mass, axes of the frame, (3, 3) kg·m².
+        covariance: of (mass, com, xx, yy, zz, xy, xz, yz), (10, 10).
+    """
+
+    mass: float
+    com: Array
+    inertia: Array
+    covariance: Array
+
+    @property
+    def values(self) -> Array:
+        """The ten values named by `NAMES`."""
+        return np.array([self.mass, *self.com, *(self.inertia[e] for e in _ENTRIES)])
+
+    @property
+    def sigma(self) -> Array:
+        """Their standard deviations."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+
+def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
+    """The body of π (10,), and the delta method for its covariance."""
+    P = bodies.pseudo_inertia(pi)[0]
+    m, h = float(P[3, 3]), P[:3, 3]
+    inertia = _about((P[:3, :3] - np.outer(h, h) / m)[None])[0]
+    slope = jacobian(bodies, pi)
+    return Body(m, h / m, inertia, slope @ covariance @ slope.T)
+
+
+def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array:
+    """π (10,) of a body from its mass, centre of mass and inertia about it: `body_of` undone."""
+    P = np.zeros((4, 4))
+    P[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia + mass * np.outer(com, com)
+    P[:3, 3] = P[3, :3] = mass * com
+    P[3, 3] = mass
+    flat = bodies.basis.reshape(len(bodies.basis), 16)
+    return np.asarray(np.linalg.lstsq(flat.T, P.ravel(), rcond=None)[0])
+
+
+def inertia_from_entries(entries: Array) -> Array:
+    """(3, 3) from xx, yy, zz, xy, xz, yz."""
+    inertia = np.zeros((3, 3))
+    for (i, j), value in zip(_ENTRIES, entries, strict=True):
+        inertia[i, j] = inertia[j, i] = value
+    return inertia
+
+
+def jacobian(bodies: Bodies, pi: Array) -> Array:
+    """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π, (10, 10)."""
+    P, unit = bodies.pseudo_inertia(pi)[0], bodies.basis
+    m, h = P[3, 3], P[:3, 3]
+    dm, dh = unit[:, 3, 3], unit[:, :3, 3]
+    d_com = (dh - np.outer(dm, h / m)) / m
+    cross = dh[:, :, None] * h[None, None, :]
+    d_sigma = unit[:, :3, :3] - (cross + np.swapaxes(cross, 1, 2)) / m
+    d_inertia = _about(d_sigma + dm[:, None, None] * np.outer(h, h) / m**2)
+    return np.vstack([dm, d_com.T, [d_inertia[:, i, j] for i, j in _ENTRIES]])
+
+
+def _about(sigma: Array) -> Array:
+    """tr(Σ) 1 − Σ, (n, 3, 3)."""
+    traces = np.trace(sigma, axis1=1, axis2=2)
+    return np.asarray(traces[:, None, None] * np.eye(3) - sigma)

@@ -1,0 +1,110 @@
+"""A payload that is known beforehand, from a scale and a drawing: a mass, where it is, its inertia.
+
+Given are numbers MASS,CX,CY,CZ[,IXX,IYY,IZZ,IXY,IXZ,IYZ] or a JSON of the form that `payload.json`
+has: mass [kg], com [m], inertia [3 × 3 kg·m²] or none, link; all in the frame of the mount.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from runtime.errors import IdentificationError, RecordingError
+from runtime.files import json_of
+from runtime.identification.payload.body import inertia_from_entries
+from runtime.library import Array
+
+_ROUNDING = 1e-9
+"""Relative negative part of a principal moment that counts as rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A body that somebody has weighed.
+
+    Attributes:
+        mass: kg.
+        com: centre of mass in the frame of the mount, (3,) m.
+        inertia: about the centre of mass, axes of that frame, (3, 3) kg·m²; None where unknown.
+        link: that carries it; None is the tip's.
+        frame: that com and inertia are told in; empty is the mount's.
+        identified: found from torques, so that it is no measure of them.
+    """
+
+    mass: float
+    com: Array
+    inertia: Array | None = None
+    link: str | None = None
+    frame: str = ""
+    identified: bool = False
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            raise IdentificationError(
+                f"a known payload needs a mass above 0 kg, got {self.mass:g}; weigh it"
+            )
+        if np.shape(self.com) != (3,) or not np.isfinite(self.com).all():
+            raise IdentificationError(
+                "a known payload needs a centre of mass of three finite numbers in m, got "
+                f"{np.asarray(self.com).tolist()}; measure it in the frame of the flange"
+            )
+        if self.inertia is not None:
+            _require_body(self.inertia)
+
+
+def read_known(text: str) -> Known:
+    """The payload that the words of a command line mean: numbers, or the path of a JSON.
+
+    Raises:
+        RecordingError: neither of them.
+        IdentificationError: no such body can exist.
+    """
+    path = Path(text)
+    if path.suffix == ".json":
+        return _from_json(path)
+    try:
+        values = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) not in {4, 10}:
+        raise RecordingError(
+            "a known payload needs MASS,CX,CY,CZ or these and IXX,IYY,IZZ,IXY,IXZ,IYZ about the "
+            f"centre of mass, or a file that ends in .json; got '{text}'"
+        )
+    inertia = inertia_from_entries(values[4:]) if len(values) > 4 else None
+    return Known(float(values[0]), values[1:4], inertia)
+
+
+def _from_json(path: Path) -> Known:
+    try:
+        facts = dict(json_of(path))
+        inertia = facts.get("inertia")
+        return Known(
+            mass=float(facts["mass"]),
+            com=np.array(facts["com"], dtype=float),
+            inertia=None if inertia is None else np.array(inertia, dtype=float),
+            link=None if facts.get("link") is None else str(facts["link"]),
+            frame=str(facts.get("frame", "")),
+            identified="sigma" in facts,
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        raise RecordingError(
+            f"'{path}' tells no payload; write a JSON with mass in kg, com = three numbers in m "
+            "and, where it is known, inertia = three rows of three in kg·m²"
+        ) from None
+
+
+def _require_body(inertia: Array) -> None:
+    """Principal moments that no matter has: Σ_com = ½ tr(I) 1 − I needs eigenvalues ≥ 0."""
+    tensor = np.asarray(inertia, dtype=float)
+    wrong = tensor.shape != (3, 3) or not np.isfinite(tensor).all() or (tensor != tensor.T).any()
+    if not wrong:
+        trace = float(np.trace(tensor))
+        smallest = np.linalg.eigvalsh(trace / 2 * np.eye(3) - tensor)[0]
+        wrong = bool(smallest < -_ROUNDING * abs(trace))
+    if wrong:
+        raise IdentificationError(
+            "the inertia of the known payload belongs to no body (three rows of three, symmetric, "
+            "no principal moment above the sum of the others), about its centre of mass in kg·m²; "
+            "correct it, or leave it out and it is found"
+        )

@@ -1,0 +1,249 @@
+"""An identification on disk: result.json and predictions.npz, written as a whole or not at all."""
+
+import dataclasses
+import json
+import sys
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.estimators.classical.pc_ols import BOUNDARY
+from runtime.estimators.regression import compress
+from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.uncertainty import BAND_SAMPLES
+from runtime.files import replacing
+from runtime.identification import metrics
+from runtime.identification.result_warnings import warnings_of
+from runtime.identification.saved_result import model_facts
+from runtime.identification.single_log import Identification
+from runtime.library import Array
+from runtime.library.manifest import PI_NAMES
+from runtime.recording import Preparation
+
+FORMAT = 1
+
+
+def result_facts(result: Identification, command: str) -> dict[str, Any]:
+    """Everything that result.json says."""
+    lib = result.lib
+    before, after = torque_errors(result)
+    return {
+        "format": FORMAT,
+        "method": result.method,
+        "robot": lib.name,
+        "model": model_facts(lib),
+        "status": result.status,
+        "joints": list(lib.joint_names),
+        "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
+        "recording": _recording_facts(result),
+        **error_facts(before, after),
+        "links": _link_facts(result),
+        "consistent": result.is_consistent,
+        "gap_to_convex_optimum": result.gap if np.isfinite(result.gap) else None,
+        "uncertainty": _uncertainty_facts(result),
+        "loss": result.loss,
+        "convex_optimum": result.optimum if np.isfinite(result.optimum) else None,
+        "weights": result.weights.tolist(),
+        "friction": _friction_facts(result),
+        "convergence": _trace_facts(result),
+        "iterations": result.iterations,
+        "seconds": result.seconds,
+        "warnings": warnings_of(result, before, after),
+        "pi": result.pi.tolist(),
+        "lam": None if result.lam is None else result.lam.tolist(),
+        "beta": result.beta.tolist(),
+        "condition_number": condition_number(result),
+        "provenance": {
+            "command": command,
+            "versions": versions() | lib.manifest.versions,
+            "files": dict(result.train.source),
+            "model_hash": lib.manifest.model_hash,
+            "seed": result.seed,
+        },
+    }
+
+
+def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.TorqueError]:
+    """Errors on the test part, of the first guess and of the answer."""
+    if result.streamed is not None:
+        return result.streamed.before, result.streamed.after
+    tau = samples_of(result.test, result.lib).tau
+    return (
+        metrics.torque_error(tau, result.before(result.test)),
+        metrics.torque_error(tau, result.predict_recording(result.test)),
+    )
+
+
+def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict[str, Any]:
+    """Torque errors of two models on the same samples; None where the measured torque is silent."""
+
+    def percent(values: Array) -> list[float | None]:
+        return [float(x) if np.isfinite(x) else None for x in values]
+
+    return {
+        "torque_error_percent": {
+            "before": percent(before.percent),
+            "after": percent(after.percent),
+            "before_overall": before.overall,
+            "after_overall": after.overall,
+        },
+        "torque_rms": {"before": before.rms.tolist(), "after": after.rms.tolist()},
+    }
+
+
+def write_result(
+    result: Identification, folder: Path, command: str, study: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Write result.json and predictions.npz into a folder; returns the facts.
+
+    `study` is what several logs say about each other.
+    """
+    facts = result_facts(result, command) | ({"sessions": study} if study else {})
+    test = samples_of(result.test, result.lib)
+    arrays = {
+        "t": np.asarray(result.test.t),
+        "measured": test.tau,
+        "before": result.before(result.test),
+        "after": result.predict_recording(result.test),
+    }
+    text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    with replacing(folder / "predictions.npz") as file:
+        np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+    with replacing(folder / "result.json") as file:
+        file.write(text.encode())
+    return facts
+
+
+def condition_number(result: Identification) -> float | None:
+    """cond of the column-normalised [Y_b F] of the training samples; None when it is singular."""
+    lib, train = result.lib, samples_of(result.train, result.lib)
+    statistics = compress(lib, train, np.ones(lib.n_joints))
+    matrix, _ = statistics.unit_columns()
+    # Rotors and motors that are counted in links are no unknowns of their own.
+    kept = np.concatenate([np.ones(statistics.n_base, dtype=bool), ~statistics.explained()])
+    sigma = np.linalg.svd(matrix[:, kept], compute_uv=False)
+    return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computed the result."""
+    python = ".".join(map(str, sys.version_info[:3]))
+    return {"python": python} | {name: version(name) for name in ("numpy", "scipy", "clarabel")}
+
+
+def _recording_facts(result: Identification) -> dict[str, Any]:
+    parts: Mapping[str, Any] = {
+        "train": result.train,
+        "validation": result.validation,
+        "test": result.test,
+    }
+    ends = {name: (float(r.t[0]), float(r.t[-1])) for name, r in parts.items()}
+    samples = {name: len(r) for name, r in parts.items()}
+    if result.streamed is not None:
+        ends, samples = result.streamed.spans, result.streamed.samples
+    spans = ", ".join(f"{name} {a:.2f}–{b:.2f} s" for name, (a, b) in ends.items())
+    return {
+        "name": result.train.name.removesuffix("/train"),
+        "duration": float(sum(b - a for a, b in ends.values())),
+        "samples": samples,
+        "history": list(result.train.history),
+        "preparation": _told(result.train.prepared),
+        "split": spans,
+    }
+
+
+def _told(preparation: Preparation | None) -> dict[str, Any]:
+    """What differs from a recording as it is."""
+    usual = Preparation()
+    facts = dataclasses.asdict(preparation or usual)
+    return {key: value for key, value in facts.items() if value != getattr(usual, key)}
+
+
+def _link_facts(result: Identification) -> list[dict[str, Any]]:
+    def bodies(pi: Array) -> Array:
+        return pi.reshape(result.lib.n_joints, -1)
+
+    smallest = result.relative_eigenvalues
+    rows = zip(
+        result.lib.link_names, bodies(result.pi), bodies(result.lib.pi0), smallest, strict=True
+    )
+    return [
+        {
+            "name": name,
+            "mass": float(now[0]),
+            "mass_before": float(then[0]),
+            "com": (now[1:4] / now[0]).tolist(),
+            "com_before": (then[1:4] / then[0]).tolist(),
+            "min_relative_eigenvalue": float(eigenvalue),
+        }
+        for name, now, then, eigenvalue in rows
+    ]
+
+
+def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
+    """What is known how well; the covariance itself stays with the `Identification`."""
+    u, lib = result.uncertainty, result.lib
+    if u is None:
+        return None
+    test = samples_of(result.test, lib)
+    step = max(1, len(test) // BAND_SAMPLES)
+    band = u.band_of(lib, test.rows(slice(None, None, step)))
+    size = len(PI_NAMES)
+    sigma, spreads = u.sigma, u.com_sigma(result.pi)
+    verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_joints)]
+    return {
+        "advice": u.advice(),
+        "n_eff": u.n_eff,
+        "inflation": u.inflation,
+        "excited": u.rank,
+        "weakest_direction": u.conditioning,
+        "boundary": bool(np.abs(result.relative_eigenvalues).min() < BOUNDARY),
+        "links": [
+            {
+                "mass_sigma": float(sigma[k * size]),
+                "com_sigma": None if s is None else s.tolist(),
+                "verdicts": list(v),
+            }
+            for k, (s, v) in enumerate(zip(spreads, verdicts, strict=True))
+        ],
+        "pi_sigma": u.sigma.tolist(),
+        "posterior_over_prior": u.share.tolist(),
+        "beta_sigma": u.beta_sigma.tolist(),
+        "noise": u.noise.tolist(),
+        "model_band": np.sqrt(np.mean(band**2, axis=0)).tolist(),
+        "white": u.white.tolist(),
+    }
+
+
+def _friction_facts(result: Identification) -> dict[str, Any] | None:
+    if not result.phi.size:
+        return None
+    names = result.friction.columns
+    if not result.sessions:
+        names = result.train.column_names or names
+    motors = result.train.motors
+    return {
+        **result.friction.facts(),
+        "columns": list(names),
+        "values": result.usual_phi.tolist(),
+        **({} if motors is None else {"gear": motors.tolist()}),
+    } | _net_facts(result)
+
+
+def _net_facts(result: Identification) -> dict[str, Any]:
+    if result.net is None:
+        return {}
+    return {"net": {"theta": result.net.theta.tolist(), "scale": result.net.scale.tolist()}}
+
+
+def _trace_facts(result: Identification) -> dict[str, Any] | None:
+    if result.trace is None:
+        return None
+    return {
+        "iteration": list(result.trace.iteration),
+        "training": list(result.trace.training),
+        "validation": list(result.trace.validation),
+    }

@@ -1,0 +1,165 @@
+"""Two runs, a known payload and a robot → the rows of the gains' regression.
+
+    τᵐ = G (Y_b β + F φ + [loaded run] Y_k π_L) + b_run + e,   G = diag g
+
+Rows are those of the channels: the joints, or the motors where the gear couples them,
+τ_m = R⁻ᵀ τ. A payload of unknown inertia leaves its six entries to the unknowns.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.payload import Known, Mount, mount_of, pi_of_body
+from runtime.library import Array, Library
+from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.friction import geared, spread
+from runtime.recording.plausibility import require_plausible
+from runtime.recording.preprocessing import prepare
+
+RUNS = ("empty", "loaded")
+FEWEST = 50
+"""Samples of a run below which neither noise nor correlation can be estimated."""
+_BLOCK = 4096
+_DIGITS = 1e-4
+"""Relative difference up to which torques are the same, written with fewer digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """What the gains are found from.
+
+    Attributes:
+        runs: samples without and with the payload.
+        mount: where the payload hangs.
+        to_channels: R⁻ᵀ (n, n) where the gear couples joints, else None.
+        channels: n names.
+    """
+
+    lib: Library
+    runs: tuple[Samples, ...]
+    mount: Mount
+    payload: Known
+    to_channels: Array | None
+    channels: tuple[str, ...]
+
+    @property
+    def n_samples(self) -> int:
+        """Of both runs."""
+        return sum(map(len, self.runs))
+
+    @property
+    def n_blocks(self) -> int:
+        """How many `blocks` yields."""
+        return sum(-(-len(run) // _BLOCK) for run in self.runs)
+
+    def blocks(self) -> Iterator[Array]:
+        """[1 per run, X, y, τᵐ] of every channel, (n, N, p + 4), with τᵐ = g (X θ + y) + b."""
+        bodies, known = self.mount.bodies, self.payload
+        to_link = np.linalg.inv(self.mount.to_frame)
+        inertia = np.zeros((3, 3)) if known.inertia is None else known.inertia
+        pi = to_link @ pi_of_body(bodies, known.mass, known.com, inertia)
+        free = to_link[:, 4:] if known.inertia is None else to_link[:, :0]
+        for k, samples in enumerate(self.runs):
+            for start in range(0, len(samples), _BLOCK):
+                s = samples.rows(slice(start, start + _BLOCK))
+                Y = k * self.lib.regressor(s.q, s.dq, s.ddq)[:, :, self.mount.columns]
+                base = self.lib.base_regressor(s.q, s.dq, s.ddq)
+                friction = spread(s.columns, s.coupling)
+                parts = [base, friction, Y @ free, (Y @ pi)[:, :, None], s.tau[:, :, None]]
+                rows = np.concatenate(parts, axis=2)
+                if self.to_channels is not None:
+                    rows = np.einsum("mj,ijk->imk", self.to_channels, rows)
+                ones = np.zeros((*rows.shape[:2], len(RUNS)))
+                ones[:, :, k] = 1.0
+                yield np.swapaxes(np.concatenate([ones, rows], axis=2), 0, 1)
+
+
+def problem_of(
+    empty: Recording,
+    loaded: Recording,
+    lib: Library,
+    payload: Known,
+    link: str | None,
+    friction: Friction | None,
+    preparation: Preparation | None,
+) -> Problem:
+    """Check and prepare both recordings; arguments as for `identify_gains`.
+
+    Raises:
+        RuntimeFault: they do not make a problem; the message says what to do.
+    """
+    mount = _mount(lib, payload, link)
+    _require_two_runs(empty, loaded)
+    terms = friction or Friction(("viscous", "coulomb"))
+    terms = replace(terms, columns=tuple(name for name in terms.columns if name != "offset"))
+    runs = []
+    for run in (empty, loaded):
+        require_plausible(run, lib)
+        bare = run.replace(columns=None, column_names=())
+        runs.append(samples_of(prepare(bare, preparation, geared(terms, run), lib=lib), lib))
+        if len(runs[-1]) < FEWEST:
+            raise IdentificationError(
+                f"the recording '{run.name}' leaves {len(runs[-1])} samples, gains need "
+                f"{FEWEST} or more; record for longer"
+            )
+    R = np.array(empty.recipe.gear if empty.recipe else ())
+    coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False
+    return Problem(
+        lib=lib,
+        runs=tuple(runs),
+        mount=mount,
+        payload=payload,
+        to_channels=np.asarray(np.linalg.inv(R).T) if coupled else None,
+        channels=tuple(f"motor {m + 1}" for m in range(len(R))) if coupled else lib.joint_names,
+    )
+
+
+def _mount(lib: Library, payload: Known, link: str | None) -> Mount:
+    mount = mount_of(lib, link or payload.link)
+    if payload.frame and payload.frame != mount.frame:
+        raise IdentificationError(
+            f"the payload is told in the frame of '{payload.frame}', but a payload on "
+            f"'{mount.link}' counts in that of '{mount.frame}'; name the link that carries it"
+        )
+    return mount
+
+
+def _require_two_runs(empty: Recording, loaded: Recording) -> None:
+    """Two recordings of one robot, read alike."""
+    names = empty.joint_names, loaded.joint_names
+    if empty.n_joints != loaded.n_joints or (all(names) and names[0] != names[1]):
+        told = [", ".join(own) or f"{run.n_joints} joints" for own, run in
+                zip(names, (empty, loaded), strict=True)]  # fmt: skip
+        raise IdentificationError(
+            f"'{empty.name}' and '{loaded.name}' are of different robots ({told[0]}; {told[1]}); "
+            "give two runs of one"
+        )
+    if _same(empty.tau, loaded.tau):
+        raise IdentificationError(
+            f"'{empty.name}' and '{loaded.name}' hold the same torques; give one run without and "
+            "one with the payload"
+        )
+    if _reading(empty) != _reading(loaded):
+        raise IdentificationError(
+            f"'{empty.name}' and '{loaded.name}' were read with different units, gains, signs or "
+            "gears of torque; read both with one recipe"
+        )
+
+
+def _same(one: Array | None, other: Array | None) -> bool:
+    """The same torques, to the digits of a file."""
+    if one is None or other is None or one.shape != other.shape:
+        return False
+    return bool(np.linalg.norm(one - other) <= _DIGITS * np.linalg.norm(one))
+
+
+def _reading(run: Recording) -> tuple[object, ...]:
+    if run.recipe is None:
+        return ()
+    torque = run.recipe.torque
+    told = (torque.unit, torque.gain, torque.sign, torque.order) if torque else ()
+    return (run.recipe.gear, *told)

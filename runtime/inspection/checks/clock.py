@@ -1,0 +1,212 @@
+"""The clock of a log: backwards stamps, repeated states, dropped ticks, jitter, holes (trap 2).
+
+Whatever the recipe provides for already is information, everything else a warning; the steps that
+would provide for it are proposed in [preparation].
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.inspection.checks.signals import REST_SPEED
+from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
+from runtime.recording import Preparation, Recipe, Recording
+from runtime.recording.preprocessing import repair_clock
+from runtime.recording.preprocessing.segments import HOLE, JITTER
+from runtime.recording.reader import Raw
+from runtime.recording.recipes.recipe import UNITS, Time
+from runtime.recording.recording import FloatArray
+
+REPEATED = 0.002
+"""Part of the rows, while something moves, that may repeat the one before without a word."""
+HOLE_S = 0.1
+"""A pause of this length [s], and of more than ten steps, is a hole; shorter ones are ticks."""
+BETTER = 0.7
+"""Misfit of Δq = v Δt on the rebuilt clock over that on the logged one, to propose it."""
+_GAP_STEPS = 10.0
+_COUNTS = 5.0
+_NICE = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
+
+
+def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+    """Stamps that do not increase: an error; the diagnosis goes on with a constant rate."""
+    if "time" not in raw.values:
+        return plan, []
+    t = raw.values["time"][:, 0]
+    steps = np.diff(t)
+    same = np.ones(len(steps), dtype=bool)
+    for values in raw.values.values():
+        same &= np.all(np.diff(values, axis=0) == 0.0, axis=1)
+    backward = np.flatnonzero((steps <= 0) & ~same)
+    if not backward.size:
+        return plan, []
+    unit = UNITS["time"][plan.time.unit] if plan.time else 1.0
+    step = float(np.median(steps[steps > 0])) * unit if np.any(steps > 0) else 1.0
+    first = int(backward[0])
+    return plan.replace(time=Time(rate_hz=1.0 / step)), [
+        Finding(
+            "time_backwards",
+            ERROR,
+            f"time does not increase at {backward.size} rows (first at row {first + 1}: "
+            f"{t[first]:.9g}, then {t[first + 1]:.9g}): several runs in one file, or stamps of "
+            "another clock; cut the log into runs, or replace [time] by rate_hz as proposed, "
+            "where the rows are equally spaced",
+            {"rows": int(backward.size), "first": first + 1, "rate_hz": 1.0 / step},
+            trap=2,
+        )
+    ]
+
+
+def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Finding]]:
+    """Repeats, ticks, jitter and holes; with the preparation that settles them."""
+    logged = raw.values["position"]
+    preparation, findings = _stale(
+        recording, plan, logged if len(logged) == len(recording) else None
+    )
+    if len(recording) < 10 or plan.time is None or plan.time.rate_hz is not None:
+        return plan, findings
+    ticking = preparation.clock_tick is not None
+    steps = np.diff(recording.t)
+    median = float(np.median(steps))
+    holes = np.flatnonzero(steps > max(HOLE_S, _GAP_STEPS * median))
+    even = steps[steps <= HOLE * median]
+    spread = np.quantile(even, [0.001, 0.999]) / median
+    skipped = int(np.sum((steps > HOLE * median) & (steps <= max(HOLE_S, _GAP_STEPS * median))))
+    handled = plan.preparation.max_gap_s is not None
+    level = INFO if handled else WARNING
+    if holes.size:
+        longest = float(steps.max())
+        places = ", ".join(f"{recording.t[i]:.4g} s" for i in holes[:4])
+        findings.append(
+            Finding(
+                "holes",
+                level,
+                f"{holes.size} holes, the longest {longest:.3g} s (after {places}); nothing is "
+                "filtered or differentiated across them, if max_gap_s under [preparation] is "
+                "shorter than they are",
+                {"count": int(holes.size), "longest_s": longest},
+                trap=2,
+            )
+        )
+    if skipped and not ticking:
+        share = skipped / len(steps)
+        findings.append(
+            Finding(
+                "dropped_ticks",
+                level,
+                f"{skipped} of {len(steps)} steps are longer than 1.5 medians of {median:.4g} s: "
+                "dropped samples; max_gap_s under [preparation] fills them in",
+                {"count": skipped, "share": share},
+                trap=2,
+            )
+        )
+    uneven = max(abs(spread - 1.0)) > max(10 * JITTER, 0.05)
+    if uneven and not ticking:
+        findings.append(
+            Finding(
+                "jitter",
+                level,
+                f"steps of time go from {spread[0] * median:.4g} to {spread[1] * median:.4g} s "
+                f"(99.8 % of them) around {median:.4g} s; derivatives need the uniform grid that "
+                "max_gap_s and grid_hz under [preparation] make",
+                {"steps_s": [float(s * median) for s in spread], "median_s": median},
+                trap=2,
+            )
+        )
+    uniform = float(np.abs(steps / median - 1.0).max()) <= JITTER
+    if not uniform and not handled:
+        gap = (
+            max(4.0 * median, 0.02) if not ticking else max(20.0 * (preparation.clock_tick or 0), 0)
+        )
+        rate = None if ticking else _nice_rate(1.0 / median)
+        preparation = replace(preparation, max_gap_s=float(f"{gap:.3g}"), grid_hz=rate)
+    return plan.replace(preparation=preparation), findings
+
+
+def _stale(
+    recording: Recording, plan: Recipe, logged: FloatArray | None
+) -> tuple[Preparation, list[Finding]]:
+    """States logged twice, and the clock rebuilt from dq = v dt where it fits better."""
+    preparation = plan.preparation
+    same = np.all(np.diff(recording.q, axis=0) == 0.0, axis=1)
+    if recording.dq is not None:
+        same &= np.all(np.diff(recording.dq, axis=0) == 0.0, axis=1)
+        same &= np.abs(recording.dq[1:]).max(axis=1) > REST_SPEED
+    else:
+        # An encoder repeats its count where the arm is slow: only steps of many counts tell.
+        values = recording.q if logged is None else logged
+        moved = np.abs(np.diff(values, axis=0))
+        around = np.minimum(np.roll(moved, 1, axis=0), np.roll(moved, -1, axis=0))
+        same &= np.any(around > _COUNTS * _counts(values)[1:], axis=1)
+    count = int(same.sum())
+    if count <= REPEATED * len(same):
+        return preparation, []
+    share = count / len(same)
+    evidence: dict = {"count": count, "share": share}
+    if preparation.clock_tick is not None:
+        told = f"clock_tick = {preparation.clock_tick:g} of the recipe drops them"
+        return preparation, [_repeated(INFO, count, share, told, evidence)]
+    tick = _tick(recording)
+    told = "write clock_tick under [preparation] if the controller's period is known"
+    if tick is not None:
+        before, rebuilt, skipped = _fit_of_clocks(recording, tick)
+        evidence |= {"misfit_logged": before, "misfit_rebuilt": rebuilt, "tick_s": tick}
+        if rebuilt < BETTER * before:
+            preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
+            evidence["skipped_ticks"] = skipped
+            told = (
+                f"with them dropped and the clock rebuilt in ticks of {1e3 * tick:g} ms from "
+                f"Δq = v Δt ({skipped} ticks were skipped), velocities explain the steps of q "
+                f"to {100 * rebuilt:.2g} % instead of {100 * before:.2g} %; clock_tick = {tick:g} "
+                "under [preparation] does that"
+            )
+    return preparation, [_repeated(WARNING, count, share, told, evidence)]
+
+
+def _repeated(level: str, count: int, share: float, told: str, evidence: dict) -> Finding:
+    sentence = (
+        f"{count} rows ({100 * share:.1f} %) repeat the state before them while the arm moves: "
+        f"the logger read faster than the robot answered; {told}"
+    )
+    return Finding("repeated_rows", level, sentence, evidence, trap=2)
+
+
+def _counts(q: FloatArray) -> FloatArray:
+    """The smallest step that q (N, n) can take at each row: of the encoder, or of the digits."""
+    steps = np.abs(np.diff(q, axis=0))
+    least = np.array([column[column > 0].min(initial=np.inf) for column in steps.T])
+    scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(q), 1e-12)))
+    for digits in range(3, 10):
+        unit = scale * 10.0 ** (1 - digits)
+        if np.abs(q / unit - np.round(q / unit)).max() < 1e-5:
+            return np.asarray(np.maximum(unit, least))
+    return np.broadcast_to(least, q.shape)
+
+
+def _tick(recording: Recording) -> float | None:
+    """The controller's period: the median step, where it is near a round number."""
+    median = 1.0 / recording.rate_hz
+    decade = 10.0 ** np.floor(np.log10(median))
+    near = [n * decade for n in _NICE if abs(n * decade / median - 1.0) < 0.1]
+    return float(f"{near[0]:.6g}") if near and recording.dq is not None else None
+
+
+def _fit_of_clocks(recording: Recording, tick: float) -> tuple[float, float, int]:
+    """‖Δq − v Δt‖ / ‖Δq‖ on the logged and on the rebuilt clock, and the skipped ticks."""
+    rebuilt = repair_clock(recording, tick)
+    steps = np.diff(rebuilt.t)
+    return _misfit(recording), _misfit(rebuilt), int(np.sum(np.round(steps / tick) - 1))
+
+
+def _misfit(recording: Recording) -> float:
+    assert recording.dq is not None  # noqa: S101  a tick needs dq
+    moved: FloatArray = np.diff(recording.q, axis=0)
+    mean = 0.5 * (recording.dq[1:] + recording.dq[:-1])
+    told = mean * np.diff(recording.t)[:, None]
+    return float(np.linalg.norm(moved - told) / max(float(np.linalg.norm(moved)), 1e-300))
+
+
+def _nice_rate(rate: float) -> float:
+    """The rate itself, or the round number within 2 % of it."""
+    rounded = float(f"{rate:.2g}")
+    return rounded if abs(rounded / rate - 1.0) < 0.02 else float(f"{rate:.6g}")

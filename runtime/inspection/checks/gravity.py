@@ -1,0 +1,218 @@
+"""Which way do gravity and the torque's sign point?  Only bodies that can exist tell (trap 5).
+
+    τ = ± [Y₀(q, dq, ddq) + s Y_g(q)] π + F φ,   s ∈ {1, 0, −1}
+
+with Y_g = Y(q, 0, 0) and Y₀ = Y − Y_g. Least squares turns every mass negative and fits −g nearly
+as well as g; under P(π) ≻ 0 (maximum a posteriori, a weak prior) only one of them fits. An arm on a
+wall is another matter: gravity then loads joint 1, which no sign explains. Its columns come from
+the poses of the tip with the outer joints at zero, unit masses in a frame of each link:
+
+    τ_d = ∂/∂q [e_d · (p_k, R_k)] θ_k,   d = x, y, z in the base frame
+"""
+
+import shlex
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.errors import RuntimeFault
+from runtime.estimators.convex import NONE, Reduced, convex_problem, prior_of, solve
+from runtime.inspection.checks.torque_rows import Bench, least_squares
+from runtime.inspection.finding import ERROR, WARNING, Finding
+from runtime.library import Array, Library
+from runtime.recording import Recipe
+
+MUCH = 0.6
+"""Residual of a better sign over that of the one in use, to say so."""
+ALIKE = 1.3
+"""Residual of another sign over the best one's, within which the data do not decide."""
+FEW = 250
+TILTED, UNEXPLAINED = 0.6, 0.1
+_STEP = 1e-5
+G = 9.81
+"""m/s², where the model has none."""
+_NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One sign of τ with one of gravity: relative residual, bounded and free."""
+
+    sign: float
+    gravity: float
+    consistent: float
+    free: float
+
+
+def gravity(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+    """Sign of τ and of gravity together, and gravity across the model's axis."""
+    trials = [_trial(bench, sign, scale) for sign in (1.0, -1.0) for scale in (1.0, 0.0, -1.0)]
+    own, best = trials[0], min(trials, key=lambda t: t.consistent)
+    evidence = {
+        f"tau {t.sign:+.0f}, gravity {t.gravity:+.0f}": [t.consistent, t.free] for t in trials
+    }
+    if best is not own and best.consistent < MUCH * own.consistent:
+        return _turned(bench.lib, plan, own, best, trials, evidence)
+    if own.consistent > UNEXPLAINED:
+        return plan, _tilted(bench, own, evidence)
+    return plan, []
+
+
+def _turned(
+    lib: Library, plan: Recipe, own: Trial, best: Trial, trials: list[Trial], evidence: dict
+) -> tuple[Recipe, list[Finding]]:
+    rivals = [t for t in trials if t is not best and t.consistent < ALIKE * best.consistent]
+    doubt = f" (the motion is too slow to tell this from {_told(rivals[0])})" if rivals else ""
+    found = (
+        f"with {_told(best)} bodies that can exist explain the torque to "
+        f"{100 * best.consistent:.2g} %, as it stands only to {100 * own.consistent:.2g} % "
+        f"(least squares, with impossible masses, {100 * own.free:.2g} %){doubt}"
+    )
+    if best.sign < 0 and best.gravity > 0 and plan.torque is not None:
+        before = np.atleast_1d(np.asarray(plan.torque.sign, dtype=float))
+        sign = tuple(float(-s) for s in before) if before.size > 1 else float(-before[0])
+        told = "the log counts the torque that the robot feels, not the one it applies"
+        return plan.replace(torque=replace(plan.torque, sign=sign)), [
+            Finding(
+                "torque_sign",
+                ERROR,
+                f"{found}: {told}; set sign = -1 under [torque]",
+                evidence,
+                trap=3,
+            )
+        ]
+    if best.gravity == 0.0:
+        what = (
+            "the controller's own gravity compensation is not in this signal; log the whole "
+            f"torque, or build the robot without: {_build(lib, 'weightless', '0,0,0')}"
+        )
+    else:
+        what = (
+            "the arm hangs the other way round than in the model; build it so: "
+            f"{_build(lib, 'turned', _numbers(-lib.gravity))}"
+        )
+    return plan, [Finding("gravity", ERROR, f"{found}: {what}", evidence, trap=5)]
+
+
+def _build(lib: Library, suffix: str, gravity: str) -> str:
+    """The command that builds the same arm under another gravity, in the frame of the base."""
+    name = f"{lib.name}_{suffix}"
+    urdf = lib.folder / f"{lib.name}.urdf"
+    return (
+        f"python -m symgen build --urdf {shlex.quote(str(urdf))} --name {name} --gravity {gravity} "
+        "(and what else it was built with: --tip, --project, --config)"
+    )
+
+
+def _numbers(vector: Array) -> str:
+    return ",".join(f"{x:g}" for x in vector + 0.0)
+
+
+def _told(trial: Trial) -> str:
+    sign = "τ as it is" if trial.sign > 0 else "τ negated"
+    return f"{sign} and gravity {_NAMES[trial.gravity]}"
+
+
+def _trial(bench: Bench, sign: float, scale: float) -> Trial:
+    """Fit bodies that can exist, and any numbers at all, to ±τ under s g."""
+    lib, s = bench.lib, bench.samples
+    step = max(1, len(s) // FEW)
+    few = s.rows(slice(None, None, step))
+    n = lib.n_joints
+    still = np.zeros_like(few.q)
+    full = lib.regressor(few.q, few.dq, few.ddq)
+    falls = lib.regressor(few.q, still, still)
+    Y = full + (scale - 1.0) * falls
+    weights = 1.0 / np.sqrt(np.mean(few.tau**2, axis=0) + 0.01 * np.mean(few.tau**2))
+    rows = (Y * weights[:, None]).reshape(len(few) * n, -1)
+    target = (sign * few.tau * weights).ravel()
+    size = max(float(np.linalg.norm(target)), 1e-300)
+    friction = bench.friction_rows().reshape(len(s), n, -1)[::step] * weights[:, None]
+    basis = np.linalg.qr(friction.reshape(len(few) * n, -1))[0]
+    rows, target = rows - basis @ (basis.T @ rows), target - basis @ (basis.T @ target)
+    _, rest = least_squares(rows, target)
+    free = float(np.linalg.norm(rest)) / size
+    triangle: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
+    width = rows.shape[1]
+    data = Reduced(
+        np.ascontiguousarray(triangle[:width, :width]),
+        np.ascontiguousarray(triangle[:width, width]),
+        float(triangle[width, width] ** 2),
+        float(len(few)),
+        float(max(len(target) - width, 1)),
+    )
+    gamma = NONE * max(data.variance, 1e-6) / data.count
+    pi = solve(lib, convex_problem(data, prior_of(lib), gamma)).pi
+    loss = np.sqrt(max(2.0 * data.value(pi) * data.count, 0.0))
+    return Trial(sign, scale, float(loss) / size, free)
+
+
+def _tilted(bench: Bench, own: Trial, evidence: dict) -> list[Finding]:
+    """Does gravity across the model's axis explain what is left?"""
+    lib, s = bench.lib, bench.samples
+    step = max(1, len(s) // FEW)
+    few = s.rows(slice(None, None, step))
+    still = np.zeros_like(few.q)
+    try:
+        turns = _potential_rows(bench, few.q)
+        inertial = lib.regressor(few.q, few.dq, few.ddq) - lib.regressor(few.q, still, still)
+    except RuntimeFault:
+        return []
+    n = lib.n_joints
+    friction = bench.friction_rows().reshape(len(s), n, -1)[::step].reshape(len(few) * n, -1)
+    common = np.hstack([inertial.reshape(len(few) * n, -1), friction])
+    target = few.tau.ravel()
+    size = float(np.linalg.norm(target))
+
+    def left(axes: tuple[int, ...]) -> float:
+        matrix = np.hstack([common, *(turns[axis] for axis in axes)])
+        return float(np.linalg.norm(least_squares(matrix, target)[1])) / size
+
+    axis = int(np.argmax(np.abs(lib.gravity))) if lib.gravity.any() else 2
+    along = left((axis,))
+    others = {a: left((a,)) for a in range(3) if a != axis}
+    every = left((0, 1, 2))
+    best = min(others, key=lambda a: others[a])
+    names = "xyz"
+    facts = evidence | {"along": {names[axis]: along} | {names[a]: e for a, e in others.items()}}
+    if along < UNEXPLAINED or every > TILTED * along:
+        return []
+    exact = others[best] < 1.5 * every
+    wall = _numbers((float(np.linalg.norm(lib.gravity)) or G) * np.eye(3)[best])
+    told = (
+        f"horizontal gravity, along {names[best]} of the base, explains it to "
+        f"{100 * others[best]:.2g} %: the arm is mounted on a wall; build it so: "
+        f"{_build(lib, 'wall', wall)}, and once more with gravity along -{names[best]}: the "
+        "wrong one will not fit with bodies that can exist"
+        if exact
+        else f"a gravity off the model's axis explains it to {100 * every:.2g} %: the base is "
+        "tilted; measure its angles and build it so: "
+        f"{_build(lib, 'tilted', 'X,Y,Z')}"
+    )
+    return [
+        Finding(
+            "gravity",
+            ERROR if exact else WARNING,
+            f"gravity along {names[axis]}, as in the model, leaves {100 * along:.2g} % of the "
+            f"torque unexplained even with impossible masses; {told}",
+            facts,
+            trap=5,
+        )
+    ]
+
+
+def _potential_rows(bench: Bench, q: Array) -> list[Array]:
+    """∂/∂q of the three coordinates of frames rigid in each link: 3 × (N n, 4 n)."""
+    lib = bench.lib
+    n = lib.n_joints
+    rows = np.zeros((3, len(q), n, n, 4))
+    for k in range(n):
+        inner = q.copy()
+        inner[:, k + 1 :] = 0.0
+        for i in range(k + 1):
+            step = np.zeros(n)
+            step[i] = _STEP
+            ahead, behind = lib.end_effector(inner + step), lib.end_effector(inner - step)
+            slope = (ahead - behind)[:, :3] / (2.0 * _STEP)  # (N, 3, 4): R and p
+            rows[:, :, i, k] = np.moveaxis(slope, 1, 0)
+    return [each.reshape(len(q) * n, 4 * n) for each in rows]

@@ -1,0 +1,100 @@
+"""The rows that the torque is judged on: prepared as the recipe says, thinned, with the regressor.
+
+Only what holds for every sample is here; `effort`, `gravity` and `model` ask the questions.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import IdentificationError
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.inspection.checks.signals import REST_SPEED
+from runtime.library import Array, Library
+from runtime.recording import Friction, Preparation, Recording, friction
+from runtime.recording.preprocessing import prepare
+
+ROWS = 900
+"""Rows of a bench: some hundred are independent, and a fit of 100 unknowns takes 50 ms."""
+FEWEST, SLOWEST = 150, 20.0
+"""Rows, and rate in Hz, below which the torque is not judged."""
+ROUGH_HZ = 5.0
+SHARE = 0.2
+"""Rough cut-off over rate, where the rate is low."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bench:
+    """Prepared rows of one recording.
+
+    Attributes:
+        lib: of the robot.
+        whole: on its grid, filtered, neither decimated nor without rest.
+        rows: indices of the thinned rows that move, (N,).
+        samples: of these rows, with friction columns.
+    """
+
+    lib: Library
+    whole: Recording
+    rows: NDArray[np.int64]
+    samples: Samples
+
+    def model_torque(self) -> tuple[Array, Array]:
+        """τ of the URDF at the rows, its inertial part and that of gravity, (N, n) each."""
+        s, still = self.samples, np.zeros_like(self.samples.q)
+        gravity = self.lib.inverse_dynamics(s.q, still, still, self.lib.pi0)
+        return self.lib.inverse_dynamics(s.q, s.dq, s.ddq, self.lib.pi0) - gravity, gravity
+
+    def friction_rows(self) -> Array:
+        """F over [φ] as equations, (N n, n k): one block of columns per joint."""
+        s = self.samples
+        return friction.spread(s.columns, s.coupling).reshape(len(s) * self.lib.n_joints, -1)
+
+
+def bench_of(
+    recording: Recording, lib: Library, preparation: Preparation, terms: Friction
+) -> Bench:
+    """Prepare a recording for the questions about its torque.
+
+    Raises:
+        RuntimeFault: it cannot be prepared, or is too short or too slow.
+    """
+    bare = recording.replace(columns=None, column_names=(), motors=None)
+    usual = replace(preparation, rate_hz=None, rest_speed=None, regressor="acceleration")
+    whole = prepare(bare, usual, terms, lib=lib)
+    if whole.rate_hz < SLOWEST or len(whole) < FEWEST:
+        raise IdentificationError(
+            f"{len(whole)} rows at {whole.rate_hz:.3g} Hz are expected to be {FEWEST} or more at "
+            f"{SLOWEST:g} Hz or more, or accelerations mean nothing; record for longer or faster"
+        )
+    samples = samples_of(whole, lib)
+    moving = np.abs(samples.dq).max(axis=1) >= REST_SPEED
+    rows = np.flatnonzero(moving if moving.sum() > ROWS // 4 else np.ones(len(samples), dtype=bool))
+    rows = rows[:: max(1, len(rows) // ROWS)]
+    return Bench(lib, whole, rows, samples.rows(rows))
+
+
+def rough(recording: Recording, preparation: Preparation) -> Preparation:
+    """A preparation with some filter, where none is chosen yet."""
+    if preparation.filter != "none":
+        return preparation
+    grid = preparation.max_gap_s
+    step = 1.0 / recording.rate_hz
+    uniform = float(np.abs(np.diff(recording.t) / step - 1.0).max()) < 0.01
+    f_c = min(ROUGH_HZ, SHARE * recording.rate_hz)
+    return replace(
+        preparation,
+        filter="butterworth",
+        cutoff_hz=f_c,
+        max_gap_s=grid if grid or uniform else 4.0 * step,
+        trim_s=min(1.0 / f_c, 0.05 * recording.duration),
+    )
+
+
+def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
+    """x of least length in unit columns and the residual target − matrix x."""
+    lengths = np.linalg.norm(matrix, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    x = np.linalg.lstsq(matrix / lengths, target, rcond=1e-9)[0] / lengths
+    return x, np.asarray(target - matrix @ x)

@@ -1,0 +1,44 @@
+"""What the doctor has to say: one sentence with the numbers behind it.
+
+Trap numbers are those of the list in `runtime.inspection`.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+ERROR, WARNING, INFO = "error", "warning", "info"
+LEVELS = (ERROR, WARNING, INFO)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was seen in a log.
+
+    Attributes:
+        kind: short name, the same for the same trouble.
+        level: error (the numbers mean something else), warning (to be settled), info.
+        sentence: what was seen, what it means, what to do.
+        evidence: the numbers, JSON-ready.
+        trap: number in the list of `runtime.inspection`, 0 for none.
+    """
+
+    kind: str
+    level: str
+    sentence: str
+    evidence: dict[str, Any] = field(default_factory=dict)
+    trap: int = 0
+
+
+def joints_told(names: tuple[str, ...], index: list[int]) -> str:
+    """Joint names for a sentence; "every joint" where it is so."""
+    if len(index) == len(names) and len(names) > 1:
+        return "every joint"
+    return ", ".join(names[j] for j in index)
+
+
+def numbers(values: NDArray[np.float64]) -> list[float | None]:
+    """For JSON: None where there is no number."""
+    return [float(x) if np.isfinite(x) else None for x in np.ravel(values)]

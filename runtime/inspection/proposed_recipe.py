@@ -1,0 +1,81 @@
+"""A recipe as TOML, in the form that `identify --recipe` takes; findings stand as comments.
+
+What only the user can know (gears, the zero of motor angles) is a block to be filled in.
+"""
+
+import dataclasses
+import textwrap
+
+from runtime.inspection.finding import ERROR, WARNING
+from runtime.inspection.inspection import Inspection
+from runtime.recording import Recipe
+from runtime.recording.recipes.recipe_text import toml_value
+
+_TABLES = (
+    *("time", "position", "velocity", "acceleration", "torque", "gear"),
+    *("preparation", "split", "friction"),
+)
+_KEYS = ("description", "robot", "run", "joints")
+
+
+def recipe_text(inspection: Inspection) -> str:
+    """The proposed recipe of an inspection, to be read before it is used."""
+    plan = inspection.plan
+    blind = any(f.kind == "missing_clock" and f.level == ERROR for f in inspection.findings)
+    todo = inspection.of_level(ERROR, WARNING)
+    saw = "what it saw:" if todo else "it saw nothing wrong."
+    lines = [f"# Proposed by python -m runtime inspect; {saw}"]
+    for finding in todo:
+        said = f"{finding.level}: {finding.sentence}"
+        lines += textwrap.wrap(said, 96, initial_indent="#   ", subsequent_indent="#     ")
+    lines.append("")
+    lines += [f"{key} = {toml_value(getattr(plan, key))}" for key in _KEYS if getattr(plan, key)]
+    for name in _TABLES:
+        table = _table(plan, name)
+        if name == "time" and blind:
+            lines += [
+                "",
+                "[time]",
+                "# The rate of the logger, which the files do not tell:",
+                "# rate_hz =",
+            ]
+            continue
+        if table:
+            lines += ["", f"[{name}]", *(f"{key} = {value}" for key, value in table.items())]
+    if any(f.kind == "position_range" for f in inspection.findings) and not plan.gear:
+        lines += _gear_stub(len(inspection.recording.q[0]))
+    return "\n".join(lines) + "\n"
+
+
+def _table(plan: Recipe, name: str) -> dict[str, str]:
+    """The entries of one table that are not the default."""
+    if name == "gear":
+        return {"matrix": toml_value(plan.gear)} if plan.gear else {}
+    part = getattr(plan, name)
+    if part is None:
+        return {}
+    told = {}
+    for item in dataclasses.fields(part):
+        value = getattr(part, item.name)
+        default = item.default
+        needed = item.name in {"unit", "columns"} and value not in ("", ())
+        if item.name != "gear" and (needed or value != default) and value is not None:
+            told[item.name] = toml_value(value)
+    return told
+
+
+def _gear_stub(n: int) -> list[str]:
+    rows = [
+        "#     [" + ", ".join("1.0" if i == j else "0.0" for j in range(n)) + "]," for i in range(n)
+    ]
+    return [
+        "",
+        "# If these are motor angles and motor torques, only the manufacturer knows the gears.",
+        "# Write R of q_motor = R q_joint (the row of a motor that turns with another joint has",
+        "# two entries), and under [position] the offset of the zero of each joint, in rad; then",
+        "# inspect again with --recipe, which proposes the filter and the friction, too.",
+        "# [gear]",
+        "# matrix = [",
+        *rows,
+        "# ]",
+    ]

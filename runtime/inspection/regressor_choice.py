@@ -1,0 +1,156 @@
+"""Do the accelerations of a log mean anything? What is noise in them, and what a filter bends.
+
+    noise share   ν_j = σ_j² · 2h ∫ |H|² |D|^2k df / mean ddq_j²
+    distortion    δ = ‖Y(q_f, dq_f, ddq_f) π0 − F τ0‖ / ‖F τ0‖
+
+σ_j² is the white part of q (k = 2) or of dq (k = 1), from its eighth differences; H the low-pass, D
+the central difference. Noise in a regressor's column shrinks its coefficient by the factor 1 − ν
+(Fuller 1987, Sec. 1.1), here the inertias of joint j. F τ0 is the low-passed torque of the URDF's
+momentum, which needs no accelerations, so that δ is what a cut-off inside the motion's band, or too
+low a rate, does to the rows themselves: noise of q and dq is in both.
+"""
+
+from dataclasses import dataclass, replace
+from math import comb
+
+import numpy as np
+from scipy import signal as scipy_signal
+
+from runtime.errors import RuntimeFault
+from runtime.library import Array, Library
+from runtime.recording import Preparation, Recording
+from runtime.recording.preprocessing import momentum_torque, prepare, segments
+
+NOISY, BENT = 0.01, 0.005
+"""ν that costs an inertia as much as a good log leaves open; δ that shows beside the least torque
+errors of real logs, 1 to 1.5 %."""
+LONGEST = 30000
+"""Rows that are judged: half a minute at 1 kHz."""
+STILL = 0.02
+"""rad/s, RMS; a slower joint tells nothing of its inertia anyway."""
+_ORDER = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Differentiation:
+    """What the accelerations of a preparation are worth.
+
+    Attributes:
+        noise: ν, (n,); 0 for a joint that stands still.
+        distortion: δ.
+        cutoff_hz: of the filter; where central differences are loudest, if there is none.
+        derivatives: k, that were taken.
+    """
+
+    noise: Array
+    distortion: float
+    cutoff_hz: float
+    derivatives: int
+
+    @property
+    def fails(self) -> bool:
+        """Some inertia, or all torques, suffer more than the usual methods leave."""
+        return bool(self.noise.max() > NOISY or self.distortion > BENT)
+
+    @property
+    def harmless_hz(self) -> float:
+        """A cut-off that leaves so little noise; its power grows with f_c^(2k + 1)."""
+        worst = min(float(self.noise.max()), 1.0 - NOISY)
+        excess = max(1.0, worst / (1.0 - worst) * (1.0 - NOISY) / NOISY)
+        return self.cutoff_hz * float(excess ** (-1.0 / (2 * self.derivatives + 1)))
+
+
+def judged(recording: Recording, lib: Library, preparation: Preparation) -> Differentiation | None:
+    """ν and δ of the head of a recording; None without derivatives, or with another filter.
+
+    Args:
+        recording: as read.
+        lib: of the robot.
+        preparation: what `prepare` would do.
+    """
+    from_q = preparation.derivative == "position" or recording.dq is None
+    measured = recording.ddq is not None and preparation.derivative != "position"
+    known = preparation.filter in {"butterworth", "none"}
+    if not known or measured or preparation.regressor != "acceleration":
+        return None
+    head = recording.take(slice(0, LONGEST), "Took the head.").replace(
+        columns=None, column_names=(), motors=None
+    )
+    full = replace(preparation, rate_hz=None, rest_speed=None)
+    try:
+        done = prepare(head, full)
+        smooth = momentum_torque(head, full, lib, lib.base_matrix @ lib.pi0)
+        bare = prepare(head, replace(full, filter="none", cutoff_hz=None, trim_s=None))
+    except RuntimeFault:  # whoever prepares the whole log will say why
+        return None
+    assert done.dq is not None and done.ddq is not None  # noqa: S101, PT018  just derived
+    assert smooth.tau is not None and bare.dq is not None  # noqa: S101, PT018  as well
+    rigid = lib.inverse_dynamics(done.q, done.dq, done.ddq, lib.pi0)
+    common, mine, theirs = np.intersect1d(done.t, smooth.t, return_indices=True)
+    if len(common) <= _ORDER:
+        return None
+    whole = smooth.tau[theirs]
+    bent = float(np.linalg.norm(rigid[mine] - whole) / max(float(np.linalg.norm(whole)), 1e-300))
+    if preparation.cutoff_hz is None:
+        bent = 0.0  # without a filter there is nothing but noise between the two
+    derivatives = 2 if from_q else 1
+    gain = _noise_gain(preparation, 1.0 / bare.rate_hz, derivatives)
+    noise = _white_variance(bare.t, bare.q if from_q else bare.dq) * gain
+    power, speed = (np.mean(a**2, axis=0) for a in (done.ddq, done.dq))
+    share = np.where(speed > STILL**2, np.minimum(noise / np.maximum(power, 1e-300), 1.0), 0.0)
+    return Differentiation(share, bent, preparation.cutoff_hz or bare.rate_hz / 4, derivatives)
+
+
+def settled_regressor(
+    recording: Recording, lib: Library, preparation: Preparation | None, replaces: bool = False
+) -> tuple[Preparation | None, tuple[str, ...]]:
+    """The preparation, and one sentence where its accelerations fail.
+
+    Args:
+        recording: as read.
+        lib: of the robot.
+        preparation: default is the recipe's.
+        replaces: take momentum then, instead of only naming it.
+    """
+    usual = preparation or recording.preparation
+    found = judged(recording, lib, usual)
+    if found is None or not found.fails:
+        return preparation, ()
+    worst, told = int(np.argmax(found.noise)), []
+    if found.noise[worst] > NOISY:
+        told.append(
+            f"{100 * found.noise[worst]:.2g} % of the power of ddq of {lib.joint_names[worst]} is "
+            "noise, which makes its inertia too small by about as much"
+        )
+    if found.distortion > BENT:
+        told.append(
+            "filtering q and dq before they are multiplied changes the torque by "
+            f"{100 * found.distortion:.2g} %, because the motion is too fast for cut-off or rate"
+        )
+    cutoff = float(f"{found.harmless_hz:.2g}")
+    remedy = f"--regressor momentum --cutoff {cutoff:g}"
+    where = "without a low-pass" if usual.cutoff_hz is None else f"at {usual.cutoff_hz:g} Hz"
+    reason = f"differentiation fails {where}: {' and '.join(told)}"
+    if not replaces:
+        return preparation, (f"{reason}; {remedy} needs no accelerations",)
+    taken = replace(usual, regressor="momentum", filter="butterworth", cutoff_hz=cutoff)
+    return taken, (f"{reason}; took {remedy}",)
+
+
+def _white_variance(t: Array, values: Array) -> Array:
+    """σ² (n,): mean square of the eighth differences over the Σ binomial² of white noise."""
+    parts = [np.diff(values[part], _ORDER, axis=0) for part in segments(t)]
+    whole = np.concatenate(parts)
+    power = np.sum(whole**2, axis=0) / max(len(whole), 1)
+    return np.asarray(power / comb(2 * _ORDER, _ORDER))
+
+
+def _noise_gain(preparation: Preparation, step: float, derivatives: int) -> float:
+    """Variance of white noise of variance one after filter and central differences."""
+    if preparation.cutoff_hz is None:
+        return float(comb(2 * derivatives, derivatives)) / (2 * step) ** (2 * derivatives)
+    sections = scipy_signal.butter(
+        preparation.order, preparation.cutoff_hz * 2.0 * step, output="sos"
+    )
+    w, h = scipy_signal.sosfreqz(sections, 4096)
+    return float(np.mean(np.abs(h) ** 4 * (np.sin(w) / step) ** (2 * derivatives)))

@@ -1,0 +1,209 @@
+"""Libraries that were compiled at first use, kept in the user's cache folder.
+
+<cache>/<robot>-<hash of recipe, levels, machine>/<hash of the compiler>/lib<robot>.so, build.json
+
+The recipe's bytes hold the hash of every source, so the name says what is inside. An entry comes
+whole, by one rename; processes that want the same one wait for the first of them. Each use renews
+the date of its build.json. Who compiles, prunes: of a robot stay the newest `KEPT` and whatever was
+used within `UNUSED_S`. So nothing goes that a process is about to open; a library that is open
+outlives its file.
+"""
+
+import fcntl
+import hashlib
+import json
+import os
+import shlex
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import platformdirs
+
+from runtime.errors import LibraryError
+from runtime.files import json_of
+from runtime.library.compile_recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
+from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
+
+KEPT = 3
+"""Libraries per robot that stay, however old."""
+UNUSED_S = 30 * 86400.0
+"""Seconds without use after which one of the others goes."""
+_ELSEWHERE = "set SYMGEN_CACHE to a folder that can be written"
+
+
+def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path:
+    """The folder that holds the compiled library of a generated one; compiles it where needed.
+
+    Compiled are all levels of this machine but the reference, or those of $SYMGEN_LEVELS, and
+    `level`.
+
+    Raises:
+        LibraryError: no compiler, no such level, no place to write, a damaged folder.
+    """
+    recipe = read_recipe(folder)
+    require_intact(folder, recipe, ["manifest.json"])
+    levels = _wanted(recipe, level)
+    words = json.dumps([recipe.digest, sorted(levels), machine(), sys.platform])
+    key = f"{robot}-{hashlib.sha256(words.encode()).hexdigest()[:16]}"
+    roots = _roots()
+    try:
+        compiler = find_compiler()
+        version = f"{shlex.join(compiler)} {version_of(compiler)}"
+    except LibraryError:
+        made = [entry for root in roots for entry in (root / key).glob("[0-9a-f]*/")]
+        for entry in filter(lambda e: is_whole(e, robot), made):
+            return _used(entry)  # whichever compiler made it
+        raise
+    name = Path(key, hashlib.sha256(version.encode()).hexdigest()[:8])
+    for root in roots:
+        if is_whole(root / name, robot):
+            return _used(root / name)
+    require_intact(folder, recipe)
+    root = _writable(roots)
+    with _lock(root / key):
+        if not is_whole(root / name, robot):
+            sys.stderr.write(
+                f"symgen: compiling the C code of '{robot}' once for this machine with "
+                f"{shlex.join(compiler)}, 10 to 60 s; the library is kept in {root}\n"
+            )
+            with _new_folder(root / name) as made_in:
+                library = made_in / f"lib{robot}.so"
+                commands = compile_folder(folder, recipe, levels, compiler, library)
+                record = {
+                    "sha256": _sha256(library),
+                    "sources": recipe.files,
+                    "levels": sorted(levels),
+                    "compiler": version,
+                    "commands": [shlex.join(command) for command in commands],
+                }
+                (made_in / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+    prune(root, robot)
+    return root / name
+
+
+def prune(root: Path, robot: str) -> list[Path]:
+    """Delete the libraries of a robot that nobody has used for long; returns their folders."""
+    ages = {}
+    for entry in root.glob(f"{robot}-{'[0-9a-f]' * 16}/{'[0-9a-f]' * 8}"):
+        with suppress(OSError):  # another process prunes, too
+            ages[entry] = time.time() - (entry / "build.json").stat().st_mtime
+    old = [entry for entry in sorted(ages, key=lambda e: ages[e])[KEPT:] if ages[entry] > UNUSED_S]
+    for entry in old:
+        shutil.rmtree(entry, ignore_errors=True)
+    if old:
+        sys.stderr.write(
+            f"symgen: deleted {len(old)} compiled libraries of '{robot}' from {root} that nobody "
+            f"had used for {UNUSED_S / 86400:.0f} days\n"
+        )
+    return old
+
+
+def _used(entry: Path) -> Path:
+    """The entry, dated of now; where that cannot be written, nothing is deleted either."""
+    with suppress(OSError):
+        os.utime(entry / "build.json")
+    return entry
+
+
+def is_whole(entry: Path, robot: str) -> bool:
+    """The library's bytes are those that were compiled."""
+    try:
+        record = json_of(entry / "build.json")
+        return bool(record["sha256"] == _sha256(entry / f"lib{robot}.so"))
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _wanted(recipe: CompileRecipe, level: str | None) -> tuple[str, ...]:
+    known = recipe.levels(machine())
+    asked = os.environ.get("SYMGEN_LEVELS", "").replace(",", " ").split()
+    wanted = {*(asked or [name for name in known if name != REFERENCE])} | {level or ""} - {""}
+    for name in sorted(wanted - {*known}):
+        raise LibraryError(
+            f"there is no level '{name}' on {machine()}, which knows {', '.join(known)}; "
+            "correct SYMGEN_LEVELS or the level asked for"
+        )
+    return tuple(name for name in known if name in wanted)
+
+
+def _roots() -> list[Path]:
+    """Where an entry may lie, the preferred place first."""
+    asked = os.environ.get("SYMGEN_CACHE", "")
+    if asked:
+        return [Path(asked)]
+    own = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
+    return [platformdirs.user_cache_path("symgen"), *([own] if _is_private(own) else [])]
+
+
+def _is_private(folder: Path) -> bool:
+    """Nobody else can have put a library there."""
+    try:
+        facts = folder.lstat()
+    except OSError:
+        return False
+    return folder.is_dir() and facts.st_uid == os.getuid() and not facts.st_mode & 0o077
+
+
+def _writable(roots: list[Path]) -> Path:
+    """The first place that can be written; a private temporary one where none can.
+
+    Raises:
+        LibraryError: $SYMGEN_CACHE cannot be written.
+    """
+    first = roots[0]
+    try:
+        first.mkdir(mode=0o700, parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=first).close()
+    except OSError as error:
+        reason = f"the cache folder '{first}' cannot be written ({error.strerror})"
+        if os.environ.get("SYMGEN_CACHE"):
+            raise LibraryError(f"{reason}; {_ELSEWHERE}") from None
+        own = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
+        with suppress(OSError):
+            own.mkdir(mode=0o700)
+        place = own if _is_private(own) else Path(tempfile.mkdtemp(prefix="symgen-"))
+        sys.stderr.write(f"symgen: {reason}, so {place} serves; to keep it, {_ELSEWHERE}\n")
+        return place
+    return first
+
+
+@contextmanager
+def _lock(folder: Path) -> Iterator[None]:
+    """One process per entry at a time; the kernel drops the lock of a killed one."""
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        with (folder / ".lock").open("w") as handle:
+            with suppress(OSError):  # a file system without locks: both compile, one rename wins
+                fcntl.flock(handle, fcntl.LOCK_EX)
+                for stale in folder.glob(".new.*/"):
+                    shutil.rmtree(stale, ignore_errors=True)  # of a killed process
+            yield
+    except OSError as error:
+        raise LibraryError(
+            f"the cache folder '{folder}' cannot be written ({error.strerror}); free space, or "
+            f"{_ELSEWHERE}"
+        ) from None
+
+
+@contextmanager
+def _new_folder(place: Path) -> Iterator[Path]:
+    """A folder that takes the place of another when the block ends without an error."""
+    draft = Path(tempfile.mkdtemp(prefix=".new.", dir=place.parent))
+    try:
+        yield draft
+        for rest in draft.glob("*.o"):
+            rest.unlink()
+        shutil.rmtree(place, ignore_errors=True)
+        with suppress(OSError):  # another process was first, with the same bytes
+            draft.rename(place)
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

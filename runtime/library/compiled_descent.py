@@ -1,0 +1,267 @@
+"""Compiled descents in λ: the jobs of `<robot>_<level>_adam` and `…_levenberg` as NumPy arrays.
+
+A call works off any number of jobs, each a problem of its own; `run` may spread them over threads,
+and since jobs share nothing the answers do not depend on how many.
+"""
+
+import ctypes
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.library.tile_arrays import LANES, padded, padded_size, zeros
+
+Array = NDArray[np.float64]
+
+PATIENCE, DIVERGED, CONVERGED, STALLED = 1, 2, 3, 4
+_GROWTH = 2.0
+
+_POINTER = ctypes.POINTER(ctypes.c_double)
+
+
+@dataclass(frozen=True, slots=True)
+class LeastSquares:
+    """L = (‖R y − r‖² + ρ) · scale in y = [K π(λ); ψ]; R is upper triangular."""
+
+    factor: Array
+    target: Array
+    rest: float
+    scale: float
+
+
+@dataclass(frozen=True, slots=True)
+class AdamProblem:
+    """One descent by Adam.
+
+    Attributes:
+        start: x = [λ, ψ].
+        training, held: what to descend on, unless on samples, and what to stop on.
+        samples: rows [q dq ddq tau columns], columns in units of ψ; None descends on `training`.
+        weights: diagonal of W of the samples, (n,).
+    """
+
+    start: Array
+    training: LeastSquares
+    held: LeastSquares
+    samples: Array | None
+    weights: Array
+
+
+class _LeastSquaresJob(ctypes.Structure):
+    _fields_ = [
+        *((name, _POINTER) for name in ("factor", "target")),
+        *((name, ctypes.c_double) for name in ("rest", "scale")),
+    ]
+
+
+class _AdamJob(ctypes.Structure):
+    """Field by field the struct of the generated header."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("size", "padded", "equations")),
+        *((name, _LeastSquaresJob) for name in ("training", "held")),
+        *((name, ctypes.c_double) for name in ("rate", "beta1", "beta2", "epsilon", "threshold")),
+        *((name, ctypes.c_long) for name in ("validate_every", "patience")),
+        *((name, _POINTER) for name in ("x", "m", "v", "best_x")),
+        *((name, ctypes.c_double) for name in ("best", "power1", "power2")),
+        *((name, ctypes.c_long) for name in ("step", "improved_at", "finished", "traced")),
+        *((name, _POINTER) for name in ("training_trace", "held_trace")),
+        *((name, ctypes.c_long) for name in ("batch", "columns_per_joint")),
+        ("rows", ctypes.POINTER(ctypes.c_long)),
+        *((name, _POINTER) for name in ("samples", "weight", "work")),
+    ]
+
+
+class _LevenbergJob(ctypes.Structure):
+    """Field by field the struct of the generated header."""
+
+    _fields_ = [
+        *((name, ctypes.c_long) for name in ("size", "equations", "cholesky")),
+        ("training", _LeastSquaresJob),
+        *(
+            (name, ctypes.c_double)
+            for name in ("first_damping", "step_tolerance", "decrease_tolerance")
+        ),
+        *((name, _POINTER) for name in ("x", "trace")),
+        *((name, ctypes.c_double) for name in ("loss", "damping", "growth")),
+        *((name, ctypes.c_long) for name in ("step", "finished", "traced")),
+        ("work", _POINTER),
+    ]
+
+
+class _Jobs:
+    """An array of jobs and the arrays they point to."""
+
+    def __init__(self, function: Callable[..., None], kind: Any, count: int) -> None:
+        self._function = function
+        self._jobs = (kind * count)()
+        self._kept: list[NDArray[np.generic]] = []
+
+    def __len__(self) -> int:
+        return len(self._jobs)
+
+    def __getitem__(self, index: int) -> Any:
+        """State of one job: step, finished, traced, and best or loss."""
+        return self._jobs[index]
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter(self._jobs)
+
+    def _pointer(self, array: Array) -> Any:
+        whole = np.ascontiguousarray(array, dtype=np.float64)
+        self._kept.append(whole)
+        return whole.ctypes.data_as(_POINTER)
+
+    def _factor(self, side: Any, problem: LeastSquares, equations: int) -> None:
+        side.factor = self._pointer(_padded(problem.factor.T, equations))
+        side.target = self._pointer(_padded(problem.target, equations))
+        side.rest, side.scale = problem.rest, problem.scale
+
+    def _run(self, iterations: int, threads: int) -> None:
+        def part(bounds: tuple[int, int]) -> None:
+            first, end = bounds
+            self._function(ctypes.byref(self._jobs[first]), end - first, iterations)
+
+        count = max(1, min(threads, len(self)))
+        edges = [len(self) * k // count for k in range(count + 1)]
+        parts = list(pairwise(edges))
+        if count == 1:
+            part(parts[0])
+            return
+        with ThreadPoolExecutor(count) as pool:
+            list(pool.map(part, parts))
+
+
+class CompiledAdam(_Jobs):
+    """Descents by Adam; `run` goes on where the last call stopped.
+
+    Args:
+        function: of the library.
+        problems: one per job.
+        options: rate, beta1, beta2, epsilon, threshold, validate_every, patience.
+        traces: room for validations per job.
+        batch: samples per mini-batch; 0 descends on the compressed training data.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., None],
+        problems: Sequence[AdamProblem],
+        options: dict[str, float],
+        traces: int,
+        batch: int,
+    ) -> None:
+        super().__init__(function, _AdamJob, len(problems))
+        self.training_trace = np.zeros((len(problems), traces))
+        self.held_trace = np.zeros((len(problems), traces))
+        self._x: list[Array] = []
+        self._best: list[Array] = []
+        for k, problem in enumerate(problems):
+            self._fill(k, problem, options, batch)
+
+    def _fill(self, k: int, problem: AdamProblem, options: dict[str, float], batch: int) -> None:
+        job, size = self._jobs[k], problem.start.size
+        job.size, job.padded = size, padded_size(size)
+        job.equations = padded_size(len(problem.training.target))
+        job.power1 = job.power2 = 1.0
+        for name, value in options.items():
+            setattr(job, name, value)
+        self._factor(job.training, problem.training, job.equations)
+        self._factor(job.held, problem.held, job.equations)
+        self._x.append(_padded(problem.start, job.padded))
+        self._best.append(zeros(job.padded))
+        job.x, job.best_x = self._pointer(self._x[k]), self._pointer(self._best[k])
+        job.m, job.v = self._pointer(zeros(job.padded)), self._pointer(zeros(job.padded))
+        job.training_trace = self._pointer(self.training_trace[k])
+        job.held_trace = self._pointer(self.held_trace[k])
+        n = problem.weights.size
+        if batch and problem.samples is not None:
+            job.batch, job.columns_per_joint = batch, problem.samples.shape[1] // n - 4
+            job.samples = self._pointer(_with_sines(problem.samples, n))
+            job.weight = self._pointer(problem.weights)
+        width, equations = padded_size((6 + job.columns_per_joint) * n), job.equations
+        scratch = LANES * (width + size) + (4 + equations) * equations + job.padded
+        job.work = self._pointer(zeros(scratch))
+
+    def run(
+        self,
+        iterations: int,
+        rows: Sequence[NDArray[np.int64]] | None = None,
+        threads: int = 1,
+    ) -> None:
+        """Go on for so many iterations; with mini-batches rows is (iterations, batch) per job."""
+        kept = [np.ascontiguousarray(r, dtype=ctypes.c_long) for r in rows or ()]
+        for job, named in zip(self._jobs, kept, strict=False):
+            job.rows = named.ctypes.data_as(ctypes.POINTER(ctypes.c_long))
+        self._run(iterations, threads)
+
+    def x(self, index: int) -> Array:
+        """The current point of a job."""
+        return self._x[index][: self._jobs[index].size].copy()
+
+    def best_x(self, index: int) -> Array:
+        """The best validated point of a job."""
+        return self._best[index][: self._jobs[index].size].copy()
+
+
+class CompiledLevenberg(_Jobs):
+    """Descents by Levenberg–Marquardt; `run` goes on where the last call stopped.
+
+    Args:
+        function: of the library.
+        starts: x per job.
+        problems: per job.
+        options: first_damping, step_tolerance, decrease_tolerance.
+        traces: room for accepted steps per job.
+        cholesky: x begins with log-Cholesky coordinates instead of λ.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., None],
+        starts: Sequence[Array],
+        problems: Sequence[LeastSquares],
+        options: dict[str, float],
+        traces: int,
+        cholesky: bool,
+    ) -> None:
+        super().__init__(function, _LevenbergJob, len(problems))
+        self.trace = np.zeros((len(problems), traces))
+        self._x: list[Array] = []
+        for k, (start, problem) in enumerate(zip(starts, problems, strict=True)):
+            job, size, equations = self._jobs[k], start.size, padded_size(len(problem.target))
+            job.size, job.equations, job.growth = size, equations, _GROWTH
+            job.cholesky = int(cholesky)
+            for name, value in options.items():
+                setattr(job, name, value)
+            self._factor(job.training, problem, equations)
+            self._x.append(np.array(start, dtype=float))
+            job.x, job.trace = self._pointer(self._x[k]), self._pointer(self.trace[k])
+            scratch = equations * (size + 2 * equations + 3) + 2 * size
+            job.work = self._pointer(zeros(scratch))
+
+    def run(self, iterations: int, threads: int = 1) -> None:
+        """Go on for so many iterations."""
+        self._run(iterations, threads)
+
+    def x(self, index: int) -> Array:
+        """The current point of a job."""
+        return self._x[index].copy()
+
+
+def _with_sines(samples: Array, n: int) -> Array:
+    """Rows [q dq ddq tau columns] in the order of `mini_batch` in descent.c."""
+    q = samples[:, :n]
+    pairs = np.stack((np.sin(q), np.cos(q)), axis=2).reshape(len(q), 2 * n)
+    return padded(np.hstack([pairs, samples[:, n:], q]), padded_size(samples.shape[1] + 2 * n))
+
+
+def _padded(array: Array, size: int) -> Array:
+    whole = zeros(*(size for _ in array.shape))
+    whole[tuple(slice(n) for n in array.shape)] = array
+    return whole

@@ -1,0 +1,66 @@
+"""Opens the compiled library of a generated folder when it is whole and belongs to its manifest."""
+
+import ctypes
+import hashlib
+import shutil
+import tempfile
+from pathlib import Path
+
+from runtime.errors import LibraryError
+from runtime.files import json_of
+from runtime.library.compile_cache import compiled_library
+from runtime.library.manifest import Manifest
+
+AGAIN = "run: python -m symgen build"
+
+
+def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> ctypes.CDLL:
+    """The library in the folder, or else that of its C code in the cache.
+
+    Checked: the bytes are those that were compiled, from this manifest, for this machine.
+
+    Raises:
+        LibraryError: it is not so, or the C code cannot be compiled.
+    """
+    name = f"lib{manifest.robot}.so"
+    place = folder
+    if not (folder / name).exists():
+        place = compiled_library(folder, manifest.robot, level)
+    path = place / name
+    try:
+        record = json_of(place / "build.json")
+        sha256, sources = record["sha256"], record["sources"]
+        stated = sources["manifest.json"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise LibraryError(
+            f"'{place}' has no valid build.json beside its library; {AGAIN}"
+        ) from None
+    # Opening a truncated shared object kills the process, so its bytes are checked first.
+    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
+        raise LibraryError(f"the library '{path}' is damaged or not the one built here; {AGAIN}")
+    own = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    if stated != own:
+        raise LibraryError(f"the library '{path}' is older than its manifest.json; {AGAIN}")
+    again = AGAIN if place == folder else "set SYMGEN_CACHE to another folder, or " + AGAIN
+    try:
+        dll = ctypes.CDLL(str(path.resolve()))
+        found = _model_hash(dll, manifest)
+        if found != manifest.model_hash:
+            # By a path it knows, the loader hands out an older build that this process has open.
+            with tempfile.TemporaryDirectory() as fresh:
+                dll = ctypes.CDLL(shutil.copy(path, fresh))
+            found = _model_hash(dll, manifest)
+    except (OSError, AttributeError) as error:
+        raise LibraryError(f"the library '{path}' cannot be used here ({error}); {again}") from None
+    if found != manifest.model_hash:
+        raise LibraryError(
+            f"the library '{path}' belongs to the model {found[:12]}, its manifest to "
+            f"{manifest.model_hash[:12]}; {AGAIN}"
+        )
+    return dll
+
+
+def _model_hash(dll: ctypes.CDLL, manifest: Manifest) -> str:
+    answer = dll[f"{manifest.robot}_model_hash"]
+    answer.restype = ctypes.c_char_p
+    return str(answer().decode())

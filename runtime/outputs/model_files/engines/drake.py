@@ -1,0 +1,80 @@
+"""SDF by Drake, which carries the parser of Gazebo (libsdformat) and its own inverse dynamics."""
+
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from runtime.library import Array, Library
+from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, pi_of, random_states
+
+INSTALL = "pip install 'symgen[export]'"
+
+
+def reload(text: str, lib: Library) -> Reloaded | None:
+    """What libsdformat and Drake read in an SDF; None where they are not installed.
+
+    Raises:
+        Unreadable: one of them refuses it, or finds joints that are not the library's.
+    """
+    try:
+        from pydrake.multibody.parsing import Parser
+        from pydrake.multibody.plant import MultibodyPlant
+        from pydrake.multibody.tree import MultibodyForces
+
+        engine = f"Drake {version('drake')}"
+    except ImportError:
+        return None
+    plant: Any = MultibodyPlant(0.0)
+    try:
+        Parser(plant).AddModelsFromString(text, "sdf")
+        plant.mutable_gravity_field().set_gravity_vector(lib.gravity)
+        plant.Finalize()
+        joints = [plant.GetJointByName(name) for name in lib.joint_names]
+    except (RuntimeError, ValueError) as error:
+        raise Unreadable(error) from None
+    if plant.num_velocities() != lib.n_joints or any(j.num_velocities() != 1 for j in joints):
+        raise Unreadable(f"it has other joints than {', '.join(lib.joint_names)}")
+    at = [joint.velocity_start() for joint in joints]
+    context, states = plant.CreateDefaultContext(), random_states(lib)
+    tau = np.empty_like(states[0])
+    forces = MultibodyForces(plant)
+    for k, rows in enumerate(zip(*states, strict=True)):
+        q, dq, ddq = (_scattered(row, at) for row in rows)
+        plant.SetPositions(context, q)
+        plant.SetVelocities(context, dq)
+        plant.CalcForceElementsContribution(context, forces)
+        tau[k] = plant.CalcInverseDynamics(context, ddq, forces)[at]
+    damping = np.array([joint.default_damping_vector()[0] for joint in joints])
+    return Reloaded(
+        engine,
+        tau - damping * states[1],
+        _parameters(plant, lib),
+        damping=damping,
+    )
+
+
+def _scattered(values: Array, at: list[int]) -> Array:
+    found = np.empty(len(at))
+    found[at] = values
+    return found
+
+
+def _parameters(plant: Any, lib: Library) -> Array:
+    """π of the moving links, with what is welded to each of them."""
+    context = plant.CreateDefaultContext()
+    P = np.zeros((lib.n_joints, 4, 4))
+    for k, name in enumerate(lib.link_names):
+        carrier = plant.GetBodyByName(name)
+        for body in plant.GetBodiesWeldedTo(carrier):
+            T = plant.CalcRelativeTransform(
+                context, carrier.body_frame(), body.body_frame()
+            ).GetAsMatrix4()
+            own = body.CalcSpatialInertiaInBodyFrame(context)
+            inertia = own.CalcRotationalInertia().CopyToFullMatrix3()
+            matter = np.empty((4, 4))
+            matter[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia
+            matter[:3, 3] = matter[3, :3] = own.get_mass() * own.get_com()
+            matter[3, 3] = own.get_mass()
+            P[k] += T @ matter @ T.T
+    return np.array([pi_of(each) for each in P])

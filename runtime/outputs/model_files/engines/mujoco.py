@@ -1,0 +1,80 @@
+"""MJCF by MuJoCo: mj_inverse, constraints off, with damping and armature."""
+
+from typing import Any
+
+import numpy as np
+
+from runtime.library import Array, Library
+from runtime.outputs.model_files.bodies import Body
+from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, pi_of, random_states
+
+INSTALL = "pip install mujoco"
+
+
+def reload(text: str, lib: Library) -> Reloaded | None:
+    """What MuJoCo reads in an MJCF; None where it is not installed.
+
+    Raises:
+        Unreadable: MuJoCo refuses it, or finds joints that are not the library's.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        return None
+    try:
+        model = mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise Unreadable(error) from None
+    names = tuple(model.joint(k).name for k in range(model.njnt))
+    if set(names) != set(lib.joint_names) or model.nv != lib.n_joints:
+        raise Unreadable(
+            f"it has the joints {', '.join(names)}, the library {', '.join(lib.joint_names)}"
+        )
+    # A stiff contact or dry friction would hold the joints; inverse dynamics asks for none.
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    order = [int(model.joint(name).dofadr[0]) for name in lib.joint_names]
+    data, states = mujoco.MjData(model), random_states(lib)
+    tau = np.empty_like(states[0])
+    for k, rows in enumerate(zip(*states, strict=True)):
+        data.qpos[order], data.qvel[order], data.qacc[order] = rows
+        mujoco.mj_inverse(model, data)
+        tau[k] = data.qfrc_inverse[order]
+    _, dq, ddq = states
+    damping, friction, armature = (
+        np.array(values)[order].reshape(lib.n_joints, -1)[:, 0]
+        for values in (model.dof_damping, model.dof_frictionloss, model.dof_armature)
+    )
+    return Reloaded(
+        f"MuJoCo {mujoco.__version__}",
+        tau - damping * dq - armature * ddq,
+        _parameters(mujoco, model, lib),
+        damping=damping,
+        friction=friction,
+        armature=armature,
+    )
+
+
+def _parameters(mujoco: Any, model: Any, lib: Library) -> Array:
+    """π of the moving links, with what is welded to each of them."""
+    joint_body = {int(model.joint(name).bodyid[0]): k for k, name in enumerate(lib.joint_names)}
+    P = np.zeros((lib.n_joints, 4, 4))
+    for body in range(1, model.nbody):
+        carrier = int(model.body_weldid[body])
+        if carrier == 0:
+            continue
+        T, at = np.eye(4), body
+        while at != carrier:
+            T = _placement(mujoco, model.body_pos[at], model.body_quat[at]) @ T
+            at = int(model.body_parentid[at])
+        own = _placement(mujoco, model.body_ipos[body], model.body_iquat[body])
+        inertia = own[:3, :3] @ np.diag(model.body_inertia[body]) @ own[:3, :3].T
+        matter = Body(float(model.body_mass[body]), own[:3, 3], inertia)
+        P[joint_body[carrier]] += T @ matter.pseudo_inertia @ T.T
+    return np.array([pi_of(each) for each in P])
+
+
+def _placement(mujoco: Any, position: Array, quaternion: Array) -> Array:
+    rotation, T = np.empty(9), np.eye(4)
+    mujoco.mju_quat2Mat(rotation, quaternion)
+    T[:3, :3], T[:3, 3] = rotation.reshape(3, 3), position
+    return T

@@ -1,0 +1,81 @@
+"""URDF by pinocchio: rnea on the parsed model."""
+
+from types import ModuleType
+from typing import Any
+from xml.etree.ElementTree import SubElement, tostring
+
+import numpy as np
+from defusedxml.ElementTree import fromstring
+
+from runtime.library import Array, Library
+from runtime.library.manifest import PI_NAMES, PINOCCHIO_NAMES
+from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, random_states
+
+INSTALL = "pip install pin"
+
+
+def reload(text: str, lib: Library) -> Reloaded | None:
+    """What pinocchio reads in a URDF; None where it is not installed.
+
+    Raises:
+        Unreadable: pinocchio refuses it, or finds other joints.
+    """
+    pinocchio = _pinocchio()
+    if pinocchio is None:
+        return None
+    try:
+        model = pinocchio.buildModelFromXML(_with_limits(text))
+    except (ValueError, RuntimeError) as error:
+        raise Unreadable(error) from None
+    if set(model.names[1:]) != set(lib.joint_names):
+        raise Unreadable(
+            f"it has the joints {', '.join(model.names[1:])}, the library "
+            f"{', '.join(lib.joint_names)}"
+        )
+    model.gravity.linear = lib.gravity
+    joints = [model.joints[model.getJointId(name)] for name in lib.joint_names]
+    velocity = [joint.idx_v for joint in joints]
+    order = [PINOCCHIO_NAMES.index(name) for name in PI_NAMES]
+    pi = [model.inertias[joint.id].toDynamicParameters()[order] for joint in joints]
+    return Reloaded(
+        f"pinocchio {pinocchio.__version__}",
+        _torques(pinocchio, model, lib, joints),
+        np.array(pi),
+        damping=np.asarray(model.damping)[velocity],
+        friction=np.asarray(model.friction)[velocity],
+    )
+
+
+def _pinocchio() -> ModuleType | None:
+    try:
+        import pinocchio
+    except ImportError:
+        return None
+    # The package index has a test runner of the same name, without models.
+    return pinocchio if hasattr(pinocchio, "buildModelFromXML") else None
+
+
+def _with_limits(text: str) -> str:
+    """The same URDF with the <limit> that pinocchio's parser insists on where there is none."""
+    root = fromstring(text, forbid_dtd=True)
+    for joint in root.findall("joint"):
+        if joint.get("type") in {"revolute", "prismatic"} and joint.find("limit") is None:
+            SubElement(joint, "limit", {"effort": "1", "velocity": "1"})
+    return tostring(root, "unicode")
+
+
+def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any]) -> Array:
+    """τ of the reloaded model in the library's joint order, (N, n); joints matched by name."""
+    data = model.createData()
+    velocity = [joint.idx_v for joint in joints]
+    position, v, a = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
+    q, dq, ddq = random_states(lib)
+    tau = np.empty_like(q)
+    for k in range(len(q)):
+        for joint, angle in zip(joints, q[k], strict=True):
+            # A continuous joint is a point on the circle for pinocchio.
+            circle = (np.cos(angle), np.sin(angle)) if joint.nq == 2 else (angle,)
+            position[joint.idx_q : joint.idx_q + joint.nq] = circle
+        v[velocity], a[velocity] = dq[k], ddq[k]
+        tau[k] = pinocchio.rnea(model, data, position, v, a)[velocity]
+    return tau

@@ -1,0 +1,83 @@
+"""The franka_description YAML files by PyYAML, applied to the URDF of the kernels."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from runtime.library import Library
+from runtime.outputs.model_files.bodies import Body
+from runtime.outputs.model_files.engines.answer import Unreadable
+from runtime.outputs.model_files.franka import link_keys, short_names
+from runtime.outputs.model_files.urdf import document_text, set_friction, set_inertial
+from runtime.outputs.model_files.urdf_tree import read_tree
+
+INSTALL = "pip install pyyaml"
+ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")
+
+
+def urdf_with_inertials(text: str, lib: Library, urdf: str) -> str | None:
+    """A URDF of the robot with the inertials of the file and no others; None without PyYAML.
+
+    Raises:
+        Unreadable: it is no YAML, or not of this layout.
+    """
+
+    def apply(table: dict[str, Any]) -> str:
+        tree = read_tree(lib, urdf)
+        keys = link_keys(tree)
+        for link in tree.links:
+            entry = table.pop(keys[link], None) if link in keys else None
+            set_inertial(tree, link, None if entry is None else _body(entry))
+        _require_empty(table)
+        return document_text(tree)
+
+    return _applied(text, apply)
+
+
+def urdf_with_friction(text: str, lib: Library, urdf: str) -> str | None:
+    """A URDF of the robot with the damping and friction of the file; None without PyYAML.
+
+    Raises:
+        Unreadable: it is no YAML, or not of this layout.
+    """
+
+    def apply(table: dict[str, Any]) -> str:
+        tree = read_tree(lib, urdf)
+        keys = short_names(lib.joint_names)
+        for name in lib.joint_names:
+            entry = table.pop(keys[name])["dynamic"]
+            set_friction(tree, name, _number(entry["damping"]), _number(entry["friction"]))
+        _require_empty(table)
+        return document_text(tree)
+
+    return _applied(text, apply)
+
+
+def _applied(text: str, apply: Callable[[dict[str, Any]], str]) -> str | None:
+    try:
+        import yaml
+    except ImportError:
+        return None
+    try:
+        return apply(dict(yaml.safe_load(text)))
+    except (yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+        raise Unreadable(error) from None
+
+
+def _body(entry: dict[str, Any]) -> Body:
+    e = {key: _number(entry["inertia"][key]) for key in ENTRIES}
+    rows = [[e["xx"], e["xy"], e["xz"]], [e["xy"], e["yy"], e["yz"]], [e["xz"], e["yz"], e["zz"]]]
+    com = np.array([float(word) for word in entry["origin"]["xyz"].split()])
+    return Body(_number(entry["mass"]), com, np.array(rows))
+
+
+def _number(value: Any) -> float:
+    if not isinstance(value, float):  # YAML 1.1 takes 1e-05 for text
+        raise ValueError(f"expected a number with a decimal point, got {value!r}")
+    return value
+
+
+def _require_empty(table: dict[str, Any]) -> None:
+    if table:
+        raise ValueError(f"unknown keys {', '.join(map(str, table))}")

@@ -1,0 +1,103 @@
+"""MJCF: explicit inertias, joints in the library's order, gravity, ranges, friction, armature.
+
+MuJoCo takes frictionloss as a constraint; damping and armature are what they are here. Proxies of
+the robot become capsules to look at, which collide with nothing.
+"""
+
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import numpy as np
+
+from runtime.outputs.model_files.bodies import Body, digits, quaternion, row
+from runtime.outputs.model_files.model import Model, xml_comment
+from runtime.outputs.model_files.urdf_tree import WORLD, Edge
+
+KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
+
+
+def mjcf_text(model: Model) -> str:
+    """A file that `mujoco.MjModel.from_xml_path` loads; no meshes, no contacts."""
+    lib, tree = model.lib, model.tree
+    root = Element("mujoco", {"model": lib.name})
+    SubElement(
+        root,
+        "compiler",
+        {"angle": "radian", "autolimits": "false", "inertiafromgeom": "false"},
+    )
+    SubElement(root, "option", {"gravity": row(lib.gravity)})
+    world = SubElement(root, "worldbody")
+    top = world if tree.base == WORLD else _body(model, world, tree.base, None)
+    if tree.base == WORLD:
+        _capsules(model, top, tree.base)
+    _descend(model, top, tree.base)
+    actuators = SubElement(root, "actuator")
+    for name, effort in zip(lib.joint_names, lib.limits()["effort"], strict=True):
+        motor = SubElement(actuators, "motor", {"name": name, "joint": name})
+        if np.isfinite(effort) and effort > 0:
+            motor.attrib |= {"ctrllimited": "true", "ctrlrange": row(np.array([-effort, effort]))}
+    indent(root, space="  ")
+    comment = xml_comment(model.robot_comment("Motors take torque [N m] or force [N]."))
+    return comment + tostring(root, "unicode") + "\n"
+
+
+def _descend(model: Model, parent: Element, link: str) -> None:
+    for edge in model.tree.children(link):
+        _descend(model, _body(model, parent, edge.child, edge), edge.child)
+
+
+def _body(model: Model, parent: Element, link: str, edge: Edge | None) -> Element:
+    body = SubElement(parent, "body", {"name": link})
+    if edge is not None:
+        body.attrib |= {
+            "pos": row(edge.placement[:3, 3]),
+            "quat": row(quaternion(edge.placement)),
+        }
+    matter = model.split.bodies.get(link)
+    if matter is not None and matter.mass > 0:
+        SubElement(body, "inertial", _inertial(matter))
+    if edge is not None and edge.kind in KINDS:
+        SubElement(body, "joint", _joint(model, edge))
+    _capsules(model, body, link)
+    return body
+
+
+def _inertial(body: Body) -> dict[str, str]:
+    e = body.entries()
+    full = np.array([e["xx"], e["yy"], e["zz"], e["xy"], e["xz"], e["yz"]])
+    return {"pos": row(body.com), "mass": digits(body.mass), "fullinertia": row(full)}
+
+
+def _joint(model: Model, edge: Edge) -> dict[str, str]:
+    index = model.lib.joint_names.index(edge.name)
+    said = {"name": edge.name, "type": KINDS[edge.kind], "axis": row(edge.axis)}
+    if edge.lower is not None and edge.upper is not None and edge.lower < edge.upper:
+        said |= {"limited": "true", "range": row(np.array([edge.lower, edge.upper]))}
+    drive = model.drive
+    named = {
+        "damping": drive.damping,
+        "frictionloss": drive.friction,
+        "armature": drive.armature,
+    }
+    for key, values in named.items():
+        value = values[index]
+        if value is not None:
+            said[key] = digits(value)
+    return said
+
+
+def _capsules(model: Model, body: Element, link: str) -> None:
+    is_base = link == model.tree.base
+    for proxy in model.lib.proxies:
+        if proxy.link == link or (is_base and proxy.link == "base"):
+            ends = np.array([*proxy.start, *proxy.end])
+            is_ball = bool(np.allclose(proxy.start, proxy.end, rtol=0, atol=1e-6))
+            shape = (
+                {"type": "sphere", "pos": row(ends[:3])}
+                if is_ball
+                else {
+                    "type": "capsule",
+                    "fromto": row(ends),
+                }
+            )
+            rest = {"size": digits(proxy.radius), "contype": "0", "conaffinity": "0"}
+            SubElement(body, "geom", {"name": proxy.name, **shape, **rest, "group": "2"})

@@ -1,0 +1,233 @@
+"""`compare.json` → the page, or the sections, that hold the methods against each other."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RuntimeFault
+from runtime.files import json_of
+from runtime.outputs.report import figures
+from runtime.outputs.report.layout import Page, Section, Table, Tile
+
+NAME = "compare.json"
+FORMAT = 1
+NOTHING, NOT_RUN = "–", "not run"
+LARGEST = 1e9
+"""N·m; what no joint has can neither be drawn."""
+_AGAIN = "compare again, or give the folder that a comparison wrote"
+
+GLOSSARY = (
+    ("test error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, all joints"),
+    ("base error", "100 ‖β − β_true‖ / ‖β_true‖, where the log was simulated"),
+    ("λ_min(P)/tr P", "smallest over the links; below 0 no body of positive density is like that"),
+    ("gap", "(loss − optimum) / optimum in the weighted training loss that all methods share"),
+    ("boundary", "a link next to a plate or a rod, at the edge of what can exist"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One method; what was not measured is NaN or None, rms (n,) is None where it did not run."""
+
+    method: str
+    outcome: str
+    status: str
+    rms: NDArray[np.float64] | None = None
+    test: float = math.nan
+    train: float = math.nan
+    base: float = math.nan
+    seconds: float = math.nan
+    iterations: int | None = None
+    eigenvalue: float = math.nan
+    gap: float = math.nan
+    consistent: bool = False
+    boundary: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Methods:
+    """A comparison as its file tells it."""
+
+    robot: str
+    recording: str
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    before: float
+    entries: tuple[Entry, ...]
+    take: str | None
+    sentences: tuple[str, ...]
+    notes: tuple[str, ...]
+    provenance: tuple[tuple[str, str], ...]
+
+
+def read_methods(folder: Path) -> Methods | None:
+    """The comparison of a folder; None where there is none.
+
+    Raises:
+        RuntimeFault: it is damaged, or of another format.
+    """
+    path = folder / NAME
+    if not path.exists():
+        return None
+    try:
+        raw = json_of(path)
+        if raw["format"] != FORMAT:
+            raise ValueError(f"format {FORMAT}")
+        return _methods(raw)
+    except OSError as error:
+        raise RuntimeFault(f"cannot read '{path}' ({error.strerror or error}); {_AGAIN}") from None
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RuntimeFault(f"'{path}' is damaged (no valid {error}); {_AGAIN}") from None
+
+
+def _methods(raw: Mapping[str, Any]) -> Methods:
+    joints = tuple(map(str, raw["joints"]))
+    units = tuple(str(unit).replace("*", "·") for unit in raw["units"])
+    entries = tuple(_entry(row, len(joints)) for row in raw["rows"])
+    if len(units) != len(joints) or not entries:
+        raise ValueError("'units' or 'rows'")
+    source = raw["provenance"]
+    facts = [("command", source["command"]), ("seed", source["seed"])]
+    facts += [("model hash", source["model_hash"])]
+    facts += [(f"version of {tool}", text) for tool, text in sorted(source["versions"].items())]
+    facts += [(f"SHA-256 of {name}", text) for name, text in sorted(source["files"].items())]
+    return Methods(
+        robot=str(raw["robot"]),
+        recording=str(raw["recording"]["name"]),
+        joints=joints,
+        units=units,
+        before=_number(raw["before_percent"]),
+        entries=entries,
+        take=raw["advice"]["take"],
+        sentences=tuple(map(str, raw["advice"]["sentences"])),
+        notes=tuple(map(str, raw["notes"])),
+        provenance=tuple((key, str(value)) for key, value in facts),
+    )
+
+
+def _entry(row: Mapping[str, Any], n: int) -> Entry:
+    head = (str(row["method"]), str(row["outcome"]), str(row["status"]))
+    if "rms" not in row:
+        return Entry(*head)
+    rms = np.array(row["rms"], dtype=float)
+    if rms.shape != (n,) or not (np.abs(rms) < LARGEST).all():
+        raise ValueError(f"'rms': expected {n} numbers, got {rms.tolist()!r:.60}")
+    return Entry(
+        *head,
+        rms=rms,
+        test=_number(row["test_percent"]),
+        train=_number(row["train_percent"]),
+        base=_number(row["base_error_percent"]),
+        seconds=_number(row["seconds"]),
+        iterations=row["iterations"],
+        eigenvalue=_number(row["smallest_relative_eigenvalue"]),
+        gap=_number(row["gap_to_convex_optimum"]),
+        consistent=bool(row["consistent"]),
+        boundary=bool(row["boundary"]),
+    )
+
+
+def comparison_page(methods: Methods) -> Page:
+    """What is shown where a folder holds nothing but a comparison."""
+    facts = Table(("what", "value"), methods.provenance, kind="facts")
+    return Page(
+        title=f"{methods.robot}: comparison of methods",
+        subtitle=f"{methods.robot} · every method on the same data · {methods.recording}",
+        headline=_sentence(methods.sentences[0]) if methods.sentences else "No advice.",
+        status="",
+        warnings=methods.notes,
+        tiles=_tiles(methods),
+        sections=(*method_sections(methods), Section("Provenance", table=facts)),
+        glossary=GLOSSARY,
+    )
+
+
+def _tiles(methods: Methods) -> tuple[Tile, ...]:
+    ran = [entry for entry in methods.entries if entry.rms is not None]
+    good = [entry for entry in ran if entry.consistent]
+    taken = next((entry for entry in ran if entry.method == methods.take), None)
+    error = NOTHING if taken is None else f"{_percent(methods.before)} → {_percent(taken.test)}"
+    return (
+        Tile("Take", methods.take or "none", "by the rules below", "good" if taken else "bad"),
+        Tile("Its torque error", error, "test split, URDF → identified"),
+        Tile("Consistent answers", f"{len(good)} of {len(ran)}", "every link can exist"),
+        Tile("Methods that ran", f"{len(ran)} of {len(methods.entries)}", "reasons are below"),
+    )
+
+
+def method_sections(methods: Methods) -> tuple[Section, ...]:
+    """Advice, table, bars, and what every method says of itself."""
+    ran = [entry for entry in methods.entries if entry.rms is not None]
+    rows = tuple(_cells(entry) for entry in methods.entries)
+    names = tuple(entry.method for entry in methods.entries)
+    bad = (k for k, e in enumerate(methods.entries) if e.outcome != NOT_RUN and not e.consistent)
+    header = (
+        *("method", "train", "test", "base error", "time [s]", "iterations", "λ_min(P)/tr P"),
+        *("gap", "verdict"),
+    )
+    table = Section(
+        "Methods side by side",
+        f"Same samples, weights and bandwidth. The URDF without friction has "
+        f"{_percent(methods.before)} on test.",
+        Table(header, rows, flagged=frozenset(bad), row_methods=names),
+    )
+    said = Section(
+        "What every method says",
+        items=tuple(f"{e.method}: {_sentence(e.status)}" for e in methods.entries),
+    )
+    why = Section("What to trust, and why", items=tuple(map(_sentence, methods.sentences)))
+    if not ran:
+        return (why, table, said)
+    drawn = figures.method_bars(
+        methods.joints,
+        methods.units,
+        [entry.method for entry in ran],
+        np.array([entry.rms for entry in ran]),
+        [entry.consistent for entry in ran],
+    )
+    bars = Section(
+        "RMS of the torque error per joint and method",
+        "On the test split; blue answers are consistent, orange ones are not. Bars beyond three "
+        "medians are cut (→).",
+        figure=drawn,
+    )
+    return (why, table, bars, said)
+
+
+def _cells(entry: Entry) -> tuple[str, ...]:
+    if entry.rms is None:
+        return (entry.method, *(NOTHING,) * 7, entry.outcome)
+    verdict = "consistent" if entry.consistent else "cannot exist"
+    return (
+        entry.method,
+        _percent(entry.train),
+        _percent(entry.test),
+        _percent(entry.base),
+        f"{entry.seconds:.3f}",
+        NOTHING if entry.iterations is None else str(entry.iterations),
+        f"{entry.eigenvalue:.1e}",
+        _percent(100 * entry.gap),
+        "boundary" if entry.boundary else verdict,
+    )
+
+
+def _number(value: object) -> float:
+    """A float; null counts as NaN, for JSON has no NaN of its own."""
+    return math.nan if value is None else float(value)  # type: ignore[arg-type]
+
+
+def _percent(value: float) -> str:
+    if not math.isfinite(value):
+        return NOTHING
+    digits = "3g" if abs(value) < 1000 else "1e"
+    return f"{value:.{digits}}\N{NO-BREAK SPACE}%"
+
+
+def _sentence(text: str) -> str:
+    """With a full stop."""
+    return text if text.endswith(".") else f"{text}."

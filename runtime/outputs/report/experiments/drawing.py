@@ -1,0 +1,228 @@
+"""Figures 3.1 to 5.8 and A.1 to A.4 in the document's form: a view draws itself into a figure.
+
+One drawing serves the page (SVG in its colours) and pictures (PNG); artists carry the name of
+their method so that the page's filter finds them.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+
+from runtime.outputs.report.experiments.reading import Array, Experiment, Key, Value, View
+from runtime.outputs.report.experiments.tables import cases_of
+from runtime.outputs.report.experiments.words import DOCUMENT, case_name, curve_name, method_name
+from runtime.outputs.report.figures import thinned
+from runtime.outputs.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION
+from runtime.outputs.report.svg import OWNER, page_figure, svg
+
+LINES = (
+    *((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":")),
+    *((VERMILION, "-"), (SKY, "--"), (INK, "-")),
+)
+"""Colour and dashes: told apart with any colour vision, and in print."""
+POINTS = 700
+"""Of one curve."""
+MOTION = ("position", "velocity", "acceleration", "torque")
+UNITS = ("rad", "rad/s", "rad/s²", "N·m")
+_BAR = 0.8
+_ENTRY = 1.85
+"""Width of an entry of a legend, inches."""
+
+
+def has_figure(view: View) -> bool:
+    """Whether a view is more than a table."""
+    return view.kind != "table"
+
+
+def height(experiment: Experiment, view: View) -> float:
+    """Inches, for a figure of the page's width."""
+    if view.kind == "lines" and _is_per_joint(experiment, view):
+        return 5.0
+    per_case = 2.8 * len(cases_of(experiment, view))
+    return {"path": 5.0, "motion": 5.2, "bars": per_case}.get(view.kind, 3.4)
+
+
+def inline(experiment: Experiment, view: View) -> Markup:
+    """SVG for the page."""
+    with page_figure(height(experiment, view)) as figure:
+        draw(figure, experiment, view)
+        return svg(figure, view.id)
+
+
+def draw(figure: Figure, experiment: Experiment, view: View) -> None:
+    """The view, into a blank figure."""
+    _KINDS[view.kind](figure, experiment, view)
+
+
+def _band(figure: Figure, experiment: Experiment, view: View) -> None:
+    iteration, mean, std = (experiment.series[name] for name in view.series)
+    name = curve_name(view.series[1])
+    axis = figure.subplots()
+    low = np.maximum(mean - std, 0)
+    axis.fill_between(
+        iteration, low, mean + std, color=SKY, alpha=0.3, linewidth=0, label="± 1 std"
+    )
+    axis.plot(iteration, mean, color=BLUE, label=f"mean of {experiment.trials} trials, {name}")
+    axis.set_ylim(bottom=0)
+    _finish(axis, view)
+
+
+def _lines(figure: Figure, experiment: Experiment, view: View) -> None:
+    if _is_per_joint(experiment, view):
+        _joints(figure, experiment, view)
+        return
+    axis = figure.subplots()
+    pairs = _curves(experiment, view)
+    for (name, x, y), (colour, dashes) in zip(pairs, LINES, strict=False):
+        broad = 3.0 if dashes == "-" and len(pairs) > 1 else 1.2
+        alpha = 0.6 if broad > 2 else 1.0
+        axis.plot(
+            *thinned(x, y, POINTS), color=colour, linestyle=dashes, label=name, linewidth=broad,
+            alpha=alpha,
+        )  # fmt: skip
+    _finish(axis, view)
+
+
+def _curves(experiment: Experiment, view: View) -> list[tuple[str, Array, Array]]:
+    """Name, x and y: curves of one x, or each with an iteration of its own."""
+    names, series = view.series, experiment.series
+    if all(name.endswith("iteration") for name in names[::2]):
+        pairs = zip(names[::2], names[1::2], strict=True)
+        return [(curve_name(y), series[x], series[y]) for x, y in pairs]
+    return [(curve_name(name), series[names[0]], series[name]) for name in names[1:]]
+
+
+def _is_per_joint(experiment: Experiment, view: View) -> bool:
+    return any(experiment.series[name].ndim == 2 for name in view.series)
+
+
+def _joints(figure: Figure, experiment: Experiment, view: View) -> None:
+    """A panel per joint, the curves one over the other."""
+    across = 4
+    down = -(-len(experiment.joints) // across)
+    axes = figure.subplots(down, across, sharex=True, squeeze=False).ravel()
+    styles = ({"color": SKY, "linewidth": 3.0}, {"color": INK, "linestyle": "--"})
+    for j, axis in enumerate(axes[: len(experiment.joints)]):
+        for (name, x, y), look in zip(_curves(experiment, view), styles, strict=False):
+            axis.plot(*thinned(x, y[:, j], POINTS), label=name, **look)  # type: ignore[arg-type]
+        axis.set_title(experiment.joints[j])
+        axis.margins(x=0)
+        axis.set_xlabel(view.axes[0])
+    axes[0].set_ylabel(view.axes[1])
+    for axis in axes[len(experiment.joints) :]:
+        axis.set_axis_off()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+
+
+def _path(figure: Figure, experiment: Experiment, view: View) -> None:
+    path = experiment.series[view.series[0]]
+    if path.ndim == 3:  # poses of the tip
+        path = path[:, :3, 3]
+    axis: Any = figure.add_subplot(projection="3d")
+    assert isinstance(axis, Axes3D)  # noqa: S101  what the projection makes
+    kept = path[:: max(1, len(path) // POINTS)]
+    axis.plot(*kept.T, color=BLUE)
+    axis.plot(*path[:1].T, "o", color=GREEN, label="start and end")
+    axis.set_box_aspect(np.ptp(path, axis=0), zoom=0.9)
+    for name, one in zip("xyz", (axis.xaxis, axis.yaxis, axis.zaxis), strict=True):
+        one.set_pane_color((1, 1, 1, 0))
+        one.set_label_text(f"{name} [m]")
+        one.get_major_locator().set_params(nbins=4)
+    axis.legend(loc="upper right")
+
+
+def _motion(figure: Figure, experiment: Experiment, view: View) -> None:
+    t, *motion = (experiment.series[name] for name in view.series)
+    axes = figure.subplots(2, 2, sharex=True).ravel()
+    for axis, values, name, unit in zip(axes, motion, MOTION, UNITS, strict=True):
+        for j, (colour, dashes) in enumerate(LINES[: values.shape[1]]):
+            x, y = thinned(t, values[:, j], POINTS // 2)
+            axis.plot(x, y, color=colour, linestyle=dashes, label=experiment.joints[j])
+        axis.set_title(f"{name} [{unit}]")
+        axis.margins(x=0)
+    for axis in axes[2:]:
+        axis.set_xlabel(view.axes[0])
+    handles = axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=len(experiment.joints))
+
+
+def _loglog(figure: Figure, experiment: Experiment, view: View) -> None:
+    x, curve, reference = (experiment.series[name] for name in view.series)
+    axis = figure.subplots()
+    name, other = (curve_name(key) for key in view.series[1:])
+    seen = curve > 0
+    axis.loglog(x, reference, color=ORANGE, linestyle="--", label=other)
+    axis.loglog(x[seen], curve[seen], color=BLUE, marker="o", markersize=3, label=name)
+    for one in (axis.xaxis, axis.yaxis):  # the formatter of logarithms writes mathematics
+        one.set_major_formatter(lambda value, _: f"{value:.0e}")
+        one.set_minor_formatter(lambda *_: "")
+    _finish(axis, view)
+
+
+def _bars(figure: Figure, experiment: Experiment, view: View) -> None:
+    """A panel per case, a group per figure, a bar per method, the document's beside ours."""
+    cases = cases_of(experiment, view)
+    told = experiment.document.get(view.document, {})
+    axes = figure.subplots(len(cases), 1, squeeze=False).ravel()
+    colours = dict(zip(experiment.methods, (c for c, _ in LINES), strict=False))
+    for axis, case in zip(axes, cases, strict=True):
+        bars = [
+            (method, known is told, heights)
+            for method in experiment.methods
+            for known in (told, experiment.values)
+            if not np.isnan(heights := _heights(known, case, method, view.metrics)).all()
+        ]
+        wide = _BAR / max(len(bars), 1)
+        for k, (method, is_document, heights) in enumerate(bars):
+            owner = DOCUMENT if is_document else method_name(method)
+            label = f"{DOCUMENT}, {method_name(method)}" if is_document else owner
+            drawn = axis.bar(
+                np.arange(len(heights)) - _BAR / 2 + (k + 0.5) * wide,
+                heights,
+                wide,
+                label=label,
+                color="none" if is_document else colours[method],
+                edgecolor=colours[method],
+                linewidth=0.8,
+                hatch="////" if is_document else None,
+            )
+            for bar in drawn:
+                bar.set_gid(f"{OWNER}{owner}")
+        axis.set_xticks(range(len(view.metrics)), [_joint(m) for m in view.metrics])
+        axis.grid(visible=False, axis="x")
+        axis.set_title(experiment.cases.get(case, case_name(case)))
+        axis.set_ylabel(view.axes[1] or "%")
+    columns = min(4, int(figure.get_figwidth() / _ENTRY))
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=columns)
+
+
+def _heights(known: Mapping[Key, Value], case: str, method: str, metrics: tuple[str, ...]) -> Array:
+    values = [known.get((case, method, metric), Value(math.nan)).mean for metric in metrics]
+    return np.array(values, dtype=float)
+
+
+def _joint(metric: str) -> str:
+    return f"joint {metric.rpartition('_')[2]}"
+
+
+def _finish(axis: Axes, view: View) -> None:
+    axis.margins(x=0.01)
+    axis.set_xlabel(view.axes[0])
+    axis.set_ylabel(view.axes[1])
+    axis.legend()
+
+
+_KINDS: dict[str, Callable[[Figure, Experiment, View], None]] = {
+    "band": _band,
+    "lines": _lines,
+    "path": _path,
+    "motion": _motion,
+    "loglog": _loglog,
+    "bars": _bars,
+}

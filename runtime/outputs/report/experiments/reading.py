@@ -1,0 +1,277 @@
+"""A folder of experiments → frozen `Experiment`s, each checked against the files it vouches for.
+
+`result.json` names the sha256 of `trials.parquet` and `series.npz`; its config hash must be that
+of `config.json` and of the trials, and its summary must be what the trials say. A study that has
+not finished is told, one that is damaged is an error: a table never shows half of the truth.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError, RuntimeFault
+from runtime.files import json_of, require_file
+from runtime.outputs.report.experiments.curves import is_drawable
+from runtime.recording.formats.parquet import rows_of
+from runtime.recording.formats.tables import open_npz
+
+Array = NDArray[np.float64]
+
+FORMAT = 1
+RESULT, CONFIG, TRIALS, SERIES = "result.json", "config.json", "trials.parquet", "series.npz"
+KINDS = ("table", "band", "lines", "path", "motion", "loglog", "bars")
+AGREEMENT = 1e-9
+"""Relative, of summary and trials: sums of doubles in another order."""
+WANTED = (
+    *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
+    *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
+    *(f"fig-5.{k}" for k in (1, 2, 3, 4, 5, 7, 8)),
+    *("fig-A.1", "fig-A.2", "fig-A.3", "fig-A.4", "tables-B"),
+)
+"""What the document has, by id."""
+_AGAIN = "run python -m runtime reproduce again"
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """Mean, standard deviation (None: a single number) and count of one figure."""
+
+    mean: float
+    std: float | None = None
+    n: int | None = None
+
+
+Key = tuple[str, str, str]
+"""Case, method, metric."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One table or figure of the document, see `runtime.experiments.study.View`."""
+
+    id: str
+    kind: str
+    title: str
+    cases: tuple[str, ...]
+    metrics: tuple[str, ...]
+    series: tuple[str, ...]
+    axes: tuple[str, str]
+    document: str
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One study as its folder tells it.
+
+    Attributes:
+        name: of its folder.
+        document: the document's own numbers by id, then by key.
+        source: where they stand in the document, by id.
+        provenance: words and values.
+    """
+
+    name: str
+    title: str
+    trials: int
+    config_hash: str
+    joints: tuple[str, ...]
+    cases: Mapping[str, str]
+    methods: Mapping[str, str]
+    views: tuple[View, ...]
+    series: Mapping[str, Array]
+    values: Mapping[Key, Value]
+    document: Mapping[str, Mapping[Key, Value]]
+    source: Mapping[str, str]
+    facts: Mapping[str, Any]
+    provenance: tuple[tuple[str, str], ...]
+
+
+def is_experiments(folder: Path) -> bool:
+    """Whether a folder holds studies, finished or not, or is one."""
+    return bool(_places(folder))
+
+
+def read_experiments(folder: Path) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
+    """The finished studies of a folder, by name, and a sentence for each that is not finished.
+
+    Raises:
+        RuntimeFault: a study is damaged or not what its config says, or none is finished.
+    """
+    found, notes = [], []
+    for place in _places(folder):
+        if (place / RESULT).exists():
+            found.append(read_experiment(place))
+        else:
+            notes.append(f"{place.name} is not finished and is left out; {_AGAIN}")
+    if not found:
+        raise RuntimeFault(f"'{folder}' holds no finished experiment; {_AGAIN}")
+    return tuple(sorted(found, key=_first)), tuple(notes)
+
+
+def _first(experiment: Experiment) -> tuple[int, str]:
+    """Where the document has it."""
+    places = [WANTED.index(view.id) for view in experiment.views if view.id in WANTED]
+    return min(places, default=len(WANTED)), experiment.name
+
+
+def _places(folder: Path) -> list[Path]:
+    inside = [path for path in sorted(folder.glob("*/")) if (path / CONFIG).is_file()]
+    return [folder] if (folder / CONFIG).is_file() else inside
+
+
+def read_experiment(folder: Path) -> Experiment:
+    """One study.
+
+    Raises:
+        RuntimeFault: a file is missing, damaged, foreign, or does not fit the others.
+    """
+    path = folder / RESULT
+    try:
+        raw = json_of(path)
+        known = json_of(folder / CONFIG)
+        if raw["format"] != FORMAT:
+            raise ValueError(f"format {FORMAT}")
+        _require_whole(folder, raw, known)
+        file = open_npz((folder / SERIES).read_bytes(), SERIES)
+        series = {name: np.array(values, dtype=float) for name, values in file.items()}
+        return _experiment(raw, series)
+    except OSError as error:
+        name = Path(error.filename or path).name
+        raise RuntimeFault(
+            f"cannot read '{folder / name}' ({error.strerror or error}); {_AGAIN}"
+        ) from None
+    except (RecordingError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RuntimeFault(f"'{path}' is damaged (no valid {error}); {_AGAIN}") from None
+
+
+def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    for name in (TRIALS, SERIES):
+        found = hashlib.sha256(require_file(folder / name).read_bytes()).hexdigest()
+        if found != raw["files"][name]:
+            raise RuntimeFault(
+                f"'{folder / name}' is not the file that {RESULT} vouches for; {_AGAIN}"
+            )
+    mark, rows = _trials(folder / TRIALS)
+    if not raw["config_hash"] == known["config_hash"] == mark or raw["config"] != known["config"]:
+        raise RuntimeFault(f"the files of '{folder}' are of different configs; {_AGAIN}")
+    counted: dict[Key, list[float]] = {}
+    for row in rows:
+        for name, value in row.items():
+            if name not in {"case", "method", "trial", "status"} and value is not None:
+                counted.setdefault((row["case"], row["method"], name), []).append(float(value))
+    told = {(e["case"], e["method"], e["metric"]): e for e in raw["summary"]}
+    both = counted.keys() & told.keys()
+    wrong = (counted.keys() ^ told.keys()) | {k for k in both if not _agrees(told[k], counted[k])}
+    if wrong:
+        words = " ".join(min(wrong))
+        raise RuntimeFault(
+            f"'{folder / RESULT}' does not say what its trials say ({words}); {_AGAIN}"
+        )
+
+
+def _agrees(told: Mapping[str, Any], values: list[float]) -> bool:
+    with np.errstate(all="ignore"):  # what overflows agrees with nothing
+        std = float(np.std(values, ddof=1)) if len(values) > 1 else None
+        pairs = [(told["mean"], float(np.mean(values)))]
+    if std is not None and told["std"] is not None:
+        pairs.append((told["std"], std))
+    scale = max(map(abs, values))
+    near = all(math.isclose(a, b, rel_tol=AGREEMENT, abs_tol=AGREEMENT * scale) for a, b in pairs)
+    return told["n"] == len(values) and near and (std is None) == (told["std"] is None)
+
+
+def _trials(path: Path) -> tuple[str, list[dict[str, Any]]]:
+    """The config hash of trials.parquet, and its rows."""
+    try:
+        import pyarrow.parquet  # noqa: F401
+    except ImportError:
+        raise RuntimeFault(
+            "the trials of experiments are Parquet, which needs pyarrow; install it with: "
+            "pip install 'symgen[experiments]'"
+        ) from None
+    metadata, rows = rows_of(path)
+    return metadata.get(b"config_hash", b"").decode(errors="replace"), rows
+
+
+def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
+    values = {
+        (e["case"], e["method"], e["metric"]): Value(e["mean"], e["std"], e["n"])
+        for e in raw["summary"]
+    }
+    document: dict[str, dict[Key, Value]] = {}
+    for e in raw["document"]:
+        own = document.setdefault(e["id"], {})
+        own[e["case"], e["method"], e["metric"]] = Value(e["mean"], e["std"])
+    views = tuple(_view(entry, series) for entry in raw["views"])
+    views = tuple(_with_document(view, views, document) for view in views)
+    return Experiment(
+        name=str(raw["study"]),
+        title=str(raw["title"]),
+        trials=int(raw["trials"]),
+        config_hash=str(raw["config_hash"]),
+        joints=tuple(map(str, raw["joints"])),
+        cases=dict(raw["cases"]),
+        methods=dict(raw["methods"]),
+        views=views,
+        series=series,
+        values=values,
+        document=document,
+        source={e["id"]: str(e["source"]) for e in raw["document"]},
+        facts=dict(raw["facts"]),
+        provenance=_provenance(raw),
+    )
+
+
+def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
+    x, y = raw["axes"]
+    view = View(
+        id=str(raw["id"]),
+        kind=str(raw["kind"]),
+        title=str(raw["title"]),
+        cases=tuple(map(str, raw["cases"])),
+        metrics=tuple(map(str, raw["metrics"])),
+        series=tuple(map(str, raw["series"])),
+        axes=(str(x), str(y)),
+        document=str(raw["document"] or raw["id"]),
+    )
+    missing = [name for name in view.series if name not in series]
+    if view.kind not in KINDS or missing:
+        raise ValueError(f"view '{view.id}': kind '{view.kind}', missing series {missing}")
+    if not is_drawable(view.kind, [series[name] for name in view.series], view.series):
+        shapes = ", ".join(str(series[name].shape) for name in view.series)
+        raise ValueError(f"view '{view.id}': a picture '{view.kind}' of series of {shapes}")
+    return view
+
+
+def _with_document(
+    view: View, views: tuple[View, ...], document: Mapping[str, Mapping[Key, Value]]
+) -> View:
+    """Bars stand beside the document's numbers of the first table of the same cases and figures."""
+    if view.kind != "bars" or view.document in document:
+        return view
+    for other in views:
+        told = {metric for _, _, metric in document.get(other.document, {})}
+        if other.cases == view.cases and told & set(view.metrics):
+            return replace(view, document=other.document)
+    return view
+
+
+def _provenance(raw: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    facts: list[tuple[str, Any]] = [
+        ("config hash", raw["config_hash"]),
+        ("command", raw["command"]),
+        ("trials", raw["trials"]),
+        ("robot", raw["robot"]),
+        ("model hash", raw["model_hash"]),
+        ("versions", ", ".join(f"{k} {v}" for k, v in sorted(raw["versions"].items()))),
+        *((f"SHA-256 of {name}", digest) for name, digest in sorted(raw["files"].items())),
+        ("config", json.dumps(raw["config"], ensure_ascii=False)),
+    ]
+    return tuple((word, str(value)) for word, value in facts)

@@ -1,0 +1,107 @@
+"""The result section of a README and its three pictures, from the experiments alone.
+
+What depends on the machine (times) stays out: the same results give the same text and pictures.
+"""
+
+from pathlib import Path
+
+from runtime.errors import RuntimeFault
+from runtime.files import replacing
+from runtime.outputs.report.experiments.page import caption
+from runtime.outputs.report.experiments.pictures import write_picture
+from runtime.outputs.report.experiments.reading import Experiment, View
+from runtime.outputs.report.experiments.words import (
+    AIRM,
+    best_method,
+    case_name,
+    measured,
+    printed,
+    short_hash,
+)
+
+BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
+GALLERY = ".gallery"
+PICTURES = 3
+CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig-A.2")
+"""The first of these that there are."""
+LARGEST = 60_000
+"""Bytes of a picture."""
+_SIZE, _DPI = (5.6, 3.4), 90
+
+
+def write_readme(experiments: tuple[Experiment, ...], path: Path, command: str) -> tuple[Path, ...]:
+    """Replace what stands between the markers; the pictures go beside, into `.gallery`.
+
+    Raises:
+        RuntimeFault: no such file, no markers in it, or a picture that grew too large.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise RuntimeFault(f"cannot read '{path}' ({error.strerror}); name a README") from None
+    before, begin, rest = text.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise RuntimeFault(f"'{path}' has no place for results; put {BEGIN} and {END} into it")
+    pictures = _pictures(experiments, path.parent / GALLERY)
+    gallery = [f"![{title}]({GALLERY}/{file.name})" for title, file in pictures]
+    body = ["", f"`{command}` wrote this section.", "", *_table(experiments)]
+    body += ["", " ".join(gallery), ""] if gallery else [""]
+    with replacing(path) as file:
+        file.write(f"{before}{BEGIN}{chr(10).join(body)}{END}{after}".encode())
+    return (path, *(file for _, file in pictures))
+
+
+def _pictures(experiments: tuple[Experiment, ...], folder: Path) -> list[tuple[str, Path]]:
+    there = {view.id: (e, view) for e in experiments for view in e.views}
+    written = []
+    for name in [name for name in CHOICE if name in there][:PICTURES]:
+        experiment, view = there[name]
+        path = folder / f"{name}.png"
+        write_picture(experiment, view, path, _SIZE, _DPI)
+        if path.stat().st_size > LARGEST:
+            raise RuntimeFault(f"'{path}' has {path.stat().st_size} bytes, allowed are {LARGEST}")
+        written.append((f"{caption(view)}: {view.title}", path))
+    return written
+
+
+def _table(experiments: tuple[Experiment, ...]) -> list[str]:
+    lines = [
+        "| document | case | figure | document's | λ-Adam as there | ours | config |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    shown: set[tuple[str, str, str]] = set()
+    for experiment in experiments:
+        for view in (v for v in experiment.views if v.kind == "table"):
+            for case in view.cases:
+                cells = _airm(experiment, view, case) or _torque(experiment, view, case)
+                if cells and (experiment.name, case, cells[0]) not in shown:
+                    shown.add((experiment.name, case, cells[0]))
+                    head = f"{caption(view)} | {case_name(case)}"
+                    lines.append(f"| {head} | {' | '.join(cells)} | `{short_hash(experiment)}` |")
+    return lines
+
+
+def _airm(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | None:
+    told = experiment.document.get(view.document, {}).get((case, "adam", AIRM))
+    ours = experiment.values.get((case, "adam", AIRM))
+    if told is None or ours is None:
+        return None
+    best = experiment.values.get((case, best_method(experiment), AIRM))
+    return "AIRM", printed(told, AIRM), measured(ours, AIRM), measured(best, AIRM)
+
+
+def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | None:
+    """The mean over the joints of the mean errors."""
+    told = experiment.document.get(view.document, {})
+    names = [m for m in view.metrics if (case, "adam", m) in told]
+    names = [m for m in names if m.startswith("tau_error_")]
+    sources = (
+        (told, "adam"),
+        (experiment.values, "adam"),
+        (experiment.values, best_method(experiment)),
+    )
+    if not names or any((case, who, m) not in known for known, who in sources for m in names):
+        return None
+    means = [sum(known[case, who, m].mean for m in names) / len(names) for known, who in sources]
+    return "torque error, mean of joints %", *(f"{mean:.2g}" for mean in means)

@@ -1,0 +1,126 @@
+"""Views → tables: a line per figure, a block of columns per case, the document beside ours."""
+
+from collections.abc import Iterator
+
+from runtime.outputs.report.experiments.reading import Experiment, View
+from runtime.outputs.report.experiments.words import (
+    DOCUMENT,
+    NOTHING,
+    case_name,
+    measured,
+    method_name,
+    metric_name,
+    printed,
+)
+from runtime.outputs.report.layout import Table
+
+MANY = 7
+"""Methods beside each other; more of them become lines."""
+Column = tuple[str, str, bool]
+"""Case, method, and whether the number is the document's."""
+
+
+def tables(experiment: Experiment, view: View) -> Iterator[Table]:
+    """One table; several where its methods have no figure in common, as π, λ and β have none.
+
+    Bars are drawn from a table that stands elsewhere.
+    """
+    if view.kind == "bars":
+        return
+    for methods in _families(experiment, view):
+        columns = list(_columns(experiment, view, methods))
+        rows = [
+            (metric_name(metric), *(_cell(experiment, view, c, metric) for c in columns))
+            for metric in view.metrics
+        ]
+        rows = [row for row in rows if any(cell != NOTHING for cell in row[1:])]
+        if not columns or not rows:
+            continue
+        made = _table(columns, rows)
+        yield _turned(made) if len(methods) > MANY and not made.groups else made
+
+
+def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> Table:
+    told = {column[1] for column in columns if column[2]}
+    names = [_head(column, told) for column in columns]
+    cases = list(dict.fromkeys(case for case, _, _ in columns))
+    groups = [("", 1), *((case_name(c), sum(k[0] == c for k in columns)) for c in cases)]
+    return Table(
+        ("figure", *names),
+        tuple(rows),
+        kind="numbers paired",
+        groups=tuple(groups) if len(cases) > 1 else (),
+        column_methods=(
+            "",
+            *(DOCUMENT if own else method_name(method) for _, method, own in columns),
+        ),
+    )
+
+
+def _turned(table: Table) -> Table:
+    """A line per method, so that methods can be sorted by any figure."""
+    lines = tuple(zip(table.header, *table.rows, strict=True))
+    return Table(
+        ("method", *lines[0][1:]),
+        lines[1:],
+        kind=table.kind,
+        row_methods=table.column_methods[1:],
+    )
+
+
+def _head(column: Column, told: set[str]) -> str:
+    _, method, is_document = column
+    if not is_document:
+        return method_name(method)
+    return f"{DOCUMENT}, {method_name(method)}" if len(told) > 1 else DOCUMENT
+
+
+def _families(experiment: Experiment, view: View) -> list[list[str]]:
+    """Methods that share figures, in their order."""
+    families: list[tuple[list[str], set[str]]] = []
+    for method in experiment.methods:
+        own = {
+            metric
+            for case in cases_of(experiment, view)
+            for metric in view.metrics
+            if (case, method, metric) in experiment.values
+        }
+        near = next((f for f in families if f[1] & own), None)
+        if near is not None:
+            near[0].append(method)
+            near[1].update(own)
+        elif own:
+            families.append(([method], own))
+    return [methods for methods, _ in families]
+
+
+def _columns(experiment: Experiment, view: View, methods: list[str]) -> Iterator[Column]:
+    told = experiment.document.get(view.document, {})
+    for case in cases_of(experiment, view):
+        for method in methods:
+            for is_document, known in ((True, told), (False, experiment.values)):
+                if any((case, method, metric) in known for metric in view.metrics):
+                    yield case, method, is_document
+
+
+def _cell(experiment: Experiment, view: View, column: Column, metric: str) -> str:
+    case, method, is_document = column
+    key = (case, method, metric)
+    if is_document:
+        return printed(experiment.document[view.document].get(key), metric)
+    return measured(experiment.values.get(key), metric)
+
+
+def cases_of(experiment: Experiment, view: View) -> tuple[str, ...]:
+    """Those of the view, or all."""
+    return view.cases or tuple(experiment.cases)
+
+
+def markdown(table: Table) -> str:
+    """A table as Markdown; what groups its columns stands in their heads."""
+    head = list(table.header)
+    if table.groups:
+        above = [text for text, width in table.groups for _ in range(width)]
+        head = [f"{a}: {b}" if a else b for a, b in zip(above, head, strict=True)]
+    lines = [head, ["---", *("---:" for _ in head[1:])], *table.rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', '∣') for cell in line)} |" for line in lines)

@@ -1,0 +1,123 @@
+"""Names and numbers of the experiments as people read them."""
+
+import math
+
+from runtime.outputs.report.experiments.reading import Experiment, Value
+
+DOCUMENT = "document"
+NOTHING = "–"
+METHODS = {
+    "adam": "λ-Adam",
+    "adam-frozen": "λ-Adam, link 7 frozen",
+    "map": "MAP",
+    "lm": "LM",
+    "pc-ols": "PC-IDIM-OLS",
+    "map-friction": "MAP + friction",
+    "map-dahl": "MAP + Dahl",
+    "fixed-arm": "payload alone",
+    "nn": "neural",
+}
+BEST = ("map-friction", "map", "lm")
+"""Our method: the first of these that a study has; lm goes on from MAP where there is no noise."""
+_OURS = {"search", "check", "pi", "lam", "beta"}
+"""Methods that are none: there is one number, ours."""
+_METRICS = {
+    "airm": "AIRM",
+    "frobenius": "Frobenius norm",
+    "frobenius_rms": "Frobenius norm / n",
+    "base_error": "base parameters, error %",
+    "smallest_eigenvalue": "smallest relative eigenvalue of P",
+    "iterations": "iterations",
+    "time_s": "time [s]",
+    "consistent": "physical consistency",
+    "tau_error": "torque error, all joints [%]",
+    "cost_before": "log cond before",
+    "cost_after": "log cond after",
+    "condition_before": "condition number before",
+    "condition_after": "condition number after",
+    "gap": "gap to the convex optimum",
+    "mass_error_g": "error of the mass [g]",
+    "com_error_mm": "error of the centre of mass [mm]",
+    "difference": "largest difference [N·m]",
+    "slope": "slope",
+}
+_SERIES = {
+    "tau_idm": "inverse dynamics",
+    "tau_regressor": "regressor Y π",
+    "tau_5_full": "full regressor Y π",
+    "tau_5_base": "base regressor Y_b β",
+    "remainder": "|R(ε)|",
+    "slope_two": "slope two",
+}
+AIRM, CONSISTENT = "airm", "consistent"
+
+
+def method_name(method: str) -> str:
+    """What a column is called."""
+    if method in METHODS or method in _OURS:
+        return METHODS.get(method, "ours")
+    return method.upper() if len(method) <= 5 and method != "before" else method
+
+
+def metric_name(metric: str) -> str:
+    """What a line is called."""
+    kind, _, joint = metric.rpartition("_")
+    if kind in {"tau_error", "tau_rms"} and joint.isdigit():
+        return f"joint {joint} [{'%' if kind == 'tau_error' else 'N·m'}]"
+    return _METRICS.get(metric, metric.replace("omega_", "ω").replace("b_", "b "))
+
+
+def curve_name(name: str) -> str:
+    """What a curve is called; CASE/METHOD/… is its method."""
+    parts = name.split("/")
+    return method_name(parts[1]) if len(parts) > 1 else _SERIES.get(name, name)
+
+
+def case_name(case: str) -> str:
+    """What a group of columns is called."""
+    return case.replace("sigma=", "σ = ").replace("p=", "p = ")
+
+
+def printed(value: Value | None, metric: str) -> str:
+    """The document's number with the digits it has there."""
+    if value is None:
+        return NOTHING
+    if metric == CONSISTENT:
+        return _share(value.mean)
+    mean = _as_given(value.mean)
+    return mean if value.std is None else f"{mean} ± {_as_given(value.std)}"
+
+
+def measured(value: Value | None, metric: str) -> str:
+    """Our mean to three digits, its standard deviation to the same decimal; a number to five."""
+    if value is None:
+        return NOTHING
+    if metric == CONSISTENT:
+        return _share(value.mean)
+    size = abs(value.mean)
+    if not math.isfinite(value.mean):
+        return NOTHING
+    if value.std is None:
+        return f"{value.mean:.5g}"
+    if size and not 1e-3 <= size < 1e5:
+        return f"{value.mean:.1e} ± {value.std:.0e}"
+    digits = 4 if not size else max(0, 2 - math.floor(math.log10(size)))
+    return f"{value.mean:.{digits}f} ± {value.std:.{digits}f}"
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.3g}\N{NO-BREAK SPACE}%"
+
+
+def _as_given(value: float) -> str:
+    return repr(value)
+
+
+def short_hash(experiment: Experiment) -> str:
+    """Enough of the config hash to find it."""
+    return experiment.config_hash[:12]
+
+
+def best_method(experiment: Experiment) -> str:
+    """Our method of a study; "" where it has none."""
+    return next((name for name in BEST if name in experiment.methods), "")

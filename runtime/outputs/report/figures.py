@@ -1,0 +1,182 @@
+"""The figures of an identification and of a comparison: arrays → inline SVG."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from runtime.outputs.report.svg import AFTER, BEFORE, INK, MEASURED, page_figure, svg
+
+Array = NDArray[np.float64]
+
+POINTS = 60_000
+"""Vertices in one figure, about 1 MB of SVG."""
+
+
+def torques(
+    joints: Sequence[str],
+    units: Sequence[str],
+    t: Array,
+    measured: Array,
+    before: Array,
+    after: Array,
+) -> Markup:
+    """Torque (left) and measured − predicted (right) of each joint over the test split.
+
+    Args:
+        joints: n names.
+        units: n units.
+        t: (N,) s.
+        measured: (N, n).
+        before: (N, n), predicted by the URDF.
+        after: (N, n), predicted by the identified parameters.
+    """
+    n = len(joints)
+    most = max(50, POINTS // (5 * n))
+    with page_figure(height=0.6 + 1.15 * n) as figure:
+        axes = figure.subplots(n, 2, sharex=True, squeeze=False, width_ratios=(3, 2))
+        for j, (left, right) in enumerate(axes):
+            for values, colour, label in (
+                (measured, MEASURED, "measured"),
+                (before, BEFORE, "predicted before"),
+                (after, AFTER, "predicted after"),
+            ):
+                left.plot(*thinned(t, values[:, j], most), color=colour, label=label)
+                if values is not measured:
+                    error = measured[:, j] - values[:, j]
+                    right.plot(*thinned(t, error, most), color=colour)
+            left.set_title(f"{joints[j]}  [{units[j]}]")
+            left.margins(x=0)
+        axes[0, 1].set_title("measured − predicted")
+        for axis in axes[-1]:
+            axis.set_xlabel("time [s]")
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        return svg(figure, "torques")
+
+
+def mass_change(links: Sequence[str], before: Array, after: Array) -> Markup:
+    """Bars of m_after − m_before per link, kg, labelled with the two masses."""
+    n = len(links)
+    change = after - before
+    with page_figure(height=0.7 + 0.28 * n) as figure:
+        axis = figure.subplots()
+        bars = axis.barh(range(n), np.nan_to_num(change), color=AFTER, height=0.6)
+        labels = [f"{b:.3g} → {a:.3g}" for b, a in zip(before, after, strict=True)]
+        axis.bar_label(bars, labels, padding=4, color=INK)
+        axis.axvline(0, color=INK, linewidth=0.8)
+        axis.set_yticks(range(n), list(links))
+        axis.invert_yaxis()
+        axis.grid(visible=False, axis="y")
+        axis.margins(x=0.2)
+        axis.set_xlabel("change of mass [kg]")
+        return svg(figure, "mass")
+
+
+def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
+    """Training and validation loss over iterations, logarithmic."""
+    with page_figure(height=2.6) as figure:
+        axis = figure.subplots()
+        most = POINTS // 10
+        for values, colour, label in (
+            (training, AFTER, "training"),
+            (validation, BEFORE, "validation"),
+        ):
+            seen = np.isfinite(values)
+            if seen.any():
+                mark = "." if seen.sum() < 40 else ""
+                axis.plot(
+                    *thinned(iteration[seen], values[seen], most),
+                    color=colour,
+                    label=label,
+                    marker=mark,
+                )
+        _logarithmic(axis, np.concatenate([training, validation]))
+        axis.set_xlabel("iteration")
+        axis.set_ylabel("loss")
+        if axis.has_data():
+            axis.legend()
+        return svg(figure, "convergence")
+
+
+def method_bars(
+    joints: Sequence[str],
+    units: Sequence[str],
+    methods: Sequence[str],
+    rms: Array,
+    good: Sequence[bool],
+) -> Markup:
+    """A panel per joint with a bar of RMS error per method; `good` ones in the colour of after.
+
+    Args:
+        joints: n names.
+        units: n units.
+        methods: m names.
+        rms: (m, n); a bar of more than three medians is cut, and its number says so.
+        good: m claims.
+    """
+    m, n = rms.shape
+    columns = min(n, 4)
+    lines = -(-n // columns)
+    colours = [AFTER if ok else BEFORE for ok in good]
+    with page_figure(height=lines * (0.7 + 0.19 * m)) as figure:
+        axes = figure.subplots(lines, columns, squeeze=False, sharey=True).ravel()
+        for j, axis in enumerate(axes[:n]):
+            end = min(3 * float(np.median(rms[:, j])), float(rms[:, j].max())) or 1.0
+            bars = axis.barh(range(m), np.minimum(rms[:, j], end), color=colours, height=0.7)
+            cut = rms[:, j] > end
+            labels = [
+                f"{x:.3g}{' →' if far else ''}" for x, far in zip(rms[:, j], cut, strict=True)
+            ]
+            axis.bar_label(bars, labels, padding=2, color=INK, fontsize=6)
+            axis.set_xlim(0, 1.35 * end)
+            axis.set_title(f"{joints[j]}  [{units[j]}]")
+            axis.set_yticks(range(m), list(methods))
+            axis.grid(visible=False, axis="y")
+        axes[0].invert_yaxis()
+        for axis in axes[n:]:
+            axis.set_visible(False)
+        return svg(figure, "methods")
+
+
+def thinned(t: Array, y: Array, most: int) -> tuple[Array, Array]:
+    """At most about `most` points that keep every peak: smallest and largest of equal bins.
+
+    A pause of more than ten median steps becomes a gap in the line.
+    """
+    step = np.median(np.diff(t)) if len(t) > 1 else 0.0
+    pauses = np.flatnonzero(np.diff(t) > 10 * step) + 1
+    if len(pauses) > most // 20:
+        pauses = pauses[:0]
+    pieces_t, pieces_y = [], []
+    edges = [0, *pauses, len(t)]
+    for start, stop in pairwise(edges):
+        kept = start + _envelope(y[start:stop], max(2, most * (stop - start) // len(t)))
+        pieces_t += [t[kept], [np.nan]]
+        pieces_y += [y[kept], [np.nan]]
+    return np.concatenate(pieces_t[:-1]), np.concatenate(pieces_y[:-1])
+
+
+def _envelope(y: Array, most: int) -> NDArray[np.intp]:
+    """Indices of the first, the last, and the smallest and largest value of each bin."""
+    if len(y) <= most:
+        return np.arange(len(y))
+    safe = np.nan_to_num(y)
+    edges = np.linspace(0, len(y), max(1, most // 2) + 1).astype(int)
+    kept = {0, len(y) - 1}
+    for start, stop in pairwise(edges):
+        if stop > start:
+            kept |= {start + int(safe[start:stop].argmin()), start + int(safe[start:stop].argmax())}
+    return np.array(sorted(kept))
+
+
+def _logarithmic(axis: Axes, values: Array) -> None:
+    positive = values[np.isfinite(values) & (values > 0)]
+    if not positive.size:
+        return
+    axis.set_yscale("log")
+    decades = np.log10(positive.max() / positive.min())
+    axis.yaxis.set_major_formatter(lambda value, _: f"{value:.3g}")
+    axis.yaxis.set_minor_formatter(lambda value, _: f"{value:.3g}" if decades < 1 else "")

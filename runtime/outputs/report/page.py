@@ -1,0 +1,74 @@
+"""`Page` → one HTML file: style, script and figures inside, nothing fetched from anywhere.
+
+The policy in its head names the script by its SHA-256, so no other script can run; without any the
+page loses sorting, zoom and filter, nothing else.
+"""
+
+import re
+from base64 import b64encode
+from collections.abc import Iterable, Iterator
+from hashlib import sha256
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from runtime.files import replacing
+from runtime.outputs.report.layout import Page, Section
+
+
+def write_page(page: Page, path: Path) -> Path:
+    """Write the page, whole or not at all; the answer is its path.
+
+    Raises:
+        RuntimeFault: the place cannot be written.
+    """
+    with replacing(path) as file:
+        file.write(render(page).encode("utf-8", "replace"))
+    return path
+
+
+def render(page: Page) -> str:
+    """The page's HTML; same page, same text."""
+    environment = Environment(
+        loader=PackageLoader("runtime.outputs.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    script = _asset("page.js")
+    digest = b64encode(sha256(script.encode()).digest()).decode()
+    return environment.get_template("report.html.jinja2").render(
+        page=page,
+        sections=tuple(
+            zip(page.sections, anchors(page.sections), _headings(page.sections), strict=True)
+        ),
+        grouped=any(section.group for section in page.sections),
+        style=Markup(_asset("page.css")),  # noqa: S704  our own file
+        script=Markup(script),  # noqa: S704  our own file
+        script_hash=f"sha256-{digest}",
+    )
+
+
+def anchors(sections: Iterable[Section]) -> tuple[str, ...]:
+    """A name per section that no other has, from its title."""
+    taken: dict[str, int] = {}
+    names = []
+    for section in sections:
+        slug = re.sub(r"[^a-z0-9]+", "-", section.title.lower()).strip("-") or "section"
+        taken[slug] = taken.get(slug, 0) + 1
+        names.append(f"s-{slug}" if taken[slug] == 1 else f"s-{slug}-{taken[slug]}")
+    return tuple(names)
+
+
+def _headings(sections: tuple[Section, ...]) -> Iterator[str]:
+    """The group where a section is its first, else nothing."""
+    for previous, section in pairwise((Section(""), *sections)):
+        yield section.group if section.group != previous.group else ""
+
+
+def _asset(name: str) -> str:
+    return (files("runtime.outputs.report") / "templates" / name).read_text(encoding="utf-8")

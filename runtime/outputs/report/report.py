@@ -1,0 +1,52 @@
+"""Results folder → `report.html`: one file, no network, the same bytes for the same results.
+
+`result` reads and checks, `sections` words and rounds, `figures` draws, `page` renders. A
+comparison of methods in the folder is shown too, as the page itself where there is nothing else.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+from runtime.outputs.report.comparison import comparison_page, method_sections, read_methods
+from runtime.outputs.report.layout import Page
+from runtime.outputs.report.page import write_page
+from runtime.outputs.report.result import Result, read_result
+from runtime.outputs.report.sections import GLOSSARY, headline, sections, tiles
+
+
+def write_report(folder: Path, out: Path | None = None) -> Path:
+    """Write `report.html` into a results folder from the files in it.
+
+    Args:
+        folder: what an identification wrote (`result.json` and `predictions.npz`), or a
+            comparison (`compare.json`), or both.
+        out: of the page; default `report.html` in the folder.
+
+    Returns:
+        Path of the report.
+
+    Raises:
+        RuntimeFault: a file is missing or damaged, or the report cannot be written.
+    """
+    folder = Path(folder)
+    methods = read_methods(folder)
+    if methods is not None and not (folder / "result.json").exists():
+        shown = comparison_page(methods)
+    else:
+        shown = _page(read_result(folder))
+        if methods is not None:
+            shown = replace(shown, sections=(*shown.sections, *method_sections(methods)))
+    return write_page(shown, out or folder / "report.html")
+
+
+def _page(result: Result) -> Page:
+    return Page(
+        title=f"{result.robot}, {result.method}: identification report",
+        subtitle=f"{result.robot} · method {result.method} · {result.recording.name}",
+        headline=headline(result),
+        status=result.status,
+        warnings=result.warnings,
+        tiles=tiles(result),
+        sections=sections(result),
+        glossary=GLOSSARY,
+    )

@@ -1,0 +1,258 @@
+"""What the report says: a `Result` in sentences, tiles, tables and figures, rounded for reading.
+
+Nothing here knows HTML; everything is text, but for the figures' own SVG.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from runtime.identification.metrics import CONSISTENCY_TOLERANCE
+from runtime.outputs.report import figures
+from runtime.outputs.report.layout import Section, Table, Tile
+from runtime.outputs.report.result import Link, Result
+from runtime.outputs.report.sessions import session_sections
+from runtime.outputs.report.sureness import sureness_sections
+
+NOTHING = "–"
+AHEAD = 3
+"""Sections before those on uncertainty: errors, torques, consistency."""
+
+GLOSSARY = (
+    ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),
+    ("before, after", "the URDF's parameters without friction; all identified parameters"),
+    ("test split", "samples that neither the fit nor its stopping rule has seen"),
+    ("consistent", "a body of positive density has these parameters: P ⪰ 0"),
+    ("P", "pseudo-inertia of a link, 4×4; λ_min(P)/tr P is its distance to inconsistency"),
+    ("gap", "(loss − optimum) / optimum against the convex problem's certified optimum"),
+)
+
+
+# --- summary --------------------------------------------------------------------------------
+
+
+def headline(result: Result) -> str:
+    """The result in one sentence."""
+    before, after = result.before.overall, result.after.overall
+    if math.isnan(before) or math.isnan(after):
+        change = f"is {_percent(after)} (before: {_percent(before)})"
+    elif _percent(before) == _percent(after):
+        change = f"stayed at {_percent(after)}"
+    else:
+        verb = "fell" if after < before else "rose"
+        change = f"{verb} from {_percent(before)} to {_percent(after)}"
+    end = "every link is a body that can exist" if result.consistent else _inconsistent(result)
+    return f"The torque error on the test split {change}; {end}."
+
+
+def _inconsistent(result: Result) -> str:
+    bad = [link.name for link in result.links if not _is_consistent(link)]
+    return f"{', '.join(bad) or 'at least one link'} cannot exist physically"
+
+
+def tiles(result: Result) -> tuple[Tile, ...]:
+    """The four numbers to look at first."""
+    improvement = result.before.overall - result.after.overall
+    smallest = min((link.eigenvalue for link in result.links), default=math.nan)
+    gap = "not computed" if result.gap is None else f"{100 * result.gap:.3g}\N{NO-BREAK SPACE}%"
+    effort = NOTHING if result.seconds is None else f"{result.seconds:.3g} s"
+    counted = (
+        "time of the method" if result.iterations is None else f"{result.iterations} iterations"
+    )
+    return (
+        Tile(
+            "Torque error, overall",
+            f"{_percent(result.before.overall)} → {_percent(result.after.overall)}",
+            "test split, before → after",
+            "good" if improvement > 0 else "bad" if improvement < 0 else "plain",
+        ),
+        Tile(
+            "Physically consistent",
+            "yes" if result.consistent else "no",
+            f"smallest λ_min(P)/tr P: {smallest:.1e}",
+            "good" if result.consistent else "bad",
+        ),
+        Tile("Gap to the convex optimum", gap, "(loss − optimum) / optimum"),
+        Tile("Effort", effort, counted),
+    )
+
+
+def sections(result: Result) -> tuple[Section, ...]:
+    """What the page shows below the summary, in its order."""
+    made = [section for make in _ORDER if (section := make(result)) is not None]
+    sure = () if result.sureness is None else sureness_sections(result.sureness, result.joints)
+    links = [link.name for link in result.links]
+    told = () if result.sessions is None else session_sections(result.sessions, links)
+    return (*made[:AHEAD], *told, *sure, *made[AHEAD:])
+
+
+# --- sections -------------------------------------------------------------------------------
+
+
+def _errors(result: Result) -> Section:
+    before, after = result.before, result.after
+    rows = tuple(
+        (
+            result.joints[j],
+            _percent(before.percent[j]),
+            _percent(after.percent[j]),
+            _number(before.rms[j]),
+            _number(after.rms[j]),
+            _unit(result.units[j]),
+        )
+        for j in range(len(result.joints))
+    )
+    units = {_unit(unit) for unit in result.units}
+    total: tuple[str, ...] = ("all joints", _percent(before.overall), _percent(after.overall))
+    if len(units) == 1:  # newtons and newton metres have no common mean
+        overall = (_number(float(np.sqrt(np.mean(e.rms**2)))) for e in (before, after))
+        total += (*overall, *units)
+    else:
+        total += (NOTHING, NOTHING, "")
+    header = ("joint", "error before", "error after", "RMS before", "RMS after", "unit")
+    return Section(
+        "Torque error per joint",
+        "On the test split, before (URDF, no friction) and after (identified).",
+        Table(header, rows, total),
+    )
+
+
+def _torques(result: Result) -> Section:
+    p = result.prediction
+    units = [_unit(unit) for unit in result.units]
+    drawn = figures.torques(result.joints, units, p.t, p.measured, p.before, p.after)
+    return Section(
+        "Measured and predicted torque",
+        "Left: torque over the test split. Right: what the prediction misses.",
+        figure=drawn,
+    )
+
+
+def _consistency(result: Result) -> Section:
+    rows = tuple(
+        (
+            link.name,
+            _number(link.mass_before),
+            _number(link.mass),
+            ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in link.com),
+            f"{1e3 * float(np.linalg.norm(link.com - link.com_before)):.1f}",
+            f"{link.eigenvalue:.1e}",
+            "consistent" if _is_consistent(link) else "cannot exist",
+        )
+        for link in result.links
+    )
+    flagged = frozenset(k for k, link in enumerate(result.links) if not _is_consistent(link))
+    header = (
+        "link",
+        "mass before [kg]",
+        "mass after [kg]",
+        "CoM x, y, z [mm]",
+        "CoM moved [mm]",
+        "λ_min(P)/tr P",
+        "verdict",
+    )
+    return Section(
+        "Physical consistency per link",
+        "Link by link, a mass or centre of mass may be undetermined by the motion; "
+        "torques are predicted by all links together.",
+        Table(header, rows, flagged=flagged),
+    )
+
+
+def _masses(result: Result) -> Section | None:
+    if not result.links:
+        return None
+    drawn = figures.mass_change(
+        [link.name for link in result.links],
+        np.array([link.mass_before for link in result.links]),
+        np.array([link.mass for link in result.links]),
+    )
+    return Section("Change of mass", figure=drawn)
+
+
+def _friction(result: Result) -> Section | None:
+    if result.friction is None:
+        return None
+    friction = result.friction
+    rows = tuple(
+        (joint, *(_number(value) for value in values))
+        for joint, values in zip(result.joints, friction.values, strict=True)
+    )
+    coupled = any(name.startswith("motor_") for name in friction.columns)
+    motors = " Rows of motor_… are motors; each acts on all the joints it drives."
+    return Section(
+        "Friction",
+        "Coefficients in the unit of the joint, viscous ones per rad/s (m/s); the smooth sign of "
+        f"the speed is tanh(speed / {friction.coulomb_speed:g}).{motors if coupled else ''}",
+        Table(("joint", *map(_unit, friction.columns)), rows),
+    )
+
+
+def _convergence(result: Result) -> Section | None:
+    if result.convergence is None:
+        return None
+    c = result.convergence
+    return Section("Convergence", figure=figures.convergence(c.iteration, c.training, c.validation))
+
+
+def _preparation(result: Result) -> Section:
+    recording = result.recording
+    counts = ", ".join(f"{count} {name}" for name, count in recording.samples.items())
+    length = "" if recording.duration is None else f"{recording.duration:.4g} s of motion. "
+    lead = f"{length}Samples: {counts or 'not recorded'}. {recording.split}".strip()
+    return Section("Data preparation", lead, items=recording.history or ("none recorded",))
+
+
+def _provenance(result: Result) -> Section:
+    p = result.provenance
+    weights = ", ".join(_number(w) for w in result.weights)
+    condition = None if result.condition_number is None else f"{result.condition_number:.3g}"
+    rows = (
+        ("command", p.command),
+        ("seed", None if p.seed is None else str(p.seed)),
+        ("model hash", p.model_hash),
+        *((f"version of {tool}", version) for tool, version in p.versions.items()),
+        *((f"SHA-256 of {name}", digest) for name, digest in p.files.items()),
+        ("condition number, columns normalised", condition),
+        ("weights per joint", weights),
+    )
+    table = Table(("what", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts")
+    return Section("Provenance", table=table)
+
+
+# --- words and digits -----------------------------------------------------------------------
+
+
+def _is_consistent(link: Link) -> bool:
+    return link.eigenvalue >= -CONSISTENCY_TOLERANCE
+
+
+def _percent(value: float) -> str:
+    """A percentage whose sign never wraps onto the next line."""
+    if not math.isfinite(value):
+        return _number(value)
+    return f"{value:.{2 if value < 100 else 0}f}\N{NO-BREAK SPACE}%"
+
+
+def _number(value: float) -> str:
+    """Four decimals for everyday sizes, else four significant digits."""
+    if not math.isfinite(value):
+        return "∞" if value > 0 else NOTHING
+    return f"{value:.4f}" if value == 0 or 1e-3 <= abs(value) < 1e5 else f"{value:.3e}"
+
+
+def _unit(unit: str) -> str:
+    return unit.replace("*", "·")
+
+
+_ORDER: tuple[Callable[[Result], Section | None], ...] = (
+    _errors,
+    _torques,
+    _consistency,
+    _masses,
+    _friction,
+    _convergence,
+    _preparation,
+    _provenance,
+)

@@ -1,0 +1,103 @@
+"""Play, pause, speed, scrub; bars of position, velocity and torque against their limits."""
+
+import time
+from html import escape
+
+import numpy as np
+
+from runtime.library import Array, Library
+from runtime.outputs.viewer.motion import Motion
+from runtime.outputs.viewer.scene import Scene
+
+TICK_S = 1 / 30
+BARS_S = 0.1
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
+_GOOD, _FULL = "#0072B2", "#D55E00"
+NEAR = 0.95
+"""Of a limit: from here on the bar warns."""
+
+
+class Player:
+    """Controls in the browser, and the clock that moves the robot."""
+
+    def __init__(self, lib: Library, scene: Scene, motion: Motion) -> None:
+        self._lib, self._scene, self._motion = lib, scene, motion
+        gui = scene.server.gui
+        gui.add_markdown(f"**{lib.name}** · {motion.name} · {motion.duration:.1f} s")
+        self.play = gui.add_checkbox("play", True)
+        self.speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
+        self.time = gui.add_slider(
+            "time [s]", 0.0, max(motion.duration, 0.01), 0.01, initial_value=0.0
+        )
+        self.bars = gui.add_html("")
+        self._shown = -1.0
+        self._barred = -np.inf
+        self.show(0.0)
+
+    def show(self, t: float) -> None:
+        """The instant t: pose and, not too often, bars."""
+        q, dq, tau = self._motion.at(t)
+        self._scene.pose(q)
+        self._shown = t
+        if time.monotonic() - self._barred > BARS_S or not self.play.value:
+            self.bars.content = bars(self._lib, q, dq, tau)
+            self._barred = time.monotonic()
+
+    def tick(self, elapsed: float) -> None:
+        """Go on by `elapsed` s of the wall, or to where the slider was put."""
+        if self.time.value != round(self._shown, 2):
+            self._shown = float(self.time.value)
+        t = self._shown
+        if self.play.value:
+            t = (t + float(self.speed.value) * elapsed) % max(self._motion.duration, 0.01)
+            self.time.value = round(t, 2)
+        self.show(t)
+
+    def run(self) -> None:
+        """Until Ctrl-C."""
+        last = time.monotonic()
+        while True:
+            time.sleep(TICK_S)
+            now = time.monotonic()
+            self.tick(now - last)
+            last = now
+
+
+def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
+    """A line per joint: position in its range, velocity and torque, as shares of limits; HTML."""
+    lines = []
+    for j, joint in enumerate(lib.manifest.joints):
+        cells = [_cell(q[j], _place(q[j], joint.lower, joint.upper))]
+        for values, limit in ((dq, joint.velocity), (tau, joint.effort)):
+            known = None if values is None else float(values[j])
+            cells.append(_cell(known, None if known is None or not limit else abs(known) / limit))
+        lines.append(f'<tr title="{escape(joint.name)}"><th>{j + 1}</th>{"".join(cells)}</tr>')
+    turning = all(joint.unit == "rad" for joint in lib.manifest.joints)
+    units = ("rad", "rad/s", "N·m") if turning else ("rad|m", "rad|m /s", "N·m|N")
+    heads = (f"<td>{name} {unit}</td>" for name, unit in zip(("q", "dq", "τ"), units, strict=True))
+    return (
+        '<table style="font:12px sans-serif;width:100%;padding:0 .8em;border-spacing:.5em .25em">'
+        f'<tr style="opacity:.6"><th></th>{"".join(heads)}</tr>{"".join(lines)}</table>'
+    )
+
+
+def _place(value: float, lower: float | None, upper: float | None) -> float | None:
+    """How far from the middle of its range, as a share of half of it."""
+    if lower is None or upper is None:
+        return None
+    return abs(2 * value - lower - upper) / (upper - lower)
+
+
+def _cell(value: float | None, share: float | None) -> str:
+    """A number above the bar of its share; without a limit the number alone."""
+    if value is None:
+        return "<td>–</td>"
+    if share is None:
+        return f"<td>{value:+.2f}</td>"
+    colour = _FULL if share > NEAR else _GOOD
+    return (
+        f'<td>{value:+.2f} <span style="float:right;opacity:.6">{100 * share:.0f} %</span>'
+        '<div style="clear:both;height:5px;background:#8883;border-radius:3px">'
+        f'<div style="width:{100 * min(share, 1.0):.0f}%;height:5px;background:{colour};'
+        'border-radius:3px"></div></div></td>'
+    )

@@ -1,0 +1,236 @@
+"""What a robot looks like: its visual meshes, else its collision capsules, else plain lines.
+
+A URDF's `package://NAME/rest` is looked for as DIR/NAME/rest and, where DIR is itself named NAME,
+as DIR/rest, for every folder given, of ROS_PACKAGE_PATH, and `share` of AMENT_PREFIX_PATH. A link
+that rides on another one by fixed joints is drawn with it.
+"""
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+import numpy as np
+from defusedxml.ElementTree import ParseError, fromstring
+from scipy.spatial.transform import Rotation
+
+from runtime.errors import LibraryError, RuntimeFault
+from runtime.files import text_of
+from runtime.library import Array, Library
+
+BASE = "base"
+LINE_RADIUS = 0.012
+"""m, of what stands for a link where nothing is known of its shape."""
+LARGEST = 1e4
+"""m; what is longer belongs to no robot."""
+COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
+"""Of links without a colour of their own, in turn."""
+_MISSING = "the viewer is not installed; install it with: pip install 'symgen[view]'"
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A mesh that is rigid in `link` (BASE: the fixed one): its pose (4, 4) there."""
+
+    link: str
+    name: str
+    mesh: Any
+    pose: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """Shapes, and a sentence about what they are."""
+
+    shapes: tuple[Shape, ...]
+    told: str
+
+
+def geometry_library() -> Any:
+    """trimesh, which viser brings along.
+
+    Raises:
+        RuntimeFault: it is not installed.
+    """
+    try:
+        import trimesh
+    except ImportError:
+        raise RuntimeFault(_MISSING) from None
+    return trimesh
+
+
+def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = ()) -> Look:
+    """The best that can be drawn.
+
+    Args:
+        lib: the robot.
+        urdf: a file with visuals of the same links; default the one it was built from.
+        packages: folders in which packages are looked for first.
+
+    Raises:
+        RuntimeFault: the URDF cannot be read, or viser is missing.
+    """
+    text = lib.urdf() if urdf is None else _text(urdf)
+    home = lib.folder if urdf is None else urdf.parent
+    places = (*packages, *_package_path())
+    try:
+        visuals = tuple(_visuals(fromstring(text, forbid_dtd=True), lib))
+    except (ParseError, ValueError) as error:
+        raise LibraryError(f"'{urdf or lib.name}' is no URDF ({error}); give the model") from None
+    shapes: list[Shape] = []
+    missing: list[str] = []
+    for link, pose, visual in visuals:
+        try:
+            shapes.append(_shape(link, len(shapes), pose, visual, places, home))
+        except RuntimeFault:
+            raise
+        except Exception as error:  # trimesh and its loaders raise whatever the damage leads to
+            missing.append(f"{_name(visual)} ({str(error) or type(error).__name__})")
+    if shapes:
+        rest = f"; not drawn: {', '.join(missing)}" if missing else ""
+        return Look(tuple(shapes), f"{len(shapes)} visual shapes{rest}")
+    why = f"no mesh was found: {missing[0]}" if missing else "the URDF has no visual shapes"
+    if lib.manifest.proxies:
+        return Look(tuple(_capsules(lib)), f"collision capsules, for {why}")
+    return Look(tuple(_lines(lib)), f"plain lines, for {why}")
+
+
+def _text(path: Path) -> str:
+    try:
+        return text_of(path)
+    except (OSError, ValueError) as error:
+        raise LibraryError(f"cannot read '{path}' ({error}); give a URDF") from None
+
+
+def _package_path() -> Iterator[Path]:
+    for name, inner in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+        yield from (Path(p) / inner for p in os.environ.get(name, "").split(os.pathsep) if p)
+
+
+# --- visuals of the URDF -----------------------------------------------------------------------
+
+
+def _visuals(robot: Element, lib: Library) -> Iterator[tuple[str, Array, Element]]:
+    """Link that moves, pose of the visual in its frame, and the element."""
+    above = {}
+    for joint in robot.iter("joint"):
+        child = joint.find("child")
+        if child is not None:
+            above[child.get("link")] = joint
+    for link in robot.iter("link"):
+        carrier = _carrier(str(link.get("name")), above, lib)
+        if carrier is not None:
+            for visual in link.findall("visual"):
+                yield carrier[0], carrier[1] @ _pose(visual.find("origin")), visual
+
+
+def _carrier(link: str, above: dict[Any, Element], lib: Library) -> tuple[str, Array] | None:
+    """The moving link, or BASE, that carries a link, and the pose of this in that."""
+    pose, seen = np.eye(4), {""}
+    while link not in lib.link_names:
+        if link == lib.manifest.base:
+            return BASE, pose
+        joint = above.get(link)
+        if link in seen or joint is None or joint.get("type") != "fixed":
+            return None
+        seen.add(link)
+        pose = _pose(joint.find("origin")) @ pose
+        parent = joint.find("parent")
+        link = "" if parent is None else str(parent.get("link"))
+    return link, pose
+
+
+def _pose(origin: Element | None) -> Array:
+    pose = np.eye(4)
+    if origin is not None:
+        pose[:3, 3] = _numbers(origin.get("xyz", "0 0 0"), 3)
+        turns = _numbers(origin.get("rpy", "0 0 0"), 3)
+        pose[:3, :3] = Rotation.from_euler("xyz", turns).as_matrix()
+    return pose
+
+
+def _numbers(text: str, count: int) -> list[float]:
+    values = [float(word) for word in text.split()]
+    if len(values) != count or not np.abs(values).max() < LARGEST:
+        raise ValueError(f"'{text}' is not {count} numbers of a robot")
+    return values
+
+
+def _name(visual: Element) -> str:
+    mesh = visual.find("geometry/mesh")
+    return str(visual.get("name", "a visual") if mesh is None else mesh.get("filename"))
+
+
+def _shape(
+    link: str, number: int, pose: Array, visual: Element, places: Iterable[Path], home: Path
+) -> Shape:
+    geometry = visual.find("geometry")
+    kind = next(iter(geometry), None) if geometry is not None else None
+    if kind is None:
+        raise ValueError("no geometry")
+    trimesh = geometry_library()
+    if kind.tag == "mesh":
+        path = _found(str(kind.get("filename")), places, home)
+        mesh = trimesh.load(path, force="scene")
+        pose = pose @ np.diag([*_numbers(kind.get("scale", "1 1 1"), 3), 1.0])
+        return Shape(link, f"visual{number}", mesh, pose)
+    mesh = {
+        "box": lambda: trimesh.creation.box(_numbers(kind.get("size", ""), 3)),
+        "sphere": lambda: trimesh.creation.icosphere(3, *_numbers(kind.get("radius", ""), 1)),
+        "cylinder": lambda: trimesh.creation.cylinder(
+            *_numbers(kind.get("radius", ""), 1), *_numbers(kind.get("length", ""), 1)
+        ),
+    }[kind.tag]()
+    mesh.visual.face_colors = COLOURS[number % len(COLOURS)]
+    return Shape(link, f"visual{number}", mesh, pose)
+
+
+def _found(name: str, places: Iterable[Path], home: Path) -> Path:
+    scheme, _, rest = name.rpartition("://")
+    if scheme not in {"package", "model"}:
+        candidates = [home / rest]
+    else:
+        package, _, inner = rest.partition("/")
+        candidates = [place / rest for place in places]
+        candidates += [place / inner for place in places if place.name == package]
+    for path in candidates:
+        if path.is_file():
+            return path
+    raise FileNotFoundError("not found; name the folder of its package with --package-dir")
+
+
+# --- without visuals ------------------------------------------------------------------------------
+
+
+def _capsules(lib: Library) -> Iterator[Shape]:
+    for proxy in lib.manifest.proxies:
+        ends = np.array([proxy.start, proxy.end])
+        yield _capsule(proxy.link, proxy.name, ends, proxy.radius, proxy.joint)
+
+
+def _lines(lib: Library) -> Iterator[Shape]:
+    """From the frame of every link to those that it carries, and to the tip."""
+    carried: list[tuple[str, Array, int]] = [
+        (BASE if j.parent < 0 else lib.link_names[j.parent], np.array(j.translation), k)
+        for k, j in enumerate(lib.manifest.joints)
+    ]
+    tip = lib.manifest.tip_frame
+    carried.append((tip.link, np.array(tip.translation), lib.n_joints))
+    for link, end, number in carried:
+        ends = np.array([np.zeros(3), end])
+        yield _capsule(link, f"line{number}", ends, LINE_RADIUS, number)
+
+
+def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> Shape:
+    trimesh = geometry_library()
+    axis = ends[1] - ends[0]
+    length = float(np.linalg.norm(axis))
+    mesh = trimesh.creation.capsule(length, radius)
+    mesh.visual.face_colors = COLOURS[number % len(COLOURS)]
+    pose = np.eye(4)
+    if length > 0:
+        pose[:3, :3] = Rotation.align_vectors([axis / length], [[0, 0, 1]])[0].as_matrix()
+    pose[:3, 3] = ends.mean(axis=0)  # the mesh lies about its centre
+    return Shape(link, name, mesh, pose)

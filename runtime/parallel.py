@@ -1,0 +1,148 @@
+"""Pieces of work on a dask cluster, with the same results as here.
+
+A worker loads the library from the robot's folder by itself, so it must see the same files. What a
+lost worker had begun dask gives to another one. On other processors than ours sums may round
+differently, and so may a result.
+"""
+
+import functools
+import os
+import uuid
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import suppress
+from itertools import count
+from typing import Any, ParamSpec, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+from runtime.errors import IdentificationError, RuntimeFault
+
+PATIENCE = 30.0
+"""s that a cluster may take to get its first worker."""
+CONNECTED = 5.0
+"""s that a scheduler may take to answer."""
+
+T = TypeVar("T")
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def on_cluster(
+    work: Callable[[Any, str, Any], T],
+    sent: object,
+    rounds: Iterable[Sequence[Any]],
+    scheduler: str,
+    of: str,
+) -> Generator[T, None, None]:
+    """`work(sent, key, piece)` of every piece, as they end; the key is new for every call.
+
+    Closing the iterator cancels those that wait and drops those under way.
+
+    Args:
+        work: a function of a module.
+        sent: what all pieces share.
+        rounds: of pieces, one task each; the next is asked for when all of the last have ended.
+        scheduler: address as tcp://host:8786.
+        of: what a piece is, for messages.
+
+    Raises:
+        IdentificationError: no dask here, no scheduler or worker there, a worker without the
+            robot's files, or a piece that took several workers down.
+    """
+    try:
+        from distributed import as_completed
+    except ImportError:
+        raise IdentificationError(
+            "work on a cluster needs dask.distributed here and on every worker; "
+            "install it with: pip install 'symgen[cluster]'"
+        ) from None
+    client = _connected(scheduler)
+    key = f"symgen-{uuid.uuid4().hex}"
+    futures: list[Any] = []
+    numbers = count()
+    try:
+        for pieces in rounds:
+            futures = [
+                client.submit(work, sent, key, piece, key=f"{key}-{next(numbers)}", pure=False)
+                for piece in pieces
+            ]
+            _require_workers(client, scheduler)
+            for future in as_completed(futures, loop=client.loop):
+                yield _result(future, scheduler, of)
+    finally:
+        # The scheduler may be the one that is lost.
+        with suppress(Exception):
+            client.cancel(futures)
+        client.close()
+
+
+def _result(future: Any, scheduler: str, of: str) -> Any:
+    from distributed import KilledWorker
+
+    if future.cancelled():
+        raise IdentificationError(f"the scheduler at '{scheduler}' was lost; start again")
+    failure = future.exception()
+    if failure is None:
+        return future.result()
+    if isinstance(failure, KilledWorker):
+        raise IdentificationError(
+            f"{of} took several workers of the cluster down; give them more memory, or leave "
+            "--scheduler out"
+        )
+    raise _told(failure) from None
+
+
+def _connected(scheduler: str) -> Any:
+    from distributed import Client
+
+    try:
+        if not scheduler:
+            raise ValueError(scheduler)  # Client would start a cluster of its own
+        return Client(scheduler, timeout=CONNECTED, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise IdentificationError(
+            f"there is no dask scheduler at '{scheduler}' ({type(error).__name__}); start one "
+            "with: dask scheduler, and give its address as tcp://host:8786"
+        ) from None
+
+
+def _require_workers(client: Any, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        raise IdentificationError(
+            f"the scheduler at '{scheduler}' has no worker after {PATIENCE:g} s; start some with: "
+            f"dask worker {scheduler}"
+        ) from None
+
+
+def _told(failure: BaseException) -> IdentificationError:
+    if isinstance(failure, RuntimeFault):
+        sentence = str(failure)
+    else:
+        sentence = f"{type(failure).__name__}: {failure}"
+    return IdentificationError(
+        f"on a worker of the cluster: {sentence}; every worker needs this version of symgen and "
+        "must see the same files"
+    )
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
+    """Run a function with one BLAS thread: on matrices of a hundred columns more only wait.
+
+    On a busy machine of two cores the second thread made identification ten times slower.
+    """
+
+    @functools.wraps(function)
+    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
+        with threadpool_limits(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return limited

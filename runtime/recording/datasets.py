@@ -1,0 +1,76 @@
+"""Where the known data sets lie: $SYMGEN_DATA, a folder `shared` beside the repository, the net.
+
+Nothing is copied into the repository. A download is pinned by commit and sha256 in the bundled
+recipe of the set, and is kept in the cache folder of the operating system.
+"""
+
+import logging
+import os
+import shutil
+from pathlib import Path
+
+import pooch
+
+from runtime.errors import RecordingError
+from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
+
+log = logging.getLogger(__name__)
+
+
+def locate(name: str) -> Path:
+    """The folder that holds the raw files of a known data set, downloaded if need be.
+
+    Raises:
+        RecordingError: no such data set, or it is neither here nor can be fetched.
+    """
+    if name not in bundled_names():
+        raise RecordingError(
+            f"there is no data set {name!r}; the known ones are {', '.join(bundled_names())}"
+        )
+    for folder in _local_folders(name):
+        if folder.is_dir():
+            return folder
+    return _download(name)
+
+
+def _local_folders(name: str) -> list[Path]:
+    """$SYMGEN_DATA/data/name if that is set, else ../shared/data/name beside the repository."""
+    root = os.environ.get("SYMGEN_DATA", "")
+    if root:
+        return [Path(root) / "data" / name]
+    repository = Path(__file__).resolve().parents[2]
+    return [repository.parent / "shared" / "data" / name]
+
+
+def _download(name: str) -> Path:
+    """The pinned files of a data set in the cache of pooch."""
+    source = load_recipe(name).source
+    tried = " and ".join(str(folder) for folder in _local_folders(name))
+    advice = f"set SYMGEN_DATA to the folder that holds data/{name}"
+    if not source.base or not source.sha256:
+        raise RecordingError(
+            f"the data set {name!r} is not in {tried} and its files are not on offer for "
+            f"download; get them from {source.url} and {advice}"
+        )
+    folder = Path(pooch.os_cache("symgen")) / "data" / name
+    fetcher = pooch.create(
+        path=folder,
+        base_url=source.base.replace("{commit}", source.commit),
+        registry={file: f"sha256:{digest}" for file, digest in source.sha256.items()},
+    )
+    try:
+        for file in source.sha256:
+            log.info("data set %s: fetching %s (commit %.8s)", name, file, source.commit)
+            fetcher.fetch(file)
+    except (OSError, ValueError) as error:
+        _remove_if_empty(folder)
+        raise RecordingError(
+            f"the data set {name!r} is not in {tried} and could not be downloaded "
+            f"({type(error).__name__}); {advice}, or try again with a network"
+        ) from error
+    return folder
+
+
+def _remove_if_empty(folder: Path) -> None:
+    if folder.is_dir() and not any(folder.iterdir()):
+        shutil.rmtree(folder)

@@ -1,0 +1,216 @@
+"""Parquet ↔ tables: columns of numbers, or one column of lists per signal, in batches of rows.
+
+By the convention of CSV the columns are t, q1 … qn, …; by that of NPZ they are t, q, …, where a
+cell of q is a list of n numbers. Nothing but numbers is decoded.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.files import require_file
+from runtime.recording.formats.optional_imports import imported
+from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, Table
+
+FloatArray = NDArray[np.float64]
+BATCH = 65536
+MOST_CELLS = 5_000_000
+"""Of a table whose rows are held as Python objects."""
+BUFFER = 2**20
+"""Bytes of a column that are read at once; without it pyarrow holds whole row groups."""
+
+
+class ParquetLog:
+    """An open Parquet file.
+
+    Raises:
+        RecordingError: no Parquet, truncated, or far larger decoded than any log.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.name = path.name
+        pq = imported("pyarrow.parquet", "Parquet")
+        size = path.stat().st_size
+        with _sentences(self.name):
+            self._file = pq.ParquetFile(path, pre_buffer=False, buffer_size=BUFFER)
+            self.rows = int(self._file.metadata.num_rows)
+            self.columns = tuple(self._file.schema_arrow.names)
+        if self.rows < 1:
+            raise RecordingError(f"{self.name} holds no rows; export the log again")
+        if 8 * self.rows * len(self.columns) > EXPANSION * size + SLACK:
+            raise RecordingError(
+                f"{self.name} claims {self.rows} rows in {size} bytes, which no log has; "
+                "it is damaged, so export it again"
+            )
+        self._starts = np.cumsum([0, *self._group_rows()])
+
+    def _group_rows(self) -> list[int]:
+        meta = self._file.metadata
+        return [meta.row_group(i).num_rows for i in range(meta.num_row_groups)]
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def group_start(self, row: int) -> int:
+        """The first row of the row group that holds a row: where decoding can begin."""
+        return int(self._starts[np.searchsorted(self._starts, row, side="right") - 1])
+
+    def table(self, columns: tuple[str, ...]) -> Table:
+        """All rows of some columns, side by side; lists give several numbers each.
+
+        Raises:
+            RecordingError: no such column, no numbers, or a damaged page.
+        """
+        parts = [batch.numbers(columns) for batch in self.batches(columns)]
+        if sum(map(len, parts)) != self.rows or len({part.shape[1] for part in parts}) != 1:
+            raise RecordingError(
+                f"{self.name} is expected to have {self.rows} rows of one width, but its pages "
+                "hold others; export the log again"
+            )
+        return Table(np.concatenate(parts), np.arange(self.rows, dtype=np.int64))
+
+    def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
+        """Batches of rows from a row group's first row on.
+
+        Raises:
+            RecordingError: as for `table`.
+        """
+        self._require(columns)
+        with _sentences(self.name):
+            groups = range(int(np.searchsorted(self._starts, first_row)), len(self._starts) - 1)
+            for batch in self._file.iter_batches(
+                BATCH,
+                row_groups=list(groups),
+                columns=list(dict.fromkeys(columns)),
+                use_threads=False,
+            ):
+                yield Batch(batch, self.name)
+
+    def _require(self, columns: tuple[str, ...]) -> None:
+        missing = [column for column in columns if column not in self.columns]
+        twice = [column for column in columns if self.columns.count(column) > 1]
+        if twice:
+            raise RecordingError(
+                f"{self.name} has several columns called {twice[0]!r}; give each a name of its own"
+            )
+        if missing:
+            raise RecordingError(
+                f"{self.name} is expected to have the columns {', '.join(columns)}, but "
+                f"{', '.join(missing[:4])} {'is' if len(missing) == 1 else 'are'} missing; "
+                "rename the columns or describe them in a recipe"
+            )
+        types = imported("pyarrow.types", "Parquet")
+        for column in columns:
+            kind = self._file.schema_arrow.field(column).type
+            inner = kind.value_type if _is_list(kind, types) else kind
+            if not (types.is_floating(inner) or types.is_integer(inner)):
+                raise RecordingError(
+                    f"{self.name}: the column {column!r} is expected to hold real numbers, "
+                    f"but is of type {kind}; convert it to double"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Some rows of an open file."""
+
+    cells: Any
+    name: str
+
+    def numbers(self, columns: tuple[str, ...]) -> FloatArray:
+        """Columns side by side, (N, m); null is NaN.
+
+        Raises:
+            RecordingError: lists of several lengths, or a damaged page.
+        """
+        with _sentences(self.name):
+            return np.hstack([self._block(column) for column in columns])
+
+    def _block(self, column: str) -> FloatArray:
+        types = imported("pyarrow.types", "Parquet")
+        cells = self.cells.column(column)
+        if not _is_list(cells.type, types):
+            return _floats(cells).reshape(-1, 1)
+        flat, count = _floats(cells.flatten()), len(cells)
+        width, rest = divmod(len(flat), count)
+        if rest or cells.null_count or not _is_even(cells, width, types):
+            raise RecordingError(
+                f"{self.name}: the lists of the column {column!r} are expected to be of one "
+                "length, but are not; write one number per joint and instant"
+            )
+        return flat.reshape(count, width)
+
+
+def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
+    """What a small table says of itself, and its rows.
+
+    Raises:
+        RecordingError: no Parquet, damaged, or too large to be a table of rows.
+    """
+    pq = imported("pyarrow.parquet", "Parquet")
+    with (
+        _sentences(path.name),
+        pq.ParquetFile(require_file(path), page_checksum_verification=True) as file,
+    ):
+        cells = file.metadata.num_rows * file.metadata.num_columns
+        if cells > MOST_CELLS:
+            raise RecordingError(f"{path.name} claims {cells} cells, more than {MOST_CELLS}")
+        table = file.read(use_threads=False)
+        return dict(table.schema.metadata or {}), table.to_pylist()
+
+
+def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> None:
+    """Columns of doubles under their titles."""
+    pa = imported("pyarrow", "Parquet")
+    pq = imported("pyarrow.parquet", "Parquet")
+    table = pa.table({title: values[:, i] for i, title in enumerate(titles)})
+    pq.write_table(table, file)
+
+
+def parquet_columns(columns: Columns, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """The columns that a recipe means: by name, by index, or one column of lists by its key."""
+    if columns and columns != ("",):
+        if any(isinstance(c, int) and not 0 <= c < len(names) for c in columns):
+            raise RecordingError(
+                f"the recipe names a column beyond the {len(names)} of the file; correct it"
+            )
+        return tuple(names[c] if isinstance(c, int) else c for c in columns)
+    if key:
+        return (key,)
+    raise RecordingError("the recipe names no columns of a Parquet file; write columns = [...]")
+
+
+def _floats(cells: Any) -> FloatArray:
+    """Numbers as float64; null is NaN."""
+    return np.asarray(cells.cast("float64").to_numpy(zero_copy_only=False), dtype=np.float64)
+
+
+def _is_list(kind: Any, types: Any) -> bool:
+    return bool(types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind))
+
+
+def _is_even(cells: Any, width: int, types: Any) -> bool:
+    if types.is_fixed_size_list(cells.type):
+        return True
+    return bool((np.diff(np.asarray(cells.offsets)) == width).all())
+
+
+@contextmanager
+def _sentences(name: str) -> Iterator[None]:
+    """Whatever pyarrow raises on a damaged file, as one sentence."""
+    try:
+        yield
+    except RecordingError:
+        raise
+    except Exception as error:
+        raise RecordingError(
+            f"{name} is expected to be a Parquet file, but it is truncated, damaged or none at all "
+            f"({type(error).__name__}); copy or export it again"
+        ) from error

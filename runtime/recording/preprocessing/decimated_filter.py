@@ -1,0 +1,77 @@
+"""Low-pass, derivatives, trim and rate in one step: only rows that stay are computed.
+
+The steps one after the other would give the same rows; here they first mark which instants stay,
+then the filter gives these and the neighbours that their derivatives need.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.recording import Preparation, Recording
+from runtime.recording.preprocessing.filters import (
+    ALL,
+    butterworth,
+    differentiate,
+    low_pass_sentence,
+    low_passed,
+    without_short,
+)
+from runtime.recording.preprocessing.segments import decimate, segments, trim
+from runtime.recording.recording import FloatArray
+
+
+def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
+    """Filtered, differentiated, trimmed and decimated; None where the new rate has no whole ratio.
+
+    Args:
+        recording: at its full rate, with the columns that need the filter.
+        preparation: a Butterworth filter and a rate.
+
+    Raises:
+        RecordingError: a step cannot be taken.
+    """
+    cutoff, rate = preparation.cutoff_hz, preparation.rate_hz
+    assert cutoff is not None  # noqa: S101  `Preparation` has checked both
+    assert rate is not None  # noqa: S101
+    design = butterworth(recording, cutoff, preparation.order)
+    data = without_short(recording, design.minimum)
+    marked = Recording(t=data.t, q=np.arange(len(data), dtype=float)[:, None])
+    if preparation.trim_s is not None:
+        marked = trim(marked, preparation.trim_s)
+    marked = decimate(marked, rate)
+    stay = marked.q[:, 0].astype(np.int64)
+    if not np.array_equal(data.t[stay], marked.t):
+        return None
+    period = int(np.median(np.diff(stay))) if len(stay) > 1 else 1
+    missing = [key for key in ("dq", "ddq") if getattr(data, key) is None]
+    measured = {"dq", "ddq"} - set(missing)
+    others: tuple[str, ...] = ALL
+    history: tuple[str, ...] = ()
+    derived: dict[str, FloatArray] = {}
+    if missing:
+        source = "q" if "dq" in missing else "dq"
+        others = tuple(key for key in ALL if key != source)
+        rows = _with_neighbours(data, stay, len(missing))
+        values = low_passed(data, design, (source,), rows, period)[source]
+        near = Recording(t=data.t[rows], q=values)
+        slopes = differentiate(near.replace(**dict.fromkeys(measured, values)))
+        own = np.searchsorted(rows, stay)
+        derived = {key: getattr(slopes, key).take(own, axis=0) for key in missing}
+        derived[source], history = values.take(own, axis=0), slopes.history
+    derived |= low_passed(data, design, others, stay, period)
+    sentence = low_pass_sentence(cutoff, preparation.order)
+    return data.replace(
+        t=marked.t, **derived, history=(*data.history, sentence, *history, *marked.history)
+    )
+
+
+def _with_neighbours(
+    recording: Recording, rows: NDArray[np.int64], reach: int
+) -> NDArray[np.int64]:
+    """The rows and as many on both sides, or 2 · reach on one side at the edge of a segment."""
+    near = np.zeros(len(recording), dtype=bool)
+    for part in segments(recording.t):
+        own = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
+        first = np.clip(own - reach, part.start, part.stop - 1 - 2 * reach)
+        near[first[:, None] + np.arange(2 * reach + 1)] = True
+    return np.flatnonzero(near)

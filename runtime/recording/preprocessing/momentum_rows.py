@@ -1,0 +1,140 @@
+"""Rows of the equations of motion that need no accelerations.
+
+    S τ = D P β − S R β + S F φ          p = P β = M dq,  R β = ∂(T − U)/∂q       ("momentum")
+    S dq·τ = D E β + S dq·F φ            T + U = E β + const                      ("energy")
+
+D x = (x₊ − x₋)/2h and S x = (x₋ + 4 x + x₊)/6 at every instant but the first and last of a segment:
+Simpson's rule over two steps, exact to h⁴. Both sides then pass the filter of the preparation,
+which is linear and the same at all times, so that its cut-off may lie in the middle of the motion:
+β stays the same. A rotor's column is D dq, or D dq²/2. Source: Gautier & Khalil 1988, Slotine & Li
+1987 (filtered dynamics).
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from runtime.errors import RecordingError
+from runtime.library import Library
+from runtime.recording import Friction, Recording
+from runtime.recording.friction import add_columns
+from runtime.recording.preprocessing.filters import without_short
+from runtime.recording.preprocessing.segments import segments, uniform_step
+from runtime.recording.recording import FloatArray
+
+HELD = 16_000_000
+"""Numbers of the regressor at the full rate that are held at a time, 128 MB."""
+CHUNK = 2048
+"""Instants whose whole regressor is evaluated at a time."""
+ROTORS = ("rotor", "motor_rotor")
+
+
+def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
+    """The recording with the q and dq that momentum and energy are made of, and no ddq.
+
+    A missing dq is the derivative of the cubic spline through the smoothed q, exact to h⁴.
+
+    Args:
+        recording: on a uniform clock.
+        smooth: filters q and dq where they need it.
+    """
+    data = without_short(recording.replace(ddq=None), 4)
+    uniform_step(data, "go without accelerations")
+    data = smooth(data)
+    if data.dq is not None:
+        return data
+    slopes = [CubicSpline(data.t[s], data.q[s])(data.t[s], 1) for s in segments(data.t)]
+    return data.replace(dq=np.concatenate(slopes)).noted("Differentiated q to dq by cubic splines.")
+
+
+def balanced(
+    recording: Recording, friction: tuple[Friction, ...], lib: Library, power: bool
+) -> Recording:
+    """S τ, or S dq∘τ for power, with the friction columns that go with it; rows are not there yet.
+
+    Raises:
+        RecordingError: there is no τ.
+    """
+    if recording.tau is None:
+        raise RecordingError("rows without accelerations expect τ, but there is none; log it")
+    data = recording
+    if any(terms.columns for terms in friction):
+        data = add_columns(data, *friction, lib=lib)
+    assert data.dq is not None and data.tau is not None  # noqa: S101, PT018  `moved` has filled it
+    tau = data.dq * data.tau if power else data.tau
+    changes = {"tau": _summed(data, tau)}
+    if data.columns is not None:
+        speeds = [_speed(data, name) for name in data.column_names]
+        columns = [
+            _differenced(data, speed * speed / 2 if power else speed)
+            if name in ROTORS
+            else _summed(data, data.columns[..., k] * speed if power else data.columns[..., k])
+            for k, (name, speed) in enumerate(zip(data.column_names, speeds, strict=True))
+        ]
+        changes["columns"] = np.stack(columns, axis=-1)
+    inner = _inner(data)
+    told = "power" if power else "momentum"
+    taken = data.take(inner, f"Took the balance of {told} over two steps at every instant.")
+    return taken.replace(**changes)
+
+
+def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatArray]:
+    """D P − S R, or D E for power, at the inner instants: (N, m, columns), some columns at a time.
+
+    The regressor is evaluated anew for each group, because all of it would be too much to hold.
+    """
+    joints = 1 if power else lib.n_joints
+    width = max(1, HELD // (len(recording) * joints))
+    count = len(lib.base_columns)
+    for first in range(0, count, width):
+        group = slice(first, min(first + width, count))
+        parts = [
+            _chunk(recording, slice(start, min(start + CHUNK + 2, part.stop)), group, lib, power)
+            for part in segments(recording.t)
+            for start in range(part.start, part.stop - 2, CHUNK)
+        ]
+        yield np.concatenate(parts)
+
+
+def _chunk(
+    recording: Recording, part: slice, group: slice, lib: Library, power: bool
+) -> FloatArray:
+    """The rows between the ends of a stretch without a hole."""
+    assert recording.dq is not None  # noqa: S101  `moved` has filled it
+    q, dq = recording.q[part], recording.dq[part]
+    step = 1.0 / recording.rate_hz
+    if power:
+        return _difference(lib.energy_regressor(q, dq)[:, None, group], step)
+    momentum, force = (a[:, :, group] for a in lib.momentum_regressor(q, dq))
+    return np.asarray(_difference(momentum, step) - _simpson(force))
+
+
+def _speed(recording: Recording, name: str) -> FloatArray:
+    """Of what a column belongs to: the joints, or the motors that drive several."""
+    assert recording.dq is not None  # noqa: S101  `moved` has filled it
+    if name.startswith("motor_") and recording.motors is not None:
+        return np.asarray(recording.dq @ recording.motors.T)
+    return recording.dq
+
+
+def _inner(recording: Recording) -> FloatArray:
+    """Indices of all instants but the first and last of every segment."""
+    return np.concatenate([np.arange(s.start + 1, s.stop - 1) for s in segments(recording.t)])
+
+
+def _summed(recording: Recording, values: FloatArray) -> FloatArray:
+    return np.concatenate([_simpson(values[part]) for part in segments(recording.t)])
+
+
+def _differenced(recording: Recording, values: FloatArray) -> FloatArray:
+    step = 1.0 / recording.rate_hz
+    return np.concatenate([_difference(values[part], step) for part in segments(recording.t)])
+
+
+def _simpson(values: FloatArray) -> FloatArray:
+    return (values[:-2] + 4.0 * values[1:-1] + values[2:]) / 6.0
+
+
+def _difference(values: FloatArray, step: float) -> FloatArray:
+    return (values[2:] - values[:-2]) / (2.0 * step)

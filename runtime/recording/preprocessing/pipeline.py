@@ -1,0 +1,230 @@
+"""The usual order of the steps, driven by a `Preparation`; each step is skipped unless set."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import RecordingError
+from runtime.library import Library
+from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.friction import LINEAR, add_columns, completed, renewed_rotor
+from runtime.recording.preprocessing.clock_repair import repair_clock
+from runtime.recording.preprocessing.decimated_filter import thinned
+from runtime.recording.preprocessing.filters import (
+    ALL,
+    differentiate,
+    low_pass,
+    moving_average,
+    savitzky_golay,
+)
+from runtime.recording.preprocessing.momentum_rows import balanced, moved, rows_of
+from runtime.recording.preprocessing.segments import (
+    advance_torque,
+    decimate,
+    drop_rest,
+    resample,
+    trim,
+)
+from runtime.recording.recording import FloatArray
+
+DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
+"""Of the source document's Sec. 5.2: means over 51 ms of q, dq and τ; ddq from differences of dq,
+averaged once more; 100 Hz."""
+MOTION, BELOW_RATE = 4.0, 0.4
+"""Without measured dq, q is low-passed at this multiple of the cut-off where the rate allows it."""
+
+
+def prepare(
+    recording: Recording,
+    preparation: Preparation | None = None,
+    *friction: Friction,
+    lib: Library | None = None,
+    rows: FloatArray | None = None,
+) -> Recording:
+    """Clock → grid → delay → friction columns at the full rate → filter → derivative → trim → rate.
+
+    Rest is dropped last. Without a preparation that of the recipe is used; without a recipe only
+    missing derivatives are filled in, so a complete recording passes unchanged. Where dq was not
+    measured, the friction columns come from the derivative of the filtered q, because tanh of a
+    differentiated encoder signal is noise. Without accelerations (`preparation.regressor`) the rows
+    are those of `momentum`, for energy as well: `prepare_power` has those that it is trained on.
+
+    Args:
+        recording: as read.
+        preparation: what to do.
+        friction: friction columns to add, those of several side by side.
+        lib: of the robot, for the columns that need it and for rows without accelerations.
+        rows: of the same recording and preparation, where only the friction is another.
+
+    Raises:
+        RecordingError: a step cannot be taken; the message says which setting to change.
+    """
+    preparation = preparation or recording.preparation
+    data = _on_grid(recording, preparation)
+    if preparation.regressor != "acceleration" and data.rows is None:
+        return _without_accelerations(data, preparation, friction, lib, False, rows)
+    wanted = any(terms.columns for terms in friction)
+    if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
+        data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
+    if wanted and data.dq is not None:
+        data = add_columns(data, *friction, lib=lib, later=LINEAR)
+        data = completed(_reduced(data, preparation), *friction)
+    else:
+        missing = wanted and data.columns is None
+        late = (lambda each: add_columns(each, *friction, lib=lib)) if missing else None
+        data = renewed_rotor(_reduced(data, preparation, late))
+    return _finished(data, preparation)
+
+
+def prepare_power(
+    recording: Recording,
+    preparation: Preparation | None = None,
+    *friction: Friction,
+    lib: Library,
+) -> Recording:
+    """The same for rows of power: τ and the columns hold dq τ, the regressor is that of energy.
+
+    Raises:
+        RecordingError: a step cannot be taken.
+    """
+    preparation = preparation or recording.preparation
+    data = _on_grid(recording, preparation)
+    return _without_accelerations(data, preparation, friction, lib, True, None)
+
+
+def _without_accelerations(
+    data: Recording,
+    preparation: Preparation,
+    friction: tuple[Friction, ...],
+    lib: Library | None,
+    power: bool,
+    rows: FloatArray | None,
+) -> Recording:
+    """Clock and grid are settled → `momentum` at the full rate → filter → trim → rate → rest."""
+    if lib is None:
+        raise RecordingError(
+            f"the {preparation.regressor} regressor expects the library of the robot, got none; "
+            "give lib, or use the regressor of accelerations"
+        )
+    data = moved(data, lambda raw: _smooth_motion(raw, preparation))
+    whole = balanced(data, friction, lib, power)
+    kept = _kept(_filtered(whole, preparation), preparation)
+    if rows is not None:
+        return _finished(kept, preparation).replace(rows=rows)
+    bare = whole.replace(dq=None, tau=None, columns=None, column_names=(), motors=None)
+    groups: list[Any] = [
+        _kept(_filtered(bare.replace(rows=part), preparation, ("rows",)), preparation).rows
+        for part in rows_of(data, lib, power)
+    ]
+    return _finished(kept.replace(rows=np.concatenate(groups, axis=2)), preparation)
+
+
+def momentum_torque(
+    recording: Recording, preparation: Preparation, lib: Library, beta: FloatArray
+) -> Recording:
+    """F (D P − S R) β instead of τ: the low-passed torque of a model, without accelerations.
+
+    Raises:
+        RecordingError: a step cannot be taken.
+    """
+    data = moved(_on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation))
+    whole = balanced(data, (), lib, power=False)
+    first, torque = 0, np.zeros_like(whole.q)
+    for rows in rows_of(data, lib, power=False):
+        torque += rows @ beta[first : first + rows.shape[2]]
+        first += rows.shape[2]
+    return _kept(_filtered(whole.replace(tau=torque), preparation), preparation)
+
+
+def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
+    """Q and dq low-passed as asked for; q to be differentiated well above the cut-off, if not."""
+    limit = preparation.motion_hz
+    if preparation.derivative == "position" and recording.dq is not None:
+        recording = recording.replace(dq=None).noted("Set measured dq aside.")
+    if limit is None and recording.dq is None and preparation.cutoff_hz is not None:
+        wide = MOTION * preparation.cutoff_hz
+        limit = wide if wide < BELOW_RATE * recording.rate_hz else None
+    if limit is None:
+        return recording
+    return low_pass(recording, limit, preparation.order, ("q", "dq"))
+
+
+def _on_grid(recording: Recording, preparation: Preparation) -> Recording:
+    """Clock, grid and delay."""
+    data = recording
+    if preparation.clock_tick is not None:
+        data = repair_clock(data, preparation.clock_tick)
+    if preparation.max_gap_s is not None:
+        data = resample(data, _grid_hz(data, preparation), preparation.max_gap_s)
+    if preparation.torque_delay_s is not None:
+        data = advance_torque(data, preparation.torque_delay_s)
+    return data
+
+
+def _reduced(
+    recording: Recording,
+    preparation: Preparation,
+    late: Callable[[Recording], Recording] | None = None,
+) -> Recording:
+    """Filter, derivatives where rows need them, columns that need these, trim, rate."""
+    derived = recording.rows is None
+    whole = preparation.filter != "butterworth" or preparation.rate_hz is None or late is not None
+    if derived and not whole:
+        rows = thinned(recording, preparation)
+        if rows is not None:
+            return rows
+    data = _filtered(recording, preparation)
+    if derived:
+        data = _derived(data, preparation)
+    if late is not None:
+        data = _filtered(late(data), preparation, ("columns",))
+    return _kept(data, preparation)
+
+
+def _kept(recording: Recording, preparation: Preparation) -> Recording:
+    """Trim and rate."""
+    data = recording
+    if preparation.trim_s is not None:
+        data = trim(data, preparation.trim_s)
+    if preparation.rate_hz is not None:
+        data = decimate(data, preparation.rate_hz)
+    return data
+
+
+def _finished(recording: Recording, preparation: Preparation) -> Recording:
+    """Without rest; says how it was prepared."""
+    data = recording.replace(prepared=preparation)
+    return data if preparation.rest_speed is None else drop_rest(data, preparation.rest_speed)
+
+
+def _grid_hz(recording: Recording, preparation: Preparation) -> float:
+    """The rate of the uniform grid: as stated, else one per tick, else the median rate."""
+    if preparation.grid_hz is not None:
+        return preparation.grid_hz
+    if preparation.clock_tick is not None:
+        return 1.0 / preparation.clock_tick
+    return recording.rate_hz
+
+
+def _filtered(
+    recording: Recording, preparation: Preparation, only: tuple[str, ...] = ALL
+) -> Recording:
+    """The filter of the preparation; which settings it has, `Preparation` has checked."""
+    window, cutoff = preparation.window_s or 0.0, preparation.cutoff_hz or 0.0
+    if preparation.filter == "butterworth":
+        return low_pass(recording, cutoff, preparation.order, only)
+    if preparation.filter == "average":
+        return moving_average(recording, window, only)
+    if preparation.filter == "savitzky-golay":
+        return savitzky_golay(recording, window, preparation.order, only)
+    return recording
+
+
+def _derived(recording: Recording, preparation: Preparation) -> Recording:
+    """Missing derivatives; after a moving average the differentiated ddq is averaged as well."""
+    missing = recording.ddq is None
+    result = differentiate(recording)
+    if missing and preparation.filter == "average" and preparation.window_s is not None:
+        return moving_average(result, preparation.window_s, ("ddq",))
+    return result

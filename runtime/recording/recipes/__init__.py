@@ -1,0 +1,1 @@
+"""Recipes: what the columns of a log file mean."""

@@ -1,0 +1,161 @@
+"""A recipe: how the raw files of one logger become a recording, and the defaults for its use.
+
+A signal of the file passes, in this order: unit (and gain) → order → sign → gear → offset.
+
+    x[:, i]  = sign_i · gain_i · unit_i · raw[:, order_i]
+    q = R⁻¹ x + offset,   dq = R⁻¹ x,   ddq = R⁻¹ x,   τ = Rᵀ x      (R = 1 without [gear])
+
+Nothing of this is ever guessed: a recipe states it. `recipe_file` reads recipes from TOML.
+"""
+
+import dataclasses
+from dataclasses import dataclass, field
+from math import pi
+
+from runtime.errors import RecordingError
+from runtime.recording.settings import Friction, Preparation, Split, one_of, positive
+
+UNITS: dict[str, dict[str, float]] = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "position": {"rad": 1.0, "deg": pi / 180, "m": 1.0, "mm": 1e-3},
+    "velocity": {"rad/s": 1.0, "deg/s": pi / 180, "rpm": pi / 30, "m/s": 1.0, "mm/s": 1e-3},
+    "acceleration": {"rad/s^2": 1.0, "deg/s^2": pi / 180, "m/s^2": 1.0, "mm/s^2": 1e-3},
+    "torque": {"N*m": 1.0, "mN*m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3},
+}
+LAYOUTS = ("csv", "flat", "npz", "parquet", "bag")
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where the public files come from: one address per file, pinned by commit and sha256.
+
+    `base` is the address of the folder that holds the files; `{commit}` in it is filled in.
+    """
+
+    url: str = ""
+    licence: str = ""
+    commit: str = ""
+    base: str = ""
+    sha256: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Time:
+    """The clock of the log: a column with its unit, or a constant rate instead of one."""
+
+    file: str = ""
+    layout: str = ""
+    key: str = ""
+    column: str | int = ""
+    unit: str = ""
+    rate_hz: float | None = None
+    from_zero: bool = False
+
+    def __post_init__(self) -> None:
+        if self.rate_hz is not None:
+            positive("[time] rate_hz", self.rate_hz)
+            if self.unit or self.file or self.column != "":
+                raise RecordingError(
+                    "[time] expects either rate_hz or a column with a unit, but got both; "
+                    "keep the one that is true"
+                )
+            return
+        one_of("[time] unit", self.unit, tuple(UNITS["time"]))
+        one_of("layout", self.layout, ("", *LAYOUTS))
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One measured quantity of all joints: where it lies in the files, and what it means there.
+
+    `columns` are names or indices (csv, parquet), `width` the numbers per sample (flat), `key` the
+    array (npz), the column of lists (parquet) or the field of JointState (bag). `offset` is in the
+    unit of the file and is added after the gear.
+    """
+
+    unit: str | tuple[str, ...]
+    file: str = ""
+    layout: str = ""
+    key: str = ""
+    columns: tuple[str | int, ...] = ()
+    width: int = 0
+    order: tuple[int, ...] = ()
+    sign: float | tuple[float, ...] = 1.0
+    gain: float | tuple[float, ...] | None = None
+    offset: float | tuple[float, ...] = 0.0
+
+    def __post_init__(self) -> None:
+        one_of("layout", self.layout, ("", *LAYOUTS))
+        if self.order and sorted(self.order) != list(range(len(self.order))):
+            raise RecordingError(
+                f"order expects a permutation of 0 … {len(self.order) - 1}, got "
+                f"{list(self.order)}; name every joint once"
+            )
+        if any(abs(s) != 1.0 for s in _as_tuple(self.sign)):
+            raise RecordingError(f"sign expects 1 or -1, got {self.sign}; use gain to scale")
+        if self.layout == "flat" and self.width < 1:
+            raise RecordingError(
+                f"the flat layout expects width ≥ 1, got {self.width}; "
+                "write how many numbers make one sample"
+            )
+
+    def check_unit(self, kind: str) -> None:
+        """Raises if the unit is none of `kind`, or if amperes come without a gain."""
+        units = (self.unit,) if isinstance(self.unit, str) else self.unit
+        for unit in units:
+            one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
+        if {"A", "mA"} & set(units) and self.gain is None:
+            raise RecordingError(
+                "[torque] in ampere expects a gain in N·m/A, got none; write gain = [...]"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """How to read the logs of one robot, and defaults for what follows.
+
+    Without `position` the files follow the default convention of `read_recording`, and only the
+    defaults (and a rate) are taken from here. `{run}` in a file name is filled with `run`. In a
+    bag, `topic` is that of the joint states, and `joints` picks and orders them by name.
+    """
+
+    name: str = ""
+    description: str = ""
+    robot: str = ""
+    run: str = ""
+    topic: str = ""
+    joints: tuple[str, ...] = ()
+    source: Source = field(default_factory=Source)
+    time: Time | None = None
+    position: Signal | None = None
+    velocity: Signal | None = None
+    acceleration: Signal | None = None
+    torque: Signal | None = None
+    gear: tuple[tuple[float, ...], ...] = ()
+    preparation: Preparation = field(default_factory=Preparation)
+    split: Split | None = None
+    friction: Friction | None = None
+
+    def __post_init__(self) -> None:
+        for kind, signal in self.signals().items():
+            signal.check_unit(kind)
+        if self.position is None and self.signals():
+            raise RecordingError(
+                f"a recipe with [{next(iter(self.signals()))}] expects [position] too, got none; "
+                "describe every signal, or none for the default convention"
+            )
+        if self.position is not None and self.time is None:
+            raise RecordingError("expected a table [time] with a unit or rate_hz, got none; add it")
+
+    def signals(self) -> dict[str, Signal]:
+        """The signals that the recipe describes, by kind."""
+        kinds = {name: getattr(self, name) for name in UNITS if name != "time"}
+        return {kind: signal for kind, signal in kinds.items() if signal is not None}
+
+    def replace(self, **changes: object) -> "Recipe":
+        """The same recipe with some fields exchanged, e.g. another run."""
+        return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+
+
+def _as_tuple(value: float | tuple[float, ...]) -> tuple[float, ...]:
+    return value if isinstance(value, tuple) else (value,)

@@ -1,0 +1,165 @@
+"""TOML → `Recipe`: every key is known, of the right type and stated once, or it is an error.
+
+Bundled recipes lie beside this module; a recipe of your own is a file of the same form.
+"""
+
+import dataclasses
+import difflib
+import sys
+import types
+import typing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import RecordingError
+from runtime.files import toml_of
+from runtime.recording.recipes.recipe import Recipe
+
+FOLDER = Path(__file__).resolve().parent
+
+
+def bundled_names() -> tuple[str, ...]:
+    """The names of the recipes that come with the package."""
+    return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
+
+
+def load_recipe(which: str | Path | Recipe) -> Recipe:
+    """A recipe from its TOML file, from the name of a bundled one, or as it is.
+
+    Raises:
+        RecordingError: there is no such recipe, or it does not say what a recipe says.
+    """
+    if isinstance(which, Recipe):
+        return which
+    path = Path(which)
+    if path.suffix != ".toml" and str(which) in bundled_names():
+        path = FOLDER / f"{which}.toml"
+    if not path.is_file():
+        raise RecordingError(
+            f"there is no recipe {str(which)!r}; give the path of a TOML file "
+            f"or one of the bundled names {', '.join(bundled_names())}"
+        )
+    try:
+        table = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise RecordingError(
+            f"{path.name} is expected to be TOML, but: {error}; correct that place"
+        ) from error
+    try:
+        return recipe_from_table({"name": _default_name(path), **table})
+    except RecordingError as error:
+        raise RecordingError(f"recipe {path.name}: {error}") from error
+
+
+def recipe_from_table(table: dict[str, Any]) -> Recipe:
+    """A recipe from the nested dictionary that a TOML file gives.
+
+    Raises:
+        RecordingError: an unknown key, a wrong type, or a value that no recipe can have.
+    """
+    table = dict(table)
+    gear = table.pop("gear", None)
+    recipe: Recipe = _build(Recipe, table, "")
+    return recipe if gear is None else recipe.replace(gear=_gear_matrix(gear))
+
+
+def _default_name(path: Path) -> str:
+    return path.resolve().parent.name if path.name == "recipe.toml" else path.stem
+
+
+def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
+    """The gear matrix R (motor angle = R · joint angle): square, finite, invertible."""
+    if not isinstance(table, dict):
+        raise RecordingError(f"[gear] expects a table with the key matrix, got {table!r}")
+    _check_keys(table, ("matrix",), "gear")
+    try:
+        matrix = np.array(table["matrix"], dtype=np.float64)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise RecordingError("[gear] expects matrix = n rows of n numbers; write it so") from error
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
+        raise RecordingError(f"[gear] matrix expects n rows of n numbers, got {matrix.shape}")
+    if not np.isfinite(matrix).all() or np.linalg.cond(matrix) > 1e12:
+        raise RecordingError(
+            "[gear] matrix is expected to be invertible, but it is singular; "
+            "write the full matrix R of q_motor = R q_joint"
+        )
+    return tuple(tuple(map(float, row)) for row in matrix)
+
+
+def _build(cls: type, table: dict[str, Any], where: str) -> Any:
+    """A frozen dataclass from a table; nested dataclasses from nested tables."""
+    kinds = typing.get_type_hints(cls)
+    fields = [item for item in dataclasses.fields(cls) if item.name != "gear"]
+    valid = tuple(item.name for item in fields)
+    _check_keys(table, (*valid, "gear") if not where else valid, where)
+    for item in fields:
+        missing = dataclasses.MISSING
+        if item.default is missing and item.default_factory is missing and item.name not in table:
+            raise RecordingError(f"[{where}] expects the key {item.name}, got none; it is needed")
+    values = {
+        key: _convert(value, kinds[key], f"{where}.{key}".strip("."))
+        for key, value in table.items()
+    }
+    try:
+        return cls(**values)
+    except RecordingError as error:
+        text = str(error)
+        prefix = "" if not where or f"[{where}" in text else f"[{where}] "
+        raise RecordingError(prefix + text) from error
+
+
+def _check_keys(table: dict[str, Any], valid: tuple[str, ...], where: str) -> None:
+    for key in table:
+        if key not in valid:
+            near = difflib.get_close_matches(key, valid, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"valid keys are {', '.join(valid)}"
+            place = f"[{where}]" if where else "the recipe"
+            raise RecordingError(f"{place} has the unknown key {key!r}; {hint}")
+
+
+def _convert(value: Any, kind: Any, where: str) -> Any:
+    """A TOML value as the annotated type: lists → tuples, integers → floats where allowed."""
+    options = typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
+    for option in options:
+        if option is type(None):
+            continue
+        if dataclasses.is_dataclass(option):
+            if isinstance(value, dict):
+                return _build(typing.cast(type, option), value, where)
+            continue
+        converted = _simple(value, option)
+        if converted is not None:
+            return converted
+    expected = " or ".join(
+        str(getattr(option, "__name__", option)) if not typing.get_args(option) else str(option)
+        for option in options
+        if option is not type(None)
+    )
+    raise RecordingError(f"{where} expects {expected}, got {value!r}; correct the type")
+
+
+def _simple(value: Any, kind: Any) -> Any:
+    """The value as a scalar, tuple or str → str dict of that kind, or None if it is none."""
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if origin is tuple and isinstance(value, list):
+        kinds = inner[:1] * len(value) if inner[-1] is Ellipsis else inner
+        if len(kinds) != len(value):
+            return None
+        items = [_element(item, each) for item, each in zip(value, kinds, strict=True)]
+        return None if any(item is None for item in items) else tuple(items)
+    if origin is dict and isinstance(value, dict):
+        return value if all(isinstance(item, str) for item in value.values()) else None
+    return _element(value, kind)
+
+
+def _element(value: Any, kind: Any) -> Any:
+    options = typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
+    for option in options:
+        is_bool = isinstance(value, bool)
+        if option is float and isinstance(value, int | float) and not is_bool:
+            return float(value) if abs(value) <= sys.float_info.max else None
+        if option in {str, int, bool} and isinstance(value, option) and is_bool == (option is bool):
+            return value
+    return None

@@ -1,0 +1,159 @@
+"""How a recording is prepared, split and given friction columns."""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from runtime.errors import RecordingError
+
+FILTERS = ("butterworth", "average", "savitzky-golay", "none")
+
+
+DERIVATIVES = ("measured", "position")
+
+
+REGRESSORS = ("acceleration", "momentum", "energy")
+
+
+COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
+
+
+_WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
+
+
+_SIGNED = {"coulomb", "motor_coulomb", "asymmetric", "stribeck", "load"}
+
+
+@dataclass(frozen=True, slots=True)
+class Preparation:
+    """What is done to a recording before it is identified; None or "none" skips a step.
+
+    Attributes:
+        clock_tick: rebuild the clock in integer ticks of this length [s].
+        max_gap_s: bring onto a uniform grid, interpolating gaps up to this length [s].
+        grid_hz: rate of that grid; by default one over the tick, or the median rate [Hz].
+        filter: "butterworth", "average", "savitzky-golay" or "none".
+        cutoff_hz: cut-off of the Butterworth filter [Hz].
+        order: its order, or the degree of the Savitzky–Golay polynomial.
+        window_s: window of the average or of Savitzky–Golay [s].
+        derivative: "measured" fills in only what is missing, "position" derives dq from q.
+        regressor: "acceleration" evaluates τ = Y β at every instant, "momentum" low-passes
+            τ = dp/dt − r and "energy" dq·τ = d(T + U)/dt instead, which need no ddq.
+        motion_hz: cut-off of q and dq before they enter momentum or energy [Hz].
+        trim_s: cut from both ends of every segment [s].
+        rate_hz: decimate to this rate [Hz].
+        rest_speed: drop rows in which every joint is slower [rad/s].
+        torque_delay_s: the log stamps τ this much later than q; below 0 earlier [s].
+    """
+
+    clock_tick: float | None = None
+    max_gap_s: float | None = None
+    grid_hz: float | None = None
+    filter: str = "none"
+    cutoff_hz: float | None = None
+    order: int = 4
+    window_s: float | None = None
+    derivative: str = "measured"
+    regressor: str = "acceleration"
+    motion_hz: float | None = None
+    trim_s: float | None = None
+    rate_hz: float | None = None
+    rest_speed: float | None = None
+    torque_delay_s: float | None = None
+
+    def __post_init__(self) -> None:
+        for item in dataclasses.fields(self):
+            value = getattr(self, item.name)
+            if value is not None and not isinstance(value, str) and item.name != "torque_delay_s":
+                positive(f"[preparation] {item.name}", value)
+        if self.torque_delay_s is not None and not isfinite(self.torque_delay_s):
+            raise RecordingError("[preparation] torque_delay_s expects a number of s; correct it")
+        one_of("[preparation] filter", self.filter, FILTERS)
+        one_of("[preparation] derivative", self.derivative, DERIVATIVES)
+        one_of("[preparation] regressor", self.regressor, REGRESSORS)
+        if self.filter == "butterworth" and self.cutoff_hz is None:
+            raise RecordingError("the butterworth filter expects cutoff_hz, got none; write it")
+        if self.filter in {"average", "savitzky-golay"} and self.window_s is None:
+            raise RecordingError(f"the {self.filter} filter expects window_s, got none; write it")
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """Which part of the duration is for what: (from, to) as fractions, one after the other."""
+
+    train: tuple[float, float] = (0.0, 0.48)
+    validation: tuple[float, float] = (0.48, 0.6)
+    test: tuple[float, float] = (0.6, 1.0)
+
+    def __post_init__(self) -> None:
+        edges = (*self.train, *self.validation, *self.test)
+        pairs = (self.train, self.validation, self.test)
+        if (
+            any(len(pair) != 2 or pair[0] >= pair[1] for pair in pairs)
+            or list(edges) != sorted(edges)
+            or edges[0] < 0.0
+            or edges[-1] > 1.0
+        ):
+            raise RecordingError(
+                "split expects train, validation and test as [from, to] in this order, not empty, "
+                f"not overlapping, within [0, 1], got {[list(pair) for pair in pairs]}; correct it"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """The friction columns to fit, and the widths of those that are not linear in the motion.
+
+    Attributes:
+        columns: names, see `runtime.recording.friction.columns`.
+        coulomb_speed: ε, below which the smooth sign of dq gives way [rad/s].
+        stribeck_speed: v_s, above which the Stribeck peak is gone [rad/s].
+        dahl_stroke: z_c, travel after a reversal within which friction turns round [rad].
+        gear: rows of the gear matrix, for columns of motors; the recipe's [gear] fills it in.
+    """
+
+    columns: tuple[str, ...] = ("viscous", "coulomb", "offset")
+    coulomb_speed: float = COULOMB_SPEED
+    stribeck_speed: float = STRIBECK_SPEED
+    dahl_stroke: float = DAHL_STROKE
+    gear: tuple[tuple[float, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        for key in _WIDTHS:
+            positive(f"[friction] {key}", getattr(self, key))
+
+    @classmethod
+    def from_facts(cls, facts: Mapping[str, Any]) -> "Friction":
+        """What `facts` said, in a file; widths that it does not name are the usual ones."""
+        widths = {key: float(facts[key]) for key in _WIDTHS if key in facts}
+        gear = tuple(tuple(map(float, row)) for row in facts.get("gear", ()))
+        return cls(tuple(map(str, facts["columns"])), **widths, gear=gear)
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready."""
+        told = {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
+        return told | ({"gear": [list(row) for row in self.gear]} if self.gear else {})
+
+    def __str__(self) -> str:
+        """The columns, and the widths that these have."""
+        names = set(self.columns)
+        widths = [f"ε = {self.coulomb_speed:.3g} rad/s"] if names & _SIGNED else []
+        widths += [f"v_s = {self.stribeck_speed:.3g} rad/s"] if "stribeck" in names else []
+        widths += [f"z_c = {self.dahl_stroke:.3g} rad"] if "dahl" in names else []
+        told = ", ".join(self.columns) or "none"
+        return f"{told} ({', '.join(widths)})" if widths else told
+
+
+def positive(what: str, value: float) -> None:
+    """Raise a RecordingError unless `value` is a finite number above 0; `what` names it."""
+    if isinstance(value, bool) or not (isfinite(value) and value > 0):
+        raise RecordingError(f"{what} expects a number above 0, got {value}; correct it")
+
+
+def one_of(what: str, value: str, valid: tuple[str, ...]) -> None:
+    """Raise a RecordingError unless `value` is one of `valid`; `what` names it."""
+    if value not in valid:
+        choices = ", ".join(each for each in valid if each)
+        raise RecordingError(f"{what} expects one of {choices}; got {value!r}")

@@ -1,0 +1,203 @@
+"""Tables of a log → SI units, joint side: corrupt rows, units, signs, order, gear, repeats.
+
+The order of the steps from a number in a file to a joint angle is that of `recipe`.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.recording.consistency import unwrap
+from runtime.recording.formats.tables import MAX_CORRUPT, Table
+from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
+from runtime.recording.recording import FloatArray
+
+FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "tau"}
+HUGE = 1e9
+HUGE_TIME = 1e20  # nanoseconds since 1970 are 2e18
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Converted:
+    """What a recording is made of.
+
+    Attributes:
+        t: (N,) s.
+        signals: q, dq, ddq, tau as far as there are any, and columns (N, n, k).
+        notes: sentences.
+    """
+
+    t: FloatArray
+    signals: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def converted(
+    plan: Recipe,
+    raw: dict[str, Table],
+    n_columns: int = 0,
+    first_row: int = 0,
+    origin: float | None = None,
+) -> Converted:
+    """The usable rows of all tables, as the recipe means them.
+
+    Args:
+        plan: says what the tables mean.
+        raw: kind → table; "columns" are friction columns that need no conversion.
+        n_columns: their number k.
+        first_row: of the tables in the log, for a constant rate.
+        origin: first instant of the log in its own unit, where the tables are a part of it.
+
+    Raises:
+        RecordingError: the tables are no recording.
+    """
+    keep, dropped = usable_rows(raw)
+    t, notes = _time(plan.time, raw, keep, first_row, origin)
+    signals: dict[str, Any] = {}
+    told: list[str] = []
+    for kind, signal in plan.signals().items():
+        values = raw[kind].values
+        rows = values if len(keep) == len(values) else values[keep]
+        signals[FIELDS[kind]], done = _joint_side(kind, signal, rows, plan)
+        told += done
+    if "columns" in raw:
+        signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, max(n_columns, 1))
+    t, signals, repeated = _without_repeats(t, signals)
+    return Converted(t, signals, (*dropped, *notes, *told, *repeated))
+
+
+def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
+    """The rows that are whole in every table, and what is said about the others."""
+    counts = {kind: len(table.values) for kind, table in raw.items()}
+    most, rows = max(counts.values()), min(counts.values())
+    good = np.zeros(most, dtype=bool)
+    good[:rows] = True
+    for kind, table in raw.items():
+        limit, values = HUGE_TIME if kind == "time" else HUGE, table.values[:rows]
+        if not (values.size and values.max() < limit and values.min() > -limit):  # NaN is neither
+            good[:rows] &= (np.abs(values) < limit).all(axis=1)
+    bad = int(most - good.sum())
+    told = ", ".join(f"{kind} {count}" for kind, count in counts.items())
+    if rows < (1.0 - MAX_CORRUPT) * most:
+        raise RecordingError(
+            f"expected as many rows of every signal, but there are {told}; "
+            "check the files, the width, and that samples are rows"
+        )
+    lines = next(iter(raw.values())).lines
+    places = [str(lines[i]) for i in np.flatnonzero(~good) if i < len(lines)]
+    where = ", ".join(places[:5]) + (f" and {len(places) - 5} more" if len(places) > 5 else "")
+    if bad > MAX_CORRUPT * most:
+        raise RecordingError(
+            f"expected rows of numbers, but {bad} of {most} rows are corrupt (cut short, no "
+            f"number, NaN or beyond 1e9; lines {where}); export the log again"
+        )
+    if not bad:
+        return np.flatnonzero(good), []
+    where = where or "the end"
+    return np.flatnonzero(good), [
+        f"Dropped {bad} of {most} rows as corrupt (cut short, no number, NaN or beyond 1e9): "
+        f"lines {where}."
+    ]
+
+
+def _time(
+    plan: Time | None,
+    raw: dict[str, Table],
+    keep: NDArray[np.int64],
+    first_row: int,
+    origin: float | None,
+) -> tuple[FloatArray, list[str]]:
+    """Seconds of the usable rows; a constant rate counts the dropped rows too."""
+    if plan is None or plan.rate_hz is not None:
+        rate = plan.rate_hz if plan is not None and plan.rate_hz is not None else 1.0
+        return (first_row + keep) / rate, [f"Time was made from a constant rate of {rate:g} Hz."]
+    t = raw["time"].values[keep]
+    if t.shape[1] != 1:
+        raise RecordingError(f"expected one column of time, got {t.shape[1]}; correct the recipe")
+    t = t[:, 0]
+    if plan.from_zero:
+        start = float(t[0]) if origin is None else origin
+        note = [f"Time is counted from the first sample, {start:.9g} {plan.unit}."]
+        return (t - start) * UNITS["time"][plan.unit], note
+    return t * UNITS["time"][plan.unit], []
+
+
+def _joint_side(
+    kind: str, signal: Signal, raw: FloatArray, plan: Recipe
+) -> tuple[FloatArray, list[str]]:
+    """x_i = sign·gain·unit·raw[:, order_i], then q = R⁻¹x + offset, dq = R⁻¹x, τ = Rᵀx."""
+    n = raw.shape[1]
+    order = np.array(signal.order or range(n))
+    if len(order) != n:
+        raise RecordingError(
+            f"[{kind}] order names {len(order)} joints, but the file has {n}; name every joint"
+        )
+    units = (signal.unit,) if isinstance(signal.unit, str) else signal.unit
+    unit = _per_joint(kind, "unit", [UNITS[kind][each] for each in units], n)
+    factor = unit * _per_joint(kind, "sign", signal.sign, n)
+    if signal.gain is not None:
+        factor = factor * _per_joint(kind, "gain", signal.gain, n)
+    as_is = np.array_equal(order, np.arange(n)) and np.all(factor == 1.0)
+    x = raw if as_is else raw[:, order] * factor
+    notes = []
+    if kind == "position":
+        angular = np.array(
+            [each in {"rad", "deg"} for each in units] * (n if len(units) == 1 else 1)
+        )
+        unwrapped, jumps = unwrap(x)
+        x = unwrapped if angular.all() else np.where(angular, unwrapped, x)
+        joints = ", ".join(str(j + 1) for j in np.flatnonzero(jumps * angular))
+        if joints:
+            count = int(jumps[angular].sum())
+            notes.append(f"Unwrapped {count} jumps of one turn in q at joints {joints}.")
+    if plan.gear:
+        R = np.array(plan.gear)
+        if R.shape != (n, n):
+            raise RecordingError(
+                f"[gear] matrix is {R.shape[0]} × {R.shape[1]}, but {kind} has {n} joints; "
+                "give one row per joint"
+            )
+        x = x @ R if kind == "torque" else np.linalg.solve(R, x.T).T
+    offset = _per_joint(kind, "offset", signal.offset, n)
+    if offset.any():
+        x = x + offset * unit
+    steps = {
+        f"from {'/'.join(dict.fromkeys(units))}": not bool(np.all(unit == 1.0)),
+        "with a gain": signal.gain is not None,
+        "reordered": bool(np.any(order != np.arange(n))),
+        "with changed signs": bool(np.any(np.asarray(signal.sign) < 0)),
+        "through the gear matrix": bool(plan.gear),
+        "plus an offset": bool(offset.any()),
+    }
+    done = [step for step, applies in steps.items() if applies]
+    return x, [*notes, f"Converted {kind}: {', '.join(done)}."] if done else notes
+
+
+def _per_joint(kind: str, key: str, value: object, n: int) -> FloatArray:
+    """A scalar or a list as n numbers."""
+    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if len(numbers) not in {1, n}:
+        raise RecordingError(
+            f"[{kind}] {key} expects one value or {n}, got {len(numbers)}; give one per joint"
+        )
+    return np.broadcast_to(numbers, (n,))
+
+
+def _without_repeats(
+    t: FloatArray, signals: dict[str, Any]
+) -> tuple[FloatArray, dict[str, Any], list[str]]:
+    """Leaves out rows written twice: the same stamp and the same values as the row before."""
+    same = np.diff(t) == 0.0
+    if not same.any():
+        return t, signals, []
+    for values in signals.values():
+        axes = tuple(range(1, values.ndim))
+        same &= np.all(np.diff(values, axis=0) == 0.0, axis=axes)
+    if not same.any():
+        return t, signals, []
+    keep = np.concatenate([[True], ~same])
+    note = f"Dropped {int(same.sum())} rows that were written twice, stamp and values."
+    return t[keep], {key: values[keep] for key, values in signals.items()}, [note]

@@ -1,5 +1,0 @@
-"""Results folder → one HTML file that an engineer reads in a minute; reads files only."""
-
-from runtime.report.report import write_report
-
-__all__ = ["write_report"]

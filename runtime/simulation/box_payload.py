@@ -1,0 +1,126 @@
+"""A box in the hand of a virtual robot: P = m [[Σ, c], [cᵀ, 1]],  Σ = diag(L²)/12 + c cᵀ."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.files import toml_of
+from runtime.library import Array, Library
+
+LARGEST = 1e6
+"""kg and m; no hand holds more."""
+_KEYS = ("mass", "com", "size", "link")
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A homogeneous box, its edges along the axes of the link's frame.
+
+    Attributes:
+        mass: kg.
+        com: centre, in the frame of the link, m.
+        size: edges, m.
+        link: that carries it; None is the link of the tip.
+    """
+
+    mass: float
+    com: tuple[float, float, float]
+    size: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    link: str | None = None
+
+    def __post_init__(self) -> None:
+        numbers = np.array([self.mass, *self.com, *self.size], dtype=float)
+        if numbers.size != 7 or not (np.abs(numbers) < LARGEST).all() or not self.mass > 0:
+            raise IdentificationError(
+                "a payload expects a mass above 0 kg, a centre x, y, z and edges of a box in m, "
+                f"got {self.mass!r}, {self.com!r}, {self.size!r}"
+            )
+        if min(self.size) < 0:
+            raise IdentificationError(f"the edges of a payload cannot be {self.size}; give lengths")
+
+    def place(self, lib: Library) -> int:
+        """Index of the link that carries it.
+
+        Raises:
+            IdentificationError: the robot has no such moving link.
+        """
+        link = self.link or lib.manifest.tip_frame.link
+        if link not in lib.link_names:
+            raise IdentificationError(
+                f"no moving link of '{lib.name}' is called '{link}'; the payload can hang on "
+                f"{', '.join(lib.link_names)}"
+            )
+        return lib.link_names.index(link)
+
+    def pi(self, lib: Library) -> Array:
+        """What it adds to the π of the robot, (10 n,)."""
+        P = np.eye(4)
+        P[:3, 3] = P[3, :3] = self.com
+        P[:3, :3] = np.diag(np.square(self.size)) / 12 + np.outer(self.com, self.com)
+        blocks = np.zeros((lib.n_joints, 4, 4))
+        blocks[self.place(lib)] = self.mass * P
+        return pi_from_pseudo(lib, blocks)
+
+    def facts(self, lib: Library) -> dict[str, Any]:
+        """JSON-ready."""
+        link = lib.link_names[self.place(lib)]
+        size, com = list(self.size), list(self.com)
+        return {"mass": self.mass, "com": com, "size": size, "link": link}
+
+
+def pi_from_pseudo(lib: Library, P: Array) -> Array:
+    """π (10 n,) of pseudo-inertias (n, 4, 4): the inverse of `Library.pseudo_inertia`, linear."""
+    n = lib.n_joints
+    units = lib.pseudo_inertia(np.tile(np.eye(10), (1, n)))[:, 0]
+    rows, columns = np.triu_indices(4)
+    return np.asarray(np.linalg.solve(units[:, rows, columns].T, P[:, rows, columns].T).T.ravel())
+
+
+def read_payload(text: str) -> Box:
+    """A payload as an option says it: MASS,CX,CY,CZ[,LX,LY,LZ] in kg and m, or a TOML file.
+
+    Raises:
+        IdentificationError: neither.
+    """
+    if text.endswith(".toml"):
+        return _from_file(Path(text))
+    try:
+        numbers = [float(word) for word in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in {4, 7}:
+        raise IdentificationError(
+            "--payload expects MASS,CX,CY,CZ or MASS,CX,CY,CZ,LX,LY,LZ in kg and m, or a TOML with "
+            f"{', '.join(_KEYS)}; got '{text}'"
+        )
+    return _box(numbers[0], numbers[1:4], numbers[4:] or (0.0, 0.0, 0.0))
+
+
+def _from_file(path: Path) -> Box:
+    try:
+        facts = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise IdentificationError(
+            f"'{path}' is no TOML that can be read ({error}); write {', '.join(_KEYS)} into it"
+        ) from None
+    unknown = sorted(set(facts) - set(_KEYS))
+    if unknown or not {"mass", "com"} <= set(facts):
+        raise IdentificationError(
+            f"'{path}' expects mass and com, and knows {', '.join(_KEYS)}; got {', '.join(facts)}"
+        )
+    try:
+        size = facts.get("size", (0.0, 0.0, 0.0))
+        return _box(facts["mass"], facts["com"], size, facts.get("link"))
+    except (TypeError, ValueError):
+        raise IdentificationError(
+            f"'{path}' expects mass as a number, com and size as three, got {facts}"
+        ) from None
+
+
+def _box(mass: Any, com: Any, size: Any, link: str | None = None) -> Box:
+    x, y, z = map(float, com)
+    a, b, c = map(float, size)
+    return Box(float(mass), (x, y, z), (a, b, c), link)

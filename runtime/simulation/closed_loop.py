@@ -1,0 +1,251 @@
+"""Recordings of a robot whose parameters are known: along a trajectory, or closed loop.
+
+`ideal` evaluates τ = Y π along the trajectory (document Sec. 5.1). `closed_loop` lets the compiled
+simulator follow it: a computed-torque controller with a given model, a plant with rotors and
+friction, sensors with noise. `follow` is the same without sensors, for whoever needs the states.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from itertools import count
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from runtime.errors import IdentificationError, SimulationError
+from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import sample_times
+from runtime.library import NOT_POSITIVE, Array, Library, LoopBody, LoopLaw
+from runtime.recording import Friction, Recording, friction
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """The robot that is simulated; joints' values are one number for all of them or (n,).
+
+    Attributes:
+        pi: true standard parameters, (10 n,).
+        viscous, coulomb: friction, N·m·s/rad and N·m.
+        offset: constant torque, N·m.
+        coulomb_speed: width of the smooth sign, rad/s.
+        rotor: inertia J of every motor, reflected to its joint, kg·m²; the torque sensor does
+            not see it, but without it no controller could hold a wrist.
+        position_noise, velocity_noise, torque_noise: standard deviations, rad, rad/s, N·m.
+    """
+
+    pi: Array
+    viscous: ArrayLike = 0.0
+    coulomb: ArrayLike = 0.0
+    offset: ArrayLike = 0.0
+    coulomb_speed: float = 0.03
+    rotor: ArrayLike = 0.1
+    position_noise: float = 0.0
+    velocity_noise: float = 0.0
+    torque_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.pi).all():
+            raise IdentificationError(
+                "the true parameters of the simulated robot are not finite; lower the perturbation"
+            )
+        for item in fields(self)[1:]:
+            value = np.asarray(getattr(self, item.name), dtype=float)
+            least = -np.inf if item.name == "offset" else 0.0
+            if not (np.isfinite(value) & (value >= least)).all():
+                raise IdentificationError(
+                    f"the simulated robot's {item.name.replace('_', ' ')} cannot be {value}; "
+                    "give a finite number, from 0 up"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """Computed torque: τ = ID(q, dq, u; π_c) + J_c u, u = ddq_d + K_d (dq_d − dq) + K_p (q_d − q).
+
+    Attributes:
+        pi: the model it believes in, None for the URDF's.
+        rotor: J_c, None when it knows that of the plant.
+        stiffness, damping: K_p, 1/s², and K_d, 1/s; one number or (n,).
+        feels_noise: it sees the measured q and dq instead of the true ones.
+    """
+
+    pi: Array | None = None
+    rotor: ArrayLike | None = None
+    stiffness: ArrayLike = 225.0
+    damping: ArrayLike = 30.0
+    feels_noise: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """States and torques at the beginning of every period, (N, n) each.
+
+    `motor` is what the controller commands, `link` what is left behind the rotors, τ − J ddq.
+    """
+
+    q: Array
+    dq: Array
+    ddq: Array
+    motor: Array
+    link: Array
+
+
+LONGEST_SUBSTEP = 2e-4
+"""Of the plant, s; one step leaves an error of order h³."""
+
+
+_CHUNK = 500
+"""Periods between two reports of progress, where Ctrl-C is heard too."""
+
+
+def perturbed_lam(lib: Library, p: float, rng: np.random.Generator) -> Array:
+    """λ_true + p λ_true ⊙ ε with ε ~ N(0, 1) per entry (Eq. 5.2, errata)."""
+    return lib.lam0 * (1 + p * rng.normal(size=lib.lam0.size))
+
+
+def ideal(
+    lib: Library,
+    trajectory: Trajectory,
+    plant: Plant,
+    rate_hz: float = 100.0,
+    rng: np.random.Generator | None = None,
+) -> Recording:
+    """Exact motion along the trajectory; torque of the plant with its torque noise."""
+    t = sample_times(trajectory.duration, rate_hz)
+    q, dq, ddq, _ = trajectory.at(lib, t)
+    tau = lib.inverse_dynamics(q, dq, ddq, plant.pi) + _friction(plant, dq)
+    if rng is not None:
+        tau = tau + plant.torque_noise * rng.normal(size=tau.shape)
+    sentence = f"Simulated {len(t)} samples at {rate_hz:g} Hz along the trajectory."
+    return Recording(
+        t, q, dq, ddq, tau, name="ideal", joint_names=lib.joint_names, history=(sentence,)
+    )
+
+
+def closed_loop(
+    lib: Library,
+    trajectory: Trajectory,
+    plant: Plant,
+    rng: np.random.Generator,
+    rate_hz: float = 1000.0,
+    progress: Callable[[float], None] | None = None,
+    controller: Controller = Controller(),
+) -> Recording:
+    """A log as a bench would give it: q and dq of the joints, τ behind the rotors, with noise.
+
+    Raises:
+        SimulationError: the robot cannot move like that, or the motion ran away.
+    """
+    t = sample_times(trajectory.duration, rate_hz)
+    reference = np.stack(trajectory.at(lib, t)[:3], axis=1)
+    noise = rng.normal(size=(3, *reference[:, 0].shape))
+    noise[0] *= plant.position_noise
+    noise[1] *= plant.velocity_noise
+    felt = noise[:2].transpose(1, 0, 2) if controller.feels_noise else None
+    motion = follow(lib, reference, plant, controller, rate_hz, felt, progress)
+    return Recording(
+        t,
+        motion.q + noise[0],
+        motion.dq + noise[1],
+        None,
+        motion.link + plant.torque_noise * noise[2],
+        name="closed loop",
+        joint_names=lib.joint_names,
+        history=(f"Simulated {len(t)} samples at {rate_hz:g} Hz in closed loop.",),
+    )
+
+
+def follow(
+    lib: Library,
+    reference: Array,
+    plant: Plant,
+    controller: Controller,
+    rate_hz: float,
+    noise: Array | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Motion:
+    """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period.
+
+    Args:
+        lib: of the robot.
+        reference: q_d, dq_d, ddq_d per period, (N, 3, n).
+        plant: its noise is left aside.
+        controller: with its model.
+        rate_hz: of the controller.
+        noise: of the q and dq that the controller sees, (N, 2, n).
+        progress: called with the part that is done.
+
+    Raises:
+        SimulationError: M + J is not positive definite, or the motion ran away.
+    """
+    period = 1.0 / rate_hz
+    loop = lib.closed_loop(
+        _body(lib, plant),
+        _law(lib, plant, controller),
+        reference,
+        period,
+        substeps=int(np.ceil(period / LONGEST_SUBSTEP * (1 - 1e-9))),
+        noise=noise,
+    )
+    for chunk in count(1):
+        loop.run(_CHUNK)
+        if loop.status or chunk * _CHUNK >= len(reference):
+            break
+        if progress is not None:
+            progress(loop.done / len(reference))
+    if loop.status:
+        why = (
+            "its mass matrix is not positive definite, so no such robot exists"
+            if loop.status == NOT_POSITIVE
+            else "the motion diverged"
+        )
+        raise SimulationError(
+            f"the simulated robot stopped after {loop.done * period:.3f} s: {why}; the plant is "
+            "too far from the controller's model: lower the perturbation, or raise the rate"
+        )
+    return Motion(*(np.ascontiguousarray(loop.log[:, k]) for k in range(5)))
+
+
+def _friction(plant: Plant, dq: Array) -> Array:
+    names = ("viscous", "coulomb", "offset")
+    phi = np.stack([per_joint(dq.shape[-1], getattr(plant, name), name) for name in names], axis=1)
+    rows = friction.columns(friction.Motion(dq), Friction(names, plant.coulomb_speed))
+    return friction.torque(rows, phi)
+
+
+def _body(lib: Library, plant: Plant) -> LoopBody:
+    n = lib.n_joints
+    if plant.pi.shape != lib.pi0.shape:
+        raise IdentificationError(
+            f"the simulated robot needs {lib.pi0.size} parameters, got {plant.pi.size}"
+        )
+    if not plant.coulomb_speed > 0:
+        raise IdentificationError("the simulated robot's coulomb speed must be above 0 rad/s")
+    parts = ("rotor", "viscous", "coulomb", "offset")
+    values = {name: per_joint(n, getattr(plant, name), name) for name in parts}
+    return LoopBody(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
+
+
+def _law(lib: Library, plant: Plant, controller: Controller) -> LoopLaw:
+    n = lib.n_joints
+    rotor = plant.rotor if controller.rotor is None else controller.rotor
+    return LoopLaw(
+        lib.pi0 if controller.pi is None else controller.pi,
+        per_joint(n, rotor, "rotor of the controller"),
+        per_joint(n, controller.stiffness, "stiffness"),
+        per_joint(n, controller.damping, "damping"),
+    )
+
+
+def per_joint(n: int, value: ArrayLike, name: str) -> Array:
+    """One number for all joints or one for each, as (n,).
+
+    Raises:
+        IdentificationError: another shape.
+    """
+    array = np.asarray(value, dtype=float)
+    if array.shape not in {(), (n,)}:
+        raise IdentificationError(
+            f"{name} needs one number, or one for each of the {n} joints, got {array.size}"
+        )
+    return np.array(np.broadcast_to(array, (n,)))

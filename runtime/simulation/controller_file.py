@@ -1,0 +1,166 @@
+"""The loop under which a log was recorded: controller, rotors and reference, as TOML.
+
+    [controller]
+    stiffness = 225.0          # K_p, 1/s²: one number, or one per joint
+    damping = 30.0             # K_d, 1/s
+    rotor = 0.1                # inertia of the motors, reflected to the joints, kg·m²
+    rate_hz = 1000.0
+
+    [reference]
+    trajectory = "motion.json" # of `excite`, relative to this file
+    start = 0.0                # when it began, s of the log's clock
+
+The controller is computed torque with the URDF's model. IDIM-IV and DIDIM simulate it.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.excitation import Trajectory
+from runtime.excitation.trajectory_file import read_trajectory
+from runtime.files import replacing, toml_of
+from runtime.library import Array, Library
+from runtime.recording import Recording
+from runtime.simulation import Controller, Plant, follow, per_joint, sample_times
+
+_KEYS: dict[str, dict[str, tuple[type, ...]]] = {
+    "controller": dict.fromkeys(("stiffness", "damping", "rotor"), (int, float, list))
+    | {"rate_hz": (int, float)},
+    "reference": {"trajectory": (str,), "start": (int, float)},
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """How the robot was moved.
+
+    Attributes:
+        reference: the motion that was asked for.
+        controller: what asked for it.
+        rotor: inertia of the motors, (n,) or one number, kg·m².
+        rate_hz: of the controller.
+        start: when the reference began, s of the recording's clock.
+    """
+
+    reference: Trajectory
+    controller: Controller = field(default_factory=Controller)
+    rotor: Array | float = 0.1
+    rate_hz: float = 1000.0
+    start: float = 0.0
+
+    def simulate(self, lib: Library, pi: Array, friction: dict[str, Array], t: Array) -> Recording:
+        """What a robot of these parameters would have done, at times t, without noise.
+
+        Args:
+            lib: of the robot.
+            pi: standard parameters, (10 n,).
+            friction: fields of `Plant` by name.
+            t: of the recording, s; between the periods of the controller states are interpolated.
+
+        Raises:
+            SimulationError: no robot with these parameters moves like that.
+            IdentificationError: the recording is not covered by the reference.
+        """
+        clock = sample_times(self.reference.duration, self.rate_hz)
+        since = np.asarray(t) - self.start
+        slack = 0.5 / self.rate_hz
+        if since[0] < -slack or since[-1] > clock[-1] + slack:
+            raise IdentificationError(
+                f"the recording goes from {t[0]:.3f} to {t[-1]:.3f} s, the reference from "
+                f"{self.start:.3f} to {self.start + clock[-1]:.3f} s; cut the recording, or "
+                "correct the start and the trajectory of the loop's file"
+            )
+        reference = np.stack(self.reference.at(lib, clock)[:3], axis=1)
+        plant = Plant(pi, rotor=self.rotor, **friction)  # type: ignore[arg-type]
+        motion = follow(lib, reference, plant, self.controller, self.rate_hz)
+
+        def at(values: Array) -> Array:
+            return np.stack([np.interp(since, clock, column) for column in values.T], axis=1)
+
+        return Recording(
+            t,
+            at(motion.q),
+            at(motion.dq),
+            at(motion.ddq),
+            at(motion.link),
+            name="simulated",
+            joint_names=lib.joint_names,
+        )
+
+
+def read_loop(path: Path, lib: Library) -> Loop:
+    """Read the file of a loop.
+
+    Raises:
+        IdentificationError: not such a file; the message says what is wrong with it.
+    """
+    try:
+        facts = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise IdentificationError(
+            f"'{path}' is no TOML file that can be read "
+            f"({getattr(error, 'strerror', None) or error}); describe the loop in one with "
+            "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
+        ) from None
+    _require_known(facts, path)
+    controller, reference = dict(facts.get("controller", {})), facts.get("reference", {})
+    if "trajectory" not in reference:
+        raise IdentificationError(
+            f"'{path}' names no [reference] trajectory; give the JSON of: python -m runtime excite"
+        )
+    motion = Path(reference["trajectory"])
+    if motion.is_absolute() or ".." in motion.parts:
+        raise IdentificationError(
+            f"'{path}' names the trajectory '{motion}', which does not lie beside it; move it there"
+        )
+    n = lib.n_joints
+    try:
+        rate = float(controller.pop("rate_hz", 1000.0))
+        start = float(reference.get("start", 0.0))
+        gains = {
+            key: per_joint(n, value, f"{key} in '{path}'") for key, value in controller.items()
+        }
+    except (TypeError, ValueError, OverflowError):
+        rate, start, gains = 0.0, 0.0, {}
+    numbers = np.concatenate([*gains.values(), [rate, abs(start)]])
+    if not (np.isfinite(numbers) & (numbers >= 0)).all() or rate == 0:
+        raise IdentificationError(f"'{path}' needs gains, rotors and a rate_hz above 0")
+    rotor = gains.pop("rotor", 0.1)
+    return Loop(
+        read_trajectory(path.parent / motion, lib),
+        Controller(**gains),  # type: ignore[arg-type]
+        rotor,
+        rate,
+        start,
+    )
+
+
+def write_loop(loop: Loop, trajectory: str, path: Path) -> None:
+    """Write the file of a loop whose trajectory lies in the file of that name."""
+    lines = ["[controller]"]
+    values = {
+        "stiffness": loop.controller.stiffness,
+        "damping": loop.controller.damping,
+        "rotor": loop.rotor,
+        "rate_hz": loop.rate_hz,
+    }
+    lines += [f"{key} = {np.asarray(value, dtype=float).tolist()}" for key, value in values.items()]
+    lines += ["", "[reference]", f'trajectory = "{trajectory}"', f"start = {loop.start}"]
+    with replacing(path) as file:
+        file.write(("\n".join(lines) + "\n").encode())
+
+
+def _require_known(facts: dict[str, Any], path: Path) -> None:
+    for table, entries in facts.items():
+        known = _KEYS.get(table, {})
+        for key, value in entries.items() if isinstance(entries, dict) else [("", None)]:
+            if key not in known or not isinstance(value, known[key]) or isinstance(value, bool):
+                named = f"[{table}] {key}".strip()
+                raise IdentificationError(
+                    f"'{path}' has no use for {named} = {value!r}; a loop has [controller] "
+                    "stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
+                )

@@ -1,0 +1,251 @@
+"""The virtual robot: a log like a real one, of a robot whose every figure is known.
+
+    record(lib, trajectory, settings=None, *, seed, truth_seed=0, payload=None, pi=None,
+           progress=None) -> VirtualLog(recording, truth, motion)
+
+`truth_seed` draws the robot, π of its links and the faults of its sensors; `seed` the noise of one
+log. Logs of one `truth_seed` are of one robot. The model that its controller believes in, and about
+which the truth is drawn, is `pi`, by default that of the URDF:
+
+    P_true = P^½ exp(s S) P^½,   S symmetric, N(0, 1) on and N(0, ½) beside the diagonal
+
+The controller ticks at its rate on measured q̂, dq̂; its torque arrives after the delay, within the
+motor's limits, and is held. Between ticks MuJoCo integrates `engine`, with `friction` against it.
+Same seeds, same bits.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from runtime.errors import SimulationError
+from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import sample_times
+from runtime.library import Array, Library
+from runtime.recording import Recording
+from runtime.simulation.box_payload import Box, pi_from_pseudo
+from runtime.simulation.closed_loop import Motion
+from runtime.simulation.joint_friction import JointFriction
+from runtime.simulation.mujoco_engine import Engine, engine, inverse_dynamics, mass_diagonal
+from runtime.simulation.sensors import Calibration, Encoders, calibration, measured_torque
+from runtime.simulation.settings import Settings, settings_of
+
+ASTRAY = 0.5
+"""rad or m from the reference, where a robot counts as lost."""
+
+_CHUNK = 500
+"""Ticks between two reports of progress, where Ctrl-C is heard too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What nobody knows of a real robot.
+
+    Attributes:
+        pi: of the links with the payload, (10 n,), what its torques come from.
+        pi_arm: without the payload.
+        settings: rotors, friction, sensors, drive, controller.
+        sensors: gain and bias of the torque sensors.
+        payload: or None.
+        seed, truth_seed: of this log, of the robot.
+        saturated: share of the ticks at which a motor was at its limit, (n,).
+        engine: name and version, without which the bits of a log do not come back.
+    """
+
+    pi: Array
+    pi_arm: Array
+    settings: Settings
+    sensors: Calibration
+    payload: Box | None
+    seed: int
+    truth_seed: int
+    saturated: Array
+    engine: str
+
+    def facts(self, lib: Library) -> dict[str, Any]:
+        """JSON-ready."""
+        return {
+            "robot": lib.name,
+            "engine": self.engine,
+            "model_hash": lib.manifest.model_hash,
+            "seed": self.seed,
+            "truth_seed": self.truth_seed,
+            "pi": self.pi.tolist(),
+            "pi_arm": self.pi_arm.tolist(),
+            "lam": lib.lam_from_pi(self.pi).tolist(),
+            "beta": (lib.base_matrix @ self.pi).tolist(),
+            "payload": self.payload.facts(lib) if self.payload else None,
+            "torque_gain": self.sensors.gain.tolist(),
+            "torque_bias": self.sensors.bias.tolist(),
+            "saturated": self.saturated.tolist(),
+            "rotor": self.settings.rotor.tolist(),
+            "settings": self.settings.facts(),
+            "settings_sha256": self.settings.sha256,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualLog:
+    """What was measured, what was true, and the true states of every tick."""
+
+    recording: Recording
+    truth: Truth
+    motion: Motion
+
+
+def record(
+    lib: Library,
+    trajectory: Trajectory,
+    settings: Settings | None = None,
+    *,
+    seed: int,
+    truth_seed: int = 0,
+    payload: Box | None = None,
+    pi: Array | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> VirtualLog:
+    """Let the virtual robot follow a trajectory.
+
+    Args:
+        lib: of the robot.
+        trajectory: that is asked for.
+        settings: of the robot, by default `settings_of(lib)`.
+        seed: of the noise.
+        truth_seed: of the robot.
+        payload: in its hand; its controller knows nothing of it.
+        pi: the model that the controller believes in, (10 n,), by default `lib.pi0`.
+        progress: called with the part that is done.
+
+    Raises:
+        SimulationError: MuJoCo is missing, or the robot cannot follow.
+    """
+    settings = settings or settings_of(lib)
+    model = lib.pi0 if pi is None else np.asarray(pi, dtype=float)
+    of_robot = np.random.SeedSequence(truth_seed).spawn(2)
+    links = perturbed(lib, model, settings.spread, np.random.default_rng(of_robot[0]))
+    sensors = calibration(settings.sensors, np.random.default_rng(of_robot[1]))
+    # A log's noise must not repeat the draws of its robot where the seeds are equal.
+    noise = [np.random.default_rng(s) for s in np.random.SeedSequence([seed, 1]).spawn(2)]
+    held = links if payload is None else links + payload.pi(lib)
+
+    t = sample_times(trajectory.duration, settings.rate_hz)
+    reference = np.stack(trajectory.at(lib, t)[:3])
+    jitter = settings.sensors.position_noise * noise[0].normal(size=reference[0].shape)
+    bench = _Bench(lib, held, model, settings)
+    told, motion, saturated = bench.run(reference, jitter, progress)
+    recording = Recording(
+        t,
+        *told,
+        None,
+        measured_torque(motion.link, settings.sensors, sensors, noise[1]),
+        name="virtual",
+        joint_names=lib.joint_names,
+        history=(f"Recorded {len(t)} samples at {settings.rate_hz:g} Hz of a virtual robot.",),
+    )
+    truth = Truth(
+        *(held, links, settings, sensors, payload, seed, truth_seed, saturated, bench.engine)
+    )
+    return VirtualLog(recording, truth, motion)
+
+
+def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) -> Array:
+    """π (10 n,) with P^½ exp(s S) P^½ for every P; another robot, and one that can exist."""
+    lib.lam_from_pi(pi)  # the root needs bodies that exist
+    draws = rng.normal(size=(lib.n_joints, 4, 4))
+    S = spread * (draws + np.swapaxes(draws, 1, 2)) / 2
+    values, vectors = np.linalg.eigh(lib.pseudo_inertia(pi))
+    root = vectors * np.sqrt(values)[:, None] @ np.swapaxes(vectors, 1, 2)
+    changed = root @ np.stack([scipy.linalg.expm(each) for each in S]) @ root
+    return pi_from_pseudo(lib, (changed + np.swapaxes(changed, 1, 2)) / 2)
+
+
+class _Bench:
+    """Plant, friction, drive and controller; everything inside is in the order of MuJoCo."""
+
+    def __init__(self, lib: Library, pi: Array, model: Array, settings: Settings) -> None:
+        self._settings, step = settings, settings.step_s
+        self._substeps = round(1 / (settings.rate_hz * step))
+        self._plant = engine(lib, pi, settings.rotor, step)
+        self._belief = engine(lib, model, settings.rotor, step, ranges=False)
+        self._friction = JointFriction(settings.friction, step, self._plant.places)
+        self._delay = round(settings.delay_s / step)
+        self._effort = self._plant.sorted(lib.limits()["effort"])
+        self.engine = f"mujoco {self._plant.mujoco.__version__}"
+
+    def run(
+        self, reference: Array, jitter: Array, progress: Callable[[float], None] | None
+    ) -> tuple[tuple[Array, Array], Motion, Array]:
+        """q̂ and dq̂, true states, share of saturated ticks; in the order of the library.
+
+        Raises:
+            SimulationError: the robot left its reference.
+        """
+        plant, settings = self._plant, self._settings
+        sort = plant.sorted
+        encoders = Encoders(settings.sensors, sort(jitter), 1 / settings.rate_hz, plant.places)
+        law = _law(self._belief, settings, sort(reference))
+        wanted, rotor = sort(reference[0]), sort(settings.rotor)
+        data, model, step = plant.data, plant.model, plant.mujoco.mj_step
+        data.qpos[:], data.qvel[:] = wanted[0], sort(reference[1])[0]
+        q, dq, applied, damping = data.qpos, data.qvel, data.qfrc_applied, model.dof_damping
+        count, n = wanted.shape
+        log, h = np.zeros((7, count, n)), model.opt.timestep
+        commands, clipped, link = np.zeros((count, n)), np.zeros(n), np.zeros(n)
+        advance, substeps, delay = self._friction.advance, self._substeps, self._delay
+        for k in range(count):
+            told_q, told_dq = encoders.read(k, q, dq)
+            asked = law(k, told_q, told_dq)
+            commands[k] = np.clip(asked, -self._effort, self._effort)
+            clipped += commands[k] != asked
+            log[:4, k] = told_q, told_dq, q, dq
+            for j in range(substeps):
+                # Until the first torque arrives the brakes hold what that torque will be.
+                tau = commands[max(k * substeps + j - delay, 0) // substeps]
+                f, slope = advance(q, dq, link)
+                damping[:] = slope
+                applied[:] = tau - f + slope * dq
+                before = dq.copy() if j == 0 else None
+                step(model, data)
+                if before is not None:
+                    ddq = (dq - before) / h
+                    log[4:, k] = ddq, tau, tau - rotor * ddq
+            link = log[6, k]
+            if not np.abs(q - wanted[k]).max() < ASTRAY:
+                raise SimulationError(
+                    f"the virtual robot lost its trajectory after {k / settings.rate_hz:.3f} s "
+                    f"(more than {ASTRAY:g} rad or m away): it hit the end of a joint, its motors "
+                    "are too weak or the gains are wrong; slow the motion, lighten the payload, or "
+                    "correct the settings"
+                )
+            if progress is not None and k % _CHUNK == 0:
+                progress(k / count)
+        told_q, told_dq, *true = (plant.restored(part) for part in log)
+        return (told_q, told_dq), Motion(*true), plant.restored(clipped / count)
+
+
+def _law(
+    belief: Engine, settings: Settings, reference: Array
+) -> Callable[[int, Array, Array], Array]:
+    """The controller: its torque of tick k from q̂ and dq̂, with J in its model.
+
+    computed torque: ID(q̂, dq̂, u),          u = ddq_d + K_d (dq_d − dq̂) + K_p (q_d − q̂)
+    feedforward:     ID(q_d, dq_d, ddq_d) + D (K_d (dq_d − dq̂) + K_p (q_d − q̂)),  D = diag M(q_d(0))
+    """
+    q_d, dq_d, ddq_d = reference
+    stiffness, damping = (belief.sorted(x) for x in (settings.stiffness, settings.damping))
+
+    def correction(k: int, q: Array, dq: Array) -> Array:
+        return np.asarray(damping * (dq_d[k] - dq) + stiffness * (q_d[k] - q))
+
+    if settings.law == "computed_torque":
+        return lambda k, q, dq: inverse_dynamics(belief, q, dq, ddq_d[k] + correction(k, q, dq))
+    inertia = mass_diagonal(belief, q_d[0])
+
+    def feedforward(k: int, q: Array, dq: Array) -> Array:
+        known = inverse_dynamics(belief, q_d[k], dq_d[k], ddq_d[k])
+        return known + inertia * correction(k, q, dq)
+
+    return feedforward

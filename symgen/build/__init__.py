@@ -1,0 +1,1 @@
+"""The build: from a request to a compiled library."""

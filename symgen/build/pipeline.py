@@ -1,0 +1,222 @@
+"""The pipeline: request → chain → catalogue → files → compiled library → generated/<robot>/.
+
+The folder is replaced as a whole by one atomic exchange, so that two builds at once, a killed
+build and a full disk leave either the old library or the new one.
+"""
+
+import fcntl
+import hashlib
+import json
+import shlex
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from symgen import __version__
+from symgen.build.compiler import Compilation, Compiled, how_to_compile, sha256_of
+from symgen.build.exchange import replace_folder
+from symgen.build.facts import initial_parameters, model_facts
+from symgen.build.request import BuildRequest
+from symgen.catalogue import make_catalogue
+from symgen.chain import Chain, Joint, read_chain
+from symgen.documents import json_of
+from symgen.emit import Early, EmittedRobot, emit, ignored
+from symgen.errors import BuildError
+from symgen.kernel import Kernel
+
+ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
+"""Sources of plain C."""
+PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "convex.c", "excitation.c")
+"""Sources that are compiled once per instruction set."""
+UNHURRIED = ("reference.c",)
+"""Sources that nobody waits for: compiled without optimisation, which saves build time."""
+_KINDS = (ONCE, PER_LEVEL, UNHURRIED)
+
+
+@dataclass(frozen=True, slots=True)
+class BuildResult:
+    """Where the library lies, whether anything had to be done, and what to tell the user."""
+
+    folder: Path
+    rebuilt: bool
+    notes: tuple[str, ...]
+
+
+def build(
+    request: BuildRequest, root: Path, force: bool = False, levels: Sequence[str] = ()
+) -> BuildResult:
+    """Generate and compile unless nothing changed.
+
+    Args:
+        request: what to build.
+        root: the folder that holds one folder per robot.
+        force: rebuild although nothing changed.
+        levels: instruction sets to compile for (`compiler.level_names`); empty: all.
+
+    Raises:
+        SymgenError: the URDF, the compiler or the file system refused; nothing was changed.
+    """
+    folder = root / request.name
+    if not force and is_current(request, folder, levels):
+        return BuildResult(folder, False, ())
+    draft = _draft(request)  # a refused robot leaves no trace on disk
+    with _write_errors(folder):
+        root.mkdir(parents=True, exist_ok=True)
+        with _lock(root, request.name):
+            if not force and is_current(request, folder, levels):  # another process was faster
+                return BuildResult(folder, False, draft.notes)
+            staging = Path(tempfile.mkdtemp(prefix=f".{request.name}.", dir=root))
+            try:
+                staging.chmod(0o755)
+                _fill(staging, request, draft, levels)
+                replace_folder(staging, folder)
+            finally:
+                shutil.rmtree(staging, ignore_errors=True)
+    return BuildResult(folder, True, draft.notes)
+
+
+def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
+    """All committed files of a robot as text, and notes for the user."""
+    draft = _draft(request)
+    return _emitted(request, draft), draft.notes
+
+
+@dataclass(frozen=True, slots=True)
+class _Draft:
+    """A robot that was read and not refused."""
+
+    chain: Chain
+    kernels: tuple[Kernel, ...]
+    facts: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def _draft(request: BuildRequest) -> _Draft:
+    chain = read_chain(request.urdf, request.options)
+    pi0, projected = initial_parameters(chain, request.project)
+    catalogue = make_catalogue(chain, request.config.collision)
+    facts = model_facts(chain, request, catalogue.base, pi0, projected)
+    return _Draft(chain, catalogue.kernels, facts, _notes(chain, projected))
+
+
+def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> EmittedRobot:
+    versions = {"symgen": __version__, "casadi": version("casadi")}
+    robot = emit(request.name, draft.kernels, draft.facts, versions, early)
+    files = robot.files | {f"{request.name}.urdf": draft.chain.urdf}
+    files["compile.json"] = _compile_facts(files)
+    return EmittedRobot(files, robot.model_hash)
+
+
+def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
+    """The folder was built from exactly this request and its library is intact.
+
+    `levels` as in `build`; None: whichever it was compiled for.
+    """
+    try:
+        record = json_of(folder / "build.json")
+        return bool(
+            record["fingerprint"] == request.fingerprint
+            and (levels is None or record["levels"] == sorted(set(levels)))
+            and record["sha256"] == sha256_of(folder / f"lib{request.name}.so")
+            and all(
+                sha256_of(folder / name) == digest for name, digest in record["sources"].items()
+            )
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+ROUNDED = 1e-4
+"""What a rotation misses a right angle by where a URDF writes its angles with four digits."""
+
+
+def _compile_facts(files: dict[str, str]) -> str:
+    """How the folder becomes a library on a machine without symgen, and what its files are."""
+    digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    how = how_to_compile(*([name for name in kind if name in files] for kind in _KINDS))
+    return json.dumps({"files": digests, **how}, indent=1) + "\n"
+
+
+def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
+    notes = [
+        f"link '{body.name}' ({body.mass:g} kg) is fixed and counts into '{body.onto}'"
+        for body in chain.lumped
+    ]
+    if chain.removed:
+        notes.append(f"cut off by --base/--tip: {', '.join(chain.removed)}")
+    notes += [
+        f"the inertia of '{link}' cannot exist and was projected (largest change {change:.2g})"
+        for link, change in projected.items()
+    ]
+    rounded = [j.name for j in chain.joints if _is_almost_square(j)]
+    if rounded:
+        notes.append(
+            f"the angles of {', '.join(rounded)} are right ones but for {ROUNDED:g}; if the URDF "
+            f"rounds them, --snap {ROUNDED:g} saves operations and base parameters that only "
+            "rounding makes"
+        )
+    return tuple(notes)
+
+
+def _is_almost_square(joint: Joint) -> bool:
+    """Some entry of the joint's rotation is almost, but not, 0."""
+    return any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)
+
+
+def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> None:
+    """Write and compile everything; what is written early is compiled meanwhile."""
+    with Compilation(staging, how_to_compile(*_KINDS), levels) as compilation:
+        started = set[str]()  # and not written again: a compiler reads them
+
+        def early(name: str, text: str) -> None:
+            _write_files(staging, {name: text})
+            compilation.start(name)
+            started.add(name)
+
+        files = _emitted(request, draft, early).files
+        _write_files(staging, {name: files[name] for name in files if name not in started})
+        compiled = _compile(compilation, staging / f"lib{request.name}.so", files)
+    record = {
+        "fingerprint": request.fingerprint,
+        "levels": sorted(set(levels)),
+        "sha256": compiled.sha256,
+        "sources": {name: sha256_of(staging / name) for name in files},
+        "commands": [shlex.join(command) for command in compiled.commands],
+        "compiler": compiled.version,
+    }
+    (staging / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+
+
+def _write_files(staging: Path, files: Mapping[str, str]) -> None:
+    for name, text in files.items():
+        (staging / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) -> Compiled:
+    return compilation.finish([name for kind in _KINDS for name in kind if name in files], library)
+
+
+@contextmanager
+def _lock(root: Path, name: str) -> Iterator[None]:
+    """One build per robot at a time; the kernel drops the lock when a build is killed."""
+    with (root / f".{name}.lock").open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        for stale in root.glob(f".{name}.*/"):
+            shutil.rmtree(stale, ignore_errors=True)  # left by a killed build
+        yield
+
+
+@contextmanager
+def _write_errors(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise BuildError(
+            f"cannot write '{folder}': {error.strerror or error}; free space or permissions, "
+            "then build again (the previous library, if any, is unchanged)"
+        ) from error

@@ -1,0 +1,88 @@
+"""What is to be built: a URDF, what the user asks of it, and what a URDF cannot say."""
+
+import hashlib
+import json
+import re
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+from symgen import __version__
+from symgen.build.compiler import find_compiler
+from symgen.build.config import CONFIG_KEYS, RobotConfig, config_from_table, read_config
+from symgen.chain import ChainOptions
+from symgen.documents import json_of, text_of
+from symgen.errors import BuildError
+
+ROBOTS = Path(__file__).parents[1] / "robots"
+
+
+@dataclass(frozen=True, slots=True)
+class BuildRequest:
+    """Everything that decides the bytes of a generated folder."""
+
+    name: str
+    urdf: str
+    options: ChainOptions = field(default_factory=ChainOptions)
+    config: RobotConfig = field(default_factory=RobotConfig)
+    project: bool = False
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
+            raise BuildError(
+                f"the robot's name becomes a C prefix and a folder: expected lower-case letters, "
+                f"digits and _, got '{self.name}'"
+            )
+
+    @property
+    def fingerprint(self) -> str:
+        """Hash of the inputs, of this package's source and of the tools that shape the output."""
+        digest = hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode())
+        package = Path(__file__).parents[1]
+        for path in sorted(package.rglob("*")):
+            if path.suffix in {".py", ".jinja2", ".h"}:
+                digest.update(path.relative_to(package).as_posix().encode() + path.read_bytes())
+        digest.update(__version__.encode())
+        for tool in ("casadi", "pin", "numpy", "jinja2"):
+            digest.update(f"{tool} {version(tool)}".encode())
+        digest.update(" ".join(find_compiler()).encode())
+        return digest.hexdigest()
+
+
+def bundled_request(name: str) -> BuildRequest:
+    """Request for a robot that ships with symgen."""
+    urdf = ROBOTS / f"{name}.urdf"
+    if not urdf.exists():
+        known = ", ".join(bundled_robots())
+        raise BuildError(
+            f"no bundled robot is called '{name}' (there is {known}); "
+            "build your own with --urdf FILE --name NAME"
+        )
+    return BuildRequest(name, urdf.read_text(), config=read_config(ROBOTS / f"{name}.toml"))
+
+
+def bundled_robots() -> list[str]:
+    """Names of the robots in symgen/robots."""
+    return sorted(path.stem for path in ROBOTS.glob("*.urdf"))
+
+
+def request_from_folder(folder: Path) -> BuildRequest:
+    """The request that regenerates a folder from its own URDF and manifest."""
+    name = folder.name
+    try:
+        manifest = json_of(folder / "manifest.json")
+        urdf = text_of(folder / f"{name}.urdf")
+        options = ChainOptions(
+            tip=manifest["options"]["tip"],
+            gravity=tuple(manifest["gravity"]),
+            removed=tuple(manifest["removed"]),
+        )
+        table = {key: manifest[key] for key in CONFIG_KEYS if manifest[key] is not None}
+        config = config_from_table(table, f"'{folder / 'manifest.json'}'")
+        project = bool(manifest["options"]["project"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise BuildError(
+            f"'{folder}' is not a complete generated folder ({type(error).__name__}: {error}); "
+            "build it again with: python -m symgen build"
+        ) from None
+    return BuildRequest(name, urdf, options, config, project)

@@ -1,0 +1,1 @@
+"""Rigid-body mechanics on CasADi symbols and numbers."""

@@ -1,0 +1,83 @@
+"""M(q) and the motion that torques cause, written once on a `Chain`.
+
+Column i of M is the wrench that a unit acceleration of joint i asks of everything beyond it, taken
+up by the joints towards the base: the composite-rigid-body method, in link frames.
+Source: Walker & Orin, J. Dyn. Sys. Meas. Control 104(3), 1982; Featherstone, Rigid Body Dynamics
+Algorithms, 2008, Table 6.2.
+"""
+
+import casadi as ca
+
+from symgen.chain import Chain
+from symgen.mechanics.dynamics import bias_forces, joint_pose
+from symgen.mechanics.inertia import bodies_of, joined, seen_from
+from symgen.mechanics.spatial import Matrix
+
+
+def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
+    """M(q) = ∂τ/∂ddq, n × n, M = Mᵀ to the bit (Eq. 2.34).
+
+    Args:
+        chain: n joints, one body each.
+        q: (n,) rad or m.
+        pi: (10 n,) link by link.
+
+    Returns:
+        (n, n) kg·m², kg·m or kg.
+    """
+    n = len(chain.joints)
+    poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
+    beyond = bodies_of(pi)
+    m = ca.SX(n, n)
+    for i in reversed(range(n)):
+        joint, pose = chain.joints[i], poses[i]
+        mass, moment, inertia = beyond[i]
+        axis = ca.SX(pose.axis)
+        if joint.kind == "prismatic":
+            force, couple = mass * axis, ca.cross(moment, axis)
+        else:
+            force, couple = ca.cross(axis, moment), ca.mtimes(inertia, axis)
+        k = i
+        while k >= 0:
+            at = poses[k]
+            slides = chain.joints[k].kind == "prismatic"
+            m[i, k] = m[k, i] = ca.dot(at.axis, force if slides else couple)
+            force, couple = ca.mtimes(at.rotation, force), ca.mtimes(at.rotation, couple)
+            couple += ca.cross(at.translation, force)
+            k = chain.joints[k].parent
+        if joint.parent >= 0:
+            more = seen_from(pose.rotation, pose.translation, beyond[i])
+            beyond[joint.parent] = joined(beyond[joint.parent], more)
+    return ca.densify(m)
+
+
+def forward_dynamics(
+    chain: Chain, q: Matrix, dq: Matrix, tau: Matrix, pi: Matrix, rotor: Matrix
+) -> Matrix:
+    """Ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
+
+    Args:
+        chain: n joints.
+        q: (n,) rad or m.
+        dq: (n,) rad/s or m/s.
+        tau: (n,) N·m or N.
+        pi: (10 n,).
+        rotor: J, (n,) inertia of the motors, reflected to the joints, kg·m² or kg.
+    """
+    n = len(chain.joints)
+    m = mass_matrix(chain, q, pi) + ca.diag(rotor)
+    x = tau - bias_forces(chain, q, dq, pi)
+    rows: list[list[Matrix]] = [[0] * n for _ in range(n)]
+    d: list[Matrix] = [0] * n
+    for j in range(n):
+        v = [rows[j][k] * d[k] for k in range(j)]
+        d[j] = m[j, j] - sum(rows[j][k] * v[k] for k in range(j))
+        for i in range(j + 1, n):
+            rows[i][j] = (m[i, j] - sum(rows[i][k] * v[k] for k in range(j))) / d[j]
+    y: list[Matrix] = [0] * n
+    for i in range(n):
+        y[i] = x[i] - sum(rows[i][k] * y[k] for k in range(i))
+    z: list[Matrix] = [0] * n
+    for i in reversed(range(n)):
+        z[i] = y[i] / d[i] - sum(rows[k][i] * z[k] for k in range(i + 1, n))
+    return ca.vertcat(*z)

@@ -1,0 +1,131 @@
+"""friction_net and the NN-aided method: nets learn friction, and only friction."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Identification, Recording, identify
+from runtime.errors import IdentificationError
+from runtime.estimators.friction_net import UNITS, FrictionNet, _forward, _slopes, train
+from runtime.estimators.regression.samples import samples_of
+from runtime.excitation import Trajectory
+from runtime.library import Library
+from runtime.recording import Friction, Split
+from runtime.recording.preprocessing import prepare
+from runtime.simulation import Plant, ideal
+from scripts.bench.plant import SPEED, bench
+from tests.runtime.conftest import Command
+from tests.taylor import assert_second_order, taylor_slope
+
+TERMS = Friction(("viscous", "coulomb", "dahl"), SPEED)
+HALVES = Split((0.0, 0.6), (0.6, 0.95), (0.95, 1.0))
+
+
+def stribeck(dq: np.ndarray) -> np.ndarray:
+    """A friction that no linear column has: more at slow speeds, N·m."""
+    return 0.6 * np.tanh(dq / SPEED) * np.exp(-((dq / 0.3) ** 2))
+
+
+@pytest.fixture(scope="module")
+def sticky(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Recording:
+    """Linear friction, Stribeck friction and 0.02 N·m of noise."""
+    plant = Plant(pi_true, viscous=0.4, coulomb=0.4, coulomb_speed=SPEED, torque_noise=0.02)
+    log = ideal(lib, trajectories[0], plant, 200.0, np.random.default_rng(3))
+    return log.replace(tau=log.tau + stribeck(log.dq))
+
+
+@pytest.fixture(scope="module")
+def learned(sticky: Recording, lib: Library) -> Identification:
+    return identify(sticky, lib, "nn", friction_columns=TERMS, splitting=HALVES, certify=False)
+
+
+def rms(found: Identification, motion: tuple[np.ndarray, ...], tau: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((found.predict(*motion) - tau) ** 2)))
+
+
+def test_the_net_learns_what_linear_friction_cannot(
+    lib: Library,
+    sticky: Recording,
+    learned: Identification,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+) -> None:
+    """Oracle: the friction of the plant on another motion, far below the linear fit's error."""
+    linear = identify(
+        sticky, lib, "pc-ols", friction_columns=TERMS, splitting=HALVES, certify=False
+    )
+    motion = trajectories[2].at(lib, np.arange(0.0, 10.0, 0.02))[:3]
+    truth = Plant(pi_true, viscous=0.4, coulomb=0.4, coulomb_speed=SPEED)
+    tau = ideal(lib, trajectories[2], truth, 50.0).tau[:-1] + stribeck(motion[1])
+    # Linear columns leave 0.09 N·m of the 0.6; the net a third of that, noise of 0.02 included.
+    assert rms(linear, motion, tau) > 0.05
+    assert rms(learned, motion, tau) < rms(linear, motion, tau) / 2
+    assert learned.is_consistent
+    assert learned.loss < linear.loss
+
+
+def test_without_friction_the_net_is_silent(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> None:
+    """Property: on a plant without friction the net stays below 3σ, and π a body."""
+    plant = bench(lib, trajectories[0], trajectories[2], pi_true, 1e-5, viscous=0.0, coulomb=0.0)
+    found = plant.identify("nn", friction_columns=TERMS, splitting=HALVES)
+    samples = samples_of(found.train, lib)
+    assert found.net is not None
+    # σ = 0.05 N·m.
+    assert np.sqrt(np.mean(found.net.torque(samples.columns) ** 2, axis=0)).max() < 0.15
+    assert found.is_consistent
+    # As without nets, 0.13 %.
+    assert plant.base_error(found) < 0.3
+
+
+def test_slopes_of_the_net() -> None:
+    """Derivative: the Taylor remainder of y(θ) falls as h²."""
+    rng = np.random.default_rng(0)
+    x, theta = rng.normal(size=(30, 3)), rng.normal(size=UNITS * 5 + 1)
+    along = rng.normal(size=theta.size)
+    slope = _slopes(theta, x, _forward(theta, x)[1]) @ along
+    # Values of size 1 round at 1e-16, so the remainder h² is seen from 1e-1 to 1e-6.
+    assert_second_order(taylor_slope(lambda at: _forward(at, x)[0], theta, along, slope), 4.0)
+
+
+def test_training_fits_a_net_of_its_own_kind() -> None:
+    """Oracle: a random net is learned from its outputs; a silent joint keeps the zero net."""
+    rng = np.random.default_rng(1)
+    x = rng.normal(size=(400, 2, 3))
+    truth = FrictionNet(rng.normal(size=(2, UNITS * 5 + 1)), np.ones((2, 3)))
+    y = truth.torque(x) * [1.0, 0.0]
+    found = train(x[:300], y[:300], x[300:], y[300:], np.random.default_rng(2))
+    # The penalty of 1e-4 N ‖θ‖², ‖θ‖² = 20, leaves at most √(2e-3) of the output.
+    assert np.std(found.torque(x)[:, 0] - y[:, 0]) < 0.05 * np.std(y[:, 0])
+    assert not found.theta[1].any()
+
+
+def test_nets_need_columns(sticky: Recording, lib: Library) -> None:
+    """Property: without friction columns there is nothing to learn from, in one sentence."""
+    with pytest.raises(IdentificationError, match="the nets learn from friction columns"):
+        identify(sticky, lib, "nn", splitting=HALVES)
+
+
+def test_results_keep_the_net(
+    learned: Identification, sticky: Recording, tmp_path: Path, command: Command, lib: Library
+) -> None:
+    """Property: what evaluate computes from result.json is what the net said."""
+    from runtime.identification.result_file import write_result
+    from runtime.recording import write_recording
+
+    facts = write_result(learned, tmp_path / "found", "a test")
+    write_recording(sticky, tmp_path / "log.npz")
+    ran = command(
+        "evaluate", tmp_path / "found", tmp_path / "log.npz", "--robot", lib.folder, "--json"
+    )
+    assert ran.code == 0
+    seen = json.loads(ran.out)["torque_error_percent"]["after_overall"]
+    whole = prepare(sticky, None, TERMS, lib=lib)
+    error = learned.predict_recording(whole) - sticky.tau
+    percent = 100 * np.linalg.norm(error) / np.linalg.norm(sticky.tau)
+    # Numbers pass through JSON and NPZ unrounded.
+    assert seen == pytest.approx(percent, rel=1e-9)
+    assert "net" in facts["friction"]

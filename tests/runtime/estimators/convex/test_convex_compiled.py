@@ -1,0 +1,151 @@
+"""The convex estimators in C against their NumPy reference; oracle of both is in test_convex."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from runtime.errors import LibraryError
+from runtime.estimators.convex import (
+    CAD,
+    ConvexProblem,
+    bodies_of,
+    convex_problem,
+    follow,
+    follow_compiled,
+    follow_many,
+    minimise,
+    prior_from,
+    prior_of,
+    reduce,
+    solve,
+    solve_many,
+)
+from runtime.estimators.convex.constraints import Constraints, constrained
+from runtime.library import Library, load
+from tests.robots import levels_here
+from tests.runtime.estimators.convex.test_convex import compressed
+from tests.taylor import assert_second_order, taylor_slope
+
+
+def problem(lib: Library, seed: int = 0, columns: int = 0) -> ConvexProblem:
+    data, _ = reduce(compressed(lib, columns, seed), lib.n_joints)
+    return convex_problem(data, prior_of(lib), CAD * data.variance / data.count)
+
+
+@pytest.mark.parametrize("columns", [0, 2])
+@pytest.mark.parametrize("name", ["fr3", "tree"])
+def test_compiled_equals_reference(robot, name, columns):
+    """Oracle: the NumPy steps, at every instruction set."""
+    lib = robot(name)
+    p = problem(lib, 1, columns)
+    reference = minimise(p)
+    for level in levels_here(lib):
+        found = solve(load(lib.folder, level), p)
+        assert (found.converged, found.steps) == (True, reference.steps)
+        # Rounding through a Hessian of condition 1e6; measured 1e-11.
+        size = np.abs(reference.pi).max()
+        np.testing.assert_allclose(found.pi, reference.pi, atol=1e-8 * size)
+        assert found.loss == pytest.approx(reference.loss, rel=1e-10)
+
+
+def test_compiled_path_equals_reference(fr3):
+    """Oracle: the NumPy path; the same losses to far below its own certificate."""
+    p = problem(fr3, 2, 1)
+    ours, theirs = follow_compiled(fr3, p.data, p.prior), follow(p.data, p.prior)
+    assert ours.converged
+    assert theirs.converged
+    np.testing.assert_allclose(ours.losses, theirs.losses, rtol=1e-9)
+    np.testing.assert_array_equal(ours.gammas, theirs.gammas)
+    assert ours.gap == pytest.approx(theirs.gap, rel=1e-2)
+    assert ours.weight == pytest.approx(theirs.weight, rel=1e-3)
+
+
+def test_many_are_the_same_as_one_by_one(fr3):
+    """Property: trials of one call equal single calls to the bit, for any number of threads."""
+    problems = [problem(fr3, seed) for seed in range(5)]
+    alone = [solve(fr3, p) for p in problems]
+    assert len({m.loss for m in alone}) == 5
+    paths = [follow_compiled(fr3, p.data, p.prior) for p in problems[:3]]
+    for threads in (1, 2, 3, 9):
+        for one, other in zip(alone, solve_many(fr3, problems, threads=threads), strict=True):
+            np.testing.assert_array_equal(one.pi, other.pi)
+        data, priors = [p.data for p in problems[:3]], [p.prior for p in problems[:3]]
+        for one, other in zip(paths, follow_many(fr3, data, priors, threads), strict=True):
+            np.testing.assert_array_equal(one.points, other.points)
+    assert solve_many(fr3, []) == []
+
+
+def test_fewer_bodies_than_the_robot_has(fr3):
+    """Oracle: the reference, on the ten unknowns of one body: a payload."""
+    whole = problem(fr3)
+    prior = prior_from(bodies_of(fr3), whole.prior.centre[-10:])
+    factor = whole.data.factor[:, -10:]
+    rng = np.random.default_rng(0)
+    target = factor @ prior.centre * 1.3 + rng.normal(size=len(factor))
+    data = dataclasses.replace(whole.data, factor=factor, target=target)
+    p = convex_problem(data, prior, 0.1)
+    ours, theirs = solve(fr3, p), minimise(p)
+    assert ours.converged
+    np.testing.assert_allclose(ours.pi, theirs.pi, atol=1e-9 * np.abs(theirs.pi).max())
+
+
+def test_a_path_ends_where_steps_run_out(fr3):
+    """Property: with two steps per γ both stop at the same γ and say so."""
+    p = problem(fr3, 3)
+    ours = follow_compiled(fr3, p.data, p.prior, most_steps=2)
+    theirs = follow(p.data, p.prior, most_steps=2)
+    assert not ours.converged
+    assert not theirs.converged
+    assert len(ours.losses) == len(theirs.losses) < 9
+    np.testing.assert_allclose(ours.losses, theirs.losses, rtol=1e-9)
+
+
+def test_levels_without_the_program_take_the_reference(fr3, monkeypatch):
+    """Property: the door is the same; asking for C where there is none is refused."""
+    lib = load(fr3.folder, "portable")
+    monkeypatch.setattr(lib, "_convex", None)
+    p = problem(lib)
+    np.testing.assert_array_equal(solve(lib, p).pi, minimise(p).pi)
+    path = follow_compiled(lib, p.data, p.prior)
+    np.testing.assert_array_equal(path.points, follow(p.data, p.prior).points)
+    with pytest.raises(LibraryError, match="no compiled"):
+        lib.convex([], 1e-3, 10)
+
+
+def test_a_start_outside_does_not_converge(fr3):
+    """Property: C has no exceptions; an impossible start comes back as it was, unconverged."""
+    p = problem(fr3)
+    found = solve(fr3, p, -p.prior.centre)
+    assert not found.converged
+    assert found.steps == 0
+    assert np.isfinite(found.pi).all()
+
+
+def test_further_priors_without_any_change_nothing(fr3):
+    """Property: an empty set of constraints is the plain problem."""
+    p = problem(fr3)
+    found, notes = constrained(Constraints(), p.data, p.prior, p.gamma)
+    assert notes == ()
+    # Another start: both stop within a decrement of 1e-3 γ, and Newton overshoots that.
+    np.testing.assert_allclose(found.pi, solve(fr3, p).pi, atol=1e-4)
+
+
+def test_log_cholesky_is_the_factor_of_p(fr3):
+    """Oracle: P = U Uᵀ by numpy, and the Jacobian by Taylor remainders."""
+    rng = np.random.default_rng(0)
+    pi = fr3.pi_from_lam(fr3.lam0 + 0.05 * rng.normal(size=70))
+    theta = fr3.cholesky_from_pi(pi)
+    np.testing.assert_allclose(fr3.pi_from_cholesky(theta), pi, rtol=1e-9, atol=1e-12)
+    a, d, s, t = (theta.reshape(7, 10)[0][k] for k in (0, slice(1, 4), slice(4, 7), slice(7, 10)))
+    upper = np.diag([*np.exp(d), 1.0])
+    upper[0, 1], upper[1, 2], upper[0, 2], upper[:3, 3] = s[0], s[1], s[2], t
+    p = np.exp(2 * a) * upper @ upper.T
+    np.testing.assert_allclose(p, fr3.pseudo_inertia(pi)[0], rtol=1e-9, atol=1e-12)
+    v = rng.normal(size=70)
+    blocks = fr3.cholesky_jacobian(theta)
+    along = np.einsum("kij,kj->ki", blocks, v.reshape(7, 10)).ravel()
+    assert_second_order(taylor_slope(fr3.pi_from_cholesky, theta, v, along, 1e-1), 3.0)
+    flat = fr3.pi0.copy()
+    flat[4:7] = 0.0
+    assert np.isnan(fr3.cholesky_from_pi(flat)).any()

@@ -1,0 +1,222 @@
+"""optimizers: Adam step by step, and the loop that stops in time and keeps the best."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from runtime.estimators.optimizers import (
+    AdamOptions,
+    Outcome,
+    Status,
+    StoppingRule,
+    adam_start,
+    adam_step,
+    minimise,
+)
+
+Loss = Callable[[np.ndarray], tuple[float, np.ndarray]]
+
+
+def quadratic(x: np.ndarray) -> tuple[float, np.ndarray]:
+    return float(x @ x) / 2, x.copy()
+
+
+def rosenbrock(x: np.ndarray) -> tuple[float, np.ndarray]:
+    a, b = 1 - x[0], x[1] - x[0] ** 2
+    return float(a * a + 100 * b * b), np.array([-2 * a - 400 * x[0] * b, 200 * b])
+
+
+def run(
+    loss: Loss,
+    start: list[float],
+    rule: StoppingRule,
+    options: AdamOptions | None = None,
+    validation: Callable[[np.ndarray], float] | None = None,
+    progress: Callable[[int, float], None] | None = None,
+) -> Outcome:
+    """The loop with the loss as its own validation."""
+    return minimise(
+        np.array(start),
+        loss,
+        validation or (lambda x: loss(x)[0]),
+        options or AdamOptions(),
+        rule,
+        progress,
+    )
+
+
+def test_two_steps_by_hand() -> None:
+    """Oracle: g = 1, then g = −2 with η = 0.1, β = ½, ¾, ε = 1, worked out on paper.
+
+    m̂₁ = 1, v̂₁ = 1: x = −0.1 · 1/(1 + 1) = −0.05.
+    m₂ = ½·½ − 1 = −¾, m̂₂ = −1; v₂ = ¾·¼ + 1 = 19/16, v̂₂ = 19/7: x = −0.05 + 0.1/(√(19/7) + 1).
+    """
+    options = AdamOptions(0.1, 0.5, 0.75, 1.0)
+    state, x = adam_step(adam_start(1), np.zeros(1), np.array([1.0]), options)
+    # A handful of roundings.
+    assert x == pytest.approx([-0.05], rel=1e-15)
+    state, x = adam_step(state, x, np.array([-2.0]), options)
+    assert x == pytest.approx([-0.05 + 0.1 / (np.sqrt(19 / 7) + 1)], rel=1e-14)
+    assert state.step == 2
+
+
+def test_epsilon_stands_outside_the_root() -> None:
+    """Oracle: for g = ε = 1e-8 the first step is η/2 outside the root, η/10⁴ inside."""
+    _, x = adam_step(adam_start(1), np.zeros(1), np.array([1e-8]), AdamOptions(1e-3))
+    # g² = 1e-16 is exact enough for twelve digits of its root.
+    assert x == pytest.approx([-0.5e-3], rel=1e-12)
+
+
+def test_sequence_against_the_textbook() -> None:
+    """Oracle: 300 steps of Kingma & Ba's recursion in its sum form, m_t = (1−β) Σ β^(t−i) g_i."""
+    rng = np.random.default_rng(0)
+    gradients = rng.normal(size=(300, 3))
+    options = AdamOptions(0.01, 0.9, 0.99, 1e-8)
+    state, x = adam_start(3), np.ones(3)
+    expected = np.ones(3)
+    for t in range(1, 301):
+        state, x = adam_step(state, x, gradients[t - 1], options)
+        age = np.arange(t - 1, -1, -1)
+        m = 0.1 * (0.9**age) @ gradients[:t] / (1 - 0.9**t)
+        v = 0.01 * (0.99**age) @ gradients[:t] ** 2 / (1 - 0.99**t)
+        expected = expected - 0.01 * m / (np.sqrt(v) + 1e-8)
+    # Rounding accumulated over 300 steps.
+    assert x == pytest.approx(expected, rel=1e-11)
+
+
+def test_steps_do_not_change_their_arguments() -> None:
+    """Property: pure; the state and the point given stay what they were."""
+    state, x, gradient = adam_start(2), np.ones(2), np.ones(2)
+    adam_step(state, x, gradient, AdamOptions())
+    assert not state.m.any()
+    assert not state.v.any()
+    assert x.tolist() == gradient.tolist() == [1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("loss", "start", "optimum", "rate"),
+    [
+        (quadratic, [3.0, -1.0, 0.5], [0.0, 0.0, 0.0], 0.05),
+        (rosenbrock, [-1.2, 1.0], [1.0, 1.0], 0.02),
+    ],
+    ids=["quadratic", "rosenbrock"],
+)
+def test_toys_are_solved(loss: Loss, start: list[float], optimum: list[float], rate: float) -> None:
+    """Oracle: the known minima of a quadratic and of Rosenbrock's valley."""
+    found = run(loss, start, StoppingRule(50_000, 2000, threshold=1e-12), AdamOptions(rate))
+    assert found.status is Status.PATIENCE
+    # A valley of curvature 0.4 at a loss of about 1e-10.
+    assert found.x == pytest.approx(optimum, abs=1e-4)
+
+
+def test_patience_counts_iterations_not_validations() -> None:
+    """Property: a flat loss ends after exactly `patience` iterations, whatever `validate_every`."""
+
+    def flat(x: np.ndarray) -> tuple[float, np.ndarray]:
+        return 1.0, np.ones_like(x)
+
+    for every in (1, 5, 7, 100):
+        found = run(flat, [0.0], StoppingRule(1000, 25, validate_every=every))
+        assert found.status is Status.PATIENCE
+        assert found.iterations == 25
+        # Nothing improved, so the start is the answer.
+        assert found.x.tolist() == [0.0]
+        assert found.trace.iteration == tuple(range(every, 26, every))
+
+
+def test_an_improvement_counts_only_beyond_the_threshold() -> None:
+    """Property: one fall by exactly `threshold` is none; by more, it restarts the patience."""
+    for threshold, iterations in ((0.25, 20), (0.2, 25)):
+        losses = iter([10.0, *[9.75] * 100])
+        found = run(
+            quadratic,
+            [1.0],
+            StoppingRule(60, 20, validate_every=5, threshold=threshold),
+            validation=lambda _, losses=losses: next(losses),
+        )
+        assert (found.status, found.iterations) == (Status.PATIENCE, iterations)
+
+
+def test_the_threshold_accumulates_against_the_best() -> None:
+    """Property: small falls add up; the improvement is held against the best that counted."""
+    losses = iter([10.0, 9.75, 9.5, 9.25, 9.0, *[9.0] * 100])
+    found = run(
+        quadratic,
+        [1.0],
+        StoppingRule(1000, 10, validate_every=1, threshold=0.5),
+        validation=lambda _: next(losses),
+    )
+    # 9.25 beats 10 − 0.5 at iteration 3; 9.0 does not beat 9.25 − 0.5; 3 + 10 ends.
+    assert (found.validation, found.iterations) == (9.25, 13)
+
+
+def test_the_best_point_is_returned_not_the_last() -> None:
+    """Property: with a step that overshoots, the answer is the lowest validated loss."""
+    seen: list[tuple[float, np.ndarray]] = []
+
+    def validation(x: np.ndarray) -> float:
+        seen.append((quadratic(x)[0], x.copy()))
+        return seen[-1][0]
+
+    rule = StoppingRule(200, 1000, validate_every=3, threshold=0.0)
+    found = run(quadratic, [1.0], rule, AdamOptions(0.3), validation)
+    best = min(seen, key=lambda pair: pair[0])
+    assert found.validation == best[0]
+    assert found.x.tolist() == best[1].tolist()
+    assert best[0] < seen[-1][0]
+    assert found.status is Status.MAX_ITERATIONS
+    assert found.trace.validation == tuple(loss for loss, _ in seen[1:])
+
+
+@pytest.mark.parametrize("poison", [np.nan, np.inf])
+def test_divergence_keeps_the_best_before(poison: float) -> None:
+    """Property: NaN or an infinite loss ends the loop; the answer is finite."""
+
+    def broken(x: np.ndarray) -> tuple[float, np.ndarray]:
+        return (poison, x) if abs(x[0]) < 0.5 else quadratic(x)
+
+    found = run(broken, [1.0], StoppingRule(1000, 500, validate_every=1), AdamOptions(0.01))
+    assert found.status is Status.DIVERGED
+    assert 0.5 <= found.x[0] < 0.52
+    assert np.isfinite(found.validation)
+
+
+def test_a_start_without_a_loss_is_no_descent() -> None:
+    """Property: NaN at the start comes back at once as DIVERGED."""
+    found = run(quadratic, [np.nan], StoppingRule(10, 10))
+    assert (found.status, found.iterations) == (Status.DIVERGED, 0)
+
+
+def test_max_iterations_is_a_limit() -> None:
+    """Property: a loss that keeps falling ends at the limit."""
+    found = run(quadratic, [100.0], StoppingRule(17, 25))
+    assert (found.status, found.iterations) == (Status.MAX_ITERATIONS, 17)
+
+
+def test_interrupting_keeps_the_best() -> None:
+    """Property: Ctrl-C inside the gradient returns the best validated point."""
+    calls = 0
+
+    def interrupted(x: np.ndarray) -> tuple[float, np.ndarray]:
+        nonlocal calls
+        calls += 1
+        if calls == 42:
+            raise KeyboardInterrupt
+        return quadratic(x)
+
+    told: list[tuple[int, float]] = []
+    rule = StoppingRule(1000, 1000)
+    found = run(
+        interrupted,
+        [3.0],
+        rule,
+        AdamOptions(0.01),
+        lambda x: quadratic(x)[0],
+        lambda iteration, best: told.append((iteration, best)),
+    )
+    assert found.status is Status.INTERRUPTED
+    assert found.iterations == 42
+    assert told == [(5 * (k + 1), loss) for k, loss in enumerate(found.trace.validation)]
+    assert len(told) == 8
+    assert found.validation == told[-1][1] == quadratic(found.x)[0] < 4.5

@@ -1,0 +1,65 @@
+"""Processes that search side by side, and Ctrl-C."""
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tests.runtime.processes import QUIET
+
+WAITING = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
+from runtime.excitation.search.processes import side_by_side
+from tests.runtime.test_excitation_processes import Nothing, Sleep
+for number, *_ in side_by_side(Nothing(), [[Sleep(0, 0), Sleep(1, 1000), Sleep(2, 1000)]], 2):
+    print("waiting", flush=True)
+"""
+
+
+@dataclass(frozen=True)
+class Sleep:
+    """A task that takes its time."""
+
+    number: int
+    seconds: float
+
+    def done(self, _: object) -> tuple[float, np.ndarray]:
+        time.sleep(self.seconds)
+        return 0.0, np.zeros(1)
+
+
+class Nothing:
+    """A problem without a search."""
+
+    def search(self) -> None:
+        return None
+
+
+def test_ctrl_c_ends_the_workers_however_often_it_comes(tmp_path: Path) -> None:
+    """Property: no waiting for tasks under way; a user who hammers leaves no process behind."""
+    with subprocess.Popen(
+        [sys.executable, "-c", WAITING],
+        cwd=tmp_path,
+        env=QUIET,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "waiting\n"
+            for _ in range(3):
+                process.send_signal(signal.SIGINT)
+                time.sleep(0.01)
+            # Workers hold stdout open: its end is theirs. A task lasts 1000 s, a loaded machine 40.
+            _, err = process.communicate(timeout=40)
+        finally:
+            process.kill()
+    assert process.returncode == -signal.SIGINT
+    assert err.rstrip().endswith("KeyboardInterrupt")

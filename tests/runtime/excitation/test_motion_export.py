@@ -1,0 +1,149 @@
+"""motion_export: every file holds the motion, and only a proven one is written."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import read_recording
+from runtime.errors import ExportError, RuntimeFault
+from runtime.excitation import Trajectory
+from runtime.excitation.motion_export import EXPORTS, export_trajectory
+from runtime.excitation.proof.certificate import certificate, pulled_inside, slowed
+from runtime.library import Library
+
+
+@pytest.fixture
+def motion(lib: Library, trajectories: tuple[Trajectory, ...]) -> Trajectory:
+    return pulled_inside(lib, trajectories[0])
+
+
+def loaded_message(path: Path) -> dict[str, list[list[float]]]:
+    """The YAML of the file, line by line; flow lists are JSON too."""
+    text = path.read_text()
+    found = {
+        key: [json.loads(row) for row in re.findall(rf"^[- ] {key}: (\[.*\])$", text, re.MULTILINE)]
+        for key in ("positions", "velocities", "accelerations", "effort")
+    }
+    stamps = re.findall(r"^  time_from_start: \{sec: (\d+), nanosec: (\d+)\}$", text, re.MULTILINE)
+    found["t"] = [[int(sec), int(nanosec)] for sec, nanosec in stamps]
+    found["names"] = re.findall(r'^- "(.*)"$', text, re.MULTILINE)
+    return found
+
+
+@pytest.mark.parametrize("kind", ["csv", "npz"])
+@pytest.mark.parametrize("rate", [1000.0, 333.0])
+def test_tables_are_the_motion(
+    lib: Library, motion: Trajectory, tmp_path: Path, kind: str, rate: float
+) -> None:
+    """Oracle: read back by the reader of logs, against the trajectory itself."""
+    path = export_trajectory(lib, motion, tmp_path / "new" / "m", kind, rate)
+    assert path.name == f"m.{kind}"
+    log = read_recording(path)
+    assert log.t == pytest.approx(np.arange(round(10 * rate) + 1) / rate, abs=1e-15)
+    for found, wanted in zip((log.q, log.dq, log.ddq), motion.at(lib, log.t), strict=False):
+        # 17 digits on disk.
+        assert found == pytest.approx(wanted, abs=1e-12)
+    if kind == "npz":
+        with np.load(path) as file:
+            assert file["joint_names"].tolist() == list(lib.joint_names)
+            assert "acceleration: at most" in " ".join(file["history"])
+
+
+def test_ros_message(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
+    """Oracle: fields of trajectory_msgs/JointTrajectory; numbers of the motion at the stamps."""
+    path = export_trajectory(lib, motion, tmp_path / "m", "ros", 300.0)
+    message = loaded_message(path)
+    assert message["names"] == list(lib.joint_names)
+    stamps = np.array(message["t"])
+    assert stamps[1].tolist() == [0, 3_333_333]
+    assert stamps[-1].tolist() == [10, 0]
+    assert (stamps[:, 1] < 1_000_000_000).all()
+    assert (len(message["effort"]), message["effort"][0]) == (3001, [])
+    t = stamps @ [1.0, 1e-9]
+    wanted = motion.at(lib, t)
+    for k, key in enumerate(("positions", "velocities", "accelerations")):
+        assert np.array(message[key]) == pytest.approx(wanted[k], abs=1e-12)
+    text = path.read_text()
+    assert text.startswith("# Excitation of 'fr3', 10 s.")
+    assert "\nheader:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\njoint_names:\n- " in text
+    assert not re.search(r"[\[ ]\d+e", text), "YAML 1.1 takes 1e-05 for text"
+
+
+@pytest.mark.parametrize("duration", [10.0, 10.0004, 9.9996, 12.3])
+def test_libfranka_table(lib: Library, motion: Trajectory, tmp_path: Path, duration: float) -> None:
+    """Oracle: one row per millisecond, from rest at home to rest at home, whole ms upwards."""
+    motion = slowed(Trajectory(lib.home, 0.9 * motion.coefficients, duration), 1.0)
+    path = export_trajectory(lib, motion, tmp_path / "m", "libfranka", rate=7.0)
+    lines = path.read_text().splitlines()
+    comments = [line for line in lines if line.startswith("# ")]
+    table = np.loadtxt(lines[len(comments) + 1 :], delimiter=",")
+    steps = {10.0: 10000, 10.0004: 10001, 9.9996: 10000, 12.3: 12300}[duration]
+    assert table.shape == (steps + 1, 22)
+    assert table[:, 0] == pytest.approx(np.arange(steps + 1) * 1e-3, abs=1e-12)
+    wanted = np.hstack(motion.at(lib, np.minimum(table[:, 0], duration))[:3])
+    assert table[:, 1:] == pytest.approx(wanted, abs=1e-12)
+    rest = np.concatenate([lib.home, np.zeros(14)])
+    # Coefficients of up to 100, times (2πM)² for the acceleration, cancel at rest.
+    assert table[[0, -1], 1:] == pytest.approx(np.tile(rest, (2, 1)), abs=1e-9)
+    titles = lines[len(comments)].split(",")
+    assert (titles[0], titles[1], titles[21]) == (
+        *("t [s]", "q fr3_joint1 [rad]"),
+        "ddq fr3_joint7 [rad/s^2]",
+    )
+    assert comments[-1] == "# joint order: " + ", ".join(lib.joint_names)
+    assert any("velocity: at most" in line for line in comments)
+
+
+@pytest.mark.parametrize("kind", EXPORTS)
+def test_the_certificate_lies_beside(
+    lib: Library, motion: Trajectory, tmp_path: Path, kind: str
+) -> None:
+    """Property: two files and no draft; the JSON is what `certificate` says."""
+    path = export_trajectory(lib, motion, tmp_path / "a.b", kind, 100.0)
+    assert {p.name for p in tmp_path.iterdir()} == {path.name, "a.b.certificate.json"}
+    facts = json.loads((tmp_path / "a.b.certificate.json").read_text())
+    proof = certificate(lib, motion)
+    assert (facts["robot"], facts["holds"], facts["duration"]) == ("fr3", True, 10.0)
+    assert [u["bound"] for u in facts["uses"]] == [u.bound for u in proof.uses]
+
+
+@pytest.mark.parametrize("kind", EXPORTS)
+@pytest.mark.parametrize(
+    ("scale", "duration", "match"),
+    [
+        (0.9, 5.0, r"acceleration of fr3_joint\d at .* add --speed \d\d, at which"),
+        (1.1, 10.0, "position of fr3_joint.* design another motion"),
+        (np.nan, 10.0, "position of fr3_joint1 at nan .* design another motion"),
+    ],
+)
+def test_nothing_unproven_is_written(
+    lib: Library,
+    motion: Trajectory,
+    tmp_path: Path,
+    kind: str,
+    scale: float,
+    duration: float,
+    match: str,
+) -> None:
+    """Property: one sentence with limit, joint, time and remedy; no file; the remedy helps."""
+    bad = Trajectory(lib.home, scale * motion.coefficients, duration)
+    with pytest.raises(ExportError, match=match) as caught:
+        export_trajectory(lib, bad, tmp_path / "m", kind)
+    assert list(tmp_path.iterdir()) == []
+    if advice := re.search(r"--speed (\d+)", str(caught.value)):
+        export_trajectory(lib, slowed(bad, int(advice[1]) / 100), tmp_path / "m", kind, 100.0)
+
+
+def test_wrong_words(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
+    """Property: an unknown kind, a rate without meaning, a place that cannot be written."""
+    with pytest.raises(ExportError, match="one of csv, npz, ros, libfranka to export, got 'xml'"):
+        export_trajectory(lib, motion, tmp_path / "m", "xml")
+    for rate in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(RuntimeFault, match="sampling rate"):
+            export_trajectory(lib, motion, tmp_path / "m", "ros", rate)
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(RuntimeFault, match="cannot write"):
+        export_trajectory(lib, motion, tmp_path / "file" / "m", "ros", 10.0)

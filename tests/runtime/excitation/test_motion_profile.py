@@ -1,0 +1,106 @@
+"""motion_profile: what pictures show is the motion with its limits and distances."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+
+from runtime import load
+from runtime.errors import IdentificationError
+from runtime.excitation import Safety, Trajectory
+from runtime.excitation.motion_profile import course
+from runtime.excitation.proof.certificate import KINDS, certificate, joint_bounds
+from runtime.library import Library
+from tests.oracle import pinocchio_model
+
+BOX = (-1.0, 1.0, -1.0, 1.0, 0.0, np.inf)
+SAFETY = Safety(torque_fraction=0.9, table=-0.3, box=BOX, viscous=(0.4,), coulomb=(0.2,))
+
+
+def test_shares_are_those_of_the_certificate(
+    lib: Library, trajectories: tuple[Trajectory, ...]
+) -> None:
+    """Oracle: the largest share is the proven bound, to the step of the samples."""
+    found = course(lib, trajectories[0], SAFETY, samples=10_001)
+    bounds, _ = joint_bounds(lib, trajectories[0])
+    assert tuple(found.shares) == (*KINDS, "torque")
+    for kind, bound in zip(KINDS, bounds, strict=True):
+        assert found.shares[kind].max(axis=0) == pytest.approx(bound, rel=1e-5)
+    torque = next(use for use in found.proof.uses if use.kind == "torque")
+    # The curvature of a torque between samples 1 ms apart.
+    assert found.shares["torque"].max() == pytest.approx(torque.bound, rel=1e-4)
+
+
+def test_torque_and_tip_are_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
+    """Oracle: RNEA plus viscous friction, the frame's place; Coulomb friction lowers the limit."""
+    found = course(lib, trajectories[0], SAFETY, samples=41)
+    model = pinocchio_model(lib.urdf())
+    data, frame = model.createData(), model.getFrameId(lib.manifest.tip, pinocchio.BODY)
+    q, dq, ddq = (found.motion[kind] for kind in KINDS[:3])
+    for k, state in enumerate(zip(q, dq, ddq, strict=True)):
+        tau = pinocchio.rnea(model, data, *state) + 0.4 * state[1]
+        assert found.motion["torque"][k] == pytest.approx(tau, abs=1e-10)  # rounding of 50 N·m
+        pinocchio.framesForwardKinematics(model, data, state[0])
+        assert found.tip[k] == pytest.approx(data.oMf[frame].translation, abs=1e-12)
+    assert found.bands["torque"].upper == pytest.approx(0.9 * lib.limits()["effort"] - 0.2)
+    assert found.bands["torque"].lower == pytest.approx(-found.bands["torque"].upper)
+    assert found.has_friction
+
+
+def test_gaps_are_those_of_the_certificate(
+    lib: Library, trajectories: tuple[Trajectory, ...]
+) -> None:
+    """Oracle: least distances as proven, per pair and per proxy above the table, in its order."""
+    found = course(lib, trajectories[0], SAFETY, samples=10_001)
+    proven = certificate(lib, trajectories[0], SAFETY).distances
+    assert [(gap.kind, gap.label) for gap in found.gaps] == [(u.kind, u.where) for u in proven]
+    assert {gap.kind for gap in found.gaps} == {"self-collision", "table"}
+    for gap, use in zip(found.gaps, proven, strict=True):
+        assert gap.margin == use.limit
+        assert gap.least == pytest.approx(use.value, abs=1e-5)  # the chord of a millisecond
+        assert gap.left == pytest.approx(gap.least - gap.margin)
+
+
+def test_envelopes_end_where_braking_does(lib: Library) -> None:
+    """Oracle: max(0, ±dq + c)² = k (q̂ ∓ q) on the edge, nowhere faster than the constant limit."""
+    found = course(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
+    facts, limits = lib.braking, lib.limits()
+    assert facts is not None
+    for j, edge in enumerate(found.envelopes):
+        assert edge.q[0] >= limits["lower"][j]
+        assert edge.q[-1] <= limits["upper"][j]
+        assert edge.upper.max() == limits["velocity"][j] == -edge.lower.min()
+        free = edge.upper < limits["velocity"][j]
+        assert 0 < free.sum() < len(free)
+        way = (edge.upper[free] + facts.c[j]) ** 2 / facts.k[j]
+        assert way == pytest.approx(facts.upper[j] - edge.q[free], abs=1e-12)
+        free = edge.lower > -limits["velocity"][j]
+        way = (facts.c[j] - edge.lower[free]) ** 2 / facts.k[j]
+        assert way == pytest.approx(edge.q[free] - facts.lower[j], abs=1e-12)
+
+
+def test_little_is_known_of_little(lib: Library, tiny_built: Path) -> None:
+    """Property: no proxies, no braking, few limits; document mode shows what it does not check."""
+    tiny = load(tiny_built)
+    found = course(tiny, Trajectory(tiny.home, np.full((1, 2), 1e-3), 3.0))
+    assert tuple(found.shares) == ("position", "velocity", "torque")
+    assert (found.gaps, found.table, found.box, found.has_friction) == ((), None, None, False)
+    assert found.envelopes[0].upper.tolist() == [3.0, 3.0]
+    assert found.bands["torque"].upper.tolist() == [10.0]
+    found = course(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
+    assert {gap.kind for gap in found.gaps} == {"self-collision"}
+    assert "self-collision" in found.proof.unchecked
+    assert found.bands["torque"].upper == pytest.approx(lib.limits()["effort"])
+
+
+def test_another_robots_motion_is_told(lib: Library, tiny_built: Path) -> None:
+    """Property: one sentence with both shapes; a table needs proxies."""
+    motion = Trajectory(lib.home, np.zeros((7, 2)), 3.0)
+    tiny = load(tiny_built)
+    with pytest.raises(IdentificationError, match=r"needs a home of shape \(1,\)"):
+        course(tiny, motion)
+    motion = replace(motion, home=tiny.home, coefficients=np.zeros((1, 2)))
+    with pytest.raises(IdentificationError, match="one number or one per joint, 1, got 2"):
+        course(tiny, motion, Safety(viscous=(0.1, 0.1)))

@@ -1,0 +1,116 @@
+"""`python -m runtime predict`: what it prints, draws and refuses."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Recording, write_recording
+from runtime.excitation import Trajectory
+from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.trajectory_file import write_motion
+from runtime.identification.expected_accuracy import Knowledge, Moved, expected
+from runtime.library import Library
+from tests.runtime.conftest import Command
+from tests.runtime.trials import SIGMA, T, with_friction
+
+
+@pytest.fixture
+def motion(lib: Library, trajectories: tuple[Trajectory, ...], tmp_path: Path) -> Path:
+    """A motion's file."""
+    write_motion(trajectories[0], lib, tmp_path / "motion.json")
+    return tmp_path / "motion.json"
+
+
+def test_predict(
+    command: Command, lib: Library, motion: Path, noisy: Recording, moved: Moved, tmp_path: Path
+) -> None:
+    """Property: options reach the numbers; motion, log and plot; the stop rule ends the output."""
+    robot = ("--robot", lib.folder)
+    ran = command("predict", motion, *robot, "--noise", ",".join(map(str, SIGMA)), "--json")
+    assert ran.code == 0, ran.err
+    told = json.loads(ran.out)
+    one = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
+    assert told["base_parameters"]["least_squares"] == pytest.approx(list(one.base), rel=1e-9)
+    assert told["links"][lib.link_names[6]]["mass"] == pytest.approx(one.pi[60], rel=1e-9)
+    assert told["payload"]["mass"] == pytest.approx(one.payload[0], rel=1e-9)
+    assert (told["n_eff"], told["noise_from_residuals"]) == (1001, False)
+    faster = command("predict", motion, *robot, "--log-rate", "400", "--friction", "none", "--json")
+    other = json.loads(faster.out)
+    assert (other["n_samples"], other["friction"]) == (4001, [])
+    write_recording(noisy, tmp_path / "log.npz")
+    words = ("--more", motion, "--prior", "log.npz", "--plot", "sigma.png")
+    ran = command("predict", "log.npz", *robot, *words)
+    assert ran.code == 0, ran.err
+    assert "RMS of the log's residuals" in ran.out
+    assert "earlier logs counted" in ran.out
+    assert re.search(r"^10 s more of motion improve payload mass by \d+ %.*: go on$", ran.out, re.M)
+    assert (tmp_path / "sigma.png").read_bytes()[:4] == b"\x89PNG"
+    ran = command("predict", "log.npz", *robot, "--more", "same", "--payload", "--json")
+    told = json.loads(ran.out)
+    assert [entry["seconds"] for entry in told["more"]] == [10, 30, 60]
+    assert told["more"][0]["gains"].keys() == {"payload mass", "payload CoM", "payload inertia"}
+    # As often as there are samples: √(1001/2001).
+    assert told["more"][0]["gains"]["payload mass"] == pytest.approx(1 - np.sqrt(1001 / 2001), 0.01)
+    assert "base_parameters" not in told
+    assert told["torque_noise"] == pytest.approx([0.05] * 7, rel=0.1)
+
+
+def test_earlier_logs_reach_the_prediction(lib: Library, moved: Moved) -> None:
+    """Oracle: information of an earlier log with unknown friction adds as numbers over β."""
+    dq = moved.samples.dq
+    rows = with_friction(lib.base_regressor(moved.samples.q, dq, moved.samples.ddq), dq, FRICTION)
+    whitened = rows / np.tile(SIGMA, 1001)[:, None]
+    inverse = np.linalg.inv(np.linalg.inv(whitened.T @ whitened)[:43, :43])
+    known = Knowledge.of(lib)
+    earlier = replace(known, earlier=inverse)
+    told = expected(lib, moved.statistics(lib, SIGMA), earlier)
+    alone = expected(lib, moved.statistics(lib, SIGMA), known)
+    assert alone.base is not None
+    # As much information again: √2; rounding × cond² of raw columns.
+    assert told.base == pytest.approx(alone.base / np.sqrt(2), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        (("nowhere.json",), "'nowhere.json' is no trajectory"),
+        (("still.json",), "nothing moves in 'still'"),
+        (("motion.json", "--noise", "0"), "torque noise above 0"),
+        (("motion.json", "--noise", "1,2"), "--noise needs 7 numbers"),
+        (("motion.json", "--log-rate", "0"), "sampling rate above 0 Hz"),
+        (("motion.json", "--friction", "sticky"), "no friction column 'sticky'; choose from"),
+        (("other.npz",), "has 6 joints, the robot 'fr3"),
+        (("motion.json", "--more", "other.npz"), "has 6 joints, the robot 'fr3"),
+        (("foreign.json",), "belongs to another robot"),
+        (("short.json", "--payload"), "does not tell all ten parameters of a payload"),
+        (("motion.json", "--plot", "sigma.txt"), "a picture is expected to end in"),
+        (("motion.json", "--prior", "nowhere.csv"), "nowhere.csv"),
+    ],
+)
+def test_bad_input(
+    command: Command, lib: Library, motion: Path, words: tuple[str, ...], match: str
+) -> None:
+    """Property: one sentence, code 2, no file."""
+    facts = json.loads(motion.read_text())
+    a = np.array(facts["coefficients"])
+
+    def put(name: str, **changes: object) -> None:
+        (motion.parent / name).write_text(json.dumps(facts | changes))
+
+    put("still.json", coefficients=(0 * a).tolist())
+    put("foreign.json", joints=["a"] * 7)
+    alone = 0 * a
+    alone[0] = a[0]
+    put("short.json", coefficients=alone.tolist())
+    six = Recording(T, *(np.ones((1001, 6)),) * 4, name="other")
+    write_recording(six, motion.parent / "other.npz")
+    before = sorted(motion.parent.iterdir())
+    ran = command("predict", *words, "--robot", lib.folder)
+    assert ran.code == 2, ran.out
+    assert match in ran.err
+    assert len(ran.err.splitlines()) == 1
+    assert sorted(motion.parent.iterdir()) == before

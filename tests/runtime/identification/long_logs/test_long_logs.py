@@ -1,0 +1,222 @@
+"""A log that stays in its file is identified like one that is held, in constant memory."""
+
+import json
+import os
+import subprocess
+import sys
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Recording, identify
+from runtime.errors import RecordingError
+from runtime.estimators.regression import Statistics, compress, compress_all
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
+from runtime.identification.long_logs import identify as passes
+from runtime.identification.result_file import torque_errors
+from runtime.library import Library
+from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
+from runtime.recording.formats import spool
+from runtime.recording.preprocessing import prepare, split
+from runtime.recording.recipes.recipe_file import recipe_from_table
+from tests.conftest import REPOSITORY
+from tests.runtime.conftest import Command
+from tests.runtime.motions import moving
+
+PREPARATION = Preparation(
+    filter="butterworth", cutoff_hz=20.0, max_gap_s=6e-3, rate_hz=100.0, trim_s=0.1, rest_speed=0.02
+)
+FRICTION = Friction()
+
+
+@pytest.fixture(scope="module")
+def log(lib: Library) -> Recording:
+    """The robot is a tenth heavier than its URDF."""
+    return moving(lib, 20_000, payload=0.1 * lib.pi0)
+
+
+@pytest.fixture(autouse=True)
+def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(blocks, "BLOCK", 2048)
+    monkeypatch.setattr(spool, "PIECE", 2**20)
+    monkeypatch.setattr(spool.Spool, "SMALL", 2**16)
+
+
+def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics:
+    told = blocks_of(open_streamed(path), lib, PREPARATION, FRICTION)
+    assert len(told) > 5
+    train = told.parts(*passes._spans(told, Split())["train"])
+    return compress_all(lib, (samples_of(part, lib) for part in train), weights)
+
+
+@pytest.mark.parametrize("suffix", ["npz", "parquet", "csv"])
+def test_the_factor_is_that_of_the_whole_log(lib, log, tmp_path, suffix):
+    """Oracle: block by block, RᵀR is that of the log prepared at once, and so is the count.
+
+    1e-9 of the diagonal: what a filter leaves beyond the overlap (1e-13) and rounding, times the
+    hundredfold gain of two differentiations at 500 Hz.
+    """
+    weights = np.linspace(1.0, 2.0, lib.n_joints)
+    train = split(prepare(log, PREPARATION, FRICTION, lib=lib), Split())[0]
+    whole = compress(lib, samples_of(train, lib), weights)
+    write_recording(log, tmp_path / f"x.{suffix}")
+    found = streamed_factor(tmp_path / f"x.{suffix}", lib, weights)
+    a, b = (s.triangle().T @ s.triangle() for s in (whole, found))
+    size = np.sqrt(np.diag(a))
+    assert found.n_samples == whole.n_samples
+    assert np.abs(a - b) / np.outer(size, size) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_answer_is_that_of_the_whole_log(lib, log, tmp_path):
+    """Oracle: the same errors on all test rows, and base parameters within a part of their σ.
+
+    Only the weights differ: they come from windows, which here leave out some of the rows.
+    """
+    write_recording(log, tmp_path / "x.parquet")
+    whole = identify(log, lib, preparation=PREPARATION, friction_columns=FRICTION)
+    found = identify_streamed(
+        open_streamed(tmp_path / "x.parquet"),
+        lib,
+        preparation=PREPARATION,
+        friction_columns=FRICTION,
+    )
+    (before, after), (before_, after_) = torque_errors(whole), torque_errors(found)
+    assert before_.percent == pytest.approx(before.percent, rel=1e-9)
+    assert after_.percent == pytest.approx(after.percent, rel=0.02)
+    shift = (found.beta - whole.beta) / whole.uncertainty.beta_sigma
+    assert np.abs(shift).max() < 0.3
+    assert found.streamed.samples["train"] == len(whole.train)
+    assert found.streamed.samples["test"] == len(whole.test)
+    assert found.streamed.spans["test"][0] == pytest.approx(whole.test.t[0], abs=0.01)
+
+
+def test_corrupt_rows_and_units_are_settled_in_every_block(lib, log, tmp_path):
+    """Oracle: NaN rows, milliseconds and degrees: the same samples as the reader of whole logs."""
+    q = np.degrees(log.q)
+    q[[7, 2047, 2048, 9000]] = np.nan
+    arrays = {"stamp": 1e6 + log.t * 1e3, "q": q, "dq": log.dq, "tau": -log.tau}
+    np.savez(tmp_path / "x.npz", **arrays)
+    recipe = recipe_from_table(
+        {
+            "time": {"key": "stamp", "unit": "ms", "from_zero": True},
+            "position": {"key": "q", "unit": "deg"},
+            "velocity": {"key": "dq", "unit": "rad/s"},
+            "torque": {"key": "tau", "unit": "N*m", "sign": -1},
+        }
+    )
+    told = blocks_of(open_streamed(tmp_path / "x.npz", recipe), lib, PREPARATION, FRICTION)
+    parts = list(told.parts(*told.span()))
+    whole = prepare(log, PREPARATION, FRICTION, lib=lib)
+    t = np.concatenate([part.t for part in parts])
+    # The last instant is outside: parts are half open.
+    assert t == pytest.approx(whole.t[:-1], abs=1e-9)
+    # A row of gap is interpolated linearly: (Δt)² q̈ / 8 of 4 ms and 2 rad/s².
+    found = np.concatenate([part.q for part in parts])
+    assert np.abs(found - whole.q[:-1]).max() < 1e-5
+    tau = np.concatenate([part.tau for part in parts])
+    assert np.abs(tau - whole.tau[:-1]).max() < 0.1
+
+
+def test_memory_does_not_grow_with_the_log(lib, tmp_path, monkeypatch):
+    """Property: four times the rows take the same memory, to a tenth."""
+    monkeypatch.setattr(passes, "WINDOWS", 2)
+    peaks = []
+    for rows in (12_000, 48_000):
+        write_recording(moving(lib, rows), tmp_path / "x.npz")
+        tracemalloc.start()
+        identify_streamed(
+            open_streamed(tmp_path / "x.npz"),
+            lib,
+            preparation=PREPARATION,
+            friction_columns=FRICTION,
+        )
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.1 * peaks[0]
+
+
+def test_command_streams_and_says_so(lib, log, tmp_path, command: Command):
+    """Oracle: --stream on the command line, and what does not go with it in one sentence."""
+    write_recording(log, tmp_path / "x.parquet")
+    (tmp_path / "x.mcap").write_bytes(b"")
+    words = ("--robot", lib.folder, "--stream", "--cutoff", "20", "--rate", "100", "--out", "out")
+    ran = command("identify", "x.parquet", *words, "--friction", "viscous,coulomb")
+    assert ran.code == 0, ran.err
+    assert "streaming 20000 rows of x" in ran.out
+    assert (tmp_path / "out" / "report.html").is_file()
+    for extra, message in {
+        ("--method", "nn"): "the method nn needs the samples one by one",
+        ("--preset", "real"): "a preset with mini-batches needs the samples one by one",
+        ("--friction", "auto"): "a friction model is chosen on a log that is read as a whole",
+    }.items():
+        ran = command("identify", "x.parquet", *words, *extra)
+        assert ran.code == 2
+        assert message in ran.err
+    ran = command("identify", "x.mcap", *words)
+    assert ran.code == 2
+    assert "x.mcap is expected to hold messages of sensor_msgs/msg/JointState" in ran.err
+
+
+def test_arrays_that_cannot_be_read_in_place(tmp_path):
+    """Property: compressed, ragged, transposed or lying arrays are one sentence."""
+    t = np.arange(50.0)
+    q = np.ones((50, 2))
+    np.savez_compressed(tmp_path / "x.npz", t=t, q=q)
+    with pytest.raises(RecordingError, match="cannot be read row by row"):
+        open_streamed(tmp_path / "x.npz")
+    np.savez(tmp_path / "x.npz", t=t, q=np.asfortranarray(np.outer(t, [1.0, 2.0])))
+    with pytest.raises(RecordingError, match="cannot be read row by row"):
+        open_streamed(tmp_path / "x.npz")
+    np.savez(tmp_path / "x.npz", t=t, q=q[:40])
+    with pytest.raises(RecordingError, match="every signal, but there are 40 and 50"):
+        open_streamed(tmp_path / "x.npz")
+    np.savez(tmp_path / "x.npz", t=t, q=q)
+    data = (tmp_path / "x.npz").read_bytes()
+    (tmp_path / "x.npz").write_bytes(data.replace(b"'shape': (50, 2)", b"'shape': (99, 2)"))
+    with pytest.raises(RecordingError, match="cannot be read row by row"):
+        open_streamed(tmp_path / "x.npz")
+    (tmp_path / "x.npz").write_bytes(data[:300])
+    with pytest.raises(RecordingError, match="truncated or none at all"):
+        open_streamed(tmp_path / "x.npz")
+
+
+def test_text_is_parsed_in_pieces(log, tmp_path, monkeypatch):
+    """Oracle: piece by piece the numbers are those of the whole text; a bad line is left out."""
+    few = log.take(slice(0, 300), "few")
+    write_recording(few, tmp_path / "x.csv")
+    lines = (tmp_path / "x.csv").read_text().splitlines()
+    lines[100] = "Segmentation fault"
+    lines.insert(200, lines[0])
+    (tmp_path / "x.csv").write_text("\n".join(["started", *lines[:-1], lines[-1][:90]]))
+    monkeypatch.setattr(spool, "PIECE", 5000)
+    streamed = open_streamed(tmp_path / "x.csv")
+    assert streamed.rows == 300
+    found = streamed.block(0, 300)
+    good = np.delete(np.arange(300), [99, 299])
+    assert np.array_equal(found.t, few.t[good])
+    assert np.array_equal(found.tau, few.tau[good])
+    monkeypatch.setattr(spool, "PIECE", 100)
+    with pytest.raises(RecordingError, match="UTF-8 text in lines"):
+        open_streamed(tmp_path / "x.csv")
+
+
+def test_bench_tells_time_and_memory(lib, tmp_path):
+    """Property: the script of the README's table runs on a small log and counts all of it."""
+    folder = REPOSITORY
+    words = ("--json", "--robot", str(lib.folder), "--megabytes", "3", "--kinds", "npz")
+    run = subprocess.run(
+        [sys.executable, str(folder / "scripts" / "bench_stream"), *words],
+        env=os.environ | {"PYTHONPATH": str(folder), "TMPDIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    (row,) = json.loads(run.stdout)
+    assert row["rows"] == 3_000_000 // 176
+    assert row["after"] < 0.1 < row["before"]
+    assert 50e6 < row["rss"] < 1e9
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,307 @@
+"""sensor_gains: torque gains and biases from a weighed payload, with honest intervals."""
+
+import json
+
+import numpy as np
+import pinocchio
+import pytest
+from scipy import signal
+
+from runtime import Recording, read_recording, write_recording
+from runtime.errors import RuntimeFault
+from runtime.identification.payload import Known, mount_of, pi_of_body, read_known
+from runtime.identification.sensor_gains import identify_gains
+from runtime.identification.sensor_gains.problem import problem_of
+from runtime.identification.sensor_gains.solve import linear, reduced
+from runtime.recording import Friction, Recipe, load_recipe, plan_of, recipe_text
+from runtime.recording.recipes.recipe import Signal
+
+GAINS = np.array([1.05, 0.97, 1.02, 0.93, 1.1, 0.95, 1.03])
+BIAS = np.array([[0.3, -0.2, 0.1, 0.5, -0.1, 0.05, 1.2], [-0.3, 0.2, 0.4, 0.1, 0.1, 0.15, -0.8]])
+NOISE, TRIALS, WIDTH = 0.05, 120, 0.05
+TERMS = Friction(("viscous", "coulomb"), coulomb_speed=WIDTH)
+COM, INERTIA = np.array([0.01, 0.02, 0.05]), np.diag([0.004, 0.005, 0.003])
+BODY = Known(3.0, COM, INERTIA)
+POINT = Known(3.0, COM)
+
+
+@pytest.fixture(scope="module")
+def payload_pi(lib):
+    """π of the payload in link 7's frame, by Pinocchio."""
+    tip = lib.manifest.tip_frame
+    placement = pinocchio.SE3(np.array(tip.rotation), np.array(tip.translation))
+    moved = placement.act(pinocchio.Inertia(3.0, COM, INERTIA)).toDynamicParameters()
+    return moved[[0, 1, 2, 3, 4, 6, 9, 5, 7, 8]]  # Ixx Ixy Iyy Ixz Iyz Izz → xx yy zz xy xz yz
+
+
+@pytest.fixture(scope="module")
+def dense(ideal_runs, lib, payload_pi):
+    """True torques of two motions at 100 Hz with friction, the second with the payload."""
+    kept = ideal_runs[:2]
+    Y = lib.regressor(kept[1].q, kept[1].dq, kept[1].ddq)[:, :, mount_of(lib).columns]
+    rub = [0.5 * run.dq + 0.3 * np.tanh(run.dq / WIDTH) for run in kept]
+    return (
+        kept[0].replace(tau=kept[0].tau + rub[0], name="empty"),
+        kept[1].replace(tau=kept[1].tau + rub[1] + Y @ payload_pi, name="loaded"),
+    )
+
+
+@pytest.fixture(scope="module")
+def runs(dense):
+    """The same at 50 Hz."""
+    return tuple(run.take(slice(0, None, 2), "Every second row.") for run in dense)
+
+
+def measured(runs, noise=None, gains=GAINS, bias=BIAS):
+    """What sensors with these gains and biases read."""
+    errors = np.zeros((2, *runs[0].tau.shape)) if noise is None else noise
+    return tuple(
+        run.replace(tau=gains * (run.tau + b) + e)
+        for run, b, e in zip(runs, bias, errors, strict=True)
+    )
+
+
+@pytest.mark.parametrize("payload", [BODY, POINT], ids=["inertia known", "inertia unknown"])
+@pytest.mark.parametrize("scale", [1.0, 0.02], ids=["N·m", "A"])
+def test_exact_data_give_exact_gains_and_biases(payload, scale, runs, lib):
+    """Oracle: the sensors; Pinocchio moves the payload. Currents are gains far from 1."""
+    gains = scale * GAINS
+    found = identify_gains(*measured(runs, gains=gains), lib, payload, friction=TERMS)
+    # Rounding 1e-16 of 80 N·m times the condition 1e3 of the scaled columns, over 0.1 N·m that the
+    # payload moves at the last joint: 1e-10.
+    np.testing.assert_allclose(found.estimate / gains, 1.0, atol=1e-10)
+    np.testing.assert_allclose(found.bias, BIAS, atol=1e-9)
+    assert found.is_told.all()
+    assert found.status.startswith("found the gains of all fr3_joint1, ")
+    assert ("inertia of the payload was not given" in " ".join(found.notes)) == (payload is POINT)
+
+
+@pytest.mark.parametrize("filtered", [False, True])
+def test_unbiased_and_intervals_cover(filtered, runs, dense, lib):
+    """Property: Monte Carlo, white and filtered at 10 Hz; N_eff is short of the latter by little.
+
+    The linear form is bent by the noise that stands in its columns.
+    """
+    true = dense if filtered else runs
+    rng = np.random.default_rng(11)
+    b, a = signal.butter(4, 10.0 / 50.0)
+    found, bent = [], []
+    for trial in range(TRIALS // (1 + filtered)):
+        noise = NOISE * rng.normal(size=(2, *true[0].tau.shape))
+        noise = signal.filtfilt(b, a, noise, axis=1) if filtered else noise
+        pair = measured(true, noise)
+        found.append(identify_gains(*pair, lib, BODY, friction=TERMS))
+        if not filtered and trial % 4 == 0:
+            rows = reduced(problem_of(*pair, lib, BODY, None, TERMS, None).blocks())
+            bent.append(linear(rows[:, 2:, 2:])[1])
+    errors = np.array([each.estimate for each in found]) - GAINS
+    sigma = np.array([each.sigma for each in found])
+    off = np.array([each.bias for each in found]) - BIAS
+    off_sigma = np.array([each.bias_sigma for each in found])
+    cover = np.mean(np.abs(errors) < 1.96 * sigma)
+    cover_bias = np.mean(np.abs(off) < 1.96 * off_sigma)
+    # Seven joints within what one would be at two standard errors: 2.7 by Šidák.
+    assert (np.abs(_standard(errors)) < 2.7).all()
+    assert (np.abs(_standard(off.reshape(len(off), -1))) < 2.9).all()  # of fourteen
+    assert 0.90 <= cover <= 0.98
+    assert 0.90 <= cover_bias <= 0.98
+    if not filtered:
+        assert np.abs(_standard(np.array(bent) - GAINS)).max() > 5
+
+
+def _standard(errors):
+    """Mean over its standard error, per column."""
+    return errors.mean(axis=0) / (errors.std(axis=0, ddof=1) / np.sqrt(len(errors)))
+
+
+def test_joints_that_cannot_be_told_are_named_and_left_alone(runs, lib, payload_pi):
+    """Property: 300 g move joint 7 by 0.06 N·m, far below its noise of 1 N·m; its gain stays 1."""
+    empty, full = runs
+    Y = lib.regressor(full.q, full.dq, full.ddq)[:, :, mount_of(lib).columns]
+    light = full.replace(tau=full.tau - 0.9 * Y @ payload_pi)
+    noise = NOISE * np.random.default_rng(3).normal(size=(2, *full.tau.shape))
+    noise[..., 6] *= 20
+    pair = measured((empty, light), noise)
+    terms = Friction((*TERMS.columns, "offset"), coulomb_speed=WIDTH)
+    found = identify_gains(*pair, lib, Known(0.3, COM, 0.1 * INERTIA), friction=terms)
+    assert not found.is_told[6]
+    assert found.gain[6] == 1.0
+    assert found.is_told[:4].all()
+    named = " ".join(found.notes)
+    assert "fr3_joint7 (± " in named
+    assert "is left at 1" in named
+    assert "fr3_joint7" not in found.status
+    # Whatever is not told is still free in the fit, so that the others are not bent by it.
+    np.testing.assert_array_less(np.abs(found.estimate - GAINS), 4 * found.sigma)
+    loud = measured((empty, light), 40 * noise)
+    with pytest.raises(RuntimeFault, match="does not show in these runs"):
+        identify_gains(*loud, lib, Known(0.3, COM, 0.1 * INERTIA), friction=terms)
+    # An offset asked for is the bias of the runs already, and leaves it as sure as it was.
+    assert (found.bias_sigma[:, :6] < 0.1).all()
+
+
+def test_coupled_motors_have_gains_of_their_own(runs, lib):
+    """Oracle: τ_m = R⁻ᵀ τ scaled motor by motor; no gain of a joint does that."""
+    R = np.diag([100.0, 100, 100, 100, 50, 50, 50])
+    R[6, 5] = 50.0
+    recipe = Recipe(gear=tuple(map(tuple, R.tolist())))
+    pair = tuple(
+        run.replace(tau=(GAINS * (run.tau @ np.linalg.inv(R))) @ R, recipe=recipe) for run in runs
+    )
+    found = identify_gains(*pair, lib, BODY, friction=TERMS)
+    np.testing.assert_allclose(found.estimate, GAINS, atol=1e-10)
+    assert found.channels[6] == "motor 7"
+
+
+def test_a_wrong_weight_and_a_circular_payload_are_pointed_at(runs, lib):
+    """Property: true sensors and 3 kg told as 2.7 kg look like gains that are all 3/2.7 alike."""
+    noise = NOISE * np.random.default_rng(4).normal(size=(2, *runs[0].tau.shape))
+    pair = measured(runs, noise, gains=np.ones(7))
+    wrong = identify_gains(*pair, lib, Known(2.7, COM, 0.9 * INERTIA), friction=TERMS)
+    assert any("all gains agree on 1.11" in note for note in wrong.notes)
+    assert any(" kg instead of 2.7 kg would look the same" in note for note in wrong.notes)
+    fine = identify_gains(*pair, lib, Known(3.0, COM, INERTIA, identified=True), friction=TERMS)
+    assert not any("agree" in note for note in fine.notes)
+    assert any("mass from a scale" in note for note in fine.notes)
+
+
+def _joints(run: Recording) -> Recording:
+    return Recording(run.t, run.q[:, :6], run.dq[:, :6], run.ddq[:, :6], run.tau[:, :6])
+
+
+def _named(run: Recording, names: str) -> Recording:
+    return run.replace(joint_names=tuple(names))
+
+
+def _ripple(run: Recording) -> np.ndarray:
+    return NOISE * np.sin(np.arange(run.tau.size)).reshape(run.tau.shape)
+
+
+BAD = {
+    "the same log": (lambda e, f: (e, e), {}, "hold the same torques; give one run without"),
+    "the same log rounded": (
+        lambda e, f: (e, e.replace(tau=np.round(e.tau, 3))),
+        {},
+        "hold the same torques",
+    ),
+    "other joints": (lambda e, f: (e, _joints(f)), {}, "different robots .*; give two runs of one"),
+    "other names": (
+        lambda e, f: (_named(e, "abcdefg"), _named(f, "gfedcba")),
+        {},
+        "different robots .a, b, .*; g, f, ",
+    ),
+    "other reading": (
+        lambda e, f: (e, f.replace(recipe=Recipe(gear=((1.0,),)))),
+        {},
+        "read with different units",
+    ),
+    "the wrong order": (lambda e, f: (f, e), {}, "carries less than the empty one"),
+    "nothing mounted": (
+        lambda e, f: (e, e.replace(tau=e.tau + _ripple(e))),
+        {},
+        "3 kg does not show in these runs .* check that it was mounted",
+    ),
+    "the same log rounded to hundredths": (
+        lambda e, f: (e, e.replace(tau=np.round(e.tau, 2))),
+        {},
+        "3 kg does not show in these runs",
+    ),
+    "too short": (lambda e, f: (e, f.take(slice(0, 30), "")), {}, "30 samples, gains need 50"),
+    "no torque": (lambda e, f: (e, f.replace(tau=None)), {}, "has no torque"),
+    "no such link": (lambda e, f: (e, f), {"link": "hand"}, "no moving link 'hand'"),
+    "another frame": (
+        lambda e, f: (e, f),
+        {"payload": Known(1.0, COM, frame="tool")},
+        "in the frame of 'tool'",
+    ),
+    "no such column": (
+        lambda e, f: (e, f),
+        {"friction": Friction(("auto",))},
+        "no friction column 'auto'",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_runs_are_one_sentence_of_advice(case, runs, lib):
+    """Property: a named error that says what to do."""
+    change, options, message = BAD[case]
+    with pytest.raises(RuntimeFault, match=message):
+        identify_gains(*change(*runs), lib, **{"payload": BODY, "friction": TERMS, **options})
+
+
+def test_a_search_that_has_not_settled_is_no_answer(runs, lib, monkeypatch):
+    """Property: one step from the linear answer is not the optimum, however small its σ."""
+    noise = NOISE * np.random.default_rng(6).normal(size=(2, *runs[0].tau.shape))
+    monkeypatch.setattr("runtime.identification.sensor_gains.solve._ITERATIONS", 1)
+    with pytest.raises(RuntimeFault, match="does not show in these runs"):
+        identify_gains(*measured(runs, noise), lib, BODY, friction=TERMS)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("0,0,0,0", "mass above 0 kg, got 0; weigh it"),
+        ("-1,0,0,0", "mass above 0 kg, got -1"),
+        ("nan,0,0,0", "mass above 0 kg, got nan"),
+        ("1,0,inf,0", "three finite numbers"),
+        ("1,0,0", "needs MASS,CX,CY,CZ"),
+        ("one,0,0,0", "needs MASS,CX,CY,CZ"),
+        ("1,0,0,0,1,1,3,0,0,0", "belongs to no body"),
+        ("nowhere.json", "'.*nowhere.json' tells no payload"),
+    ],
+)
+def test_impossible_payloads_are_refused(words, message):
+    """Property: one sentence."""
+    with pytest.raises(RuntimeFault, match=message):
+        read_known(words)
+
+
+def test_a_known_payload_is_numbers_or_a_file(lib, tmp_path, payload_pi):
+    """Oracle: Pinocchio's π of the same body; the file and the numbers tell one payload."""
+    words = read_known("3,0.01,0.02,0.05,0.004,0.005,0.003,0.0001,0.0002,0.0003")
+    np.testing.assert_array_equal(np.diag(words.inertia), np.diag(INERTIA))
+    assert words.inertia[0, 1] == words.inertia[1, 0] == 1e-4
+    assert (words.inertia[0, 2], words.inertia[1, 2]) == (2e-4, 3e-4)
+    facts = {"mass": 3.0, "com": COM.tolist(), "inertia": INERTIA.tolist(), "link": "fr3_link7"}
+    (tmp_path / "p.json").write_text(json.dumps(facts | {"sigma": [0.0]}))
+    file = read_known(str(tmp_path / "p.json"))
+    assert (file.mass, file.link, file.identified) == (3.0, "fr3_link7", True)
+    mount = mount_of(lib, file.link)
+    pi = pi_of_body(mount.bodies, file.mass, file.com, file.inertia)
+    np.testing.assert_allclose(np.linalg.solve(mount.to_frame, pi), payload_pi, atol=1e-15)
+
+
+def test_the_command_writes_a_recipe_that_identify_takes(runs, lib, command, tmp_path):
+    """Property: read with it, the log has the true torques; currents become N·m per A."""
+    for run in measured(runs, gains=0.1 * GAINS, bias=0 * BIAS):
+        write_recording(run, tmp_path / f"{run.name}.csv")
+    plan = plan_of(tmp_path / "empty.csv")
+    ampere = Signal("A", layout="csv", columns=plan.torque.columns, gain=1.0)
+    (tmp_path / "amps.toml").write_text(recipe_text(plan.replace(torque=ampere)))
+    words = ("gains", "empty.csv", "loaded.csv", "--robot", lib.folder, "--coulomb-speed", WIDTH)
+    known = ("--payload", "3,0.01,0.02,0.05,0.004,0.005,0.003,0,0,0")
+    options = ("--friction", "viscous,coulomb", "--recipe", "amps.toml")
+    ran = command(*words, *known, *options, "--recipe-out", "new.toml")
+    assert ran.code == 0, ran.err
+    assert f"{10 / GAINS[0]:.4g} N·m/A" in ran.out
+    assert "bias loaded" in ran.out
+    assert load_recipe(tmp_path / "new.toml").torque.unit == "A"
+    for run in runs:
+        again = read_recording(tmp_path / f"{run.name}.csv", tmp_path / "new.toml")
+        # Gains to 1e-10, as above.
+        np.testing.assert_allclose(again.tau, run.tau, rtol=1e-9, atol=1e-9)
+    low = command(*words, *known)
+    assert "89.5 % low" in low.out
+    assert "recipe: [torque] gain = [9.52" in low.out
+
+
+def test_the_command_refuses_with_one_sentence(runs, lib, command, tmp_path):
+    """Property: exit code 2, one line, and nothing written."""
+    write_recording(runs[0], tmp_path / "empty.csv")
+    words = ("gains", "empty.csv", "empty.csv", "--robot", lib.folder, "--recipe-out", "r.toml")
+    ran = command(*words, "--payload", "1,0,0,0")
+    assert ran.code == 2
+    assert len(ran.err.splitlines()) == 1
+    assert "hold the same torques" in ran.err
+    assert not (tmp_path / "r.toml").exists()

@@ -1,0 +1,134 @@
+"""The roads of the three real logs: bare files → inspect → recipe → identify → report, by command.
+
+What a user adds is what only the maker of the robot knows. The bars are the published ones of the
+three logs (weighted least squares, viscous and Coulomb friction; Gaz 2019, FIGAROH, FloBaRoID).
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification import metrics
+from runtime.identification.saved_result import read_result
+from runtime.library import Library
+from runtime.recording import Preparation, read_recording
+from runtime.recording.preprocessing import prepare
+from tests.runtime.conftest import Command
+
+KNOWN_RATE = "rate_hz = 5000"
+KNOWN_ZEROS = "offset = [0.0, -1.5707963267948966, 1.5707963267948966, 0.0, 0.0, 0.0]"
+KNOWN_GEARS = """[gear]
+matrix = [
+    [32.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+    [0.0, 32.0, 0.0, 0.0, 0.0, 0.0],
+    [0.0, 0.0, 45.0, 0.0, 0.0, 0.0],
+    [0.0, 0.0, 0.0, -48.0, 0.0, 0.0],
+    [0.0, 0.0, 0.0, 0.0, 45.0, 0.0],
+    [0.0, 0.0, 0.0, 0.0, 32.0, 32.0],
+]
+"""
+
+
+@pytest.fixture
+def bare(shared_data: Path, tmp_path: Path):
+    """The files of a log alone, in a folder whose name says nothing."""
+
+    def of(name: str) -> Path:
+        folder = tmp_path / "raw"
+        folder.mkdir()
+        for file in (shared_data / "data" / name).iterdir():
+            if file.suffix in {".txt", ".csv", ".npz"}:
+                (folder / file.name).symlink_to(file)
+        return folder
+
+    return of
+
+
+def in_band(folder: Path, log: Path, recipe: Path, lib: Library, f_c: float, span) -> float:
+    """Overall error, in percent, of a result on the rows of a span of time, low-passed at f_c."""
+    saved, recording = read_result(folder), read_recording(log, recipe)
+    own = recording.recipe.preparation
+    plan = Preparation(
+        clock_tick=own.clock_tick,
+        max_gap_s=own.max_gap_s,
+        filter="butterworth",
+        cutoff_hz=f_c,
+        rate_hz=10 * f_c,
+        rest_speed=0.02,
+    )
+    rows = prepare(recording, plan, saved.friction, lib=lib)
+    rows = rows.take((rows.t >= span[0]) & (rows.t <= span[1]), "test")
+    s = samples_of(rows, lib)
+    rigid = lib.inverse_dynamics(s.q, s.dq, s.ddq, saved.pi)
+    return metrics.torque_error(s.tau, rigid + s.friction(saved.phi)).overall
+
+
+def facts_of(folder: Path) -> dict:
+    assert (folder / "report.html").exists()
+    return json.loads((folder / "result.json").read_text())
+
+
+def test_panda(command: Command, lib: Library, bare, tmp_path: Path) -> None:
+    """Real data: bare files of a Panda to 1.32 % or less, without a line by hand."""
+    raw, robot = bare("panda_gaz"), ("--robot", lib.folder)
+    assert command("inspect", raw, *robot, "--recipe-out", "r.toml").code == 1
+    ran = command("identify", raw, *robot, "--recipe", "r.toml", "--out", "out")
+    assert ran.code == 0, ran.err
+    assert facts_of(tmp_path / "out")["torque_error_percent"]["after_overall"] <= 1.32
+    ran = command(
+        *("identify", raw, *robot, "--recipe", "r.toml", "--friction", "auto", "--out", "auto")
+    )
+    assert ran.code == 0, ran.err
+    # In the published band and split, the last 40 % of 21 s: the narrower own band flatters.
+    found = in_band(tmp_path / "auto", raw, tmp_path / "r.toml", lib, 10.0, (12.6, 20.9))
+    assert found <= 1.32
+
+
+def test_tx40(command: Command, robot, bare, tmp_path: Path) -> None:
+    """Real data: motor angles and torques to 7.3 % or less, in the published band and split."""
+    lib, raw = robot("tx40"), bare("tx40_figaroh")
+    by = ("--robot", lib.folder)
+    assert command("inspect", raw, *by, "--recipe-out", "first.toml").code == 1
+    text = (tmp_path / "first.toml").read_text()
+    # Which friction to propose hangs on the gears, which are not known yet.
+    assert "[friction]" not in text
+    text = text.replace("# rate_hz =", KNOWN_RATE)
+    text = text.replace("\n[position]\n", f"\n[position]\n{KNOWN_ZEROS}\n")
+    text = text[: text.index("# [gear]")] + KNOWN_GEARS
+    (tmp_path / "known.toml").write_text(text)
+    ran = command("inspect", raw, *by, "--recipe", "known.toml", "--recipe-out", "r.toml")
+    assert ran.code == 1, ran.err
+    ran = command(
+        *("identify", raw, *by, "--recipe", "r.toml", "--out", "out", "--split", "0.582,0.5952")
+    )
+    assert ran.code == 0, ran.err
+    facts = facts_of(tmp_path / "out")
+    assert "train 0.1" in facts["recording"]["split"]
+    assert facts["torque_error_percent"]["after_overall"] <= 7.3
+    found = in_band(tmp_path / "out", raw, tmp_path / "r.toml", lib, 20.0, (4.6, 7.4))
+    assert found <= 7.3
+    # More of the noise of τ in a wider band: the same model, another percentage.
+    errors = []
+    for f_c in (5, 50):
+        asked = ("--recipe", "r.toml", "--cutoff", f_c, "--rate", 10 * f_c, "--json")
+        ran = command("evaluate", "out", raw, *by, *asked)
+        errors.append(json.loads(ran.out)["torque_error_percent"]["after_overall"])
+    assert errors[0] < errors[1]
+
+
+def test_lwr4(command: Command, robot, bare, tmp_path: Path) -> None:
+    """Real data: the two slow runs predict the fast one to 8.8 % or less, not a line by hand."""
+    lib, raw = robot("kuka_lwr4"), bare("lwr4_flobaroid")
+    by = ("--robot", lib.folder)
+    assert command("inspect", raw, *by, "--recipe-out", "r.toml").code == 0
+    ran = command("identify", raw, *by, "--recipe", "r.toml", "--run", "1,2,3", "--out", "out")
+    assert ran.code == 0, ran.err
+    held = facts_of(tmp_path / "out")["sessions"]["leave_one_out"][2]
+    assert held["name"] == "run 3"
+    assert held["after_overall"] <= 8.8
+    # Friction alone, on the URDF, takes it to 8.8; the bodies have to do the rest (5.1 found).
+    assert held["after_overall"] <= 0.5 * held["before_overall"]
+    assert np.isclose(held["before_overall"], 11.6, atol=0.1)

@@ -1,0 +1,225 @@
+"""runtime.inspection: the traps of models, signs, gears and units (1, 3-8, 10, 11) are named.
+
+The clean log is the bundled simulation (another program made it); each trap is put into it, or
+is in a published log or model as it is. What is expected is what was put in.
+"""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pinocchio
+import pytest
+
+from runtime import Recording
+from runtime.inspection import inspect_log, recipe_text
+from runtime.library import Library
+from runtime.recording import Friction, load_recipe
+from runtime.recording.preprocessing import differentiate
+from tests.oracle import pinocchio_model
+from tests.runtime.diagnosis import settles, told, trap_of
+
+
+def gravity_of(lib: Library, q: np.ndarray, pi: np.ndarray) -> np.ndarray:
+    return lib.inverse_dynamics(q, 0 * q, 0 * q, pi)
+
+
+def test_1_a_tool_that_the_model_lacks(lib: Library, clean: Recording, saved) -> None:
+    """Property: 0.8 kg at the flange, to the 0.15 kg that links 10 % off feign there."""
+    full = differentiate(clean)
+    tool = np.array([0.8, 0.02, 0, 0.12, 0.02, 0.02, 0.001, 0, 0, 0])
+    Y = lib.regressor(full.q, full.dq, full.ddq)[:, :, -10:]
+    found = inspect_log(saved(clean, tau=clean.tau + Y @ tool), lib)
+    assert set(told(found)) == {"tool"}
+    assert trap_of(found, "tool") == 1
+    mass = next(f for f in found.findings if f.kind == "tool").evidence["mass_kg"]
+    assert mass == pytest.approx(0.8, abs=0.15)
+
+
+def test_1_a_hand_that_is_not_mounted(lib: Library, shared_data: Path) -> None:
+    """Real data: a Panda without hand against a model with its 0.73 kg."""
+    armed = copy.copy(lib)
+    hand = np.array([0.73, -0.0073, 0, 0.095, 0.0155, 0.0139, 0.0026, 0, 0, 0])
+    armed.pi0 = lib.pi0 + np.concatenate([np.zeros(60), hand])
+    found = inspect_log(shared_data / "data" / "panda_gaz", armed, "panda_gaz")
+    assert set(told(found)) == {"tool"}
+    assert "not mounted" in told(found)["tool"]
+
+
+def test_3_torque_counts_the_other_way(lib, clean, saved, tmp_path) -> None:
+    """Property: told as a sign and not as gravity, and proposed, not done."""
+    log = saved(clean, tau=-clean.tau)
+    found = inspect_log(log, lib)
+    assert set(told(found)) == {"torque_sign"}
+    assert trap_of(found, "torque_sign") == 3
+    assert found.plan.torque.sign == -1.0
+    settles(found, log, lib, tmp_path)
+
+
+def test_3_one_joint_counts_the_other_way(lib, clean, saved, tmp_path) -> None:
+    """Property: the joint is named."""
+    sign = np.array([1.0, 1, 1, -1, 1, 1, 1])
+    log = saved(clean, tau=clean.tau * sign)
+    found = inspect_log(log, lib)
+    assert set(told(found)) == {"torque_sign"}
+    assert "fr3_joint4" in told(found)["torque_sign"]
+    assert found.plan.torque.sign == tuple(sign)
+    settles(found, log, lib, tmp_path)
+
+
+def test_3_velocity_of_one_joint_is_turned(lib, clean, saved, tmp_path) -> None:
+    """Property: dq against the derivative of q."""
+    sign = np.array([1.0, 1, -1, 1, 1, 1, 1])
+    log = saved(clean, dq=clean.dq * sign)
+    found = inspect_log(log, lib)
+    assert set(told(found)) == {"velocity_sign"}
+    settles(found, log, lib, tmp_path)
+
+
+def test_4_a_torque_that_no_sensor_has_measured(lib: Library, clean: Recording, saved) -> None:
+    """Property: the model's own output, friction included, is too good to be true."""
+    full = differentiate(clean.replace(dq=None))
+    pi = lib.pi0 * 1.05
+    tau = lib.inverse_dynamics(full.q, full.dq, full.ddq, pi) + 0.5 * full.dq
+    found = inspect_log(saved(clean, dq=None, tau=tau), lib)
+    assert set(told(found)) == {"not_measured"}
+    assert trap_of(found, "not_measured") == 4
+
+
+def test_4_a_name_that_says_command(lib: Library, clean: Recording, tmp_path: Path) -> None:
+    """Property: `tau_des` is read only where there is no measured torque, and then it is told."""
+    titles = [*(f"q{j}" for j in range(1, 8)), *(f"tau_des_{j}" for j in range(1, 8))]
+    rows = np.column_stack([clean.t, clean.q, clean.tau])
+    log = tmp_path / "log.csv"
+    np.savetxt(log, rows, delimiter=",", header=",".join(["time", *titles]), comments="")
+    assert "tau_des_1" in told(inspect_log(log, lib))["not_measured"]
+    titles += [f"tau_{j}" for j in range(1, 8)]
+    rows = np.column_stack([rows, clean.tau])
+    np.savetxt(log, rows, delimiter=",", header=",".join(["time", *titles]), comments="")
+    found = inspect_log(log, lib)
+    assert found.plan.torque.columns[0] == "tau_1"
+    assert "not_measured" not in told(found)
+
+
+@pytest.mark.parametrize(
+    ("scale", "said", "build"),
+    [
+        (-1.0, "reversed", "--name fr3_turned --gravity 0,0,9.81 "),
+        (0.0, "absent", "--name fr3_weightless --gravity 0,0,0 "),
+    ],
+)
+def test_5_gravity_the_other_way_round(lib, clean, saved, scale, said, build) -> None:
+    """Property: only bodies that can exist tell the sign; a free fit is as good either way."""
+    tau = clean.tau + (scale - 1.0) * gravity_of(lib, clean.q, lib.pi0)
+    found = inspect_log(saved(clean, tau=tau), lib)
+    assert said in told(found)["gravity"]
+    assert f"symgen build --urdf {lib.folder / 'fr3.urdf'} {build}" in told(found)["gravity"]
+    assert trap_of(found, "gravity") == 5
+
+
+def test_5_an_arm_on_the_wall(lib: Library, clean: Recording, saved) -> None:
+    """Oracle: Pinocchio's inverse dynamics with gravity along x of the base."""
+    model = pinocchio_model(lib.urdf(), np.array([9.81, 0.0, 0.0]))
+    data, full = model.createData(), differentiate(clean)
+    tau = np.array(
+        [pinocchio.rnea(model, data, *row) for row in zip(full.q, full.dq, full.ddq, strict=True)]
+    )
+    noise = np.random.default_rng(0).normal(0, 0.05, tau.shape)
+    found = inspect_log(saved(clean, tau=tau + noise), lib)
+    said = told(found)["gravity"]
+    assert f"--urdf {lib.folder / 'fr3.urdf'} --name fr3_wall --gravity 9.81,0,0 " in said
+    assert (lib.folder / "fr3.urdf").exists()
+    assert "once more with gravity along -x" in said
+
+
+def test_6_coupled_gears(robot, shared_data: Path) -> None:
+    """Real data: the wrist of a TX40, its friction fitted joint by joint."""
+    recipe = load_recipe("tx40_figaroh")
+    plain = recipe.replace(friction=Friction(("viscous", "coulomb", "offset", "rotor")))
+    found = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), plain)
+    assert set(told(found)) == {"gear_coupling"}
+    assert "joint_6" in told(found)["gear_coupling"]
+    assert trap_of(found, "gear_coupling") == 6
+
+
+def test_6_motor_angles(robot, shared_data: Path) -> None:
+    """Real data: what only the manufacturer knows is asked for, as a block to fill in."""
+    found = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), bare=True)
+    assert set(told(found)) == {"missing_clock", "position_range"}
+    assert "# [gear]" in recipe_text(found)
+
+
+def test_7_rest(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
+    """Property: two seconds before the motion are told and dropped."""
+    count = 200
+    t = np.concatenate([clean.t[0] + 0.01 * np.arange(-count, 0), clean.t])
+    still = {key: np.repeat(getattr(clean, key)[:1], count, axis=0) for key in ("q", "tau")}
+    noise = np.random.default_rng(0).normal(0, 1e-3, (count, 7))
+    arrays = {
+        key: np.concatenate([still[key] + noise * 1e-3, getattr(clean, key)]) for key in still
+    }
+    log = saved(clean, t=t, dq=np.concatenate([noise, clean.dq]), **arrays)
+    found = inspect_log(log, lib, propose=True)
+    assert set(told(found)) == {"rest"}
+    assert trap_of(found, "rest") == 7
+    assert found.rest[0] == pytest.approx((-2.0, 0.0), abs=0.2)
+    assert found.plan.preparation.rest_speed == 0.02
+    settles(found, log, lib, tmp_path)
+
+
+def test_10_degrees(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
+    """Property: told by the limits, with dq in rad/s beside it or without dq."""
+    log = saved(clean, q=clean.q * 180 / np.pi)
+    found = inspect_log(log, lib)
+    assert set(told(found)) == {"position_unit"}
+    assert trap_of(found, "position_unit") == 10
+    settles(found, log, lib, tmp_path)
+    assert set(told(inspect_log(saved(clean, q=clean.q * 180 / np.pi, dq=None), lib))) == {
+        "position_unit"
+    }
+
+
+def test_10_wrap(lib: Library, clean: Recording, saved) -> None:
+    """Property: jumps of one turn are unwrapped by the reader and told."""
+    q = clean.q.copy()
+    middle = np.median(q[:, 0])
+    q[:, 0] = (q[:, 0] - middle) % (2 * np.pi) + middle
+    found = inspect_log(saved(clean, q=q), lib)
+    assert trap_of(found, "wrap") == 10
+
+
+@pytest.mark.parametrize("gain", [1e3, np.array([10.0, 9, 11, 10, 40, 45, 38])])
+def test_11_effort_is_no_torque(lib, clean, saved, tmp_path, gain) -> None:
+    """Property: one factor of 1000 is a unit; one for each joint are gains, to 30 % by the URDF."""
+    log = saved(clean, tau=clean.tau * gain)
+    found = inspect_log(log, lib)
+    assert set(told(found)) == {"torque_unit"}
+    assert trap_of(found, "torque_unit") == 11
+    if np.ndim(gain):
+        assert "no calibration" in told(found)["torque_unit"]
+        # The example's links are up to 10 % off the URDF's, those of the wrist more by leverage.
+        np.testing.assert_allclose(found.plan.torque.gain[1:4], 1 / gain[1:4], rtol=0.3)
+    else:
+        assert found.plan.torque.unit == "mN*m"
+    settles(found, log, lib, tmp_path)
+
+
+def test_saturation(lib: Library, clean: Recording, saved) -> None:
+    """Property: flat tops of a clipped torque are counted, the joint named."""
+    tau = clean.tau.copy()
+    tau[:, 1] = np.clip(tau[:, 1], -25.0, 25.0)
+    clipped = int(np.sum(np.abs(tau[:, 1]) == 25.0))
+    assert clipped > 20
+    found = inspect_log(saved(clean, tau=tau), lib)
+    assert "fr3_joint2" in told(found)["saturation"]
+
+
+def test_8_rounding_is_told_by_symgen(shared_data: Path) -> None:
+    """Published model: four-digit angles; `symgen inspect` says so and finds the 43 that remain."""
+    from symgen.inspect import inspect_file
+
+    found = inspect_file(shared_data / "models" / "kinova_gen3" / "kinova.urdf")
+    assert any("angles are rounded" in note for note in found.notes)
+    assert found.base is not None
+    assert len(found.base.names) == 43
+    assert found.base.condition < 1e4  # with the rounding taken at its word it is 1e7

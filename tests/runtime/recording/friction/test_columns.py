@@ -1,0 +1,72 @@
+"""Friction columns and the torque they stand for."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from runtime.errors import RecordingError
+from runtime.recording import Friction, Recording, friction
+
+NAMES = ("viscous", "coulomb", "offset")
+
+
+def speed_columns(dq, names=NAMES, eps=0.02):
+    """Columns that need the speed alone."""
+    return friction.columns(friction.Motion(np.asarray(dq)), Friction(tuple(names), eps))
+
+
+speeds = arrays(np.float64, (5, 3), elements=st.floats(-10, 10))
+
+
+def test_columns_are_those_of_the_docstring():
+    """Oracle: dq, tanh(dq/ε) and 1, in the order asked for, joint by joint."""
+    dq = np.array([[0.0, 0.02], [-0.04, 1.0]])
+    C = speed_columns(dq, ("offset", "coulomb", "viscous"), 0.02)
+    assert C.shape == (2, 2, 3)
+    np.testing.assert_array_equal(C[..., 0], 1.0)
+    expected = [[0.0, 0.7615941559557649], [-0.9640275800758169, 1.0]]
+    np.testing.assert_allclose(C[..., 1], expected, rtol=1e-15)
+    np.testing.assert_array_equal(C[..., 2], dq)
+    assert speed_columns(dq, ()).shape == (2, 2, 0)
+
+
+@given(dq=speeds)
+def test_friction_is_odd_and_takes_power(dq):
+    """Property: viscous and Coulomb friction with φ ≥ 0 is odd in dq and never drives the joint."""
+    phi = np.array([[0.1, 0.5], [0.0, 0.3], [2.0, 0.0]])
+    tau = friction.torque(speed_columns(dq, ("viscous", "coulomb")), phi)
+    mirrored = friction.torque(speed_columns(-dq, ("viscous", "coulomb")), phi)
+    np.testing.assert_array_equal(mirrored, -tau)
+    assert (tau * dq >= 0.0).all()
+
+
+def test_torque_is_the_sum_of_columns():
+    """Oracle: against the sum written out for one joint."""
+    dq = np.linspace(-1, 1, 7)[:, None] * [1.0, 2.0]
+    phi = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    tau = friction.torque(speed_columns(dq, NAMES, 0.1), phi)
+    np.testing.assert_allclose(
+        tau[:, 1], 0.4 * dq[:, 1] + 0.5 * np.tanh(dq[:, 1] / 0.1) + 0.6, rtol=1e-14
+    )
+
+
+def test_coulomb_column_is_smooth_with_slope_one_over_epsilon():
+    """Derivative: the Taylor remainder of tanh(dq/ε) at rest falls as h³ (its h² term is 0)."""
+    h = np.array([[4e-3], [2e-3], [1e-3]])
+    remainder = np.abs(speed_columns(h, ("coulomb",), 0.05)[:, 0, 0] - h[:, 0] / 0.05)
+    np.testing.assert_allclose(remainder[:-1] / remainder[1:], 8.0, rtol=0.01)
+
+
+def test_wrong_names_speeds_and_shapes_are_told():
+    """Property: the message names what is wrong and what is valid."""
+    dq = np.zeros((4, 2))
+    with pytest.raises(RecordingError, match=r"'static'; choose from viscous, coulomb, offset"):
+        speed_columns(dq, ("viscous", "static"))
+    with pytest.raises(RecordingError, match="coulomb_speed expects a number above 0"):
+        speed_columns(dq, NAMES, 0.0)
+    with pytest.raises(RecordingError, match=r"shape \(2, 3\) .* got \(3, 2\)"):
+        friction.torque(speed_columns(dq, NAMES), np.zeros((3, 2)))
+    with pytest.raises(RecordingError, match="expect dq"):
+        friction.add_columns(Recording(t=np.arange(4.0), q=dq), Friction(NAMES))

@@ -1,0 +1,98 @@
+"""controller_file: a log's controller and reference as a file, and what identify makes of it."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import IdentificationError, RecordingError
+from runtime.excitation import Trajectory
+from runtime.excitation.trajectory_file import write_motion
+from runtime.library import Library
+from runtime.simulation import Controller
+from runtime.simulation.controller_file import Loop, read_loop, write_loop
+from tests.runtime.conftest import Command
+
+
+@pytest.fixture
+def motion(lib: Library, trajectories: tuple[Trajectory, ...], tmp_path: Path) -> Trajectory:
+    """The training motion, written as motion.json."""
+    write_motion(trajectories[0], lib, tmp_path / "motion.json")
+    return trajectories[0]
+
+
+def test_a_loop_returns_as_it_was_written(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
+    """Property: write and read keep every number."""
+    gains = Controller(stiffness=np.linspace(200, 300, 7), damping=25.0)
+    loop = Loop(motion, gains, np.full(7, 0.2), 500.0, 0.25)
+    write_loop(loop, "motion.json", tmp_path / "log.loop.toml")
+    back = read_loop(tmp_path / "log.loop.toml", lib)
+    assert np.array_equal(back.controller.stiffness, gains.stiffness)
+    assert np.array_equal(back.controller.damping, np.full(7, 25.0))
+    assert np.array_equal(back.rotor, loop.rotor)
+    assert (back.rate_hz, back.start) == (500.0, 0.25)
+    assert np.array_equal(back.reference.coefficients, motion.coefficients)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[controller", "is no TOML file that can be read"),
+        ("[controller]\nstiffness = 1.0", r"names no \[reference\] trajectory"),
+        ("[controller]\ngain = 1.0", r"no use for \[controller\] gain = 1.0"),
+        ("stiffness = 1.0", r"no use for \[stiffness\]"),
+        ("[controller]\nstiffness = true", r"no use for \[controller\] stiffness = True"),
+        (
+            '[controller]\nstiffness = [1.0, 2.0]\n[reference]\ntrajectory = "motion.json"',
+            "needs one number, or one for each of the 7 joints, got 2",
+        ),
+        (
+            '[controller]\ndamping = -1.0\n[reference]\ntrajectory = "motion.json"',
+            "needs gains, rotors and a rate_hz above 0",
+        ),
+        ('[reference]\ntrajectory = "other.json"', "is no trajectory"),
+        ('[reference]\ntrajectory = "../motion.json"', "does not lie beside it"),
+        ('[reference]\ntrajectory = "/dev/zero"', "does not lie beside it"),
+        ('[controller]\nrate_hz = [1.0]\n[reference]\ntrajectory = "motion.json"', "no use for"),
+    ],
+)
+def test_files_that_are_no_loop(
+    lib: Library, motion: Trajectory, tmp_path: Path, text: str, sentence: str
+) -> None:
+    """Property: what is wrong with the file, in one sentence."""
+    path = tmp_path / "loop.toml"
+    path.write_text(text)
+    with pytest.raises((IdentificationError, RecordingError), match=sentence):
+        read_loop(path, lib)
+    with pytest.raises(IdentificationError, match="is no TOML file that can be read"):
+        read_loop(tmp_path / "missing.toml", lib)
+
+
+def test_simulate_and_identify_by_the_loop(
+    lib: Library, motion: Trajectory, tmp_path: Path, command: Command
+) -> None:
+    """Property: the log, the loop and the truth that simulate writes serve DIDIM and IV."""
+    robot = ("--robot", lib.folder)
+    made = command(
+        *("simulate", *robot, "--trajectory", "motion.json", "--out", "log.npz"),
+        *("--viscous", "0.3", "--coulomb", "0.3", "--seed", "3"),
+    )
+    assert (made.code, made.err) == (0, "")
+    truth = json.loads((tmp_path / "log.truth.json").read_text())
+    beta = lib.base_matrix @ np.array(truth["pi"])
+    common = ("log.npz", *robot, "--friction", "viscous,coulomb", "--coulomb-speed", "0.03")
+    for method in ("didim", "iv"):
+        folder = tmp_path / method
+        options = ("--method", method, "--cutoff", "20", "--rate", "100", "--out", folder)
+        told = command("identify", *common, *options)
+        assert told.code == 2
+        assert "give the controller's gains and the reference motion by --loop" in told.err
+        assert not folder.exists()
+        ran = command("identify", *common, *options, "--loop", "log.loop.toml")
+        assert (ran.code, ran.err) == (0, "")
+        facts = json.loads((folder / "result.json").read_text())
+        # σ_q = 1e-5, σ_τ = 0.05, 48 % of the run: some tenths of a percent.
+        error = np.linalg.norm(np.array(facts["beta"]) - beta) / np.linalg.norm(beta)
+        assert error < 0.01
+        assert "converged after" in facts["status"]

@@ -1,0 +1,73 @@
+"""runtime.files: what stands in the place of a file, and what JSON and TOML may not say."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from runtime.files import LARGEST, bytes_of, json_of, require_file, text_of, toml_of
+
+
+def endless(path: Path) -> None:
+    path.write_bytes(b"")
+    os.truncate(path, LARGEST + 1)  # a hole: it takes no room
+
+
+PLACES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "nothing": (lambda path: None, "No such file"),
+    "a folder": (Path.mkdir, "not a regular file"),
+    "a pipe": (os.mkfifo, "not a regular file"),
+    "a device": (lambda path: path.symlink_to("/dev/zero"), "not a regular file"),
+    "itself": (lambda path: path.symlink_to(path.name), "symbolic links"),
+    "too much": (endless, "more than the"),
+    "bytes": (lambda path: path.write_bytes(b"\xff\xfe"), "decode"),
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_what_is_no_document_is_told_at_once(tmp_path: Path, place: str) -> None:
+    """Property: nothing is waited for, nothing is read without end."""
+    make, words = PLACES[place]
+    make(tmp_path / "file")
+    with pytest.raises((OSError, ValueError), match=words):
+        text_of(tmp_path / "file")
+
+
+def test_links_to_files_are_files(tmp_path: Path) -> None:
+    """Property: a link is as good as its file."""
+    (tmp_path / "file").write_text("[1, 2.5]")
+    (tmp_path / "link").symlink_to("file")
+    assert require_file(tmp_path / "link") == tmp_path / "link"
+    assert json_of(tmp_path / "link") == json_of(bytes_of(tmp_path / "file")) == [1, 2.5]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"a": 1, "a": 2}', "the key 'a' stands twice"),
+        ("[" * 100_000, "nested too deeply"),
+        ("1" + "0" * 400, "more than 19 digits"),
+        ("{", "Expecting"),
+    ],
+)
+def test_json_says_one_thing(tmp_path: Path, text: str, words: str) -> None:
+    """Property: what two readers would understand differently is refused."""
+    (tmp_path / "file.json").write_text(text)
+    with pytest.raises(ValueError, match=words):
+        json_of(tmp_path / "file.json")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = " + "[" * 100_000, "nested too deeply"),
+        ("a = [{b = 1" + "0" * 400 + "}]", "more than 19 digits"),
+        ("a = 1\na = 2", "overwrite"),
+    ],
+)
+def test_toml_says_one_thing(tmp_path: Path, text: str, words: str) -> None:
+    """Property: as for JSON."""
+    (tmp_path / "file.toml").write_text(text)
+    with pytest.raises(ValueError, match=words):
+        toml_of(tmp_path / "file.toml")

@@ -1,0 +1,151 @@
+"""Base parameters: the numeric rank decision against the symbolic regrouping and known counts."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.library import Library
+from symgen.build.request import bundled_request
+from symgen.chain import Chain, ChainOptions, read_chain
+from symgen.errors import RankError
+from symgen.mechanics.base_parameters import BaseParameters, numeric_base, regrouped_base
+from symgen.mechanics.dynamics import sampled_regressor
+from tests.conftest import TINY_URDF
+from tests.oracle import ask_pinocchio, pinocchio_model, random_states
+from tests.robots import CASES
+from tests.taylor import Array
+
+
+def base_of(chain: Chain) -> BaseParameters:
+    return numeric_base(chain, sampled_regressor(chain))
+
+
+@pytest.fixture(scope="module")
+def fr3_chain() -> Chain:
+    return read_chain(bundled_request("fr3").urdf)
+
+
+def test_numeric_equals_symbolic_for_fr3(fr3_chain: Chain) -> None:
+    """Oracle: columns and K of the sampled regressor are those of Table 3.2 with Rules 1 and 2."""
+    numeric = base_of(fr3_chain)
+    columns, matrix = regrouped_base(fr3_chain)
+    assert numeric.columns == columns
+    assert len(columns) == 43
+    assert numeric.gap > 1e9
+    # Least squares over base columns whose normalised condition is 5: rounding × condition × |K|.
+    np.testing.assert_allclose(numeric.matrix, matrix, rtol=0, atol=1e-13)
+
+
+def test_tilted_gravity_adds_two(fr3_chain: Chain) -> None:
+    """Oracle: 45 base parameters (errata to Eq. 3.15), by numbers and by Rule 2."""
+    options = ChainOptions(gravity=(2.0, -1.0, -9.0))
+    tilted = read_chain(bundled_request("fr3").urdf, options)
+    numeric = base_of(tilted)
+    columns, matrix = regrouped_base(tilted)
+    assert numeric.columns == columns
+    assert len(columns) == 45
+    assert set(columns) - set(regrouped_base(fr3_chain)[0]) == {1, 2}  # mX, mY of link 1
+    np.testing.assert_allclose(numeric.matrix, matrix, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", ["fr3", *CASES])
+def test_base_predicts_what_all_parameters_predict(
+    name: str, robot: Callable[[str], Library]
+) -> None:
+    """Property: Y_b K π = Y π for any π, and the count is the known one (36 for 6R, 43 for 7R)."""
+    lib = robot(name)
+    expected = 43 if name == "fr3" else CASES[name].base_parameters
+    assert len(lib.base_columns) == expected
+    rng = np.random.default_rng(0)
+    state = random_states(lib.n_joints, 200, 1)
+    for pi in (lib.pi0, rng.normal(size=lib.pi0.shape)):
+        whole = lib.regressor(*state) @ pi
+        reduced = lib.base_regressor(*state) @ (lib.base_matrix @ pi)
+        # K is least squares over columns with a condition of a few tens at most.
+        assert np.abs(whole - reduced).max() <= 1e-12 * np.abs(whole).max()
+    np.testing.assert_array_equal(
+        lib.base_matrix[:, list(lib.base_columns)], np.eye(len(lib.base_columns))
+    )
+
+
+def test_rounded_angles_hide_two_directions(shared_data: Path) -> None:
+    """Oracle: the Kinova Gen3 writes π/2 with four digits: 45 as printed, 43 as meant."""
+    text = (shared_data / "models" / CASES["kinova_gen3"].file).read_text()
+    assert len(base_of(read_chain(text)).columns) == 45
+    assert len(base_of(read_chain(text, ChainOptions(snap=1e-4))).columns) == 43
+
+
+@pytest.mark.parametrize("name", ["tree", "gantry"])
+def test_rank_of_trees_and_slides(name: str, robot: Callable[[str], Library]) -> None:
+    """Oracle: numpy's rank of Pinocchio's regressor, for robots that no formula counts."""
+    lib = robot(name)
+    rows = ask_pinocchio(pinocchio_model(lib.urdf()), lib, 100).regressor
+    stacked = rows.reshape(-1, rows.shape[-1])
+    stacked /= np.linalg.norm(stacked, axis=0) + 1e-9
+    # Far below the smallest kept singular value (0.1) and above rounding.
+    assert np.linalg.matrix_rank(stacked, tol=1e-9) == len(lib.base_columns)
+
+
+# --- toys: a regressor out of thin air ------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def one_joint() -> Chain:
+    return read_chain(TINY_URDF)
+
+
+def toy(mixture: Array) -> Callable[[Array, Array, Array], Array]:
+    """Regressor (N, 1, 10) of random rows times a constant 10×10 mixture of the columns."""
+
+    def regressor(q: Array, dq: Array, ddq: Array) -> Array:
+        rows = np.random.default_rng(1).normal(size=(len(q), 1, 10))
+        return rows @ mixture
+
+    return regressor
+
+
+def test_full_rank_toy(one_joint: Chain) -> None:
+    """Property: a full-rank regressor keeps all columns, K = 1; its gap is the machine's."""
+    base = numeric_base(one_joint, toy(np.diag(np.geomspace(1, 1e6, 10))))
+    assert base.columns == tuple(range(10))
+    np.testing.assert_array_equal(base.matrix, np.eye(10))
+
+
+def test_zero_and_noise_columns_toy(one_joint: Chain) -> None:
+    """Property: silent columns, also those of pure round-off, are dropped and not normalised."""
+    scale = np.ones(10)
+    scale[[2, 5]] = 0.0
+    scale[7] = 1e-14
+    base = numeric_base(one_joint, toy(np.diag(scale)))
+    assert base.columns == (0, 1, 3, 4, 6, 8, 9)
+    assert not base.matrix[:, [2, 5, 7]].any()
+
+
+def test_repeated_columns_toy(one_joint: Chain) -> None:
+    """Property: a dependent column moves into the others with its exact coefficients."""
+    mixture = np.eye(10)
+    mixture[:, 8] = 2 * mixture[:, 1] - 0.25 * mixture[:, 6]
+    base = numeric_base(one_joint, toy(mixture))
+    expected = np.delete(np.eye(10), 8, axis=0)
+    expected[[1, 6], 8] = 2, -0.25
+    assert base.columns == (0, 1, 2, 3, 4, 5, 6, 7, 9)
+    np.testing.assert_allclose(base.matrix, expected, rtol=0, atol=1e-13)
+
+
+def test_no_gap_is_an_error(one_joint: Chain) -> None:
+    """Property: singular values that fall evenly to rounding decide nothing, and it says so."""
+    rng = np.random.default_rng(2)
+    u, v = (np.linalg.qr(rng.normal(size=(10, 10)))[0] for _ in range(2))
+    mixture = u @ np.diag(np.geomspace(1, 1e-15, 10)) @ v
+    with pytest.raises(RankError, match=r"without a gap of 1000 .* --snap 1e-4"):
+        numeric_base(one_joint, toy(mixture))
+
+
+def test_regrouping_refuses_other_geometry(robot: Callable[[str], Library]) -> None:
+    """Property: chains outside modified DH form are named, not regrouped wrongly."""
+    with pytest.raises(RankError, match="joint 'spin' is not a revolute joint in modified DH form"):
+        regrouped_base(read_chain(robot("gantry").urdf()))
+    with pytest.raises(RankError, match="is not a revolute joint in modified DH form"):
+        regrouped_base(read_chain(robot("tree").urdf()))

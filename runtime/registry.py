@@ -1,0 +1,111 @@
+"""Named records of one kind: those of this package and those that installed packages add.
+
+A record is written in the module of the thing it describes. A registry holds where each record
+lies, as `module:ATTRIBUTE`, and imports it when it is first asked for. Another package adds one by
+an entry point of the registry's group in its pyproject.toml:
+
+    [project.entry-points."symgen.estimators"]
+    ridge = "my_package.ridge:RIDGE"
+"""
+
+from collections.abc import Iterator, Mapping
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, Protocol, TypeVar
+
+from runtime.errors import RuntimeFault
+
+
+class Named(Protocol):
+    """Anything with a name."""
+
+    @property
+    def name(self) -> str:
+        """The word by which a user selects it."""
+
+
+R = TypeVar("R", bound=Named)
+
+
+class Registry(Generic[R]):
+    """Records of one kind by name, in the order of the package, then those of plugins by name."""
+
+    def __init__(self, group: str, kind: type[R], noun: str, builtin: Mapping[str, str]) -> None:
+        """A registry whose built-in records are not imported yet.
+
+        Args:
+            group: entry-point group of plugins, such as "symgen.estimators".
+            kind: class of the records.
+            noun: what a record is, for messages, such as "method".
+            builtin: name → `module:ATTRIBUTE` of the records of this package.
+        """
+        self.group, self.kind, self.noun = group, kind, noun
+        self._builtin = dict(builtin)
+        self._plugins: dict[str, EntryPoint] | None = None
+        self._loaded: dict[str, R] = {}
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of all records."""
+        yield from self._builtin
+        yield from self._entry_points()
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._builtin or name in self._entry_points()
+
+    def __getitem__(self, name: str) -> R:
+        """The record of this name.
+
+        Args:
+            name: one of the names that iterating yields.
+
+        Returns:
+            The record, imported at its first use.
+
+        Raises:
+            RuntimeFault: the name is unknown, or a plugin cannot be imported or is of another kind.
+        """
+        if name not in self._loaded:
+            self._loaded[name] = self._load(name)
+        return self._loaded[name]
+
+    def records(self) -> tuple[R, ...]:
+        """All records, every one imported."""
+        return tuple(self[name] for name in self)
+
+    def _load(self, name: str) -> R:
+        if name in self._builtin:
+            module, attribute = self._builtin[name].split(":")
+            record: Any = getattr(import_module(module), attribute)
+        elif name in self._entry_points():
+            record = self._plugin(name)
+        else:
+            raise RuntimeFault(
+                f"expected a {self.noun} of {', '.join(self)}, got '{name}'; choose one of them, "
+                f"or install the package that adds '{name}'"
+            )
+        return record
+
+    def _plugin(self, name: str) -> R:
+        point = self._entry_points()[name]
+        try:
+            record = point.load()
+        except Exception as error:  # a plugin may fail in any way
+            raise RuntimeFault(
+                f"the {self.noun} '{name}' of the plugin '{point.value}' cannot be imported "
+                f"({type(error).__name__}: {error}); correct or uninstall that package"
+            ) from None
+        if not isinstance(record, self.kind) or record.name != name:
+            raise RuntimeFault(
+                f"the plugin '{point.value}' expects to provide a {self.kind.__name__} named "
+                f"'{name}', got {type(record).__name__}; correct or uninstall that package"
+            )
+        return record
+
+    def _entry_points(self) -> dict[str, EntryPoint]:
+        if self._plugins is None:
+            found = sorted(entry_points(group=self.group), key=lambda point: point.name)
+            self._plugins = {p.name: p for p in found if p.name not in self._builtin}
+        return self._plugins

@@ -1,0 +1,29 @@
+"""A toy package outside symgen that adds one record by an entry point, as an installed one does."""
+
+import os
+from pathlib import Path
+
+from tests.conftest import REPOSITORY
+
+
+def install_toy(folder: Path, group: str, name: str, source: str, record: str) -> dict[str, str]:
+    """Lay out an installed distribution and return the environment in which Python sees it.
+
+    Args:
+        folder: stands for site-packages.
+        group: entry-point group, such as "symgen.estimators".
+        name: word by which a user selects the record.
+        source: text of the module.
+        record: attribute of the module that is the record.
+
+    Returns:
+        Environment variables for a subprocess that runs a command.
+    """
+    module = f"toy_{name.replace('-', '_')}"
+    (folder / f"{module}.py").write_text(source)
+    info = folder / f"{module}-1.0.dist-info"
+    info.mkdir(parents=True)
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[{group}]\n{name} = {module}:{record}\n")
+    path = os.pathsep.join([str(folder), str(REPOSITORY)])
+    return {**os.environ, "PYTHONPATH": path}

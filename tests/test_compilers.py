@@ -8,9 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-import symgen.build.compiler as at_build_time
 
 import runtime.library.compiler as at_run_time
+import symgen.build.compiler as at_build_time
 from runtime.errors import LibraryError
 from symgen.errors import CompilerError
 

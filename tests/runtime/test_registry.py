@@ -33,10 +33,12 @@ def things(monkeypatch: pytest.MonkeyPatch, **plugins: object) -> Registry[Thing
 def test_builtin_records_come_first_and_are_loaded_once(monkeypatch):
     """Property: order of the package, then plugins by name; one object per name."""
     two, three = Thing("two"), Thing("three")
-    found = things(monkeypatch, two=two, three=three)
-    assert list(found) == ["one", "three", "two"]
-    assert found.records() == (ONE, three, two)
-    assert "two" in found and "four" not in found and len(found) == 3
+    records = things(monkeypatch, two=two, three=three)
+    assert list(records) == ["one", "three", "two"]
+    assert records.records() == (ONE, three, two)
+    assert "two" in records
+    assert "four" not in records
+    assert len(records) == 3
 
 
 @pytest.mark.parametrize(

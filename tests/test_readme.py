@@ -14,7 +14,7 @@ from runtime.estimators.prior_file import read_prior
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
-from runtime.simulation.controller_file import read_loop
+from runtime.simulation.controller_file import read_controller
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -98,7 +98,7 @@ def test_toml_blocks_are_read(tmp_path, fr3):
     motion = Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 5.0)
     write_motion(motion, fr3, tmp_path / "motion.json")
     path.write_text(loop, encoding="utf-8")
-    assert read_loop(path, fr3).rotor.shape == (7,)
+    assert read_controller(path, fr3).rotor.shape == (7,)
     path.write_text(prior, encoding="utf-8")
     assert len(read_prior(path, fr3).constraints.bounds) > 4
 

@@ -41,7 +41,7 @@ from runtime.identification.comparison.truth import beside
 from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import load
-from runtime.simulation.controller_file import read_loop
+from runtime.simulation.controller_file import read_controller
 
 
 def compare_command(
@@ -98,7 +98,7 @@ def compare_command(
     notes = data.notes
     if data.streamed is None:
         names = names or tuple(METHODS)
-        known_loop = read_loop(loop, lib) if loop else None
+        known_loop = read_controller(loop, lib) if loop else None
         assembly = assemble(data.recording, lib, loop=known_loop, **options)
     else:
         names = names or FROM_STATISTICS

@@ -25,9 +25,9 @@ from runtime.excitation import (
 )
 from runtime.excitation.limits.safety import TABLE_MARGIN
 from runtime.excitation.motion_export import export_trajectory, require_proof
-from runtime.excitation.motion_profile import course
+from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certificate import certificate, pulled_inside, require_speed, slowed
-from runtime.excitation.search.variations import relatives
+from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library, load
 from runtime.parallel import cores
@@ -183,10 +183,10 @@ def excite_command(
     side_by_side = cores() if starts >= WORTH_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("excitation", total=starts + relatives(wanted, starts))
+        task = progress.add_task("excitation", total=starts + variation_count(wanted, starts))
 
         def report(done: int, value: float, best: float) -> None:
-            after = f", {done - starts} relatives of the best" if done > starts else ""
+            after = f", {done - starts} variations of the best" if done > starts else ""
             text = f"{min(done, starts)} starts{after}: {wanted} {value:.4g}, best {best:.4g}"
             progress.update(task, completed=done, description=text)
 
@@ -214,7 +214,7 @@ def excite_command(
     if plot:
         from runtime.outputs.report.trajectory import write_pictures  # matplotlib loads slowly
 
-        shown = course(lib, found.trajectory, safety)
+        shown = profile_of(lib, found.trajectory, safety)
         written += write_pictures(shown, path.with_suffix(".png"))
     tell(found, expected, len(lib.base_columns))
     for note in notes(lib, duration, found.trajectory.duration):

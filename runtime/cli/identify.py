@@ -37,7 +37,7 @@ from runtime.identification.single_log import Identification, identify
 from runtime.library import Library, load
 from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
-from runtime.simulation.controller_file import read_loop
+from runtime.simulation.controller_file import read_controller
 
 
 def identify_command(
@@ -129,7 +129,7 @@ def identify_command(
         preparation=data.preparation,
         splitting=data.splitting,
         friction_columns=terms,
-        loop=read_loop(loop, lib) if loop else None,
+        loop=read_controller(loop, lib) if loop else None,
         seed=seed,
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))

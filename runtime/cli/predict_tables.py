@@ -61,9 +61,9 @@ def tell(found: Design, expected: Prediction, columns: int) -> None:
             f"starts, {label}: best {min(values):.4g}, median {np.median(values):.4g}, "
             f"worst {max(values):.4g}"
         )
-    if found.relatives:
-        best = min(found.relatives)
-        say(f"{len(found.relatives)} relatives of the best starts, cond: best {best:.4g}")
+    if found.variations:
+        best = min(found.variations)
+        say(f"{len(found.variations)} variations of the best starts, cond: best {best:.4g}")
     console.print(criteria_table(expected))
     for sentence in prediction_sentences(expected):
         say(sentence)

@@ -28,7 +28,7 @@ from runtime.simulation import (
     record,
     settings_of,
 )
-from runtime.simulation.controller_file import Loop, write_loop
+from runtime.simulation.controller_file import ClosedLoop, write_controller
 
 
 class Engine(StrEnum):
@@ -44,7 +44,7 @@ _ONLY_COMPILED = (
 )
 _ONLY_MUJOCO = ("payload", "config", "truth_seed")
 
-Made = tuple[Recording, dict[str, Any], Loop | None]
+Made = tuple[Recording, dict[str, Any], ClosedLoop | None]
 """A log, its truth, and the loop it came from."""
 
 
@@ -185,7 +185,7 @@ def _virtual(
         progress=tell,
     )
     controller = Controller(stiffness=settings.stiffness, damping=settings.damping)
-    loop = Loop(motion, controller, settings.rotor, settings.rate_hz)
+    loop = ClosedLoop(motion, controller, settings.rotor, settings.rate_hz)
     known = loop if settings.law == "computed_torque" else None
     return log.recording, log.truth.facts(lib), known
 
@@ -217,7 +217,7 @@ def _compiled(
     if exact:
         return ideal(lib, motion, plant, rate, rng), truth, None
     recording = closed_loop(lib, motion, plant, rng, rate, tell)
-    return recording, truth, Loop(motion, Controller(), parts["rotor"], rate)
+    return recording, truth, ClosedLoop(motion, Controller(), parts["rotor"], rate)
 
 
 def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every: int) -> None:
@@ -230,7 +230,7 @@ def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every:
     truth, reference = path.with_suffix(".truth.json"), path.with_suffix(".motion.json")
     if loop is not None:
         write_motion(motion, lib, reference)
-        write_loop(loop, reference.name, path.with_suffix(".loop.toml"))
+        write_controller(loop, reference.name, path.with_suffix(".loop.toml"))
         facts["motion_sha256"] = hashlib.sha256(reference.read_bytes()).hexdigest()
     facts["log_sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     with replacing(truth) as file:

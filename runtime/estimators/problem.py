@@ -13,7 +13,7 @@ from runtime.estimators.regression.coloured_noise import Colour
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
-from runtime.simulation.controller_file import Loop
+from runtime.simulation.controller_file import ClosedLoop
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Bench:
     friction: Friction
     aligned: Callable[[Recording], Samples]
     span: tuple[float, float]
-    loop: Loop | None = None
+    loop: ClosedLoop | None = None
 
 
 @dataclass(frozen=True)  # no slots: the statistics are computed once and kept

@@ -1,8 +1,8 @@
-"""The course of a motion beside its limits, as plain arrays: all that a picture of it shows.
+"""The profile of a motion beside its limits, as plain arrays: all that a picture of it shows.
 
-Values come from the robot's kernels and from the `laws` that the design keeps, at equally spaced
-times; what holds between them is the certificate's to tell. What was not asked for is drawn as
-well, and named as unchecked: torque and distances of a motion in document mode.
+Values come from the robot's kernels and from the `constraints` that the design keeps, at equally
+spaced times. The certificate states what holds between them. In document mode, torque and
+distances are not limited: they are included, and the certificate lists them as unchecked.
 """
 
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.limits.distance_limits import Clearance, Table
+from runtime.excitation.limits.distance_limits import LinkClearance, TableClearance
 from runtime.excitation.limits.nonlinear_limits import Torque
-from runtime.excitation.limits.safety import laws
+from runtime.excitation.limits.safety import constraints
 from runtime.excitation.proof.certificate import KINDS, Certificate, certificate
 from runtime.library import Array, Library
 
@@ -60,7 +60,7 @@ class Envelope:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class MotionProfile:
     """A motion at N times.
 
     Attributes:
@@ -98,9 +98,9 @@ class Course:
     proof: Certificate
 
 
-def course(
+def profile_of(
     lib: Library, trajectory: Trajectory, safety: Safety | None = None, samples: int = SAMPLES
-) -> Course:
+) -> MotionProfile:
     """Everything at `samples` times.
 
     Raises:
@@ -114,16 +114,16 @@ def course(
     free = np.full(lib.n_joints, np.inf)
     torque_band = Band(-free, free)
     tau = lib.inverse_dynamics(motion[0], motion[1], motion[2], lib.pi0)
-    for law in laws(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
-        if isinstance(law, Torque):
-            tau, torque_band = law.torques(motion), Band(-law.limit, law.limit)
-        elif isinstance(law, Clearance | Table):
-            margins = np.broadcast_to(law.margin, len(law.labels))
-            rows = zip(law.labels, law.distances(motion).T, margins, strict=True)
-            gaps += [Gap(law.kind, label, row, float(least)) for label, row, least in rows]
+    for constraint in constraints(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
+        if isinstance(constraint, Torque):
+            tau, torque_band = constraint.torques(motion), Band(-constraint.limit, constraint.limit)
+        elif isinstance(constraint, LinkClearance | TableClearance):
+            margins = np.broadcast_to(constraint.margin, len(constraint.labels))
+            rows = zip(constraint.labels, constraint.distances(motion).T, margins, strict=True)
+            gaps += [Gap(constraint.kind, label, row, float(least)) for label, row, least in rows]
     values = dict(zip(KINDS, motion, strict=True)) | {"torque": tau}
     bands = _bands(lib) | {"torque": torque_band}
-    return Course(
+    return MotionProfile(
         robot=lib.name,
         joints=lib.joint_names,
         units=tuple(joint.unit for joint in lib.manifest.joints),

@@ -23,7 +23,7 @@ def write_trajectory(
     known = {
         "condition_number": found.condition,
         "condition_numbers_of_starts": list(found.conditions),
-        "condition_numbers_of_relatives": list(found.relatives),
+        "condition_numbers_of_relatives": list(found.variations),
         "criterion": found.criterion,
         "criterion_of_starts": list(found.values),
         "use_of_limits": found.use,

@@ -18,7 +18,7 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import geared
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepare_power, split
-from runtime.simulation.controller_file import Loop
+from runtime.simulation.controller_file import ClosedLoop
 
 PARTS = ("train", "validation", "test")
 
@@ -58,7 +58,7 @@ def assemble(
     validation: Recording | None = None,
     test: Recording | None = None,
     lam0: ArrayLike | None = None,
-    loop: Loop | None = None,
+    loop: ClosedLoop | None = None,
     seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
 ) -> Assembly:

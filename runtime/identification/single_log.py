@@ -30,7 +30,7 @@ from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split, friction
-from runtime.simulation.controller_file import Loop
+from runtime.simulation.controller_file import ClosedLoop
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,7 @@ def identify(
     test: Recording | None = None,
     lam0: ArrayLike | None = None,
     prior: PriorFile | None = None,
-    loop: Loop | None = None,
+    loop: ClosedLoop | None = None,
     seed: int = 0,
     certify: bool = True,
     progress: Callable[[int, float], None] | None = None,

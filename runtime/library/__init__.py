@@ -5,7 +5,12 @@ argument given once, such as π, serves all samples.
 """
 
 from runtime.library.binding import Array
-from runtime.library.compiled_closed_loop import NOT_POSITIVE, CompiledLoop, LoopBody, LoopLaw
+from runtime.library.compiled_closed_loop import (
+    NOT_POSITIVE,
+    ClosedLoopController,
+    ClosedLoopPlant,
+    CompiledClosedLoop,
+)
 from runtime.library.compiled_convex import CompiledConvex, ConvexAnswer, ConvexTask
 from runtime.library.compiled_descent import (
     AdamProblem,
@@ -29,17 +34,17 @@ __all__ = [
     "AdamProblem",
     "Array",
     "BrakingFacts",
+    "ClosedLoopController",
+    "ClosedLoopPlant",
     "CompiledAdam",
+    "CompiledClosedLoop",
     "CompiledConvex",
     "CompiledLevenberg",
-    "CompiledLoop",
     "ConvexAnswer",
     "ConvexTask",
     "JointFacts",
     "LeastSquares",
     "Library",
-    "LoopBody",
-    "LoopLaw",
     "Manifest",
     "PairFacts",
     "ProxyFacts",

@@ -30,7 +30,7 @@ class _Job(ctypes.Structure):
 
 
 @dataclass(frozen=True, slots=True)
-class LoopBody:
+class ClosedLoopPlant:
     """The plant: (M(π) + J) ddq + h + viscous dq + coulomb tanh(dq/ε) + offset = τ; (n,) each."""
 
     pi: Array
@@ -42,7 +42,7 @@ class LoopBody:
 
 
 @dataclass(frozen=True, slots=True)
-class LoopLaw:
+class ClosedLoopController:
     """The controller: τ = ID(q, dq, u; model) + J_c u, u of computed torque; gains (n,)."""
 
     model: Array
@@ -51,7 +51,7 @@ class LoopLaw:
     damping: Array
 
 
-class CompiledLoop:
+class CompiledClosedLoop:
     """A simulation; `run` goes on where the last call stopped.
 
     Args:
@@ -67,8 +67,8 @@ class CompiledLoop:
     def __init__(
         self,
         function: Callable[..., None],
-        body: LoopBody,
-        law: LoopLaw,
+        body: ClosedLoopPlant,
+        law: ClosedLoopController,
         reference: Array,
         period: float,
         substeps: int,

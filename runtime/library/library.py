@@ -10,7 +10,11 @@ import numpy as np
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
 from runtime.library.body_kernels import BodyKernels
-from runtime.library.compiled_closed_loop import CompiledLoop, LoopBody, LoopLaw
+from runtime.library.compiled_closed_loop import (
+    ClosedLoopController,
+    ClosedLoopPlant,
+    CompiledClosedLoop,
+)
 from runtime.library.compiled_convex import CompiledConvex, ConvexTask
 from runtime.library.compiled_descent import (
     AdamProblem,
@@ -162,8 +166,13 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         return CompiledExcitation(ExcitationFunctions(*found), home, basis) if found else None
 
     def closed_loop(
-        self, body: LoopBody, law: LoopLaw, reference: Array, period: float, **options: Any
-    ) -> CompiledLoop:
-        """The robot under computed torque in C, see `CompiledLoop` and `runtime.simulation`."""
+        self,
+        body: ClosedLoopPlant,
+        law: ClosedLoopController,
+        reference: Array,
+        period: float,
+        **options: Any,
+    ) -> CompiledClosedLoop:
+        """Simulation of the robot under computed torque in C; see `CompiledClosedLoop`."""
         function = self._binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
-        return CompiledLoop(function, body, law, reference, period, **options)
+        return CompiledClosedLoop(function, body, law, reference, period, **options)

@@ -29,7 +29,7 @@ class SafetyKernels:
         """dτ/dt = ∂τ/∂q dq + ∂τ/∂dq ddq + ∂τ/∂ddq dddq, (N, n) [N·m/s or N/s]."""
         return self._binding.call("torque_rate", q, dq, ddq, dddq, pi)[0]
 
-    def torque_course(
+    def torque_with_rates(
         self,
         q: ArrayLike,
         dq: ArrayLike,

@@ -9,24 +9,24 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.simulation.box_payload import Box, read_payload
 from runtime.simulation.closed_loop import (
     Controller,
-    Motion,
     Plant,
+    SimulatedMotion,
     closed_loop,
     follow,
     ideal,
     per_joint,
     perturbed_lam,
 )
-from runtime.simulation.settings import Settings, settings_of
+from runtime.simulation.settings import VirtualRobotSettings, settings_of
 from runtime.simulation.virtual_robot import VirtualLog, record
 
 __all__ = [
     "Box",
     "Controller",
-    "Motion",
     "Plant",
-    "Settings",
+    "SimulatedMotion",
     "VirtualLog",
+    "VirtualRobotSettings",
     "closed_loop",
     "follow",
     "ideal",

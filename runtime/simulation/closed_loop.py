@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.excitation.motion.trajectory import sample_times
-from runtime.library import NOT_POSITIVE, Array, Library, LoopBody, LoopLaw
+from runtime.library import NOT_POSITIVE, Array, ClosedLoopController, ClosedLoopPlant, Library
 from runtime.recording import Friction, Recording, friction
 
 
@@ -77,7 +77,7 @@ class Controller:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class SimulatedMotion:
     """States and torques at the beginning of every period, (N, n) each.
 
     `motor` is what the controller commands, `link` what is left behind the rotors, τ − J ddq.
@@ -163,7 +163,7 @@ def follow(
     rate_hz: float,
     noise: Array | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Motion:
+) -> SimulatedMotion:
     """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period.
 
     Args:
@@ -203,7 +203,7 @@ def follow(
             f"the simulated robot stopped after {loop.done * period:.3f} s: {why}; the plant is "
             "too far from the controller's model: lower the perturbation, or raise the rate"
         )
-    return Motion(*(np.ascontiguousarray(loop.log[:, k]) for k in range(5)))
+    return SimulatedMotion(*(np.ascontiguousarray(loop.log[:, k]) for k in range(5)))
 
 
 def _friction(plant: Plant, dq: Array) -> Array:
@@ -213,7 +213,7 @@ def _friction(plant: Plant, dq: Array) -> Array:
     return friction.torque(rows, phi)
 
 
-def _body(lib: Library, plant: Plant) -> LoopBody:
+def _body(lib: Library, plant: Plant) -> ClosedLoopPlant:
     n = lib.n_joints
     if plant.pi.shape != lib.pi0.shape:
         raise IdentificationError(
@@ -223,13 +223,13 @@ def _body(lib: Library, plant: Plant) -> LoopBody:
         raise IdentificationError("the simulated robot's coulomb speed must be above 0 rad/s")
     parts = ("rotor", "viscous", "coulomb", "offset")
     values = {name: per_joint(n, getattr(plant, name), name) for name in parts}
-    return LoopBody(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
+    return ClosedLoopPlant(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
 
 
-def _law(lib: Library, plant: Plant, controller: Controller) -> LoopLaw:
+def _law(lib: Library, plant: Plant, controller: Controller) -> ClosedLoopController:
     n = lib.n_joints
     rotor = plant.rotor if controller.rotor is None else controller.rotor
-    return LoopLaw(
+    return ClosedLoopController(
         lib.pi0 if controller.pi is None else controller.pi,
         per_joint(n, rotor, "rotor of the controller"),
         per_joint(n, controller.stiffness, "stiffness"),

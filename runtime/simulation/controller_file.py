@@ -35,7 +35,7 @@ _KEYS: dict[str, dict[str, tuple[type, ...]]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
+class ClosedLoop:
     """How the robot was moved.
 
     Attributes:
@@ -92,7 +92,7 @@ class Loop:
         )
 
 
-def read_loop(path: Path, lib: Library) -> Loop:
+def read_controller(path: Path, lib: Library) -> ClosedLoop:
     """Read the file of a loop.
 
     Raises:
@@ -130,7 +130,7 @@ def read_loop(path: Path, lib: Library) -> Loop:
     if not (np.isfinite(numbers) & (numbers >= 0)).all() or rate == 0:
         raise IdentificationError(f"'{path}' needs gains, rotors and a rate_hz above 0")
     rotor = gains.pop("rotor", 0.1)
-    return Loop(
+    return ClosedLoop(
         read_trajectory(path.parent / motion, lib),
         Controller(**gains),  # type: ignore[arg-type]
         rotor,
@@ -139,7 +139,7 @@ def read_loop(path: Path, lib: Library) -> Loop:
     )
 
 
-def write_loop(loop: Loop, trajectory: str, path: Path) -> None:
+def write_controller(loop: ClosedLoop, trajectory: str, path: Path) -> None:
     """Write the file of a loop whose trajectory lies in the file of that name."""
     lines = ["[controller]"]
     values = {

@@ -1,4 +1,4 @@
-"""Friction of a virtual joint: richer than what identification fits, and with a memory.
+"""VirtualFriction of a virtual joint: richer than what identification fits, and with a memory.
 
     f = c(dq) z + f_v dq + r f_c sin(w q + φ)
     c = f_c (1 ± a) + s f_c exp(−(dq/v_s)²) + k |τ|       + for dq > 0, − for dq < 0
@@ -12,13 +12,13 @@ torque τ behind the joint, r `ripple` with w `ripple_waves` per rad and φ `rip
 import numpy as np
 
 from runtime.library import Array
-from runtime.simulation.settings import Friction
+from runtime.simulation.settings import VirtualFriction
 
 
 class JointFriction:
     """The friction of all joints in time; z is its state."""
 
-    def __init__(self, law: Friction, step: float, places: Array) -> None:
+    def __init__(self, law: VirtualFriction, step: float, places: Array) -> None:
         """In the order of `places`, from z = 0, with steps of the engine."""
         order = np.argsort(places)
         self.z = np.zeros(len(order))

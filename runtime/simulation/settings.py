@@ -31,7 +31,7 @@ LAWS = ("computed_torque", "feedforward")
 
 
 @dataclass(frozen=True, slots=True)
-class Friction:
+class VirtualFriction:
     """Per joint (n,): N·m, N·m·s/rad, rad and their kin; shares are of `coulomb`."""
 
     coulomb: Array
@@ -60,10 +60,10 @@ class Sensors:
 
 
 @dataclass(frozen=True, slots=True)
-class Settings:
+class VirtualRobotSettings:
     """Of one virtual robot; arrays are (n,)."""
 
-    friction: Friction
+    friction: VirtualFriction
     sensors: Sensors
     rotor: Array
     stiffness: Array
@@ -91,7 +91,7 @@ class Settings:
         return hashlib.sha256(json.dumps(self.facts(), sort_keys=True).encode()).hexdigest()
 
 
-_GROUPS: dict[str, type] = {"friction": Friction, "sensors": Sensors}
+_GROUPS: dict[str, type] = {"friction": VirtualFriction, "sensors": Sensors}
 _OWN = {
     "inertia": ("spread", "rotor"),
     "drive": ("delay_s", "step_s"),
@@ -106,7 +106,7 @@ _WHOLE = 1e-6
 """Of a number of steps, for what decimals leave."""
 
 
-def settings_of(lib: Library, path: Path | None = None) -> Settings:
+def settings_of(lib: Library, path: Path | None = None) -> VirtualRobotSettings:
     """The settings of a robot: by its limits, then the bundled file, then that of the user.
 
     Args:
@@ -127,8 +127,8 @@ def settings_of(lib: Library, path: Path | None = None) -> Settings:
     return settings_from(tables, lib)
 
 
-def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> Settings:
-    """Settings from complete tables.
+def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> VirtualRobotSettings:
+    """VirtualRobotSettings from complete tables.
 
     Raises:
         IdentificationError: a value that no robot has.
@@ -146,7 +146,7 @@ def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> Sett
             own[key] = _law(value) if key == "law" else _numbers(table, key, value, lib)
             if key in _SINGLE:
                 own[key] = _single(table, key, own[key])
-    made = Settings(**groups, **own)
+    made = VirtualRobotSettings(**groups, **own)
     if made.spread > _MOST_SPREAD:
         raise IdentificationError(
             f"[inertia] spread cannot be {made.spread:g}; give 0 to {_MOST_SPREAD:g}, 0.02 is usual"

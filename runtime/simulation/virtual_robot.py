@@ -27,11 +27,11 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import Array, Library
 from runtime.recording import Recording
 from runtime.simulation.box_payload import Box, pi_from_pseudo
-from runtime.simulation.closed_loop import Motion
+from runtime.simulation.closed_loop import SimulatedMotion
 from runtime.simulation.joint_friction import JointFriction
 from runtime.simulation.mujoco_engine import Engine, engine, inverse_dynamics, mass_diagonal
 from runtime.simulation.sensors import Calibration, Encoders, calibration, measured_torque
-from runtime.simulation.settings import Settings, settings_of
+from runtime.simulation.settings import VirtualRobotSettings, settings_of
 
 ASTRAY = 0.5
 """rad or m from the reference, where a robot counts as lost."""
@@ -57,7 +57,7 @@ class Truth:
 
     pi: Array
     pi_arm: Array
-    settings: Settings
+    settings: VirtualRobotSettings
     sensors: Calibration
     payload: Box | None
     seed: int
@@ -93,13 +93,13 @@ class VirtualLog:
 
     recording: Recording
     truth: Truth
-    motion: Motion
+    motion: SimulatedMotion
 
 
 def record(
     lib: Library,
     trajectory: Trajectory,
-    settings: Settings | None = None,
+    settings: VirtualRobotSettings | None = None,
     *,
     seed: int,
     truth_seed: int = 0,
@@ -134,7 +134,7 @@ def record(
     t = sample_times(trajectory.duration, settings.rate_hz)
     reference = np.stack(trajectory.at(lib, t)[:3])
     jitter = settings.sensors.position_noise * noise[0].normal(size=reference[0].shape)
-    bench = _Bench(lib, held, model, settings)
+    bench = _Simulator(lib, held, model, settings)
     told, motion, saturated = bench.run(reference, jitter, progress)
     recording = Recording(
         t,
@@ -162,10 +162,12 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
     return pi_from_pseudo(lib, (changed + np.swapaxes(changed, 1, 2)) / 2)
 
 
-class _Bench:
+class _Simulator:
     """Plant, friction, drive and controller; everything inside is in the order of MuJoCo."""
 
-    def __init__(self, lib: Library, pi: Array, model: Array, settings: Settings) -> None:
+    def __init__(
+        self, lib: Library, pi: Array, model: Array, settings: VirtualRobotSettings
+    ) -> None:
         self._settings, step = settings, settings.step_s
         self._substeps = round(1 / (settings.rate_hz * step))
         self._plant = engine(lib, pi, settings.rotor, step)
@@ -177,7 +179,7 @@ class _Bench:
 
     def run(
         self, reference: Array, jitter: Array, progress: Callable[[float], None] | None
-    ) -> tuple[tuple[Array, Array], Motion, Array]:
+    ) -> tuple[tuple[Array, Array], SimulatedMotion, Array]:
         """q̂ and dq̂, true states, share of saturated ticks; in the order of the library.
 
         Raises:
@@ -223,11 +225,11 @@ class _Bench:
             if progress is not None and k % _CHUNK == 0:
                 progress(k / count)
         told_q, told_dq, *true = (plant.restored(part) for part in log)
-        return (told_q, told_dq), Motion(*true), plant.restored(clipped / count)
+        return (told_q, told_dq), SimulatedMotion(*true), plant.restored(clipped / count)
 
 
 def _law(
-    belief: Engine, settings: Settings, reference: Array
+    belief: Engine, settings: VirtualRobotSettings, reference: Array
 ) -> Callable[[int, Array, Array], Array]:
     """The controller: its torque of tick k from q̂ and dq̂, with J in its model.
 

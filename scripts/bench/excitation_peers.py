@@ -16,7 +16,7 @@ from bench.accuracy import parameter_order
 from bench.peers.pinocchio_model import pinocchio_model
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.library import Array, Library
 
 ITERATIONS = 200
@@ -39,27 +39,27 @@ def timed(work: Callable[[int], float], number: int) -> Start:
     return Start(condition, time.process_time() - cpu, time.perf_counter() - wall)
 
 
-def ours(lib: Library, problem: Problem) -> Callable[[int], float]:
+def ours(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
     """`runtime.excitation`'s search."""
     search = Search(lib, problem)
     finish = _finish(lib, problem)
     return lambda number: finish(search.start(number)[1])
 
 
-def slsqp_exact(lib: Library, problem: Problem) -> Callable[[int], float]:
+def slsqp_exact(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
     """SciPy's SLSQP with our compiled value and gradient."""
     cost = ConditionCost(lib, problem.home, problem.harmonics, problem.duration)
     return _slsqp(lib, problem, cost.value_gradient)
 
 
-def slsqp_differences(lib: Library, problem: Problem) -> Callable[[int], float]:
+def slsqp_differences(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
     """SciPy's SLSQP with Pinocchio's regressor, NumPy's SVD and forward differences."""
     condition = _pinocchio_condition(lib, problem)
     return _slsqp(lib, problem, lambda a: (condition(a), None))
 
 
 def _slsqp(
-    lib: Library, problem: Problem, cost: Callable[[Array], tuple[float, Array | None]]
+    lib: Library, problem: SearchProblem, cost: Callable[[Array], tuple[float, Array | None]]
 ) -> Callable[[int], float]:
     matrix, bound = Limits(lib, problem.home, problem.harmonics, problem.duration).inequalities()
     spread = whitening(matrix, lib.n_joints)
@@ -95,13 +95,13 @@ def _slsqp(
     return start
 
 
-def _finish(lib: Library, problem: Problem) -> Callable[[Array], float]:
+def _finish(lib: Library, problem: SearchProblem) -> Callable[[Array], float]:
     fine = Limits(lib, problem.home, problem.harmonics, problem.duration, step=1e-3)
     cost = ConditionCost(lib, problem.home, problem.harmonics, problem.duration)
     return lambda a: float(np.exp(cost.value_gradient(inside(fine, a))[0]))
 
 
-def _pinocchio_condition(lib: Library, problem: Problem) -> Callable[[Array], float]:
+def _pinocchio_condition(lib: Library, problem: SearchProblem) -> Callable[[Array], float]:
     model, ids = pinocchio_model(lib)
     import pinocchio as pin
 

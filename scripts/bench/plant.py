@@ -9,7 +9,7 @@ from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split
 from runtime.simulation import Controller, Plant, closed_loop
-from runtime.simulation.controller_file import Loop
+from runtime.simulation.controller_file import ClosedLoop
 
 ROTOR = np.array([0.3, 0.3, 0.3, 0.3, 0.1, 0.1, 0.1])
 COULOMB = np.array([0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1])
@@ -35,7 +35,7 @@ class Bench:
     log: Recording
     lam_cad: np.ndarray
     pi: np.ndarray
-    loop: Loop
+    loop: ClosedLoop
     test: tuple[np.ndarray, ...]
 
     def identify(
@@ -107,6 +107,6 @@ def bench(
         log,
         cad,
         pi,
-        Loop(train, controller, ROTOR),
+        ClosedLoop(train, controller, ROTOR),
         test.at(lib, t)[:3],
     )

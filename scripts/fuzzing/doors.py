@@ -32,7 +32,7 @@ from runtime.outputs.report.experiments import write_experiments
 from runtime.outputs.viewer import look_of, read_motion
 from runtime.recording import load_recipe, open_streamed, read_recording
 from runtime.simulation import read_payload
-from runtime.simulation.controller_file import read_loop
+from runtime.simulation.controller_file import read_controller
 from runtime.simulation.settings import settings_of
 from scripts.fuzzing import goods
 
@@ -181,7 +181,7 @@ def _simulated(folder: Path, lib: Library) -> None:
 
 
 def _looped(folder: Path, lib: Library) -> None:
-    loop = read_loop(folder / "loop.toml", lib)
+    loop = read_controller(folder / "loop.toml", lib)
     loop.simulate(lib, lib.pi0, {}, np.linspace(loop.start, loop.start + 1.0, 50))
 
 

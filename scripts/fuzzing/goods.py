@@ -16,7 +16,7 @@ from runtime.experiments.study import Finished, Study, View
 from runtime.identification.result_file import write_result
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, write_recording
-from runtime.simulation.controller_file import Loop, write_loop
+from runtime.simulation.controller_file import ClosedLoop, write_controller
 from runtime.simulation.settings import settings_of
 from scripts.fuzzing import bags
 from scripts.fuzzing.texts import BOX, MJCF, PRIOR, RECIPE
@@ -89,7 +89,9 @@ def trajectory(folder: Path, lib: Library) -> None:
     coefficients = 0.01 * np.ones((lib.n_joints, 4))
     found = Trajectory(lib.home, coefficients, 5.0)
     write_motion(found, lib, folder / "motion.json")
-    write_loop(Loop(found, rotor=np.full(lib.n_joints, 0.1)), "motion.json", folder / "loop.toml")
+    write_controller(
+        ClosedLoop(found, rotor=np.full(lib.n_joints, 0.1)), "motion.json", folder / "loop.toml"
+    )
 
 
 def virtual(folder: Path, lib: Library) -> None:

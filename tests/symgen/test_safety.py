@@ -84,7 +84,7 @@ def test_torque_rate(judge: Judge) -> None:
 def test_torque_course(judge: Judge) -> None:
     """Oracle: the torque and its rate, which are Pinocchio's; Taylor of the rate along a motion."""
     lib, snap = judge.lib, np.random.default_rng(6).normal(0, 100, judge.state[0].shape)
-    tau, dtau, ddtau = lib.torque_course(*judge.state, snap, lib.pi0)
+    tau, dtau, ddtau = lib.torque_with_rates(*judge.state, snap, lib.pi0)
     assert relative(tau, lib.inverse_dynamics(*judge.state[:3], lib.pi0)) < ROUNDING
     assert relative(dtau, lib.torque_rate(*judge.state, lib.pi0)) < ROUNDING
     derivatives = [x[0] for x in (*judge.state, snap)]

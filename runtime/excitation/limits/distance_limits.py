@@ -1,6 +1,6 @@
-"""Limits of places and distances as `laws`: g ≤ 0 in units of 0.1 m, with exact slopes.
+"""Limits of places and distances as `constraints`: g ≤ 0 in units of 0.1 m, with exact slopes.
 
-| law | row | g |
+| constraint | row | g |
 |---|---|---|
 | tip box | axis and side | (p − upper) / 0.1 m, (lower − p) / 0.1 m |
 | tip speed | | (v²/v_max² − 1) / 2 |
@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.excitation.limits.sampled_motion import Passage, times
+from runtime.excitation.limits.sampled_motion import SampledMotion, times
 from runtime.library import Array, Library
 
 LENGTH = 0.1
@@ -43,9 +43,9 @@ class TipBox:
         slope = self.lib.tip_motion(motion[0], motion[1])[2][:, :, None] / LENGTH
         return np.concatenate([slope, -slope], axis=1)
 
-    def along(self, passage: Passage) -> tuple[Array, Array]:
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """With ±v."""
-        p, v, _ = passage.tip()
+        p, v, _ = sampled.tip()
         g = np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
         return g, np.concatenate([v, -v], axis=1) / LENGTH
 
@@ -77,9 +77,9 @@ class TipSpeed:
         slope = np.stack([by_position, by_speed], axis=2)  # ∂v/∂dq = ∂p/∂q
         return np.einsum("ni,nidj->ndj", v, slope)[:, None] / self.limit**2
 
-    def along(self, passage: Passage) -> tuple[Array, Array]:
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """With v · dv/dt / v_max²."""
-        _, v, dv = passage.tip()
+        _, v, dv = sampled.tip()
         square, rate = (np.einsum("ni,ni->n", v, x)[:, None] / self.limit**2 for x in (v, dv))
         return (square - 1) / 2, rate
 
@@ -89,7 +89,7 @@ class TipSpeed:
 
 
 @dataclass(frozen=True, slots=True)
-class Clearance:
+class LinkClearance:
     """Every pair of links stays apart by its own margin, m."""
 
     kind: ClassVar[str] = "self-collision"
@@ -116,10 +116,10 @@ class Clearance:
         """−∂distance/∂q."""
         return -self.lib.clearance(motion[0])[1][:, :, None] / LENGTH
 
-    def along(self, passage: Passage) -> tuple[Array, Array]:
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """With −∂distance/∂q dq."""
-        distance, slope = self.lib.clearance(passage.motion[0])
-        return (self.margin - distance) / LENGTH, times(slope, passage.motion[1]) / -LENGTH
+        distance, slope = self.lib.clearance(sampled.motion[0])
+        return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """The distance in m."""
@@ -128,7 +128,7 @@ class Clearance:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class TableClearance:
     """Proxies stay above the plane z = height of the base frame by a margin, m."""
 
     kind: ClassVar[str] = "table"
@@ -158,10 +158,10 @@ class Table:
         """−∂height/∂q."""
         return -self._heights(motion)[1][:, :, None] / LENGTH
 
-    def along(self, passage: Passage) -> tuple[Array, Array]:
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """With −∂height/∂q dq."""
-        height, slope = self.lib.plane_clearance(passage.motion[0], self._plane)
-        rate = times(slope, passage.motion[1])[:, self.rows]
+        height, slope = self.lib.plane_clearance(sampled.motion[0], self._plane)
+        rate = times(slope, sampled.motion[1])[:, self.rows]
         return (self.margin - height[:, self.rows]) / LENGTH, rate / -LENGTH
 
     @property

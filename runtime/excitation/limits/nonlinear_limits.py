@@ -1,10 +1,10 @@
 """Limits of a robot that are not linear in its motion, as g ≤ 0 with exact slopes.
 
-Every law takes a motion (4, N, n), that is q, dq, ddq, dddq at N samples, and returns g (N, R) of
-its R rows and ∂g/∂(q, dq, …) of as many orders as it reads. g is use − 1: it vanishes on the limit
-and is −1 or less far from it. The physics comes from the robot's kernels.
+Every constraint takes a motion (4, N, n), that is q, dq, ddq, dddq at N samples, and returns
+g (N, R) of its R rows and ∂g/∂(q, dq, …) of as many orders as it reads. g is use − 1: it vanishes
+on the limit and is −1 or less far from it. The physics comes from the robot's kernels.
 
-| law | row | g |
+| constraint | row | g |
 |---|---|---|
 | braking | joint and side | (max(0, ±dq + c)² − k (q̂ ∓ q)) / (k · room at rest at home) |
 | torque | joint and sign | ±(τ + f_v dq) / (limit − f_c) − 1 |
@@ -18,11 +18,11 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
-from runtime.excitation.limits.sampled_motion import Passage
+from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.library import Array, Library
 
 
-class Law(Protocol):
+class Constraint(Protocol):
     """One kind of limit."""
 
     kind: ClassVar[str]
@@ -47,10 +47,10 @@ class Law(Protocol):
         """The quantity of a row at g, its limit and its unit."""
 
 
-class TimedLaw(Law, Protocol):
+class TimedConstraint(Constraint, Protocol):
     """A limit that tells its rate in time without slopes."""
 
-    def along(self, passage: Passage) -> tuple[Array, Array]:
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """G and dg/dt, (N, R) each."""
 
 
@@ -181,10 +181,10 @@ class Torque(_OfJoints):
         """±(τ + f_v dq) / limit − 1."""
         return _both(self.torques(motion) / self.limit)
 
-    def along(self, passage: Passage) -> tuple[Array, Array]:
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """With dτ/dt + f_v ddq."""
-        tau, dtau, _ = passage.torques(self.pi)
-        return self._with_rate(tau, dtau, passage.motion[1:3])
+        tau, dtau, _ = sampled.torques(self.pi)
+        return self._with_rate(tau, dtau, sampled.motion[1:3])
 
     def slopes(self, motion: Array) -> Array:
         """±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
@@ -206,10 +206,10 @@ class TorqueRate(_OfJoints):
             (self.lib.torque_rate(*_four(motion), self.pi) + self.viscous * motion[2]) / self.limit
         )
 
-    def along(self, passage: Passage) -> tuple[Array, Array]:
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """With d²τ/dt² + f_v dddq."""
-        _, dtau, ddtau = passage.torques(self.pi)
-        return self._with_rate(dtau, ddtau, passage.motion[2:4])
+        _, dtau, ddtau = sampled.torques(self.pi)
+        return self._with_rate(dtau, ddtau, sampled.motion[2:4])
 
     def slopes(self, motion: Array) -> Array:
         """±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""

@@ -10,12 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.distance_limits import Clearance, Table, TipBox, TipSpeed
+from runtime.excitation.limits.distance_limits import (
+    LinkClearance,
+    TableClearance,
+    TipBox,
+    TipSpeed,
+)
 from runtime.excitation.limits.nonlinear_limits import (
     Braking,
-    Law,
+    Constraint,
     Side,
-    TimedLaw,
+    TimedConstraint,
     Torque,
     TorqueRate,
 )
@@ -77,7 +82,9 @@ class Safety:
                 )
 
 
-def laws(lib: Library, home: Array, safety: Safety | None) -> tuple[Braking | TimedLaw, ...]:
+def constraints(
+    lib: Library, home: Array, safety: Safety | None
+) -> tuple[Braking | TimedConstraint, ...]:
     """The limits that are not linear; none in the document's mode, `safety` = None.
 
     Raises:
@@ -123,10 +130,10 @@ def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
     return (Braking(sides, home, lib.joint_names),)
 
 
-def _torques(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
+def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     limits, n = lib.limits(), lib.n_joints
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
-    found: list[TimedLaw] = []
+    found: list[TimedConstraint] = []
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
         if not (limit > 0).all():
@@ -153,8 +160,8 @@ def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:
     return np.broadcast_to(np.array(values or (0.0,), dtype=float), (lib.n_joints,)).copy()
 
 
-def _tip(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
-    found: list[TimedLaw] = []
+def _tip(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    found: list[TimedConstraint] = []
     if safety.box is not None:
         ends = np.array(safety.box, dtype=float)
         found.append(TipBox(lib, ends[::2], ends[1::2]))
@@ -164,20 +171,20 @@ def _tip(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
     return tuple(found)
 
 
-def _distances(lib: Library, safety: Safety) -> tuple[TimedLaw, ...]:
+def _distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     if safety.clearance is not None and not lib.pairs:
         raise _no_proxies(lib, "a clearance between its links")
     if safety.table is not None and not lib.moving_proxies:
         raise _no_proxies(lib, "a table")
-    found: list[TimedLaw] = []
+    found: list[TimedConstraint] = []
     if lib.pairs:
         names = tuple(f"{pair.first} and {pair.second}" for pair in lib.pairs)
-        found.append(Clearance(lib, _margins(lib, safety.clearance), names))
+        found.append(LinkClearance(lib, _margins(lib, safety.clearance), names))
     if safety.table is not None:
         margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
         rows = _lifted(lib)
         proxies = tuple(lib.moving_proxies[row] for row in rows)
-        found.append(Table(lib, safety.table, margin, proxies, rows))
+        found.append(TableClearance(lib, safety.table, margin, proxies, rows))
     return tuple(found)
 
 
@@ -217,7 +224,7 @@ def _check_box(box: tuple[float, ...]) -> None:
             )
 
 
-def require_rest(found: tuple[Law, ...], home: Array) -> None:
+def require_rest(found: tuple[Constraint, ...], home: Array) -> None:
     """At home the robot may rest.
 
     Raises:
@@ -225,20 +232,21 @@ def require_rest(found: tuple[Law, ...], home: Array) -> None:
     """
     rest = np.zeros((4, 1, len(home)))
     rest[0] = home
-    for law in found:
-        g = law.values(rest)[0]
+    for constraint in found:
+        g = constraint.values(rest)[0]
         worst = int(np.argmax(g))  # the first NaN, where there is one
         if g[worst] < 0:
             continue
-        if isinstance(law, Braking):
-            side, joint = law.sides[worst // len(home)], worst % len(home)
+        if isinstance(constraint, Braking):
+            side, joint = constraint.sides[worst // len(home)], worst % len(home)
             raise IdentificationError(
-                f"at the home position {home[joint]:.4g} of '{law.labels[worst]}' its velocity "
-                f"limit, which ends at {side.end[joint]:.4g}, leaves no speed; choose another home"
+                f"at the home position {home[joint]:.4g} of '{constraint.labels[worst]}' its "
+                f"velocity limit, which ends at {side.end[joint]:.4g}, leaves no speed; choose "
+                "another home"
             )
-        value, limit, unit = law.measured(worst, float(g[worst]))
+        value, limit, unit = constraint.measured(worst, float(g[worst]))
         raise IdentificationError(
-            f"at rest at home the {law.kind} limit of {law.labels[worst]} is already broken: "
-            f"{value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
+            f"at rest at home the {constraint.kind} limit of {constraint.labels[worst]} is already "
+            f"broken: {value:.4g} {unit} where {limit:.4g} {unit} is allowed, "
             f"{abs(value - limit):.3g} {unit} too far; choose another home or limit"
         )

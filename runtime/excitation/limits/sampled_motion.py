@@ -1,11 +1,11 @@
-"""A motion at some samples, and what a robot's kernels say there: asked once, for all laws."""
+"""A sampled motion with torques and tip velocities, each computed once for all constraints."""
 
 import numpy as np
 
 from runtime.library import Array, Library
 
 
-class Passage:
+class SampledMotion:
     """Five derivatives of a motion, q first, at N samples, (5, N, n)."""
 
     def __init__(self, lib: Library, motion: Array) -> None:
@@ -18,7 +18,7 @@ class Passage:
         key = pi.tobytes()
         if key not in self._torques:
             q, dq, ddq, dddq, ddddq = self.motion
-            self._torques[key] = self.lib.torque_course(q, dq, ddq, dddq, ddddq, pi)
+            self._torques[key] = self.lib.torque_with_rates(q, dq, ddq, dddq, ddddq, pi)
         return self._torques[key]
 
     def tip(self) -> tuple[Array, Array, Array]:

@@ -1,7 +1,7 @@
 """A trajectory against the robot's limits for every instant, not only at samples.
 
 Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that are not linear in
-the motion: `law_bounds`, which says what is proven there.
+the motion: `constraint_bounds`, which says what is proven there.
 """
 
 from dataclasses import dataclass, replace
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.limits.safety import laws, unchecked
+from runtime.excitation.limits.safety import constraints, unchecked
 from runtime.excitation.proof.joint_bounds import KINDS, joint_bounds, rooms
-from runtime.excitation.proof.nonlinear_bounds import law_bounds
+from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
 
 UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
@@ -31,7 +31,7 @@ class Use:
         time: when, s; to one step of the grid.
         value: the quantity at its worst, in `unit`, as the bound has it.
         limit: of the quantity.
-        is_proven: a theorem, not a second derivative measured at 1 kHz (see `law_bounds`).
+        is_proven: a theorem, not a second derivative measured at 1 kHz (see `constraint_bounds`).
     """
 
     kind: str
@@ -124,11 +124,16 @@ def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = No
             uses.append(Use(kind, bound, *what))
     rows = [
         Use(
-            *(bound.law.kind, 1 + bound.bound, bound.law.labels[bound.row], bound.time),
-            *bound.law.measured(bound.row, bound.bound),
+            *(
+                bound.constraint.kind,
+                1 + bound.bound,
+                bound.constraint.labels[bound.row],
+                bound.time,
+            ),
+            *bound.constraint.measured(bound.row, bound.bound),
             bound.is_proven,
         )
-        for bound in law_bounds(lib, laws(lib, trajectory.home, safety), trajectory)
+        for bound in constraint_bounds(lib, constraints(lib, trajectory.home, safety), trajectory)
     ]
     for kind in dict.fromkeys(row.kind for row in rows):
         uses.append(max((row for row in rows if row.kind == kind), key=lambda row: row.bound))

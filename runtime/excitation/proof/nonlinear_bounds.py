@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation import Trajectory, basis_of
-from runtime.excitation.limits.nonlinear_limits import Braking, Law, TimedLaw
-from runtime.excitation.limits.sampled_motion import Passage
+from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, TimedConstraint
+from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.library import Array, Library
 
 STEP = 1e-3
@@ -38,16 +38,16 @@ _DIVIDED = 20
 
 
 @dataclass(frozen=True, slots=True)
-class LawBound:
+class ConstraintBound:
     """The largest g of one row.
 
     Attributes:
-        law, row: whose.
+        constraint, row: whose.
         bound: of g over all t; inf where it is not a number.
         time: when, s; to one sample.
     """
 
-    law: Law
+    constraint: Constraint
     row: int
     bound: float
     time: float
@@ -55,34 +55,34 @@ class LawBound:
     @property
     def is_proven(self) -> bool:
         """A theorem stands behind it, not a measured second derivative."""
-        return isinstance(self.law, Braking)
+        return isinstance(self.constraint, Braking)
 
 
-def law_bounds(
-    lib: Library, laws: Sequence[Braking | TimedLaw], trajectory: Trajectory
-) -> tuple[LawBound, ...]:
-    """One bound per row of each law.
+def constraint_bounds(
+    lib: Library, constraints: Sequence[Braking | TimedConstraint], trajectory: Trajectory
+) -> tuple[ConstraintBound, ...]:
+    """One bound per row of each constraint.
 
     Of a motion that is its own mirror image half is looked at, for braking in both directions.
     """
-    course = _Course(trajectory)
-    peaks = [_Peaks(law) for law in laws]
+    grid = _MotionGrid(trajectory)
+    peaks = [_Peaks(constraint) for constraint in constraints]
     mirrored = trajectory.basis.is_symmetric
-    middle = course.count // 2 if mirrored else course.count
-    half = [peak for peak in peaks if mirrored and peak.law.even]
+    middle = grid.count // 2 if mirrored else grid.count
+    half = [peak for peak in peaks if mirrored and peak.constraint.even]
     whole = [peak for peak in peaks if peak not in half]
     with np.errstate(all="ignore"):  # what is not a number becomes an infinite bound
-        _see_measured(half, lib, course, middle)
-        _see_measured(whole, lib, course, course.count)
+        _see_measured(half, lib, grid, middle)
+        _see_measured(whole, lib, grid, grid.count)
         for peak in peaks:
-            if isinstance(peak.law, Braking):
-                _see_braking(peak, peak.law, course, middle, forwards=True)
+            if isinstance(peak.constraint, Braking):
+                _see_braking(peak, peak.constraint, grid, middle, forwards=True)
                 if mirrored:
-                    _see_braking(peak, peak.law, course, middle, forwards=False)
-    return tuple(bound for peak in peaks for bound in peak.told(course.step))
+                    _see_braking(peak, peak.constraint, grid, middle, forwards=False)
+    return tuple(bound for peak in peaks for bound in peak.told(grid.step))
 
 
-class _Course:
+class _MotionGrid:
     """The motion on its grid of `count` intervals; `sup` bounds its derivatives, (6, n)."""
 
     def __init__(self, trajectory: Trajectory) -> None:
@@ -120,11 +120,11 @@ def _phi(name: str, zero_jerk: bool, size: int, first: int, last: int, count: in
 
 
 class _Peaks:
-    """The largest bounds of a law that were seen."""
+    """The largest bounds of a constraint that were seen."""
 
-    def __init__(self, law: Braking | TimedLaw) -> None:
-        self.law = law
-        self._best, self._where = np.full((2, len(law.labels)), -np.inf)
+    def __init__(self, constraint: Braking | TimedConstraint) -> None:
+        self.constraint = constraint
+        self._best, self._where = np.full((2, len(constraint.labels)), -np.inf)
 
     def see(self, bounds: Array, intervals: NDArray[np.intp]) -> None:
         """Of these intervals, (K, R)."""
@@ -135,66 +135,72 @@ class _Peaks:
         self._where = np.where(best > self._best, intervals[where], self._where)
         self._best = np.maximum(best, self._best)
 
-    def told(self, step: float) -> list[LawBound]:
+    def told(self, step: float) -> list[ConstraintBound]:
         """One per row."""
         rows = zip(self._best, self._where, strict=True)
         return [
-            LawBound(self.law, row, float(best), float((where + 0.5) * step))
+            ConstraintBound(self.constraint, row, float(best), float((where + 0.5) * step))
             for row, (best, where) in enumerate(rows)
         ]
 
 
-def _see_measured(peaks: list[_Peaks], lib: Library, course: _Course, end: int) -> None:
+def _see_measured(peaks: list[_Peaks], lib: Library, grid: _MotionGrid, end: int) -> None:
     """All intervals up to `end`, with a measured second derivative."""
-    laws = [(peak, peak.law) for peak in peaks if not isinstance(peak.law, Braking)]
-    for first in range(0, end if laws else 0, _CHUNK):
+    constraints = [
+        (peak, peak.constraint) for peak in peaks if not isinstance(peak.constraint, Braking)
+    ]
+    for first in range(0, end if constraints else 0, _CHUNK):
         last = min(first + _CHUNK, end)
         # An interval more at both sides: neighbours tell how much g bends.
         before, after = max(first - 1, 0), min(last + 1, end)
-        passage = Passage(lib, course.between(before, after))
+        sampled = SampledMotion(lib, grid.between(before, after))
         own, intervals = slice(first - before, last - before), np.arange(first, last)
-        for peak, law in laws:
-            g, slope = law.along(passage)
+        for peak, constraint in constraints:
+            g, slope = constraint.along(sampled)
             change = np.abs(np.diff(slope, axis=0))
             bounds = change.copy()
             np.maximum(bounds[1:], change[:-1], out=bounds[1:])
             np.maximum(bounds[:-1], change[1:], out=bounds[:-1])
-            bounds *= SAFETY * course.step / 8  # δ²/8 · change / δ
+            bounds *= SAFETY * grid.step / 8  # δ²/8 · change / δ
             bounds += np.maximum(g[1:], g[:-1])
             peak.see(bounds[own], intervals)
 
 
-def _see_braking(peak: _Peaks, law: Braking, course: _Course, end: int, forwards: bool) -> None:
+def _see_braking(
+    peak: _Peaks, constraint: Braking, grid: _MotionGrid, end: int, forwards: bool
+) -> None:
     """The intervals up to `end` that may hold the largest bounds, told by long ones."""
     turned = np.ones(_ORDERS) if forwards else (-1.0) ** np.arange(_ORDERS)
     turned = turned[:, None, None]
     ends = np.append(np.arange(0, end, _DIVIDED), end)
-    step = course.step
-    long = turned * course.at(ends)
+    step = grid.step
+    long = turned * grid.at(ends)
     # The bound of any short interval inside a long one is below this: the sums count both.
     sizes = (1 + _DIVIDED**2) * step**2 / 8, (1 + _DIVIDED) * step / 2
-    bounds = _of_braking(law, long, course.sup, *sizes)
-    chosen = (bounds > law.values(long).max(axis=0)).any(axis=1)
+    bounds = _of_braking(constraint, long, grid.sup, *sizes)
+    chosen = (bounds > constraint.values(long).max(axis=0)).any(axis=1)
     chosen[np.argmax(bounds, axis=0)] = True  # the first NaN
     points = np.minimum(ends[:-1][chosen][:, None] + np.arange(_DIVIDED + 1), end)
-    short = turned * course.at(points.ravel())
-    bounds = _of_braking(law, short, course.sup, step**2 / 8, step / 2)
+    short = turned * grid.at(points.ravel())
+    bounds = _of_braking(constraint, short, grid.sup, step**2 / 8, step / 2)
     inner = np.arange(len(bounds)) % (_DIVIDED + 1) < _DIVIDED
     intervals = points.ravel()[:-1][inner]
-    peak.see(bounds[inner], intervals if forwards else course.count - 1 - intervals)
+    peak.see(bounds[inner], intervals if forwards else grid.count - 1 - intervals)
 
 
-def _of_braking(law: Braking, motion: Array, sup: Array, half_square: float, half: float) -> Array:
+def _of_braking(
+    constraint: Braking, motion: Array, sup: Array, half_square: float, half: float
+) -> Array:
     """Proven bounds of g between neighbours and per row, with δ²/8 and δ/2."""
-    g = law.values(motion)
+    g = constraint.values(motion)
     ends = np.abs(motion)
     wide = [np.maximum(ends[k, 1:], ends[k, :-1]) + half * sup[k + 1] for k in range(2, 4)]
     acceleration, jerk = wide
     rises = []
-    for side in law.sides:
+    for side in constraint.sides:
         speed = np.maximum(0, side.sign * motion[1] + side.c)
         speed = np.maximum(speed[1:], speed[:-1]) + half * acceleration
         bend = 2 / side.k * (acceleration**2 + speed * jerk) + acceleration
         rounding = _ROUNDING * (sup[0] + 2 / side.k * (sup[1] + side.c) * sup[1])
-        rises.append((half_square * bend + rounding) / law.room(side))
+        rises.append((half_square * bend + rounding) / constraint.room(side))
     return np.asarray(np.maximum(g[1:], g[:-1]) + np.concatenate(rises, axis=1))

@@ -54,7 +54,7 @@ def solve(quadratic: Array, linear: Array, blocks: list[Block]) -> tuple[Array, 
     return x, np.split(np.array(solution.z), ends)
 
 
-class Rows:
+class LinearRows:
     """A x ≤ b with far more rows than ever matter: each is used from when it is first violated.
 
     Rows that are neighbours on a grid stand next to each other.

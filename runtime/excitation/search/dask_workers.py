@@ -7,7 +7,7 @@ from dataclasses import replace
 from threadpoolctl import threadpool_limits
 
 from runtime.excitation.search.processes import Rounds, Started
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.excitation.search.variations import Task
 from runtime.parallel import on_cluster
 
@@ -15,7 +15,9 @@ _here = threading.local()
 """The last search of a worker's thread and its key: a library is loaded once per thread."""
 
 
-def on_workers(problem: Problem, rounds: Rounds, scheduler: str) -> Generator[Started, None, None]:
+def on_workers(
+    problem: SearchProblem, rounds: Rounds, scheduler: str
+) -> Generator[Started, None, None]:
     """The tasks of every round as they end.
 
     Raises:
@@ -26,12 +28,12 @@ def on_workers(problem: Problem, rounds: Rounds, scheduler: str) -> Generator[St
     return on_cluster(_start, sent, rounds, scheduler, "a start of the search")
 
 
-def _start(problem: Problem, key: str, task: Task) -> Started:
+def _start(problem: SearchProblem, key: str, task: Task) -> Started:
     """One task, on a worker."""
     return task.number, *task.done(_search(problem, key))
 
 
-def _search(problem: Problem, key: str) -> Search:
+def _search(problem: SearchProblem, key: str) -> Search:
     known: tuple[str, Search] | None = getattr(_here, "search", None)
     if known is None or known[0] != key:
         threadpool_limits(limits=1, user_api="blas")

@@ -1,4 +1,4 @@
-"""The best of several starts and of their relatives, inside the limits at 1 kHz."""
+"""The best of several starts and of their variations, inside the limits at 1 kHz."""
 
 from collections.abc import Callable, Generator
 from contextlib import closing
@@ -15,7 +15,7 @@ from runtime.excitation.search.dask_workers import on_workers
 from runtime.excitation.search.finish import Finished, finished
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.processes import Rounds, Started, in_turn, side_by_side
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.excitation.search.variations import rounds
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
@@ -26,7 +26,7 @@ LONGEST = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """The best trajectory over all starts and relatives.
+    """The best trajectory over all starts and variations.
 
     Attributes:
         condition: cond of the column-normalised base regressor at `COST_SAMPLES` samples.
@@ -38,7 +38,7 @@ class Design:
         assumptions: limits that the robot does not state and what was taken instead.
         safety: limits that were kept beyond those of the joints; None as in the document.
         unchecked: kinds of limits that nobody looked at.
-        relatives: cond of every relative of good starts that ended, in order.
+        variations: cond of every variation of good starts that ended, in order.
     """
 
     trajectory: Trajectory
@@ -51,7 +51,7 @@ class Design:
     unit: str = "cond"
     safety: Safety | None = None
     unchecked: tuple[str, ...] = ()
-    relatives: tuple[float, ...] = ()
+    variations: tuple[float, ...] = ()
 
 
 @one_blas_thread
@@ -76,10 +76,10 @@ def design(
         lib: of the robot.
         duration: s.
         harmonics: M, of which the basis makes its functions.
-        starts: number of searches; see `relatives` for what follows them.
+        starts: number of searches; see `variation_count` for what follows them.
         seed: of the random starts.
         home: start and end position, default is the robot's.
-        progress: called after each start or relative with how many have ended, exp of its target
+        progress: called after each start or variation with how many have ended, exp of its target
             and the best one. Ctrl-C stops and keeps the best so far.
         processes: that search side by side; the design does not depend on it, to the last bit.
             Each loads the library anew, so more than one asks for a script with a main guard.
@@ -103,7 +103,7 @@ def design(
     if processes < 1:
         raise IdentificationError(f"a search needs at least one process, got {processes}")
     rest = lib.home if home is None else np.asarray(home, dtype=float)
-    problem = Problem(
+    problem = SearchProblem(
         *(lib.folder, lib.level, rest, harmonics, duration, seed),
         *(basis, criterion, information, safety),
     )

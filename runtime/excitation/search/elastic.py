@@ -1,4 +1,4 @@
-"""Rows g(x) ≤ 0 that are not linear, in programmes for a step: linearised, elastic, exact penalty.
+"""Nonlinear constraints g(x) ≤ 0 in programmes for a step: linearised, elastic, exact penalty.
 
 With v(x) = max(0, max g) the merit of x is f + μ v, and a step d may leave g + J d ≤ t at the
 price μ t. Above the sum of the rows' multipliers μ makes minima of the merit admissible (Fletcher

@@ -59,15 +59,15 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
     problem = search.problem
     fine = _limits(lib, search, problem.duration)
     a = inside(fine, a)
-    if not search.laws:
+    if not search.constraints:
         return _told(search, fine, a, problem.duration)
-    rows = search.law_rows(STEP)
+    rows = search.limit_rows(STEP)
     for scale in SCALES:
         if rows.worst(scale * a) <= -STRICT:
             return _told(search, fine, scale * a, problem.duration)
     for slower in SLOWER:
         duration = np.ceil(1e3 * slower * problem.duration) / 1e3
-        if search.law_rows(STEP, duration=duration).worst(a) <= -STRICT:
+        if search.limit_rows(STEP, duration=duration).worst(a) <= -STRICT:
             return _told(search, _limits(lib, search, duration), a, duration)
     raise IdentificationError(
         f"the best motion found breaks the limits of {' and of '.join(rows.strongest(a))} and "
@@ -83,8 +83,8 @@ def _limits(lib: Library, search: Search, duration: float) -> Limits:
 
 def _told(search: Search, fine: Limits, a: Array, duration: float) -> Finished:
     use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
-    by_law = search.law_rows(STEP, duration=duration).by_law(a)
-    for law, values in zip(search.laws, by_law, strict=True):
-        use[law.kind] = 1 + float(values.max())
+    by_constraint = search.limit_rows(STEP, duration=duration).by_constraint(a)
+    for constraint, values in zip(search.constraints, by_constraint, strict=True):
+        use[constraint.kind] = 1 + float(values.max())
     home = search.problem.home
     return Finished(Trajectory(home, a, duration, search.basis), use)

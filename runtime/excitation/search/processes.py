@@ -12,7 +12,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from runtime.errors import IdentificationError
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.excitation.search.variations import Task
 from runtime.library import Array
 
@@ -33,7 +33,7 @@ def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
 
 
 def side_by_side(
-    problem: Problem, rounds: Rounds, processes: int
+    problem: SearchProblem, rounds: Rounds, processes: int
 ) -> Generator[Started, None, None]:
     """The tasks of every round as they end.
 
@@ -73,7 +73,7 @@ def side_by_side(
             pool.shutdown(cancel_futures=True)
 
 
-def _prepare(problem: Problem) -> None:
+def _prepare(problem: SearchProblem) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threadpool_limits(limits=1, user_api="blas")
     _here[:] = [problem.search()]

@@ -19,7 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
-from runtime.excitation.search.conic import Block, Rows, solve
+from runtime.excitation.search.conic import Block, LinearRows, solve
 from runtime.excitation.search.eigenvalue_clusters import Spectrum, bending, of_trace_one, weight_of
 from runtime.excitation.search.elastic import MU, Curved, Nonlinear, corrected
 from runtime.library import Array
@@ -56,7 +56,7 @@ class Polished:
 def polish(
     matrix: MatrixFunction,
     x: Array,
-    rows: Rows,
+    rows: LinearRows,
     iterations: int = 40,
     tolerance: float = 1e-5,
     nonlinear: Nonlinear | None = None,
@@ -209,7 +209,7 @@ class _Model:
         )
 
     def step(
-        self, x: Array, rows: Rows, radius: float, curved: Curved | None = None
+        self, x: Array, rows: LinearRows, radius: float, curved: Curved | None = None
     ) -> _Step | None:
         """The programme of the module's head, with μ t for the curved rows."""
         p = len(x)

@@ -1,4 +1,4 @@
-"""One descent of the search: from a random admissible trajectory, or from a relative of good ones.
+"""One descent of the search: from a random admissible trajectory, or from a variation of good ones.
 
 Normalised D-optimality decides for a basin and the goal's measures lead on; where that is log cond
 the semidefinite programmes of `polish` end in its kink. Limits that are not linear are elastic on
@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.joint_limits import LIMIT_STEP, Limits, inside, whitening
-from runtime.excitation.limits.limit_rows import LawRows
-from runtime.excitation.limits.safety import Safety, laws, require_rest
+from runtime.excitation.limits.limit_rows import LimitRows
+from runtime.excitation.limits.safety import Safety, constraints, require_rest
 from runtime.excitation.motion.basis import COSINE, Basis
 from runtime.excitation.search.condition_cost import ConditionCost
-from runtime.excitation.search.conic import Rows
+from runtime.excitation.search.conic import LinearRows
 from runtime.excitation.search.criteria import goal
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import Measure, rank, too_many
@@ -38,11 +38,11 @@ TIGHTENED = 2e-3
 ELASTIC = 0.3
 """Violation of nonlinear limits from which on a random start is shrunk."""
 NOISE = 0.2, 0.8
-"""Of all coordinates of a relative, from and to; 1 reaches the bounds."""
+"""Of all coordinates of a variation, from and to; 1 reaches the bounds."""
 FAVOUR = 0.25
 """Probability that the best parent is chosen; the next ones follow a geometric law."""
 WORTH = 0.06
-"""Log cond by which a relative may be worse than the best after a smooth stage: the others and the
+"""Log cond by which a variation may be worse than the best after a smooth stage: the others and the
 polish gain 0.03 to 0.05 from there."""
 RETURNED = 0.3
 """RMS of coordinates: a smooth stage ends 0.04 to 0.3 from its own polished optimum, 0.5 and more
@@ -54,7 +54,7 @@ LEAST = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class SearchProblem:
     """What is searched, small enough to be sent to another process.
 
     Attributes:
@@ -87,27 +87,27 @@ class Problem:
 
 
 class Search:
-    """Descents from random starts and from relatives of good ones.
+    """Descents from random starts and from variations of good ones.
 
-    A start depends on its number and the seed alone, a relative also on its parents.
+    A start depends on its number and the seed alone, a variation also on its parents.
     """
 
-    def __init__(self, lib: Library, problem: Problem) -> None:
+    def __init__(self, lib: Library, problem: SearchProblem) -> None:
         self.problem = problem
         self.basis, size = problem.basis, problem.basis.size(problem.harmonics)
         self.goal = goal(problem.criterion, lib, problem.home, problem.information)
         shape = self._grid = (lib, problem.home, size, problem.duration)
         self.cost = ConditionCost(*shape, self.basis, problem.information)
         self.limits = Limits(*shape, basis=self.basis)
-        self.laws = laws(lib, problem.home, problem.safety)
-        require_rest(self.laws, problem.home)
+        self.constraints = constraints(lib, problem.home, problem.safety)
+        require_rest(self.constraints, problem.home)
         self._seed, self._shape = problem.seed, (lib.n_joints, size)
         matrix, self._bound = self.limits.inequalities()
         spread = whitening(matrix, lib.n_joints)
         # Of `whitening`'s unit vectors each row sees a share; now x of size one reaches a bound.
         self._spread = spread * np.sqrt(len(matrix) / (3.0 * len(spread)))
         self._matrix = matrix @ self._spread
-        self._coarse = self.law_rows(LIMIT_STEP)
+        self._coarse = self.limit_rows(LIMIT_STEP)
 
     def start(self, number: int) -> tuple[float, Array]:
         """The goal's target and coefficients (n, M), within the limits of the descent's grid.
@@ -115,7 +115,7 @@ class Search:
         Raises:
             IdentificationError: the limits leave no room for a motion.
         """
-        rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
+        rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(self._random(number), ELASTIC)
         for measure, iterations in self.goal.stages:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
@@ -123,7 +123,9 @@ class Search:
             x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
         return self._ended(x)
 
-    def relative(self, number: int, parents: tuple[Array, ...], best: float) -> tuple[float, Array]:
+    def variation(
+        self, number: int, parents: tuple[Array, ...], best: float
+    ) -> tuple[float, Array]:
         """The same for a variation of one of the parents (n, M), best first, of a kinked goal.
 
         Every third number has noise on all coefficients, the others new motions of one or two
@@ -141,7 +143,7 @@ class Search:
             new = np.repeat(np.isin(np.arange(self._shape[0]), joints), self._shape[1])
             x = np.where(new, self._drawn(rng), x)
         x = x / max(1.0, float(np.max(self._matrix @ x)))
-        rows, elastic = Rows(self._matrix, self._bound), self._elastic(self._coarse)
+        rows, elastic = LinearRows(self._matrix, self._bound), self._elastic(self._coarse)
         x = self._shrunk(x, ELASTIC)
         (first, iterations), *later = self.goal.stages[1:]
         x = descend(self._objective(first), x, rows, iterations, nonlinear=elastic).x
@@ -195,8 +197,8 @@ class Search:
         fine = Limits(*self._grid, step=step, basis=self.basis)
         matrix, bound = fine.inequalities()
         x = np.linalg.solve(self._spread, inside(fine, a).ravel())
-        rows = Rows(matrix @ self._spread, bound)
-        elastic = self._elastic(self.law_rows(step, TIGHTENED))
+        rows = LinearRows(matrix @ self._spread, bound)
+        elastic = self._elastic(self.limit_rows(step, TIGHTENED))
         if self.goal.is_kinked:
             x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
         else:
@@ -204,15 +206,15 @@ class Search:
             x = descend(objective, x, rows, POLISH, nonlinear=elastic).x
         return self.coefficients(x[None])[0]
 
-    def law_rows(
+    def limit_rows(
         self, step: float, tightened: float = 0.0, duration: float | None = None
-    ) -> LawRows:
+    ) -> LimitRows:
         """The nonlinear limits on a grid of this step, s, of the same path in this duration."""
         lib, home, size, own = self._grid
         end = own if duration is None else duration
         t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)
         phi = self.basis.at(lib, size, t, end)
-        return LawRows(self.laws, home, phi, self.basis.is_symmetric, tightened)
+        return LimitRows(self.constraints, home, phi, self.basis.is_symmetric, tightened)
 
     def coefficients(self, points: Array) -> Array:
         """A of K points x, (K, n, M)."""
@@ -222,8 +224,8 @@ class Search:
         """∂/∂x from ∂/∂a (K, n, M), (K, p)."""
         return gradients.reshape(-1, len(self._spread)) @ self._spread
 
-    def _elastic(self, rows: LawRows) -> "_Elastic | None":
-        return _Elastic(self, rows) if self.laws else None
+    def _elastic(self, rows: LimitRows) -> "_Elastic | None":
+        return _Elastic(self, rows) if self.constraints else None
 
     def _shrunk(self, x: Array, violation: float) -> Array:
         """X scaled towards rest until the nonlinear limits are violated by no more than this."""
@@ -254,7 +256,7 @@ class Search:
 class _Elastic:
     """The nonlinear limits as functions of x."""
 
-    def __init__(self, search: Search, rows: LawRows) -> None:
+    def __init__(self, search: Search, rows: LimitRows) -> None:
         self._search, self._rows = search, rows
 
     def violation(self, x: Array) -> float:

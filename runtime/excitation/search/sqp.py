@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.excitation.search.conic import Block, Rows, solve
+from runtime.excitation.search.conic import Block, LinearRows, solve
 from runtime.excitation.search.elastic import MU, Curved, Nonlinear, corrected
 from runtime.library import Array
 
@@ -56,7 +56,7 @@ class _Point:
 def descend(
     objective: Objective,
     x: Array,
-    rows: Rows,
+    rows: LinearRows,
     iterations: int = 100,
     tolerance: float = 1e-6,
     curvature: Array | None = None,
@@ -110,7 +110,7 @@ def descend(
 
 
 def _direction(
-    hessian: Array, at: _Point, rows: Rows, curved: Curved | None
+    hessian: Array, at: _Point, rows: LinearRows, curved: Curved | None
 ) -> tuple[Array, Array] | None:
     """The step and the multipliers of the curved rows."""
     p = len(at.x)
@@ -136,7 +136,7 @@ def _search(
     point: _Point,
     step: Array,
     slope: float,
-    rows: Rows,
+    rows: LinearRows,
     nonlinear: Nonlinear | None,
 ) -> _Point | None:
     """Halve from the linear rows' reach until the merit falls enough (Armijo)."""

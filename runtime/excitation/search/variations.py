@@ -1,7 +1,7 @@
-"""What a search does in turn: random starts, then relatives of the best ones.
+"""What a search does in turn: random starts, then variations of the best ones.
 
 Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
-common. Where log cond decides, `SHARE` relatives per start follow in `ROUNDS`. Each inherits from
+common. Where log cond decides, `SHARE` variations per start follow in `ROUNDS`. Each inherits from
 one of the `PARENTS` best so far (a geometric law favours the first), with the motion of one or two
 joints new or with noise on all coefficients, and skips D-optimality. It is given up after the first
 smooth stage unless it is new and close to the best by then. A round waits for the one before, so
@@ -18,9 +18,9 @@ from runtime.excitation.search.single_start import Search
 from runtime.library import Array
 
 SHARE = 1.0
-"""Relatives per start; one takes a third of the time of a start."""
+"""Variations per start; one takes a third of the time of a start."""
 FEWEST = 8
-"""Starts from which on the best of them are worth relatives."""
+"""Starts from which on the best of them are varied."""
 ROUNDS = 6
 PARENTS = 8
 """At most."""
@@ -33,7 +33,7 @@ class Task:
     """One descent, small enough to be sent to another process.
 
     Attributes:
-        number: of the random start; of relatives it goes on after the starts.
+        number: of the random start; of variations it goes on after the starts.
         parents: coefficients (n, M), best first; none for a random start.
         best: the goal's target of the first.
     """
@@ -46,10 +46,10 @@ class Task:
         """The goal's target and coefficients (n, M)."""
         if not self.parents:
             return search.start(self.number)
-        return search.relative(self.number, self.parents, self.best)
+        return search.variation(self.number, self.parents, self.best)
 
 
-def relatives(criterion: str, starts: int) -> int:
+def variation_count(criterion: str, starts: int) -> int:
     """How many follow."""
     return int(SHARE * starts) if criterion == "cond" and starts >= FEWEST else 0
 
@@ -59,7 +59,7 @@ def rounds(
 ) -> Iterator[list[Task]]:
     """Tasks that may be done at once; `found` holds all former ones when the next are asked for."""
     yield [Task(number) for number in range(starts)]
-    ends = starts + relatives(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
+    ends = starts + variation_count(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
     for first, last in pairwise(ends):
         if first == last:
             continue

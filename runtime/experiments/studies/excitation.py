@@ -7,7 +7,7 @@ import numpy as np
 from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import COST_SAMPLES, ConditionCost
 from runtime.excitation.search.finish import repaired
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.experiments.study import Arrays, Finished, Row, Study, View
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import ROLES, condition, curves
@@ -44,7 +44,7 @@ def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
     """The search in document mode."""
     del needed
     document_robot(lib)  # no other one
-    problem = Problem(
+    problem = SearchProblem(
         lib.folder, lib.level, lib.home, config.harmonics, config.duration, config.seed
     )
     return Setting(lib, config, Search(lib, problem))

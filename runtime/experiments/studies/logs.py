@@ -11,7 +11,7 @@ import numpy as np
 
 from runtime.excitation import Trajectory
 from runtime.excitation.search.finish import repaired
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.experiments.study import Arrays, Finished, Row, Study
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import ROLES, curves, designed
@@ -77,7 +77,9 @@ def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
 def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
     """One start in document mode."""
     harmonics = like.coefficients.shape[1]
-    search = Search(lib, Problem(lib.folder, lib.level, lib.home, harmonics, like.duration, seed))
+    search = Search(
+        lib, SearchProblem(lib.folder, lib.level, lib.home, harmonics, like.duration, seed)
+    )
     return repaired(lib, search, search.refined(search.start(0)[1])).trajectory
 
 

@@ -21,7 +21,7 @@ from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.simulation import Controller, Plant, closed_loop
-from runtime.simulation.controller_file import Loop
+from runtime.simulation.controller_file import ClosedLoop
 
 CAD, TRAINING, VALIDATION = range(3)
 """Streams."""
@@ -98,7 +98,7 @@ def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
         validation=log(1, noisy),
         test=log(2, clean),
         lam0=cad,
-        loop=Loop(designs[0], law, np.array(config.rotor)),
+        loop=ClosedLoop(designs[0], law, np.array(config.rotor)),
     )
     tau = assembly.parts[2].tau
     assert tau is not None  # noqa: S101  simulated with torque

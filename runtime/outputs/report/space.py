@@ -9,7 +9,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
-from runtime.excitation.motion_profile import Course, Gap
+from runtime.excitation.motion_profile import Gap, MotionProfile
 from runtime.outputs.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
 
 Array = NDArray[np.float64]
@@ -25,26 +25,26 @@ TITLES = {
 }
 
 
-def draw_space(figure: Figure, course: Course) -> None:
+def draw_space(figure: Figure, profile: MotionProfile) -> None:
     """Left the tip's path with table and box; right a panel of distances per kind."""
-    kinds = list(dict.fromkeys(gap.kind for gap in course.gaps)) or ["self-collision"]
+    kinds = list(dict.fromkeys(gap.kind for gap in profile.gaps)) or ["self-collision"]
     left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15), squeeze=False)[0]
-    _path(left.add_subplot(projection="3d"), course)
+    _path(left.add_subplot(projection="3d"), profile)
     panels = right.subplots(len(kinds), 1, sharex=True, squeeze=False).ravel()
     for kind, axis in zip(kinds, panels, strict=True):
-        _distances(axis, course, [gap for gap in course.gaps if gap.kind == kind])
-        asked = "" if kind not in course.proof.unchecked else ": NOT checked"
+        _distances(axis, profile, [gap for gap in profile.gaps if gap.kind == kind])
+        asked = "" if kind not in profile.proof.unchecked else ": NOT checked"
         axis.set_title(TITLES[kind] + asked)
     panels[-1].set_xlabel("time [s]")
     figure.suptitle(
-        f"{course.robot}, {course.t[-1]:g} s: path of the tip and distances",
+        f"{profile.robot}, {profile.t[-1]:g} s: path of the tip and distances",
         fontsize=9,
         x=0.01,
         ha="left",
     )
 
 
-def _distances(axis: Axes, course: Course, gaps: list[Gap]) -> None:
+def _distances(axis: Axes, profile: MotionProfile, gaps: list[Gap]) -> None:
     """The closest boldly with their margins, the others thin."""
     axis.margins(x=0)
     if not gaps:
@@ -55,10 +55,10 @@ def _distances(axis: Axes, course: Course, gaps: list[Gap]) -> None:
     ranked = sorted(gaps, key=lambda gap: gap.left)
     bold, others = ranked[:CLOSEST], ranked[CLOSEST:]
     for gap in others:
-        axis.plot(course.t, gap.values, color=GREY, linewidth=0.6)
+        axis.plot(profile.t, gap.values, color=GREY, linewidth=0.6)
     for gap, (colour, dashes) in zip(bold, BOLD, strict=False):
         label = f"{gap.label}: {1e3 * gap.least:.1f} / {1e3 * gap.margin:g} mm"
-        axis.plot(course.t, gap.values, color=colour, linestyle=dashes, label=label, zorder=3)
+        axis.plot(profile.t, gap.values, color=colour, linestyle=dashes, label=label, zorder=3)
     for margin in sorted({gap.margin for gap in gaps}):
         worst = min(gap.left for gap in gaps if gap.margin == margin)
         axis.axhline(margin, color=VERMILION, linewidth=1.0)
@@ -80,22 +80,22 @@ def _distances(axis: Axes, course: Course, gaps: list[Gap]) -> None:
     )
 
 
-def _path(axis: Axes3D, course: Course) -> None:
+def _path(axis: Axes3D, profile: MotionProfile) -> None:
     """Path, start and turn; equal scales; a shadow on the table or on the floor of the panel."""
-    tip, middle = course.tip, course.tip[len(course.tip) // 2]
-    low, high = _room(course)
-    floor = course.table if course.table is not None else low[2]
+    tip, middle = profile.tip, profile.tip[len(profile.tip) // 2]
+    low, high = _room(profile)
+    floor = profile.table if profile.table is not None else low[2]
     axis.plot(tip[:, 0], tip[:, 1], np.full(len(tip), floor), color=GREY, linewidth=0.8)
     axis.plot(*tip.T, color=BLUE, label="tip")
     axis.plot(*tip[:1].T, "o", color=GREEN, markersize=7, label="start and end")
     axis.plot(*middle[:, None], "s", color=ORANGE, markersize=5, label="half time")
-    if course.table is not None:
+    if profile.table is not None:
         corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
         ends = np.array([low, high])
-        plane = [[(ends[i, 0], ends[j, 1], course.table) for i, j in corners]]
+        plane = [[(ends[i, 0], ends[j, 1], profile.table) for i, j in corners]]
         axis.add_collection3d(Poly3DCollection(plane, color=SKY, alpha=0.25, label="table"))
-    if course.box is not None:
-        _wires(axis, *_open_ends(course.box, low, high))
+    if profile.box is not None:
+        _wires(axis, *_open_ends(profile.box, low, high))
     axis.set_xlim(low[0], high[0])
     axis.set_ylim(low[1], high[1])
     axis.set_zlim(low[2], high[2])
@@ -106,14 +106,14 @@ def _path(axis: Axes3D, course: Course) -> None:
     axis.legend(loc="upper left", fontsize=7)
 
 
-def _room(course: Course) -> tuple[Array, Array]:
+def _room(profile: MotionProfile) -> tuple[Array, Array]:
     """Corners around the path, the finite ends of the box and the table."""
-    points = [course.tip]
-    if course.box is not None:
-        low, high = course.tip.min(axis=0), course.tip.max(axis=0)
-        points.append(np.array(_open_ends(course.box, low, high)))
-    if course.table is not None:
-        points.append(np.array([[*course.tip[0, :2], course.table]]))
+    points = [profile.tip]
+    if profile.box is not None:
+        low, high = profile.tip.min(axis=0), profile.tip.max(axis=0)
+        points.append(np.array(_open_ends(profile.box, low, high)))
+    if profile.table is not None:
+        points.append(np.array([[*profile.tip[0, :2], profile.table]]))
     every = np.concatenate(points)
     low, high = every.min(axis=0), every.max(axis=0)
     pad = 0.05 * max(0.1, float((high - low).max()))

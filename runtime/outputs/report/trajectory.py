@@ -1,4 +1,4 @@
-"""A designed motion as pictures, from its `Course` alone.
+"""A designed motion as pictures, from its `MotionProfile` alone.
 
 `NAME.png`: every joint's q, dq, ddq and torque inside their limits (the document's Fig. A.2), and
 the shares of all limits. `NAME-speed.png`: every joint in the plane of q and dq, where velocity
@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from runtime.excitation.motion_profile import Band, Course
+from runtime.excitation.motion_profile import Band, MotionProfile
 from runtime.files import replacing
 from runtime.outputs.report.space import draw_space
 from runtime.outputs.report.style import (
@@ -43,13 +43,13 @@ _ACROSS = 4
 _WIDE = 1000.0  # beyond any joint's position
 
 
-def write_pictures(course: Course, path: Path) -> tuple[Path, ...]:
+def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
     """Draw the motion as PNGs, each atomically: `path` and files named beside it.
 
     Raises:
         RuntimeFault: the place cannot be written.
     """
-    n = len(course.joints)
+    n = len(profile.joints)
     drawings = {
         "": ((15.0, 1.6 + 1.2 * n), draw_motion),
         "-speed": ((12.0, 1.0 + 2.4 * -(-n // _ACROSS)), draw_speed),
@@ -59,30 +59,30 @@ def write_pictures(course: Course, path: Path) -> tuple[Path, ...]:
     for suffix, (size, draw) in drawings.items():
         picture = path.with_name(f"{path.stem}{suffix}{path.suffix}")
         with blank(size, settings(), DPI) as figure:
-            draw(figure, course)
+            draw(figure, profile)
             with replacing(picture) as file:
                 figure.savefig(file, format="png", metadata={"Software": None})
         written.append(picture)
     return tuple(written)
 
 
-def draw_motion(figure: Figure, course: Course) -> None:
+def draw_motion(figure: Figure, profile: MotionProfile) -> None:
     """A row per joint: q, dq, ddq, torque, and the shares of limits over time."""
     kinds = (*PER_SECOND, "torque")
-    rows = figure.subplots(len(course.joints), len(kinds) + 1, sharex=True, squeeze=False)
+    rows = figure.subplots(len(profile.joints), len(kinds) + 1, sharex=True, squeeze=False)
     for j, row in enumerate(rows):
         for kind, axis in zip(kinds, row, strict=False):
             colour, _ = LINES[kind]
-            axis.plot(course.t, course.motion[kind][:, j], color=colour)
-            told = _limits(axis, course.bands[kind], j)
-            name = f"{course.joints[j]}   " if kind == "position" else ""
+            axis.plot(profile.t, profile.motion[kind][:, j], color=colour)
+            told = _limits(axis, profile.bands[kind], j)
+            name = f"{profile.joints[j]}   " if kind == "position" else ""
             axis.set_title(name + told, color=INK if name else VERMILION)
-            axis.set_ylabel(_unit(course, kind, j))
-        row[0].axhline(course.motion["position"][0, j], color=GREY, linewidth=0.8, zorder=1)
-        _shares(row[-1], course, j)
+            axis.set_ylabel(_unit(profile, kind, j))
+        row[0].axhline(profile.motion["position"][0, j], color=GREY, linewidth=0.8, zorder=1)
+        _shares(row[-1], profile, j)
         for axis in row:
             axis.margins(x=0)
-    torque = "torque with friction" if course.has_friction else "torque"
+    torque = "torque with friction" if profile.has_friction else "torque"
     for head, axis in zip((*PER_SECOND, torque, "use of limits"), rows[0], strict=True):
         axis.set_title(head, loc="right", fontweight="bold")
     for axis in rows[-1]:
@@ -90,17 +90,17 @@ def draw_motion(figure: Figure, course: Course) -> None:
     handles, labels = rows[0, -1].get_legend_handles_labels()
     handles.append(rows[0, -1].lines[-1])
     figure.legend(handles, [*labels, "limit"], loc="outside lower center", ncols=6)
-    verdict = "hold at every instant" if course.proof.holds else "do NOT all hold"
-    parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.where})" for u in course.proof.uses]
+    verdict = "hold at every instant" if profile.proof.holds else "do NOT all hold"
+    parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.where})" for u in profile.proof.uses]
     lines = ["  ·  ".join(parts[k : k + 6]) for k in range(0, len(parts), 6)]
-    if course.proof.unchecked:
-        lines.append(f"NOT checked: {', '.join(course.proof.unchecked)}")
-    head = f"{course.robot}, {course.t[-1]:g} s: limits {verdict}"
+    if profile.proof.unchecked:
+        lines.append(f"NOT checked: {', '.join(profile.proof.unchecked)}")
+    head = f"{profile.robot}, {profile.t[-1]:g} s: limits {verdict}"
     figure.suptitle("\n".join([head, *lines]), fontsize=9, x=0.01, ha="left")
 
 
-def _unit(course: Course, kind: str, joint: int) -> str:
-    unit = course.units[joint]
+def _unit(profile: MotionProfile, kind: str, joint: int) -> str:
+    unit = profile.units[joint]
     return ("N·m" if unit == "rad" else "N") if kind == "torque" else unit + PER_SECOND[kind]
 
 
@@ -120,12 +120,12 @@ def _limits(axis: Axes, band: Band, joint: int) -> str:
     return f"limit {', '.join(f'{end:.3g}' for end in far)}" if far else ""
 
 
-def _shares(axis: Axes, course: Course, joint: int) -> None:
+def _shares(axis: Axes, profile: MotionProfile, joint: int) -> None:
     """Of every limit that the robot states, in percent."""
     peak = 0.0
-    for kind, share in course.shares.items():
+    for kind, share in profile.shares.items():
         colour, dashes = LINES[kind]
-        axis.plot(course.t, 100 * share[:, joint], color=colour, linestyle=dashes, label=kind)
+        axis.plot(profile.t, 100 * share[:, joint], color=colour, linestyle=dashes, label=kind)
         peak = max(peak, float(np.nan_to_num(share[:, joint]).max()))
     axis.axhline(100, color=VERMILION, linewidth=1.0)
     axis.set_ylim(0, max(108.0, 104 * peak))
@@ -133,14 +133,14 @@ def _shares(axis: Axes, course: Course, joint: int) -> None:
     axis.set_ylabel("%")
 
 
-def draw_speed(figure: Figure, course: Course) -> None:
+def draw_speed(figure: Figure, profile: MotionProfile) -> None:
     """A panel per joint: the path in (q, dq), and the velocities that the robot may have."""
-    n = len(course.joints)
+    n = len(profile.joints)
     down = -(-n // _ACROSS)
     panels = figure.subplots(down, _ACROSS, squeeze=False).ravel()
     for j, axis in enumerate(panels[:n]):
-        q, dq = course.motion["position"][:, j], course.motion["velocity"][:, j]
-        edge = course.envelopes[j]
+        q, dq = profile.motion["position"][:, j], profile.motion["velocity"][:, j]
+        edge = profile.envelopes[j]
         axis.plot(q, dq, color=BLUE, label="motion")
         axis.plot(q[0], dq[0], "o", color=GREEN, markersize=5, label="start and end")
         across = np.clip(edge.q, -_WIDE, _WIDE)
@@ -153,14 +153,14 @@ def draw_speed(figure: Figure, course: Course) -> None:
         for end in edge.q[[0, -1]] if inside else ():
             axis.axvline(end, color=VERMILION, linewidth=1.0)
         axis.set_xlim(span[0] - pad, span[1] + pad)
-        axis.set_title(course.joints[j])
-        axis.set_xlabel(f"q [{course.units[j]}]")
-        axis.set_ylabel(f"dq [{course.units[j]}/s]")
+        axis.set_title(profile.joints[j])
+        axis.set_xlabel(f"q [{profile.units[j]}]")
+        axis.set_ylabel(f"dq [{profile.units[j]}/s]")
     for axis in panels[n:]:
         axis.set_axis_off()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(
-        f"{course.robot}, {course.t[-1]:g} s: velocity over position and what is allowed there",
+        f"{profile.robot}, {profile.t[-1]:g} s: velocity over position and what is allowed there",
         fontsize=9,
         x=0.01,
         ha="left",

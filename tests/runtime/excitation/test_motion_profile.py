@@ -10,7 +10,7 @@ import pytest
 from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.motion_profile import course
+from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certificate import KINDS, certificate, joint_bounds
 from runtime.library import Library
 from tests.oracle import pinocchio_model
@@ -23,7 +23,7 @@ def test_shares_are_those_of_the_certificate(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
     """Oracle: the largest share is the proven bound, to the step of the samples."""
-    found = course(lib, trajectories[0], SAFETY, samples=10_001)
+    found = profile_of(lib, trajectories[0], SAFETY, samples=10_001)
     bounds, _ = joint_bounds(lib, trajectories[0])
     assert tuple(found.shares) == (*KINDS, "torque")
     for kind, bound in zip(KINDS, bounds, strict=True):
@@ -35,7 +35,7 @@ def test_shares_are_those_of_the_certificate(
 
 def test_torque_and_tip_are_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
     """Oracle: RNEA plus viscous friction, the frame's place; Coulomb friction lowers the limit."""
-    found = course(lib, trajectories[0], SAFETY, samples=41)
+    found = profile_of(lib, trajectories[0], SAFETY, samples=41)
     model = pinocchio_model(lib.urdf())
     data, frame = model.createData(), model.getFrameId(lib.manifest.tip, pinocchio.BODY)
     q, dq, ddq = (found.motion[kind] for kind in KINDS[:3])
@@ -53,7 +53,7 @@ def test_gaps_are_those_of_the_certificate(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
     """Oracle: least distances as proven, per pair and per proxy above the table, in its order."""
-    found = course(lib, trajectories[0], SAFETY, samples=10_001)
+    found = profile_of(lib, trajectories[0], SAFETY, samples=10_001)
     proven = certificate(lib, trajectories[0], SAFETY).distances
     assert [(gap.kind, gap.label) for gap in found.gaps] == [(u.kind, u.where) for u in proven]
     assert {gap.kind for gap in found.gaps} == {"self-collision", "table"}
@@ -65,7 +65,7 @@ def test_gaps_are_those_of_the_certificate(
 
 def test_envelopes_end_where_braking_does(lib: Library) -> None:
     """Oracle: max(0, ±dq + c)² = k (q̂ ∓ q) on the edge, nowhere faster than the constant limit."""
-    found = course(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
+    found = profile_of(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
     facts, limits = lib.braking, lib.limits()
     assert facts is not None
     for j, edge in enumerate(found.envelopes):
@@ -84,12 +84,12 @@ def test_envelopes_end_where_braking_does(lib: Library) -> None:
 def test_little_is_known_of_little(lib: Library, tiny_built: Path) -> None:
     """Property: no proxies, no braking, few limits; document mode shows what it does not check."""
     tiny = load(tiny_built)
-    found = course(tiny, Trajectory(tiny.home, np.full((1, 2), 1e-3), 3.0))
+    found = profile_of(tiny, Trajectory(tiny.home, np.full((1, 2), 1e-3), 3.0))
     assert tuple(found.shares) == ("position", "velocity", "torque")
     assert (found.gaps, found.table, found.box, found.has_friction) == ((), None, None, False)
     assert found.envelopes[0].upper.tolist() == [3.0, 3.0]
     assert found.bands["torque"].upper.tolist() == [10.0]
-    found = course(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
+    found = profile_of(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
     assert {gap.kind for gap in found.gaps} == {"self-collision"}
     assert "self-collision" in found.proof.unchecked
     assert found.bands["torque"].upper == pytest.approx(lib.limits()["effort"])
@@ -100,7 +100,7 @@ def test_another_robots_motion_is_told(lib: Library, tiny_built: Path) -> None:
     motion = Trajectory(lib.home, np.zeros((7, 2)), 3.0)
     tiny = load(tiny_built)
     with pytest.raises(IdentificationError, match=r"needs a home of shape \(1,\)"):
-        course(tiny, motion)
+        profile_of(tiny, motion)
     motion = replace(motion, home=tiny.home, coefficients=np.zeros((1, 2)))
     with pytest.raises(IdentificationError, match="one number or one per joint, 1, got 2"):
-        course(tiny, motion, Safety(viscous=(0.1, 0.1)))
+        profile_of(tiny, motion, Safety(viscous=(0.1, 0.1)))

@@ -11,7 +11,7 @@ from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
 from runtime.simulation import Controller
-from runtime.simulation.controller_file import Loop, read_loop, write_loop
+from runtime.simulation.controller_file import ClosedLoop, read_controller, write_controller
 from tests.runtime.conftest import Command
 
 
@@ -25,9 +25,9 @@ def motion(lib: Library, trajectories: tuple[Trajectory, ...], tmp_path: Path) -
 def test_a_loop_returns_as_it_was_written(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
     """Property: write and read keep every number."""
     gains = Controller(stiffness=np.linspace(200, 300, 7), damping=25.0)
-    loop = Loop(motion, gains, np.full(7, 0.2), 500.0, 0.25)
-    write_loop(loop, "motion.json", tmp_path / "log.loop.toml")
-    back = read_loop(tmp_path / "log.loop.toml", lib)
+    loop = ClosedLoop(motion, gains, np.full(7, 0.2), 500.0, 0.25)
+    write_controller(loop, "motion.json", tmp_path / "log.loop.toml")
+    back = read_controller(tmp_path / "log.loop.toml", lib)
     assert np.array_equal(back.controller.stiffness, gains.stiffness)
     assert np.array_equal(back.controller.damping, np.full(7, 25.0))
     assert np.array_equal(back.rotor, loop.rotor)
@@ -64,9 +64,9 @@ def test_files_that_are_no_loop(
     path = tmp_path / "loop.toml"
     path.write_text(text)
     with pytest.raises((IdentificationError, RecordingError), match=sentence):
-        read_loop(path, lib)
+        read_controller(path, lib)
     with pytest.raises(IdentificationError, match="is no TOML file that can be read"):
-        read_loop(tmp_path / "missing.toml", lib)
+        read_controller(tmp_path / "missing.toml", lib)
 
 
 def test_simulate_and_identify_by_the_loop(

@@ -11,7 +11,13 @@ from runtime import Recording, identify, load
 from runtime.errors import IdentificationError, SimulationError
 from runtime.excitation import Trajectory
 from runtime.identification.metrics import torque_error
-from runtime.library import NOT_POSITIVE, CompiledLoop, Library, LoopBody, LoopLaw
+from runtime.library import (
+    NOT_POSITIVE,
+    ClosedLoopController,
+    ClosedLoopPlant,
+    CompiledClosedLoop,
+    Library,
+)
 from runtime.recording import Friction, Preparation
 from runtime.simulation import (
     Controller,
@@ -122,17 +128,19 @@ def test_seeds_decide_everything(lib: Library, gentle: Trajectory) -> None:
 MASS, X, Z, I_YY, ROTOR = 1.5, 0.1, 0.2, 0.02, 0.03
 
 
-def released(robot: Library, plant: Plant, start: np.ndarray, steps: int, h: float) -> CompiledLoop:
+def released(
+    robot: Library, plant: Plant, start: np.ndarray, steps: int, h: float
+) -> CompiledClosedLoop:
     """No motor: the plant falls freely from (q, dq) with `steps` steps of h."""
     n = robot.n_joints
     zero, every = np.zeros(n), np.ones(n)
-    body = LoopBody(
+    body = ClosedLoopPlant(
         plant.pi,
         *(np.asarray(x) * every for x in (plant.rotor, plant.viscous, plant.coulomb)),
         zero,
         plant.coulomb_speed,
     )
-    law = LoopLaw(np.zeros_like(plant.pi), zero, zero, zero)
+    law = ClosedLoopController(np.zeros_like(plant.pi), zero, zero, zero)
     reference = np.zeros((steps + 1, 3, n))
     reference[0, :2] = start
     loop = robot.closed_loop(body, law, reference, h, substeps=1)

@@ -16,14 +16,14 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
 from runtime.recording import Recording
 from runtime.recording.preprocessing import DOCUMENT, prepare
-from runtime.simulation import Box, Settings, VirtualLog, record, settings_of
+from runtime.simulation import Box, VirtualLog, VirtualRobotSettings, record, settings_of
 from runtime.simulation.settings import Friction, Sensors
 from tests.runtime.conftest import Command
 
 BOX = Box(1.8, (0.01, 0.02, 0.167), (0.1, 0.08, 0.1))
 
 
-def perfect(settings: Settings, **changes: object) -> Settings:
+def perfect(settings: VirtualRobotSettings, **changes: object) -> VirtualRobotSettings:
     """Without friction, with perfect sensors."""
     n = len(settings.rotor)
     none = {key: np.zeros(n) for key in Friction.__dataclass_fields__}

@@ -10,7 +10,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.simulation import Controller, Plant, ideal
-from runtime.simulation.controller_file import Loop
+from runtime.simulation.controller_file import ClosedLoop
 from scripts.bench.plant import COULOMB, FRICTION, SPEED, SPLIT, VISCOUS, Bench, bench
 
 PHI = np.stack([COULOMB, VISCOUS], axis=1)
@@ -167,7 +167,7 @@ def test_methods_that_simulate_ask_for_the_loop(good_q: Bench) -> None:
     for method in ("iv", "didim"):
         with pytest.raises(IdentificationError, match=r"needs to know it; give .* --loop FILE"):
             good_q.identify(method, loop=None)
-    late = Loop(good_q.loop.reference, good_q.loop.controller, 0.1, start=1.0)
+    late = ClosedLoop(good_q.loop.reference, good_q.loop.controller, 0.1, start=1.0)
     with pytest.raises(
         IdentificationError, match=r"from 0\.000 to 10\.000 s, the reference from 1"
     ):
@@ -176,7 +176,7 @@ def test_methods_that_simulate_ask_for_the_loop(good_q: Bench) -> None:
 
 def test_a_first_guess_that_cannot_move_is_told(good_q: Bench) -> None:
     """Property: gains that let the simulation run away are a sentence; IV keeps WLS."""
-    wild = Loop(good_q.loop.reference, Controller(damping=0.0, stiffness=2e6), 0.1)
+    wild = ClosedLoop(good_q.loop.reference, Controller(damping=0.0, stiffness=2e6), 0.1)
     with pytest.raises(SimulationError, match="the motion diverged"):
         good_q.identify("didim", loop=wild)
     found = good_q.identify("iv", loop=wild)

@@ -1,4 +1,4 @@
-"""Limits of the robot as laws: values against independent formulas, slopes by Taylor."""
+"""Limits of the robot as constraints: values against independent formulas, slopes by Taylor."""
 
 import numpy as np
 import pinocchio
@@ -6,9 +6,9 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.excitation import COSINE, Safety, Trajectory, basis_of
-from runtime.excitation.limits.limit_rows import LawRows
-from runtime.excitation.limits.nonlinear_limits import Braking, Law
-from runtime.excitation.limits.safety import laws, require_rest
+from runtime.excitation.limits.limit_rows import LimitRows
+from runtime.excitation.limits.nonlinear_limits import Braking, Constraint
+from runtime.excitation.limits.safety import constraints, require_rest
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 from tests.taylor import assert_second_order, taylor_slope
@@ -17,8 +17,10 @@ EVERYTHING = Safety(table=0.0, box=(0.1, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(3.0
 KINDS = ("braking", "torque", "torque rate", "tip box", "tip speed", "self-collision", "table")
 
 
-def found(lib: Library, kind: str, safety: Safety = EVERYTHING) -> Law:
-    return next(law for law in laws(lib, lib.home, safety) if law.kind == kind)
+def found(lib: Library, kind: str, safety: Safety = EVERYTHING) -> Constraint:
+    return next(
+        constraint for constraint in constraints(lib, lib.home, safety) if constraint.kind == kind
+    )
 
 
 def motions(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.ndarray:
@@ -27,10 +29,10 @@ def motions(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.ndarray:
 
 def test_every_kind_is_there(lib: Library) -> None:
     """Property: by default all that the FR3 states; nothing in the document's mode."""
-    assert [law.kind for law in laws(lib, lib.home, EVERYTHING)] == list(KINDS)
-    stated = [law.kind for law in laws(lib, lib.home, Safety())]
+    assert [constraint.kind for constraint in constraints(lib, lib.home, EVERYTHING)] == list(KINDS)
+    stated = [constraint.kind for constraint in constraints(lib, lib.home, Safety())]
     assert stated == [kind for kind in KINDS if kind not in {"tip box", "table"}]
-    assert laws(lib, lib.home, None) == ()
+    assert constraints(lib, lib.home, None) == ()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -50,7 +52,7 @@ def test_slopes_by_taylor(
     if basis != "cosine":
         a = np.hstack([a, 0.02 * rng.normal(size=a.shape)])
     phi = chosen.at(lib, a.shape[1], t, 10.0)
-    rows = LawRows([found(lib, kind)], lib.home, phi, chosen.is_symmetric)
+    rows = LimitRows([found(lib, kind)], lib.home, phi, chosen.is_symmetric)
     largest = np.sort(np.argsort(rows.values(a))[-3:])
     slope = rows.jacobian(a, largest)
     direction = 0.05 * a * rng.normal(size=a.shape)
@@ -68,16 +70,16 @@ def test_slopes_by_taylor(
 def test_rows_on_demand_are_those_of_the_grid(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
-    """Property: numbers lead to the same rows whatever else is asked; all laws together."""
+    """Property: numbers lead to the same rows whatever else is asked; all constraints together."""
     a, t = trajectories[0].coefficients, np.linspace(0, 10, 21)
     phi = COSINE.at(lib, 5, t, 10.0)
-    rows = LawRows(laws(lib, lib.home, EVERYTHING), lib.home, phi, True, tightened=0.01)
+    rows = LimitRows(constraints(lib, lib.home, EVERYTHING), lib.home, phi, True, tightened=0.01)
     numbers, values, slopes = rows.linearised(a, near=-0.5)
     assert values == pytest.approx(rows.values(a)[numbers], abs=0)
     assert values.min() > -0.5
     some = numbers[::7]
     assert rows.jacobian(a, some) == pytest.approx(slopes[::7], rel=1e-12, abs=1e-12)
-    loose = LawRows(laws(lib, lib.home, EVERYTHING), lib.home, phi, True)
+    loose = LimitRows(constraints(lib, lib.home, EVERYTHING), lib.home, phi, True)
     # One subtraction.
     assert rows.values(a) - loose.values(a) == pytest.approx(np.full(rows.values(a).shape, 0.01))
     assert rows.worst(a) == rows.values(a).max()
@@ -89,14 +91,18 @@ def test_even_laws_see_half_of_a_motion_that_returns(
     """Property: the largest g over all t, as on the whole grid."""
     a, t = trajectories[0].coefficients, np.linspace(0, 10, 101)
     phi = COSINE.at(lib, 5, t, 10.0)
-    known = laws(lib, lib.home, EVERYTHING)
-    half, whole = (LawRows(known, lib.home, phi, flag).by_law(a) for flag in (True, False))
-    for law, some, everything in zip(known, half, whole, strict=True):
-        assert some.shape[1] == (51 if law.even else 101), law.kind
+    known = constraints(lib, lib.home, EVERYTHING)
+    half, whole = (LimitRows(known, lib.home, phi, flag).by_constraint(a) for flag in (True, False))
+    for constraint, some, everything in zip(known, half, whole, strict=True):
+        assert some.shape[1] == (51 if constraint.even else 101), constraint.kind
         # Two-sided rows swap their signs on the way back; rounding of the mirrored basis.
         assert some.max() == pytest.approx(everything.max(), rel=1e-9)
-    assert [law.kind for law in known if not law.even] == ["braking", "torque", "torque rate"]
-    assert all(law.even for law in laws(lib, lib.home, Safety())[1:])
+    assert [constraint.kind for constraint in known if not constraint.even] == [
+        "braking",
+        "torque",
+        "torque rate",
+    ]
+    assert all(constraint.even for constraint in constraints(lib, lib.home, Safety())[1:])
 
 
 def test_torque_is_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
@@ -149,8 +155,8 @@ def test_tip_is_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]) -
 
 def test_braking_is_the_manufacturers_speed(lib: Library) -> None:
     """Oracle: |dq| ≤ −c + √(k (q̂ − q)) where that is positive; the same set, on its border."""
-    law = found(lib, "braking")
-    assert isinstance(law, Braking)
+    constraint = found(lib, "braking")
+    assert isinstance(constraint, Braking)
     facts = lib.braking
     assert facts is not None
     rng = np.random.default_rng(0)
@@ -163,15 +169,15 @@ def test_braking_is_the_manufacturers_speed(lib: Library) -> None:
     for side, speed in enumerate(reach):
         sign = 1 - 2 * side
         motion = np.stack([q, sign * speed, 0 * q, 0 * q])
-        g = law.values(motion)[:, 7 * side : 7 * side + 7]
+        g = constraint.values(motion)[:, 7 * side : 7 * side + 7]
         some = speed > 0
         assert some.mean() > 0.9
         assert g[some] == pytest.approx(0, abs=1e-13)
-        slower = law.values(motion - 1e-3 * sign * np.eye(4)[1][:, None, None])
+        slower = constraint.values(motion - 1e-3 * sign * np.eye(4)[1][:, None, None])
         assert (slower[:, 7 * side : 7 * side + 7][some] < 0).all()
     rest = np.zeros((4, 1, 7))
     rest[0] = lib.home
-    assert law.values(rest) == pytest.approx(-1, abs=1e-14)  # nothing used at rest at home
+    assert constraint.values(rest) == pytest.approx(-1, abs=1e-14)  # nothing used at rest at home
 
 
 def test_distances_keep_their_margins(lib: Library) -> None:
@@ -181,15 +187,15 @@ def test_distances_keep_their_margins(lib: Library) -> None:
     """
     rest = np.zeros((4, 1, 7))
     rest[0] = lib.home
-    law = found(lib, "self-collision")
+    constraint = found(lib, "self-collision")
     own = np.array([pair.margin for pair in lib.pairs])
     distance = lib.clearance(lib.home)[0].ravel()
-    assert law.values(rest)[0] == pytest.approx((own - distance) / 0.1, abs=1e-13)
+    assert constraint.values(rest)[0] == pytest.approx((own - distance) / 0.1, abs=1e-13)
     wide = found(lib, "self-collision", Safety(clearance=0.04)).values(rest)[0]
     expected = np.where(own < own.max(), own, 0.04)
     assert (own < own.max()).any(), "the FR3 has links that are close by design"
     assert wide == pytest.approx((expected - distance) / 0.1, abs=1e-13)
-    value, limit, unit = law.measured(0, float(law.values(rest)[0, 0]))
+    value, limit, unit = constraint.measured(0, float(constraint.values(rest)[0, 0]))
     assert (value, limit, unit) == (pytest.approx(distance[0]), own[0], "m")
     low = found(lib, "table").values(rest)[0]
     high = found(lib, "table", Safety(table=0.1, clearance=0.05)).values(rest)[0]
@@ -235,7 +241,7 @@ def test_limits_that_are_none(options: dict[str, object], sentence: str) -> None
 def test_limits_that_home_breaks(lib: Library, safety: Safety, sentence: str) -> None:
     """Property: which limit, where and by how much, in one sentence."""
     with pytest.raises(IdentificationError, match=sentence):
-        require_rest(laws(lib, lib.home, safety), lib.home)
+        require_rest(constraints(lib, lib.home, safety), lib.home)
 
 
 def test_a_home_without_speed_is_told(lib: Library) -> None:
@@ -245,4 +251,4 @@ def test_a_home_without_speed_is_told(lib: Library) -> None:
     home = lib.home.copy()
     home[3] = facts.upper[3] - 0.005
     with pytest.raises(IdentificationError, match=r"'fr3_joint4' its velocity limit.*no speed"):
-        require_rest(laws(lib, home, Safety()), home)
+        require_rest(constraints(lib, home, Safety()), home)

@@ -16,7 +16,7 @@ import pytest
 from runtime.errors import IdentificationError
 from runtime.excitation import Design, Safety, design
 from runtime.excitation.proof.certificate import certificate, pulled_inside
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.library import Library, ProxyFacts
 from tests.oracle import pinocchio_model
 from tests.runtime.excitation.test_excitation import closed_form
@@ -211,7 +211,9 @@ def test_no_room_is_explained(lib: Library) -> None:
     """Property: a box around the tip of 20 nm leaves nothing; the sentence names what stops it."""
     p = lib.tip_motion(lib.home, np.zeros(7))[0].ravel()
     ends = np.stack([p - 1e-8, p + 1e-8], axis=1).ravel()
-    problem = Problem(*(lib.folder, lib.level, lib.home, 2, 4.0, 0), safety=Safety(box=tuple(ends)))
+    problem = SearchProblem(
+        *(lib.folder, lib.level, lib.home, 2, 4.0, 0), safety=Safety(box=tuple(ends))
+    )
     search = Search(lib, problem)
     with pytest.raises(IdentificationError, match=r"no room for a motion.*tip box \(. m..\) and"):
         search._shrunk(search._random(0), 0.0)

@@ -7,24 +7,26 @@ import pytest
 
 from runtime.excitation import COSINE, Limits, Safety, Trajectory, basis_of
 from runtime.excitation.limits.joint_limits import inside
-from runtime.excitation.limits.limit_rows import LawRows
-from runtime.excitation.limits.nonlinear_limits import Law
-from runtime.excitation.limits.safety import laws
-from runtime.excitation.limits.sampled_motion import Passage
+from runtime.excitation.limits.limit_rows import LimitRows
+from runtime.excitation.limits.nonlinear_limits import Constraint
+from runtime.excitation.limits.safety import constraints
+from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.excitation.proof.certificate import certificate
 from runtime.excitation.proof.joint_bounds import joint_bounds
-from runtime.excitation.proof.nonlinear_bounds import law_bounds
+from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Library
 
 EVERYTHING = Safety(table=0.0, box=(0.2, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(2.0,))
 KINDS = ("braking", "torque", "torque rate", "tip box", "tip speed", "self-collision", "table")
 
 
-def brute(law: Law, trajectory: Trajectory, lib: Library, times: np.ndarray) -> np.ndarray:
+def brute(
+    constraint: Constraint, trajectory: Trajectory, lib: Library, times: np.ndarray
+) -> np.ndarray:
     """Largest g per row at these times, (R,)."""
     phi = trajectory.basis.at(lib, trajectory.coefficients.shape[1], times, trajectory.duration)
-    rows = LawRows([law], trajectory.home, phi, half=False)
-    return rows.by_law(trajectory.coefficients)[0].max(axis=1)
+    rows = LimitRows([constraint], trajectory.home, phi, half=False)
+    return rows.by_constraint(trajectory.coefficients)[0].max(axis=1)
 
 
 def fast_motion(lib: Library, size: float = 4e-3) -> Trajectory:
@@ -36,30 +38,32 @@ def fast_motion(lib: Library, size: float = 4e-3) -> Trajectory:
 def test_bounds_are_above_and_close(lib: Library, kind: str) -> None:
     """Oracle: 20 000 samples of a fast motion: above them, by what a millisecond bends at most."""
     motion = fast_motion(lib)
-    law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
-    found = law_bounds(lib, [law], motion)
+    constraint = next(x for x in constraints(lib, lib.home, EVERYTHING) if x.kind == kind)
+    found = constraint_bounds(lib, [constraint], motion)
     bounds = np.array([bound.bound for bound in found])
-    largest = brute(law, motion, lib, np.linspace(0, 2, 20_001))
+    largest = brute(constraint, motion, lib, np.linspace(0, 2, 20_001))
     assert (bounds >= largest - 1e-13).all()  # rounding of two evaluations of the basis
     # δ²/8 g'' with δ = 1 ms and (2π 8 / 2 s)² = 630/s² of the fastest wave, times 2 and its
     # squares in products of speeds.
     assert (bounds - largest).max() < 2e-3
     assert [bound.is_proven for bound in found] == [kind == "braking"] * len(found)
     for bound, row in zip(found, range(len(found)), strict=True):
-        at = brute(law, motion, lib, np.array([bound.time]))[row]
+        at = brute(constraint, motion, lib, np.array([bound.time]))[row]
         assert at == pytest.approx(largest[row], abs=2e-3)  # half a step from there, as above
 
 
 @pytest.mark.parametrize("kind", KINDS[1:])
 def test_rates_are_those_of_the_slopes(lib: Library, kind: str) -> None:
     """Oracle: the chain rule with the slopes that a design descends along, and their values."""
-    law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
+    constraint = next(x for x in constraints(lib, lib.home, EVERYTHING) if x.kind == kind)
     basis, motion = COSINE.derivatives(5, 8, np.linspace(0.1, 0.9, 17)), fast_motion(lib)
     states = basis @ motion.coefficients.T / np.power(2.0, np.arange(5))[:, None, None]
     states[0] += lib.home
-    g, rate = law.along(Passage(lib, states))
-    assert np.abs(g - law.values(states[:4])).max() < 1e-13  # two orders of the same sums
-    chain = np.einsum("nrdj,dnj->nr", law.slopes(states[:4]), states[1 : law.orders + 1])
+    g, rate = constraint.along(SampledMotion(lib, states))
+    assert np.abs(g - constraint.values(states[:4])).max() < 1e-13  # two orders of the same sums
+    chain = np.einsum(
+        "nrdj,dnj->nr", constraint.slopes(states[:4]), states[1 : constraint.orders + 1]
+    )
     assert np.abs(rate - chain).max() < 1e-12 * np.abs(chain).max()  # as before, of sums of 28
 
 
@@ -74,12 +78,12 @@ def test_long_intervals_lose_nothing(
     a[2] = 0  # rests: every interval is the largest one
     a = inside(Limits(lib, lib.home, size, 3.0, basis=chosen), a)
     motion = Trajectory(lib.home, a, 3.0, chosen)
-    braking = laws(lib, lib.home, Safety())[:1]
+    braking = constraints(lib, lib.home, Safety())[:1]
 
     def everything() -> np.ndarray:
         # Joint by joint: long intervals of all rows are divided together.
         motions = [replace(motion, coefficients=a * row[:, None]) for row in np.eye(7)]
-        found = [bound for one in motions for bound in law_bounds(lib, braking, one)]
+        found = [bound for one in motions for bound in constraint_bounds(lib, braking, one)]
         rows = np.array([(bound.bound, bound.time) for bound in found]).T
         return np.hstack([rows, np.reshape(joint_bounds(lib, motion), (2, -1))])
 
@@ -96,13 +100,13 @@ def test_long_intervals_lose_nothing(
 def test_a_violation_between_samples_is_caught(lib: Library, kind: str) -> None:
     """Adversary: g < 0 at every sample of a 1 kHz grid, above 0 somewhere between two of them."""
     motion = fast_motion(lib)
-    law = next(x for x in laws(lib, lib.home, EVERYTHING) if x.kind == kind)
+    constraint = next(x for x in constraints(lib, lib.home, EVERYTHING) if x.kind == kind)
     grid, fine = np.linspace(0, 2, 2001), np.linspace(0, 2, 60_001)
-    seen, true = brute(law, motion, lib, grid), brute(law, motion, lib, fine)
+    seen, true = brute(constraint, motion, lib, grid), brute(constraint, motion, lib, fine)
     between = true - seen
     row = int(np.argmax(between))
     assert between[row] > 1e-9, "the test's own motion must peak between samples"
-    raised = _Raised(law, float(seen[row] + true[row]) / 2)
+    raised = _Raised(constraint, float(seen[row] + true[row]) / 2)
     assert brute(raised, motion, lib, grid)[row] < 0
     assert brute(raised, motion, lib, fine)[row] > 0
     bound = _bound_of(lib, raised, motion, row)
@@ -110,10 +114,10 @@ def test_a_violation_between_samples_is_caught(lib: Library, kind: str) -> None:
 
 
 class _Raised:
-    """The same law with another limit: g − level."""
+    """The same constraint with another limit: g − level."""
 
-    def __init__(self, law: Law, level: float) -> None:
-        self._law, self._level = law, level
+    def __init__(self, constraint: Constraint, level: float) -> None:
+        self._law, self._level = constraint, level
 
     def __getattr__(self, name: str) -> object:
         return getattr(self._law, name)
@@ -121,15 +125,15 @@ class _Raised:
     def values(self, motion: np.ndarray) -> np.ndarray:
         return self._law.values(motion) - self._level
 
-    def along(self, passage: Passage) -> tuple[np.ndarray, np.ndarray]:
-        g, slope = self._law.along(passage)
+    def along(self, sampled: SampledMotion) -> tuple[np.ndarray, np.ndarray]:
+        g, slope = self._law.along(sampled)
         return g - self._level, slope
 
 
 def _bound_of(lib: Library, raised: _Raised, motion: Trajectory, row: int) -> float:
     if raised.kind == "braking":  # the proof asks for the class
-        return law_bounds(lib, [raised._law], motion)[row].bound - raised._level
-    return law_bounds(lib, [raised], motion)[row].bound
+        return constraint_bounds(lib, [raised._law], motion)[row].bound - raised._level
+    return constraint_bounds(lib, [raised], motion)[row].bound
 
 
 def test_what_is_no_number_never_holds(lib: Library) -> None:

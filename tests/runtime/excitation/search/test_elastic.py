@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize, rosen, rosen_der
 
-from runtime.excitation.search.conic import Rows
+from runtime.excitation.search.conic import LinearRows
 from runtime.excitation.search.elastic import Curved, corrected
 from runtime.excitation.search.semidefinite_polish import polish
 from runtime.excitation.search.sqp import descend
@@ -32,8 +32,8 @@ class Discs:
         return 2 * (x - self.centres[numbers]) / self.radii[numbers, None] ** 2
 
 
-def box(n: int, size: float) -> Rows:
-    return Rows(np.vstack([np.eye(n), -np.eye(n)]), np.full(2 * n, size))
+def box(n: int, size: float) -> LinearRows:
+    return LinearRows(np.vstack([np.eye(n), -np.eye(n)]), np.full(2 * n, size))
 
 
 def rosenbrock(x: np.ndarray) -> tuple[float, np.ndarray]:

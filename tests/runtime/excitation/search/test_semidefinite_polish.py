@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from runtime.excitation.search import conic
-from runtime.excitation.search.conic import SLACK, Rows
+from runtime.excitation.search.conic import SLACK, LinearRows
 from runtime.excitation.search.eigenvalue_clusters import Spectrum, weight_of
 from runtime.excitation.search.semidefinite_polish import _Model, polish
 
@@ -27,8 +27,8 @@ class Affine:
         return self.at(points), gradient
 
 
-def box(n: int, size: float) -> Rows:
-    return Rows(np.vstack([np.eye(n), -np.eye(n)]), np.full(2 * n, size))
+def box(n: int, size: float) -> LinearRows:
+    return LinearRows(np.vstack([np.eye(n), -np.eye(n)]), np.full(2 * n, size))
 
 
 def symmetric(rng: np.random.Generator, *shape: int) -> np.ndarray:
@@ -143,7 +143,7 @@ def test_never_worse_and_always_inside(
     rng = np.random.default_rng(seed)
     constant = np.diag(rng.uniform(1.0, 4.0, size=6))
     toy = Affine(constant, symmetric(rng, 5, 6, 6) / 4, symmetric(rng, 5, 6, 6))
-    rows = Rows(rng.normal(size=(60, 5)), np.full(60, 0.3))
+    rows = LinearRows(rng.normal(size=(60, 5)), np.full(60, 0.3))
     found = polish(toy, np.zeros(5), rows)
     assert found.history[0] == pytest.approx(log_cond(constant), rel=1e-12)
     assert (np.diff(found.history) < 0).all()

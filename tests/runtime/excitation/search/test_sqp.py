@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize, rosen, rosen_der
 
 from runtime.excitation.search import conic
-from runtime.excitation.search.conic import SLACK, Block, Rows, solve
+from runtime.excitation.search.conic import SLACK, Block, LinearRows, solve
 from runtime.excitation.search.sqp import descend
 
 
@@ -15,14 +15,14 @@ def rosenbrock(x: np.ndarray) -> tuple[float, np.ndarray]:
     return float(rosen(x)), rosen_der(x)
 
 
-def box(n: int, size: float) -> Rows:
-    return Rows(np.vstack([np.eye(n), -np.eye(n)]), np.full(2 * n, size))
+def box(n: int, size: float) -> LinearRows:
+    return LinearRows(np.vstack([np.eye(n), -np.eye(n)]), np.full(2 * n, size))
 
 
-def disc(count: int, radius: float = 1.0) -> Rows:
+def disc(count: int, radius: float = 1.0) -> LinearRows:
     """A regular polygon around a disc; neighbouring rows are neighbours on it."""
     angle = 2 * np.pi * np.arange(count) / count
-    return Rows(np.stack([np.cos(angle), np.sin(angle)], axis=1), np.full(count, radius))
+    return LinearRows(np.stack([np.cos(angle), np.sin(angle)], axis=1), np.full(count, radius))
 
 
 def test_an_optimum_inside() -> None:
@@ -73,7 +73,7 @@ def test_against_scipy_on_random_problems() -> None:
             value, gradient = of(x)
             return value / scale, gradient / scale
 
-        found = descend(scaled, np.zeros(6), Rows(matrix, np.ones(40)), 300, tolerance=1e-10)
+        found = descend(scaled, np.zeros(6), LinearRows(matrix, np.ones(40)), 300, tolerance=1e-10)
         keep = {"type": "ineq", "fun": lambda x, m=matrix: 1 - m @ x, "jac": lambda _, m=matrix: -m}
         oracle = minimize(
             scaled,

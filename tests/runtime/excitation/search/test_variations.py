@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from runtime.excitation import Design, design
-from runtime.excitation.search.single_start import Problem, Search
+from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.excitation.search.variations import FEWEST, PARENTS, ROUNDS, rounds
 from runtime.library import Library
 
 SMALL = (6.0, 3)
 """s and harmonics of a search whose start takes a fifth of a second."""
-STARTS, RELATIVES = 8, 8
+STARTS, VARIATIONS = 8, 8
 
 
 @pytest.fixture(scope="module")
@@ -20,29 +20,29 @@ def alone(lib: Library) -> Design:
     return design(lib, *SMALL, starts=STARTS, seed=0)
 
 
-def test_relatives_are_better_than_starts(alone: Design) -> None:
+def test_variations_are_better_than_starts(alone: Design) -> None:
     """Property: the best relative leaves the best start behind, and the design is the better."""
-    assert (len(alone.conditions), len(alone.relatives)) == (STARTS, RELATIVES)
+    assert (len(alone.conditions), len(alone.variations)) == (STARTS, VARIATIONS)
     # Measured: 8.084 and 8.010; 3.422 and 3.27 with 5 harmonics in 20 s after 100 starts.
-    assert min(alone.relatives) < 0.997 * min(alone.conditions)
+    assert min(alone.variations) < 0.997 * min(alone.conditions)
     # The last polish on the fine grid may lose 0.5 %.
-    assert alone.condition == pytest.approx(min(alone.relatives), rel=0.005)
+    assert alone.condition == pytest.approx(min(alone.variations), rel=0.005)
 
 
 def test_the_number_of_processes_does_not_matter(lib: Library, alone: Design) -> None:
-    """Property: rounds wait for each other, so that relatives have the same parents, to the bit."""
+    """Property: rounds wait for each other, so the parents of variations agree, to the bit."""
     told: list[tuple[int, float, float]] = []
     together = design(
         lib, *SMALL, starts=STARTS, seed=0, processes=3, progress=lambda *now: told.append(now)
     )
     assert np.array_equal(alone.trajectory.coefficients, together.trajectory.coefficients)
-    assert (alone.conditions, alone.relatives) == (together.conditions, together.relatives)
-    assert [done for done, _, _ in told] == list(range(1, STARTS + RELATIVES + 1))
+    assert (alone.conditions, alone.variations) == (together.conditions, together.variations)
+    assert [done for done, _, _ in told] == list(range(1, STARTS + VARIATIONS + 1))
     assert sorted(value for _, value, _ in told[:STARTS]) == sorted(alone.conditions)
 
 
-def test_interrupting_relatives_keeps_the_best(lib: Library, alone: Design) -> None:
-    """Property: Ctrl-C among the relatives leaves those that have ended and no process."""
+def test_interrupting_variations_keeps_the_best(lib: Library, alone: Design) -> None:
+    """Property: Ctrl-C among the variations leaves those that have ended and no process."""
 
     def stop(done: int, *_: float) -> None:
         if done == STARTS + 3:
@@ -50,8 +50,8 @@ def test_interrupting_relatives_keeps_the_best(lib: Library, alone: Design) -> N
 
     kept = design(lib, *SMALL, starts=STARTS, seed=0, processes=2, progress=stop)
     assert kept.conditions == alone.conditions
-    assert len(kept.relatives) == 3
-    assert set(kept.relatives) <= set(alone.relatives)
+    assert len(kept.variations) == 3
+    assert set(kept.variations) <= set(alone.variations)
     assert not multiprocessing.active_children()
 
 
@@ -77,18 +77,18 @@ def test_rounds() -> None:
         assert len(list(rounds(criterion, starts, found))) == 1
 
 
-def test_relatives_of_a_start(lib: Library) -> None:
+def test_variations_of_a_start(lib: Library) -> None:
     """Property: within the limits of the grid; back at a parent, given up, or polished."""
-    problem = Problem(lib.folder, lib.level, lib.home, SMALL[1], SMALL[0], seed=0)
+    problem = SearchProblem(lib.folder, lib.level, lib.home, SMALL[1], SMALL[0], seed=0)
     search = Search(lib, problem)
     parents = tuple(search.start(number)[1] for number in range(2))
     known = {search.value(a) for a in parents}
     kinds = set()
     for number in range(20, 26):  # one joint, two joints, noise
-        value, a = search.relative(number, parents, np.inf)
+        value, a = search.variation(number, parents, np.inf)
         assert max(use.max() for use in search.limits.use(a).values()) <= 1 + 1e-9  # rounding
         assert value == search.value(a)
-        early, _ = search.relative(number, parents, -np.inf)  # the smooth stage alone
+        early, _ = search.variation(number, parents, -np.inf)  # the smooth stage alone
         kinds.add("back" if value in known else "polished")
         assert (early == value) if value in known else (early > value + 1e-3)
     assert kinds == {"back", "polished"}

@@ -1,4 +1,4 @@
-"""runtime.outputs.report.trajectory: the panels show the course, and they can be written."""
+"""runtime.outputs.report.trajectory: the panels show the profile, and they can be written."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from runtime import load
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.motion_profile import Course, course
+from runtime.excitation.motion_profile import MotionProfile, profile_of
 from runtime.library import Library
 from runtime.outputs.report.space import draw_space
 from runtime.outputs.report.style import VERMILION, blank, settings
@@ -24,13 +24,13 @@ NAMES = ["a.png", "a-speed.png", "a-space.png"]
 
 
 @pytest.fixture(scope="module")
-def shown(lib: Library, trajectories: tuple[Trajectory, ...]) -> Course:
-    return course(lib, trajectories[0], SAFETY)
+def shown(lib: Library, trajectories: tuple[Trajectory, ...]) -> MotionProfile:
+    return profile_of(lib, trajectories[0], SAFETY)
 
 
-def drawn_by(draw: Callable[[Figure, Course], None], course: Course) -> Figure:
+def drawn_by(draw: Callable[[Figure, MotionProfile], None], profile: MotionProfile) -> Figure:
     with blank((8.0, 6.0), settings()) as figure:
-        draw(figure, course)
+        draw(figure, profile)
     return figure
 
 
@@ -43,7 +43,7 @@ def limits_of(axis: Axes) -> list[float]:
     return [float(y[0]) for y in (curve(axis, k) for k in lines) if y.size]
 
 
-def test_every_joint_has_its_panels(shown: Course) -> None:
+def test_every_joint_has_its_panels(shown: MotionProfile) -> None:
     """Property: q, dq, ddq, torque per row with units, and limits drawn or told; then the use."""
     figure = drawn_by(draw_motion, shown)
     rows = np.array(figure.axes).reshape(7, 5)
@@ -67,7 +67,7 @@ def test_every_joint_has_its_panels(shown: Course) -> None:
     assert "torque" in text
 
 
-def test_velocity_over_position(shown: Course) -> None:
+def test_velocity_over_position(shown: MotionProfile) -> None:
     """Property: a panel per joint with its motion and both bounds."""
     figure = drawn_by(draw_speed, shown)
     panels = [axis for axis in figure.axes if axis.axison]
@@ -80,7 +80,7 @@ def test_velocity_over_position(shown: Course) -> None:
         assert axis.get_xlabel() == "q [rad]"
 
 
-def test_path_and_distances(shown: Course) -> None:
+def test_path_and_distances(shown: MotionProfile) -> None:
     """Property: the tip's path, twelve edges of the box, the table; the closest four are bold."""
     figure = drawn_by(draw_space, shown)
     path, *panels = (axis for part in figure.subfigs for axis in part.axes)
@@ -104,7 +104,7 @@ def test_path_and_distances(shown: Course) -> None:
         assert bool(axis.patches) == broken
 
 
-def test_what_nobody_checked_is_told(shown: Course) -> None:
+def test_what_nobody_checked_is_told(shown: MotionProfile) -> None:
     """Property: no gaps is no clearance; unchecked distances say so."""
     for left, words in (
         (replace(shown, gaps=(), table=None, box=None), "no collision proxies"),
@@ -116,7 +116,7 @@ def test_what_nobody_checked_is_told(shown: Course) -> None:
         assert any(words in text for text in told)
 
 
-def test_the_pictures_are_pngs(shown: Course, tmp_path: Path, tiny_built: Path) -> None:
+def test_the_pictures_are_pngs(shown: MotionProfile, tmp_path: Path, tiny_built: Path) -> None:
     """Property: three pictures per motion, the same bytes twice; a small robot draws as well."""
     first = write_pictures(shown, tmp_path / "a.png")
     assert [path.name for path in first] == NAMES
@@ -126,7 +126,7 @@ def test_the_pictures_are_pngs(shown: Course, tmp_path: Path, tiny_built: Path) 
         assert picture.shape[:2] == size
         assert picture[..., :3].std() > 0.05
     tiny = load(tiny_built)
-    small = course(tiny, Trajectory(tiny.home, np.zeros((1, 2)), 3.0))
+    small = profile_of(tiny, Trajectory(tiny.home, np.zeros((1, 2)), 3.0))
     twice = [write_pictures(small, tmp_path / name) for name in ("b.png", "c.png")]
     for one, other in zip(*twice, strict=True):
         assert one.read_bytes() == other.read_bytes()

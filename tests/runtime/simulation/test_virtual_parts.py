@@ -16,7 +16,7 @@ from runtime.simulation import Box, read_payload, settings_of
 from runtime.simulation.joint_friction import JointFriction
 from runtime.simulation.mujoco_engine import engine, inverse_dynamics, mass_diagonal
 from runtime.simulation.sensors import Calibration, Encoders, measured_torque, quantised
-from runtime.simulation.settings import Friction, Sensors
+from runtime.simulation.settings import Sensors, VirtualFriction
 from runtime.simulation.virtual_robot import perturbed
 from tests.oracle import random_states
 
@@ -91,15 +91,15 @@ def test_mujoco_is_missing(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> Non
         engine(fr3, fr3.pi0)
 
 
-def law(**changes: float) -> Friction:
-    """Friction of one joint, nothing but what is named."""
-    values = dict.fromkeys(Friction.__dataclass_fields__, 0.0)
+def law(**changes: float) -> VirtualFriction:
+    """VirtualFriction of one joint, nothing but what is named."""
+    values = dict.fromkeys(VirtualFriction.__dataclass_fields__, 0.0)
     values |= {"stribeck_speed": 0.1, "dahl_stroke": 2e-3} | changes
-    return Friction(**{key: np.array([value]) for key, value in values.items()})
+    return VirtualFriction(**{key: np.array([value]) for key, value in values.items()})
 
 
-def moved(terms: Friction, speed: float, seconds: float, tau: float = 0.0) -> float:
-    """Friction at the end of a way with constant speed, from rest at q = 0."""
+def moved(terms: VirtualFriction, speed: float, seconds: float, tau: float = 0.0) -> float:
+    """VirtualFriction at the end of a way with constant speed, from rest at q = 0."""
     step, joint = 1e-4, JointFriction(terms, 1e-4, np.array([0]))
     f = np.zeros(1)
     for k in range(round(seconds / step)):

@@ -15,7 +15,7 @@ WAITING = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
 from runtime.excitation.search.processes import side_by_side
-from tests.runtime.test_excitation_processes import Nothing, Sleep
+from tests.runtime.excitation.search.test_processes import Nothing, Sleep
 for number, *_ in side_by_side(Nothing(), [[Sleep(0, 0), Sleep(1, 1000), Sleep(2, 1000)]], 2):
     print("waiting", flush=True)
 """

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 4ccc641ca102f6a93baa342c92831f6f97c8c73d6d0a6a6448c307122606024a.
+ * Model d3db9af8162fd8e02dc6a661fd2baa5acfcca932161064ee2ca14e0df921bd5b.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "4ccc641ca102f6a93baa342c92831f6f97c8c73d6d0a6a6448c307122606024a";
+    return "d3db9af8162fd8e02dc6a661fd2baa5acfcca932161064ee2ca14e0df921bd5b";
 }
 
 const char *fr3_level(void)

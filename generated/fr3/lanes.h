@@ -156,8 +156,6 @@ INLINE vd fold(vd r[W])
     return r[0];
 }
 
-#include "sines.h"
-
 /* exp to 1 ulp for |x| < 700: x = k ln 2 + r, then the rational form of FreeBSD's e_exp on
  * |r| <= ln 2 / 2; beyond, and for NaN and infinity, the C library answers lane by lane. */
 static inline vd vd_exp(vd x)
@@ -335,45 +333,6 @@ static APART void add(double *total, double *tile, int size, long have)
             total[k] += l < have ? tile[k * LANES + l] : 0.0;
             tile[k * LANES + l] = 0.0;
         }
-    }
-}
-
-/* Those too large for `vd_sincos_near`: the C library, one by one. */
-static __attribute__((noinline, cold)) void sines_far(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
-{
-    for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
-        for (int i = 0; i < count; ++i) {
-            for (int h = 0; h < LANES; h += W) {
-                double *to = sc + 2 * (t + turns[i] * LANES) + h;
-                vd s = *(const vu *)to, c = *(const vu *)(to + LANES);
-                vd_sincos_far(*(const vu *)(q + t + turns[i] * LANES + h), &s, &c);
-                *(vu *)to = s;
-                *(vu *)(to + LANES) = c;
-            }
-        }
-    }
-}
-
-/* Rows 2 r and 2 r + 1 of each tile of `sc`: sine and cosine of row r of `q`, for the r in `turns`. */
-static APART void sines(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
-{
-    vi reach = {0};
-    for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
-        for (int i = 0; i < count; ++i) {
-            const double *from = q + t + turns[i] * LANES;
-            double *to = sc + 2 * (t + turns[i] * LANES);
-            for (int h = 0; h < LANES; h += W) {
-                const vd x = *(const vu *)(from + h);
-                vd s, c;
-                reach |= vd_reach(x);
-                vd_sincos_near(x, &s, &c);
-                *(vu *)(to + h) = s;
-                *(vu *)(to + h + LANES) = c;
-            }
-        }
-    }
-    if (__builtin_expect(vi_any(reach & VD_FAR), 0)) {
-        sines_far(sc, q, turns, count, rows, tiles);
     }
 }
 

@@ -5,6 +5,8 @@
  * its lanes to what is there. */
 #include "tiles.h"
 
+#include "sines.h"
+
 #define VS VECTORS /* vectors per row */
 #define ROWS (W == 8 ? 2 : 1) /* of a product with one block: as many as registers hold */
 #define BLOCK 4 /* tiles whose sines are computed together, so that none waits for them */

@@ -1,4 +1,4 @@
-/* Sine and cosine of vectors of W doubles to 2 ulp. Included by lanes.h; written by symgen, the same
+/* Sine and cosine of vectors of W doubles to 2 ulp, and of rows of tiles. Written by symgen; the same
  * for every robot.
  *
  * x = k step + r, with the step in three parts (Cody-Waite). With fused multiply-add the parts have
@@ -10,6 +10,8 @@
  * on |r| <= pi/128: Taylor's, with the rest spread evenly over the interval (Chebyshev). */
 #ifndef SYMGEN_SINES_H
 #define SYMGEN_SINES_H
+
+#include "lanes.h"
 
 #if W > 2
 #define VD_PARTS 1
@@ -149,6 +151,45 @@ static inline void vd_sincos(vd x, vd *s, vd *c)
     vd_sincos_near(x, s, c);
     if (__builtin_expect(vi_any(vd_reach(x) & VD_FAR), 0)) {
         vd_sincos_far(x, s, c);
+    }
+}
+
+/* Those too large for `vd_sincos_near`: the C library, one by one. */
+static __attribute__((noinline, cold)) void sines_far(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
+{
+    for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
+        for (int i = 0; i < count; ++i) {
+            for (int h = 0; h < LANES; h += W) {
+                double *to = sc + 2 * (t + turns[i] * LANES) + h;
+                vd s = *(const vu *)to, c = *(const vu *)(to + LANES);
+                vd_sincos_far(*(const vu *)(q + t + turns[i] * LANES + h), &s, &c);
+                *(vu *)to = s;
+                *(vu *)(to + LANES) = c;
+            }
+        }
+    }
+}
+
+/* Rows 2 r and 2 r + 1 of each tile of `sc`: sine and cosine of row r of `q`, for the r in `turns`. */
+static APART void sines(double *sc, const double *q, const int *turns, int count, int rows, long tiles)
+{
+    vi reach = {0};
+    for (long t = 0; t < tiles * rows * LANES; t += rows * LANES) {
+        for (int i = 0; i < count; ++i) {
+            const double *from = q + t + turns[i] * LANES;
+            double *to = sc + 2 * (t + turns[i] * LANES);
+            for (int h = 0; h < LANES; h += W) {
+                const vd x = *(const vu *)(from + h);
+                vd s, c;
+                reach |= vd_reach(x);
+                vd_sincos_near(x, &s, &c);
+                *(vu *)(to + h) = s;
+                *(vu *)(to + h + LANES) = c;
+            }
+        }
+    }
+    if (__builtin_expect(vi_any(reach & VD_FAR), 0)) {
+        sines_far(sc, q, turns, count, rows, tiles);
     }
 }
 

@@ -34,7 +34,7 @@ Pairs = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 def solvers(tmp_path_factory: pytest.TempPathFactory, fr3) -> dict[str, Pairs]:
     """level → (a → [low, high], v_low, v_high), for the levels that run here."""
     folder = tmp_path_factory.mktemp("eigen")
-    dll = with_headers(folder, DRIVER, "eigen.h", "lanes.h", "sines.h")
+    dll = with_headers(folder, DRIVER, "eigen.h", "lanes.h")
     return {level: _solver(dll[f"pairs_{level}"]) for level in levels_here(fr3)}
 
 

@@ -12,7 +12,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from symgen.errors import BuildError
-from symgen.mechanics.spatial import Matrix
+
+Matrix = Any
+"""`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
 
 
 @dataclass(frozen=True, slots=True)

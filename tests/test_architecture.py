@@ -1,23 +1,91 @@
-"""The house: import contracts, length of modules, and what run time may not know."""
+"""Architecture: rooms and the direction of imports, length of modules, libraries of run time.
+
+A room is a module or folder at the first level of a package; a floor is a step of the longest chain
+of imports from room to room.
+"""
 
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 from tests.conftest import FIRST, REPOSITORY
 
-MODULES = sorted(
-    path for package in ("symgen", "runtime") for path in (REPOSITORY / package).rglob("*.py")
-)
+PACKAGES = ("symgen", "runtime")
+MODULES = sorted(path for package in PACKAGES for path in (REPOSITORY / package).rglob("*.py"))
 LONGEST = 320
+MOST_ROOMS = 20
+MOST_FLOORS = 12
+MOST_LEVELS = 12
+ENGINES = "runtime.outputs.model_files.engines"
+LIBRARIES = {
+    "casadi": (),
+    "pinocchio": (ENGINES,),
+    "mujoco": (ENGINES, "runtime.simulation.mujoco_engine"),
+    "pydrake": (ENGINES,),
+    "yaml": (ENGINES,),
+    "jinja2": ("runtime.outputs.report",),
+    "matplotlib": ("runtime.outputs.report",),
+}
+"""Library → the parts of runtime that may import it; they import it where they use it."""
+
+Imports = dict[str, set[str]]
+"""Module → the modules that it imports, other distributions by their top-level name."""
+
+
+@pytest.fixture(scope="module")
+def imports() -> Imports:
+    """The import graph of both packages, imports inside functions included."""
+    grimp = pytest.importorskip("grimp", reason="grimp comes with pip install symgen[test]")
+    graph = grimp.build_graph(*PACKAGES, include_external_packages=True, cache_dir=None)
+    return {name: graph.find_modules_directly_imported_by(name) for name in graph.modules}
+
+
+def is_part(module: str, of: str) -> bool:
+    """True for the package or module itself and for everything below it."""
+    return f"{module}.".startswith(f"{of}.")
+
+
+def rooms_of(package: str, imports: Imports) -> dict[str, set[str]]:
+    """Room → the other rooms of its package that it imports; the package's face is none."""
+
+    def room(module: str) -> str:
+        return ".".join(module.split(".")[1:2]) if is_part(module, package) else ""
+
+    rooms: dict[str, set[str]] = {room(name): set() for name in imports}
+    for name, imported in imports.items():
+        rooms[room(name)] |= {room(other) for other in imported} - {room(name), ""}
+    rooms.pop("")
+    return rooms
+
+
+def floors_of(arrows: Mapping[str, set[str]]) -> int:
+    """Number of nodes on the longest chain of arrows.
+
+    Raises:
+        CycleError: some chain comes back to where it began; the error names it.
+    """
+    height: dict[str, int] = {}
+    for node in TopologicalSorter(arrows).static_order():
+        height[node] = 1 + max((height[other] for other in arrows.get(node, ())), default=0)
+    return max(height.values())
+
+
+def levels() -> list[list[str]]:
+    """Rooms of the import contract, level by level, the highest first."""
+    text = (REPOSITORY / "pyproject.toml").read_text(encoding="utf-8")
+    (contract,) = tomllib.loads(text)["tool"]["importlinter"]["contracts"]
+    return [[name.strip(" ()") for name in level.split("|")] for level in contract["layers"]]
 
 
 def test_import_contracts() -> None:
-    """Oracle: import-linter with the contracts of pyproject.toml."""
+    """Oracle: import-linter with the contract of pyproject.toml."""
     program = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
     if program is None:
         pytest.skip("import-linter is not installed: pip install symgen[test]")
@@ -25,6 +93,75 @@ def test_import_contracts() -> None:
         [program, "--no-cache"], cwd=REPOSITORY, capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-3000:]
+
+
+def test_the_contract_has_few_levels() -> None:
+    """Property: one contract of at most 12 levels, in which each room stands once."""
+    names = [name for level in levels() for name in level]
+    assert len(levels()) <= MOST_LEVELS
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_rooms_are_few_and_imports_point_down(package: str, imports: Imports) -> None:
+    """Property: at most 20 rooms on 12 floors, no import to the same or a higher level."""
+    rooms = rooms_of(package, imports)
+    level = {name: depth for depth, names in enumerate(levels()) for name in names}
+    upward = [(a, b) for a, others in rooms.items() for b in others if level[b] <= level[a]]
+    assert upward == []
+    assert len(rooms) <= MOST_ROOMS
+    assert floors_of(rooms) <= MOST_FLOORS
+
+
+def test_a_circle_of_rooms_is_refused() -> None:
+    """Property: what counts floors names the circle, so that none passes the test above."""
+    assert floors_of({"a": {"b"}, "b": {"c"}}) == 3
+    with pytest.raises(CycleError):
+        floors_of({"a": {"b"}, "b": {"c"}, "c": {"a"}})
+
+
+def test_the_packages_are_independent(imports: Imports) -> None:
+    """Property: symgen writes files, runtime reads them; neither imports the other."""
+    crossing = [
+        (name, other)
+        for name, imported in imports.items()
+        for other in imported
+        if {name.split(".")[0], other.split(".")[0]} == set(PACKAGES)
+    ]
+    assert crossing == []
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_libraries_are_imported_in_their_room_only(library: str, imports: Imports) -> None:
+    """Property: no build tool at run time; engines, pages and figures in one room each."""
+    guilty = [
+        name
+        for name, imported in imports.items()
+        if is_part(name, "runtime")
+        and any(is_part(other, library) for other in imported)
+        and not any(is_part(name, room) for room in LIBRARIES[library])
+    ]
+    assert guilty == []
+
+
+def test_the_graph_sees_imports_of_libraries(imports: Imports) -> None:
+    """Property: the test above is of libraries that some module really imports."""
+    seen = {other.split(".")[0] for imported in imports.values() for other in imported}
+    assert seen >= set(LIBRARIES)
+
+
+@pytest.mark.parametrize("folder", ["symgen/templates", "generated/fr3"])
+def test_headers_include_each_other_one_way(folder: str) -> None:
+    """Property: the headers of the C code form no circle; each states what it needs."""
+    headers = [*(REPOSITORY / folder).glob("*.h"), *(REPOSITORY / folder).glob("*.h.jinja2")]
+    pattern = re.compile(r'^#include "([\w.]+)"', re.MULTILINE)
+    included = {
+        path.name.removesuffix(".jinja2"): set(pattern.findall(path.read_text(encoding="utf-8")))
+        for path in headers
+    }
+    assert included["sines.h"] == {"lanes.h"}
+    assert included["lanes.h"] == set()
+    assert floors_of(included) <= MOST_FLOORS
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: p.relative_to(REPOSITORY).as_posix())

@@ -14,8 +14,8 @@ import casadi as ca
 
 from symgen.chain import Chain
 from symgen.collision.model import CollisionModel, Pair, Proxy
+from symgen.kernel import Matrix
 from symgen.mechanics.dynamics import joint_pose
-from symgen.mechanics.spatial import Matrix
 
 _PARALLEL = 1e-12
 """Sine² of the angle below which two segments count as parallel: rounding of their directions."""

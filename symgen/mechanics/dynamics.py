@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
+from symgen.kernel import Matrix
 from symgen.mechanics.inertia import N_PARAMETERS, bodies_of, pi_from_lam
-from symgen.mechanics.spatial import Matrix, axis_rotation
+from symgen.mechanics.spatial import axis_rotation
 
 Array = NDArray[np.float64]
 

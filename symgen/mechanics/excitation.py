@@ -12,8 +12,8 @@ import math
 import casadi as ca
 
 from symgen.chain import Chain
+from symgen.kernel import Matrix
 from symgen.mechanics.dynamics import regressor
-from symgen.mechanics.spatial import Matrix
 
 
 def _with_derivatives(value: Matrix, t: Matrix) -> Matrix:

@@ -9,8 +9,8 @@ Source: document Sec. 3.3 and 4.3 with the errata to Eqs. 2.27, 2.28, 4.14, 4.20
 import casadi as ca
 
 from symgen.errors import InertiaError
+from symgen.kernel import Matrix
 from symgen.mechanics.spatial import (
-    Matrix,
     exp_so3,
     log_so3,
     skew,

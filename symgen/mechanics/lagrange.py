@@ -10,9 +10,9 @@ Gautier & Khalil 1988 (energy).
 import casadi as ca
 
 from symgen.chain import Chain
+from symgen.kernel import Matrix
 from symgen.mechanics.dynamics import inverse_dynamics, joint_pose
 from symgen.mechanics.inertia import bodies_of
-from symgen.mechanics.spatial import Matrix
 
 
 def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:

@@ -9,9 +9,9 @@ Algorithms, 2008, Table 6.2.
 import casadi as ca
 
 from symgen.chain import Chain
+from symgen.kernel import Matrix
 from symgen.mechanics.dynamics import bias_forces, joint_pose
 from symgen.mechanics.inertia import bodies_of, joined, seen_from
-from symgen.mechanics.spatial import Matrix
 
 
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:

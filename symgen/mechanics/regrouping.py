@@ -8,8 +8,8 @@ Source: Gautier & Khalil, IEEE T-RA 6(3), 1990 (Table 3.2), for trees and any pl
 import casadi as ca
 
 from symgen.chain import Chain, Joint
+from symgen.kernel import Matrix
 from symgen.mechanics.inertia import Body, bodies_of, joined, pi_of_body, seen_from
-from symgen.mechanics.spatial import Matrix
 
 
 def regrouped(chain: Chain, pi: Matrix) -> Matrix:

@@ -4,12 +4,9 @@ Every function is a plain expression, so one definition serves symbols and numbe
 Source: document Sec. 2.1–2.2 with its errata (logarithm through the quaternion, 0 ≤ θ ≤ π).
 """
 
-from typing import Any
-
 import casadi as ca
 
-Matrix = Any
-"""`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
+from symgen.kernel import Matrix
 
 _LEAST_ANGLE = 1e-100
 _HALF_TURN = 1e-15

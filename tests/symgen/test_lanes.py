@@ -4,6 +4,7 @@ import ctypes
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from runtime.library import Library
 from tests.robots import levels_here
@@ -21,6 +22,13 @@ void NAME(LEVEL)(long n, const double *a, const double *b, double *out)
     }
 }
 """
+
+
+@pytest.mark.parametrize("header", ["lanes.h", "sines.h", "eigen.h"])
+def test_headers_stand_alone(tmp_path: Path, header: str) -> None:
+    """Property: a header includes whatever it uses, whichever file includes it first."""
+    needed = {header, "lanes.h"}
+    assert with_headers(tmp_path, f'#include "{header}"\n', *needed)
 
 
 def test_quotients(tmp_path: Path, fr3: Library) -> None:

@@ -13,7 +13,7 @@ from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, in
 from runtime.identification.expected_accuracy import Expected, Worth, base_names
 from runtime.identification.expected_accuracy.earlier_logs import prior_information
 from runtime.library import Array, Library
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
 from runtime.recording import read_recording
 
 EarlierLogs = Annotated[
@@ -123,11 +123,11 @@ def payload_sentence(found: Expected, alone: bool) -> str:
     """What is told of a payload; its inertia, too, where nothing else is asked for."""
     if found.payload is None or found.payload_com is None:
         return "note: a payload on the last link stays untold; too few joints turn it"
-    told = _payload(float(found.payload[0]), found.payload_com)
+    told = _payload(float(mass(found.payload)), found.payload_com)
     if not alone:
         return told
-    inertia = " ".join(f"{value:.2g}" for value in found.payload[4:])
-    return f"{told}, inertia xx yy zz xy xz yz about the link's origin to ±({inertia}) kg·m²"
+    sigmas = " ".join(f"{value:.2g}" for value in inertia(found.payload))
+    return f"{told}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
 
 
 def base_table(found: Expected, lib: Library) -> Table:
@@ -152,21 +152,20 @@ def link_table(found: Expected, lib: Library) -> Table:
     table = Table(Column("link", overflow="fold"), title="links: expected σ with the URDF as prior")
     for head in ("mass g", "CoM mm", "inertia kg·m²", "the data tell"):
         table.add_column(head, justify="right")
-    size = len(PI_NAMES)
     rows = zip(
         lib.link_names,
-        found.pi.reshape(-1, size),
+        links(found.pi),
         found.com,
-        found.share.reshape(-1, size),
+        links(found.share),
         strict=True,
     )
     for name, own, com, share in rows:
         table.add_row(
             name,
-            f"{1000 * own[0]:.2f}",
+            f"{1000 * mass(own):.2f}",
             " ".join(f"{1000 * value:.2f}" for value in com),
-            f"{own[4:].max():.2g}",
-            f"{np.sum(share < DETERMINED)} of {size}",
+            f"{inertia(own).max():.2g}",
+            f"{np.sum(share < DETERMINED)} of {N_PARAMETERS}",
         )
     return table
 

@@ -25,7 +25,7 @@ from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import Constraints, Row
 from runtime.files import toml_of
 from runtime.library import Array, Library
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import PI_NAMES, links
 
 TRUST = {"cad": CAD, "gripper": GRIPPER, "none": NONE}
 MIRRORED = {
@@ -152,7 +152,7 @@ class _Rows:
 
     def _unit(self, link: str, key: str) -> Array:
         row = np.zeros(self._lib.pi0.size)
-        row[self._lib.link_names.index(link) * len(PI_NAMES) + PI_NAMES.index(key)] = 1.0
+        links(row)[self._lib.link_names.index(link), PI_NAMES.index(key)] = 1.0
         return row
 
     def _numbers(self, name: str, given: Any, shape: tuple[int, ...], wanted: str) -> Array:

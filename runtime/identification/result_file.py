@@ -20,7 +20,7 @@ from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import model_facts
 from runtime.identification.single_log import Identification
 from runtime.library import Array
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
 
 FORMAT = 1
@@ -163,20 +163,17 @@ def _told(preparation: Preparation | None) -> dict[str, Any]:
 
 
 def _link_facts(result: Identification) -> list[dict[str, Any]]:
-    def bodies(pi: Array) -> Array:
-        return pi.reshape(result.lib.n_joints, -1)
-
     smallest = result.relative_eigenvalues
     rows = zip(
-        result.lib.link_names, bodies(result.pi), bodies(result.lib.pi0), smallest, strict=True
+        result.lib.link_names, links(result.pi), links(result.lib.pi0), smallest, strict=True
     )
     return [
         {
             "name": name,
-            "mass": float(now[0]),
-            "mass_before": float(then[0]),
-            "com": (now[1:4] / now[0]).tolist(),
-            "com_before": (then[1:4] / then[0]).tolist(),
+            "mass": float(mass(now)),
+            "mass_before": float(mass(then)),
+            "com": centre_of_mass(now).tolist(),
+            "com_before": centre_of_mass(then).tolist(),
             "min_relative_eigenvalue": float(eigenvalue),
         }
         for name, now, then, eigenvalue in rows
@@ -191,7 +188,7 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
     test = samples_of(result.test, lib)
     step = max(1, len(test) // BAND_SAMPLES)
     band = u.band_of(lib, test.rows(slice(None, None, step)))
-    size = len(PI_NAMES)
+    size = N_PARAMETERS
     sigma, spreads = u.sigma, u.com_sigma(result.pi)
     verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_joints)]
     return {

@@ -15,7 +15,7 @@ from runtime.errors import RecordingError
 from runtime.estimators.friction_net import FrictionNet
 from runtime.files import json_of
 from runtime.library import Array, Library
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation
 
 LARGEST = 1e9
@@ -107,7 +107,7 @@ def read_result(folder: Path) -> Saved:
             preparation=Preparation(**facts["recording"].get("preparation", {})),
             model=_model(facts["model"], n) if "model" in facts else None,
         )
-        whole = len(saved.units) == n and saved.pi.shape == (len(PI_NAMES) * n,)
+        whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * n,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
             raise ValueError
         if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST).all():

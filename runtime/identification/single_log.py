@@ -28,6 +28,7 @@ from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification import metrics
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.library import Array, Library
+from runtime.library.parameters import links, mass
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split, friction
 from runtime.simulation.controller_file import ClosedLoop
@@ -154,7 +155,7 @@ class Identification:
     def is_consistent(self) -> bool:
         """Every link is a body that can exist."""
         smallest = self.relative_eigenvalues.min()
-        masses = self.pi.reshape(self.lib.n_joints, -1)[:, 0]
+        masses = mass(links(self.pi))
         return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
 
 

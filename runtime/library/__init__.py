@@ -26,8 +26,8 @@ from runtime.library.manifest import (
     Manifest,
     PairFacts,
     ProxyFacts,
-    to_pinocchio_order,
 )
+from runtime.library.parameters import to_pinocchio_order
 
 __all__ = [
     "NOT_POSITIVE",

@@ -5,9 +5,7 @@ from numpy.typing import ArrayLike
 
 from runtime.errors import NotRealisableError, ShapeError
 from runtime.library.binding import Array, Binding
-from runtime.library.manifest import PI_NAMES
-
-_SIZE = len(PI_NAMES)
+from runtime.library.parameters import N_PARAMETERS
 
 
 class BodyKernels:
@@ -25,7 +23,7 @@ class BodyKernels:
     def pi_jacobian(self, lam: ArrayLike) -> Array:
         """∂π_k/∂λ_k, (n, 10, 10) or (N, n, 10, 10)."""
         blocks = self._binding.call("pi_jacobian", self._links("lam", lam))[1]
-        return blocks.reshape(*np.shape(lam)[:-1], self.n_joints, _SIZE, _SIZE)
+        return blocks.reshape(*np.shape(lam)[:-1], self.n_joints, N_PARAMETERS, N_PARAMETERS)
 
     def pi_from_cholesky(self, theta: ArrayLike) -> Array:
         """π of every link from log-Cholesky θ, P = U(θ) U(θ)ᵀ. Source: Rucker & Wensing 2022."""
@@ -35,7 +33,7 @@ class BodyKernels:
     def cholesky_jacobian(self, theta: ArrayLike) -> Array:
         """∂π_k/∂θ_k, (n, 10, 10) or (N, n, 10, 10)."""
         blocks = self._binding.call("cholesky_jacobian", self._links("theta", theta))[1]
-        return blocks.reshape(*np.shape(theta)[:-1], self.n_joints, _SIZE, _SIZE)
+        return blocks.reshape(*np.shape(theta)[:-1], self.n_joints, N_PARAMETERS, N_PARAMETERS)
 
     def cholesky_from_pi(self, pi: ArrayLike) -> Array:
         """Log-Cholesky θ of every link; NaN where P is not positive definite."""
@@ -87,7 +85,7 @@ class BodyKernels:
 
         NaN where π is not finite.
         """
-        blocks = self._binding.call("pseudo_inertia", np.reshape(pi, (-1, _SIZE)))[0]
+        blocks = self._binding.call("pseudo_inertia", np.reshape(pi, (-1, N_PARAMETERS)))[0]
         finite = np.isfinite(blocks).all(axis=(1, 2))
         smallest = np.full(len(blocks), np.nan)
         smallest[finite] = np.linalg.eigvalsh(blocks[finite])[:, 0]
@@ -97,9 +95,9 @@ class BodyKernels:
     def _links(self, name: str, value: ArrayLike) -> Array:
         """(10 n,) or (N, 10 n) as rows of one link each."""
         array = np.asarray(value, dtype=float)
-        if array.ndim not in {1, 2} or array.shape[-1] != _SIZE * self.n_joints:
-            width = _SIZE * self.n_joints
+        if array.ndim not in {1, 2} or array.shape[-1] != N_PARAMETERS * self.n_joints:
+            width = N_PARAMETERS * self.n_joints
             raise ShapeError(
                 f"{name} needs the shape ({width},) or (N, {width}), got {array.shape}"
             )
-        return array.reshape(-1, _SIZE)
+        return array.reshape(-1, N_PARAMETERS)

@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.library.parameters import N_PARAMETERS
 from runtime.library.tile_arrays import padded, padded_size, zeros
 
 Array = NDArray[np.float64]
@@ -158,4 +159,4 @@ def _reached(job: _Job) -> int:
 
 
 def _spare(job: _Job) -> int:
-    return int(job.width - 10 * job.links)
+    return int(job.width - N_PARAMETERS * job.links)

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from runtime.errors import LibraryError, ShapeError
+from runtime.errors import LibraryError
 from runtime.files import json_of
+from runtime.library.parameters import PI_NAMES
 
-PI_NAMES = ("m", "mX", "mY", "mZ", "XX", "YY", "ZZ", "XY", "XZ", "YZ")
-PINOCCHIO_NAMES = ("m", "mX", "mY", "mZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
 FORMAT = 4
 
 
@@ -230,22 +229,3 @@ def _proxy(entry: dict[str, Any], joints: list[dict[str, Any]]) -> ProxyFacts:
         end=tuple(entry["end"]),
         radius=entry["radius"],
     )
-
-
-def to_pinocchio_order(pi: ArrayLike) -> NDArray[np.float64]:
-    """π per link from [m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ] to pinocchio's order.
-
-    Pinocchio's `toDynamicParameters` is [m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz].
-
-    Args:
-        pi: (…, 10 n_links).
-
-    Raises:
-        ShapeError: the last axis is not a multiple of 10.
-    """
-    array = np.asarray(pi, dtype=float)
-    size = len(PI_NAMES)
-    if array.ndim == 0 or array.shape[-1] % size:
-        raise ShapeError(f"pi needs 10 entries per link on its last axis, got shape {array.shape}")
-    order = [PI_NAMES.index(name) for name in PINOCCHIO_NAMES]
-    return array.reshape(*array.shape[:-1], -1, size)[..., order].reshape(array.shape)

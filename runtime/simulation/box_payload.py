@@ -9,6 +9,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.files import toml_of
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS
 
 LARGEST = 1e6
 """kg and m; no hand holds more."""
@@ -74,7 +75,7 @@ class Box:
 def pi_from_pseudo(lib: Library, P: Array) -> Array:
     """π (10 n,) of pseudo-inertias (n, 4, 4): the inverse of `Library.pseudo_inertia`, linear."""
     n = lib.n_joints
-    units = lib.pseudo_inertia(np.tile(np.eye(10), (1, n)))[:, 0]
+    units = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]
     rows, columns = np.triu_indices(4)
     return np.asarray(np.linalg.solve(units[:, rows, columns].T, P[:, rows, columns].T).T.ravel())
 

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from runtime.errors import SimulationError
 from runtime.library import Array, Library
 from runtime.library.manifest import JointFacts
+from runtime.library.parameters import lam_parts, links
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ def engine(
     inertia = np.broadcast_to(np.asarray(rotor, dtype=float), (lib.n_joints,))
     bodies: list[Any] = []
     for joint, lam, armature in zip(
-        lib.manifest.joints, lib.lam_from_pi(pi).reshape(lib.n_joints, -1), inertia, strict=True
+        lib.manifest.joints, links(lib.lam_from_pi(pi)), inertia, strict=True
     ):
         parent = spec.worldbody if joint.parent < 0 else bodies[joint.parent]
         quaternion = np.zeros(4)
@@ -128,13 +129,14 @@ def _add_joint(mujoco: Any, body: Any, joint: JointFacts, armature: float, range
 
 def _set_inertia(mujoco: Any, body: Any, lam: Array) -> None:
     """λ = (μ, c, ω, a, b, c̄) is what MuJoCo asks for: m = e^μ, c, and R diag(…) Rᵀ about c."""
-    a, b, c = lam[7:] ** 2
-    angle = float(np.linalg.norm(lam[4:7]))
+    log_mass, centre, rotation, axes = lam_parts(lam)
+    a, b, c = axes**2
+    angle = float(np.linalg.norm(rotation))
     quaternion = np.array([1.0, 0.0, 0.0, 0.0])
     if angle > 0:
-        mujoco.mju_axisAngle2Quat(quaternion, lam[4:7] / angle, angle)
-    body.mass = float(np.exp(lam[0]))
-    body.ipos = lam[1:4]
+        mujoco.mju_axisAngle2Quat(quaternion, rotation / angle, angle)
+    body.mass = float(np.exp(log_mass))
+    body.ipos = centre
     body.iquat = quaternion
     body.inertia = (b + c, c + a, a + b)
     body.explicitinertial = True

@@ -24,6 +24,7 @@ import numpy as np
 from runtime.errors import NeedsError, RecordingError
 from runtime.estimators.problem import Problem
 from runtime.library import Array, Library
+from runtime.library.parameters import lam_from_parts, link_columns, links
 from runtime.recording import Friction, Recording
 from runtime.recording.preprocessing import differentiate, low_pass
 from runtime.recording.preprocessing.segments import segments, uniform_step
@@ -34,7 +35,7 @@ LEAST_NOISE = (1e-6, 1e-3)
 """Of position, rad or m, and of torque, N·m: a filter that trusts its data blindly diverges."""
 FIRST_FRICTION = 0.3
 """Viscous and Coulomb friction before the first sample, and its deviation, N·m (s/rad)."""
-LAM_FLOOR = np.array([0.3, *(0.02,) * 3, *(0.3,) * 3, *(0.02,) * 3])
+LAM_FLOOR = lam_from_parts(log_mass=0.3, centre=0.02, rotation=0.3, axes=0.02)
 """|λ| is taken to be at least so large where its uncertainty is relative."""
 TRUST = 0.05
 """Relative standard deviation of the first guess in λ."""
@@ -186,13 +187,11 @@ def noise_of(values: Array) -> Array:
 def prior_covariance(lib: Library, lam: Array) -> Array:
     """Of π, (10 n, 10 n), through ∂π/∂λ from relative deviations of λ."""
     jacobian = lib.pi_jacobian(lam)
-    sigma = TRUST * np.maximum(np.abs(lam.reshape(lib.n_joints, -1)), LAM_FLOOR)
+    sigma = TRUST * np.maximum(np.abs(links(lam)), LAM_FLOOR)
     blocks = jacobian * sigma[:, None, :]
     whole = np.zeros((lam.size, lam.size))
-    size = blocks.shape[1]
     for k, block in enumerate(blocks):
-        part = slice(k * size, (k + 1) * size)
-        whole[part, part] = block @ block.T
+        whole[link_columns(k), link_columns(k)] = block @ block.T
     return whole
 
 

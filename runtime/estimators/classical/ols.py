@@ -13,7 +13,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import links, mass
 from runtime.recording.friction.coupled_motors import PREFIX
 
 RANK_TOLERANCE = 1e-9
@@ -113,6 +113,6 @@ def fit_of_pi(
 ) -> Fit:
     """The answer of a method that finds π, with λ where its links can exist."""
     lib = problem.lib
-    possible = bool((lib.relative_eigenvalues(pi) > 0).all() and (pi[:: len(PI_NAMES)] > 0).all())
+    possible = bool((lib.relative_eigenvalues(pi) > 0).all() and (mass(links(pi)) > 0).all())
     lam = lib.lam_from_pi(pi) if possible else None
     return Fit(pi, phi, lam, status, iterations, notes=notes)

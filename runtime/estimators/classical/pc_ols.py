@@ -20,6 +20,7 @@ from runtime.estimators.convex.path import PATIENCE, SHRINK
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
@@ -131,8 +132,7 @@ class _Cones:
     """The problem's cones in scaled unknowns x = [π̂; φ], π̂ in units of kg and `LENGTH`."""
 
     def __init__(self, lib: Library, statistics: Statistics) -> None:
-        per_link = np.array([1.0, *(LENGTH,) * 3, *(LENGTH**2,) * 6])
-        scale = np.tile(per_link, lib.n_joints)
+        scale = np.tile(pi_from_parts(1.0, LENGTH, LENGTH**2), lib.n_joints)
         self._factor = statistics.over_pi()
         friction = np.linalg.norm(self._factor[:, scale.size :], axis=0)
         typical = np.median(np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0))
@@ -162,17 +162,18 @@ class _Cones:
     def consistency(self, extra: int) -> "_Block":
         """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, where S is read off the library's own P(π)."""
         n, lib = self._lib.n_joints, self._lib
-        unit = np.tile(np.eye(10), (1, n))
+        size = N_PARAMETERS * n
+        unit = np.tile(np.eye(N_PARAMETERS), (1, n))
         blocks = lib.pseudo_inertia(unit)[:, 0]
         root2 = np.sqrt(2.0)
         one = np.array([[p[i, j] * (1.0 if i == j else root2) for p in blocks] for i, j in _SVEC])
         a = sparse.hstack(
             [
                 -sparse.block_diag([one] * n),
-                sparse.csc_matrix((10 * n, self.width + extra - 10 * n)),
+                sparse.csc_matrix((size, self.width + extra - size)),
             ]
         )
-        return _Block(a.tocsc(), np.zeros(10 * n), [clarabel.PSDTriangleConeT(4)] * n)
+        return _Block(a.tocsc(), np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
 
 
 @dataclass(frozen=True, slots=True)

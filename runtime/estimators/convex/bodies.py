@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import N_PARAMETERS, links
 
-SIZE = len(PI_NAMES)
 _UNIT = np.eye(4)
 _SYMMETRIC = np.array(
     [
@@ -36,12 +35,11 @@ class Bodies:
 
     def pseudo_inertia(self, pi: Array) -> Array:
         """P_k, (n, 4, 4), from π (10 n,)."""
-        rows = pi.reshape(-1, SIZE)
-        return (rows @ self.basis.reshape(SIZE, 16)).reshape(-1, 4, 4)
+        return (links(pi) @ self.basis.reshape(N_PARAMETERS, 16)).reshape(-1, 4, 4)
 
     def against(self, matrices: Array) -> Array:
         """tr(M_k B_i) of symmetric (n, 4, 4), flat (10 n,): the slope of Σ tr(M_k P_k) in π."""
-        return (matrices.reshape(-1, 16) @ self.basis.reshape(SIZE, 16).T).ravel()
+        return (matrices.reshape(-1, 16) @ self.basis.reshape(N_PARAMETERS, 16).T).ravel()
 
     def log_det(self, pi: Array) -> Array | None:
         """log det P_k, (n,); None where a P_k is not positive definite."""
@@ -57,10 +55,10 @@ class Bodies:
         inverse = np.linalg.inv(self.pseudo_inertia(pi))
         moved = inverse[:, None] @ self.basis
         count = len(inverse)
-        turned = np.swapaxes(moved, 2, 3).reshape(count, SIZE, 16)
+        turned = np.swapaxes(moved, 2, 3).reshape(count, N_PARAMETERS, 16)
         return (
             np.trace(moved, axis1=2, axis2=3),
-            moved.reshape(count, SIZE, 16) @ np.swapaxes(turned, 1, 2),
+            moved.reshape(count, N_PARAMETERS, 16) @ np.swapaxes(turned, 1, 2),
         )
 
     def spread(self, pi: Array) -> Array:
@@ -71,11 +69,11 @@ class Bodies:
         """
         lower = np.linalg.cholesky(self.pseudo_inertia(pi))[:, None]
         change = lower @ _SYMMETRIC @ np.swapaxes(lower, 2, 3)
-        to_pi = np.linalg.pinv(self.basis.reshape(SIZE, 16))
-        return np.swapaxes(change.reshape(-1, SIZE, 16) @ to_pi, 1, 2)
+        to_pi = np.linalg.pinv(self.basis.reshape(N_PARAMETERS, 16))
+        return np.swapaxes(change.reshape(-1, N_PARAMETERS, 16) @ to_pi, 1, 2)
 
 
 def bodies_of(lib: Library) -> Bodies:
     """The basis read off the library's kernel, which is evaluated on unit vectors."""
-    unit = np.tile(np.eye(SIZE), (1, lib.n_joints))
+    unit = np.tile(np.eye(N_PARAMETERS), (1, lib.n_joints))
     return Bodies(np.ascontiguousarray(lib.pseudo_inertia(unit)[:, 0]))

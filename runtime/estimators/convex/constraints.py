@@ -14,11 +14,11 @@ from scipy import sparse
 from scipy.linalg import block_diag, null_space
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.bodies import SIZE
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem, minimise
 from runtime.library import Array
+from runtime.library.parameters import N_PARAMETERS
 
 BARRIER = 1e-2
 """Weight of a half-space's logarithm relative to γ: it then moves nothing that is not near it."""
@@ -106,7 +106,7 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
         zero(size + 1),
         room,
     ]
-    bodies = size // SIZE
+    bodies = size // N_PARAMETERS
     cones = [
         clarabel.ZeroConeT(len(e)),
         clarabel.NonnegativeConeT(len(a) + 1),
@@ -155,7 +155,7 @@ def _consistency(prior: Prior, back: Array) -> tuple[Array, Array]:
     for own in lower:
         turned = own @ basis @ own.T
         blocks.append(np.array([turned[:, i, j] for i, j in places]) * weight[:, None])
-    unit = np.tile([1.0 if i == j else 0.0 for i, j in places], size // SIZE)
+    unit = np.tile([1.0 if i == j else 0.0 for i, j in places], size // N_PARAMETERS)
     return block_diag(*blocks) @ back, unit
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.bodies import SIZE, Bodies, bodies_of
+from runtime.estimators.convex.bodies import Bodies, bodies_of
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS, links, mass
 
 THIN = 0.05
 """Eigenvalues of a prior's Σ_com below this share of their sum are raised to it: a thin axis that
@@ -47,7 +48,7 @@ def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Pr
         IdentificationError: a P0_k is not positive definite.
     """
     flat = np.ascontiguousarray(centre, dtype=float).ravel()
-    if flat.size % SIZE or not np.isfinite(flat).all() or bodies.log_det(flat) is None:
+    if flat.size % N_PARAMETERS or not np.isfinite(flat).all() or bodies.log_det(flat) is None:
         raise IdentificationError(
             "the prior needs bodies that exist strictly (P ≻ 0 for every link); take "
             "nearest_realisable(pi) of the library first"
@@ -68,7 +69,7 @@ def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> 
         IdentificationError: a mass that is not above 0.
     """
     given = lib.pi0 if pi is None else np.asarray(pi, dtype=float)
-    masses = given.reshape(-1, SIZE)[:, 0]
+    masses = mass(links(given))
     if not (np.isfinite(given).all() and (masses > 0).all()):
         bad = [n for n, m in zip(lib.link_names, masses, strict=True) if not m > 0]
         raise IdentificationError(

@@ -14,10 +14,10 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex.bodies import SIZE
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.library import Array
+from runtime.library.parameters import N_PARAMETERS, link_columns
 
 ARMIJO = 1e-4
 RIDGE, RIDGE_GROWTH, RIDGE_MOST = 1e-14, 10.0, 1e-2
@@ -105,7 +105,7 @@ def convex_problem(
     Raises:
         IdentificationError: shapes, values that are not finite, or a γ that is not above 0.
     """
-    bodies = prior.centre.size // SIZE
+    bodies = prior.centre.size // N_PARAMETERS
     weights = np.broadcast_to(np.asarray(gamma, dtype=float), (bodies,)).copy()
     if data.factor.shape != (data.target.size, prior.centre.size):
         raise IdentificationError(
@@ -161,7 +161,7 @@ class _Cost:
         self.problem = problem
         data = problem.data
         self.gram = data.factor.T @ data.factor / data.count
-        self.per_parameter = np.repeat(problem.gamma, SIZE)
+        self.per_parameter = np.repeat(problem.gamma, N_PARAMETERS)
         self.linear = self.per_parameter * problem.prior.slope
 
     def value(self, pi: Array) -> float | None:
@@ -188,8 +188,8 @@ class _Cost:
         gradient -= self.per_parameter * traces.ravel()
         hessian = self.gram.copy()
         for k, block in enumerate(blocks):
-            own = slice(SIZE * k, SIZE * (k + 1))
-            hessian[own, own] += p.gamma[k] * block
+            at = link_columns(k)
+            hessian[at, at] += p.gamma[k] * block
         if p.inside is not None:
             push = p.inside.rows / p.inside.slack(pi)[:, None]
             gradient = gradient + p.inside.weight * push.sum(axis=0)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.estimators.convex.bodies import SIZE
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import ConvexProblem, Minimum, convex_problem, minimise
 from runtime.library import Array
+from runtime.library.parameters import N_PARAMETERS
 
 SMALLEST_GAP = 1e-7
 """Certificate at the end of the path, relative to the loss."""
@@ -80,7 +80,7 @@ def follow(
         most_steps: per γ.
     """
     ladder = (
-        gamma_ladder(data, prior.centre.size // SIZE)
+        gamma_ladder(data, prior.centre.size // N_PARAMETERS)
         if gammas is None
         else np.asarray(gammas, dtype=float)
     )
@@ -101,7 +101,7 @@ def path_of(
     converged: bool,
 ) -> Path:
     """A path with its certificate."""
-    degree = 4 * (points.shape[1] // SIZE)
+    degree = 4 * (points.shape[1] // N_PARAMETERS)
     gap = degree * float(gammas[-1]) + decrement
     weight = float(prior.slope @ points[-1]) / degree
     return Path(gammas, points, losses, gap, weight, steps, converged)

@@ -10,8 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from runtime.estimators.convex.bodies import SIZE, Bodies
+from runtime.estimators.convex.bodies import Bodies
 from runtime.library import Array
+from runtime.library.parameters import (
+    FIRST_MOMENT,
+    MASS,
+    N_PARAMETERS,
+    centre_of_mass,
+    links,
+    mass,
+)
 
 DETERMINED = 0.1
 """Posterior variance below this share of the prior's: the data say ten times more."""
@@ -45,10 +53,14 @@ def spread_of(bodies: Bodies, pi: Array, rows: Array, kappa: float) -> Spread:
 
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:
     """Standard deviation of every link's centre of mass c = (m c)/m, (3,) m; None without m."""
-    links = zip(pi.reshape(-1, SIZE), root.reshape(-1, SIZE, pi.size), strict=True)
+    roots = root.reshape(-1, N_PARAMETERS, pi.size)
     return [
-        np.linalg.norm((own[1:4] - np.outer(p[1:4] / p[0], own[0])) / p[0], axis=1)
-        if p[0]
-        else None
-        for p, own in links
+        _com_deviation(body, rows) if mass(body) else None
+        for body, rows in zip(links(pi), roots, strict=True)
     ]
+
+
+def _com_deviation(pi: Array, root: Array) -> Array:
+    """σ of c, (3,): δc = (δ(m c) − c δm) / m."""
+    slope = root[FIRST_MOMENT] - np.outer(centre_of_mass(pi), root[MASS])
+    return np.asarray(np.linalg.norm(slope / mass(pi), axis=1))

@@ -31,6 +31,7 @@ from runtime.excitation.search.measures import (
     schatten,
 )
 from runtime.library import Array, Library
+from runtime.library.parameters import pi_from_parts
 
 UNSEEN = 40
 """Motions on which torque is to be predicted."""
@@ -38,7 +39,7 @@ UNSEEN_DURATION, UNSEEN_HARMONICS, UNSEEN_SAMPLES = 10.0, 5, 40
 """Of each: s, cosines per joint, samples of its way out."""
 UNSEEN_SEED = 20
 """The same motions for all designs of a robot."""
-PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])
+PAYLOAD = pi_from_parts(mass=1.0, first_moment=0.1, inertia=0.01)
 """Size of a payload's unknowns: 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg."""
 FLOOR = 0.01
 """What is smaller counts as of this size, kg, kg·m or kg·m²: some base parameters vanish."""

@@ -18,6 +18,7 @@ from runtime.excitation.search.criteria import PAYLOAD, sizes, unseen_motions, u
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.search.measures import covariance, rank, too_many
 from runtime.library import Array, Library
+from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.recording import Friction, friction
 
 FRICTION = ("viscous", "coulomb", "offset")
@@ -241,10 +242,10 @@ def payload_sigma(spread: Array) -> tuple[float, Array]:
     Args:
         spread: covariance of the ten parameters, (10, 10).  δc = (δ(mc) − c δm) / m
     """
-    mass = PAYLOAD[0]
+    load = mass(PAYLOAD)
     slope = np.zeros((3, len(PAYLOAD)))
-    slope[:, 0], slope[:, 1:4] = -_COM / mass, np.eye(3) / mass
-    return float(np.sqrt(spread[0, 0])), np.sqrt(np.diag(slope @ spread @ slope.T))
+    slope[:, MASS], slope[:, FIRST_MOMENT] = -_COM / load, np.eye(3) / load
+    return float(np.sqrt(spread[MASS, MASS])), np.sqrt(np.diag(slope @ spread @ slope.T))
 
 
 def _payload(

@@ -3,9 +3,8 @@
 from runtime.experiments.study import Finished, Row, Study, View
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.library import Library
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import LAM_NAMES, PI_NAMES, links
 
-LAM_NAMES = ("mu", "x", "y", "z", "omega_1", "omega_2", "omega_3", "a", "b", "c")
 LINKS, BASE = 7, 43
 
 
@@ -13,7 +12,7 @@ def run(lib: Library, numbers: range, threads: int) -> list[Row]:
     """Π and λ of every link, and β = K π."""
     del numbers, threads
     pi = document_robot(lib)
-    bodies, lam = pi.reshape(LINKS, -1), lib.lam_from_pi(pi).reshape(LINKS, -1)
+    bodies, lam = links(pi), links(lib.lam_from_pi(pi))
     rows: list[Row] = []
     for link in range(LINKS):
         for method, names, values in (("pi", PI_NAMES, bodies), ("lam", LAM_NAMES, lam)):

@@ -22,6 +22,7 @@ from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
 from runtime.experiments.views import TORQUE, torque_bars, torque_table
 from runtime.identification.payload import identify_payload
 from runtime.library import Array, Library
+from runtime.library.parameters import MASS, centre_of_mass, links, mass
 from runtime.recording import Friction
 from runtime.recording.preprocessing import prepare as prepared
 
@@ -152,7 +153,7 @@ def _fixed_arm(setting: Setting) -> list[Row]:
     """Ten unknowns against the empty run of the same motion, for every repeat of the training."""
     lib, logs = setting.lib, setting.logs
     names = [name.split("/")[1] for name in logs if name.startswith(f"{LOADED}/")]
-    truth = (logs[f"{LOADED}/pi"] - logs[f"{EMPTY}/pi"]).reshape(lib.n_joints, -1)[-1]
+    truth = links(logs[f"{LOADED}/pi"] - logs[f"{EMPTY}/pi"])[-1]
     training = [r for r in dict.fromkeys(names) if r.startswith(("training", "repeat"))]
     rows: list[Row] = []
     for number, role in enumerate(training):
@@ -163,11 +164,11 @@ def _fixed_arm(setting: Setting) -> list[Row]:
         except IdentificationError as error:
             rows.append(row | {"status": str(error)})
             continue
-        shift = found.pi[1:4] / found.pi[0] - truth[1:4] / truth[0]
+        shift = centre_of_mass(found.pi) - centre_of_mass(truth)
         figures = {
-            "mass": found.pi[0],
-            "mass_error_g": 1000 * (found.pi[0] - truth[0]),
-            "mass_sigma_g": 1000 * np.sqrt(found.covariance[0, 0]),
+            "mass": mass(found.pi),
+            "mass_error_g": 1000 * (mass(found.pi) - mass(truth)),
+            "mass_sigma_g": 1000 * np.sqrt(found.covariance[MASS, MASS]),
             "com_error_mm": 1000 * np.linalg.norm(shift),
         }
         figures = {name: float(value) for name, value in figures.items()}

@@ -8,6 +8,7 @@ from runtime.estimators.regression.samples import Samples
 from runtime.experiments.study import Row
 from runtime.identification import metrics
 from runtime.library import Array, Library
+from runtime.library.parameters import links, mass
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +41,12 @@ class Judge:
             predicted = predicted + friction
         error = metrics.torque_error(test.tau, predicted)
         smallest = float(lib.relative_eigenvalues(pi).min())
-        masses = pi.reshape(lib.n_joints, -1)[:, 0]
+        masses = mass(links(pi))
         possible = smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all()
         row: Row = {}
         if self.pi is not None:
-            mass = lib.mass_matrix(self.configurations, pi)
-            frobenius = float(metrics.frobenius(self.mass, mass).mean())
+            matrices = lib.mass_matrix(self.configurations, pi)
+            frobenius = float(metrics.frobenius(self.mass, matrices).mean())
             beta, truth = lib.base_matrix @ pi, lib.base_matrix @ self.pi
             if possible:  # of others the mass matrix may be indefinite, at no distance at all
                 row["airm"] = self.airm(pi)

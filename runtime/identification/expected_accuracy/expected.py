@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.convex import CAD, Prior, Reduced, com_sigma, prior_of, reduce, spread_of
-from runtime.estimators.convex.bodies import SIZE
 from runtime.estimators.regression import Statistics
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import information
@@ -21,7 +20,7 @@ from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import payload_sigma
 from runtime.identification.expected_accuracy.gain_of_recording import PAYLOAD_MASS
 from runtime.library import Array, Library
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import N_PARAMETERS, PI_NAMES, inertia, links, mass
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,24 +86,24 @@ class Expected:
         """One number per thing that one wants to know: payload, links, base parameters."""
         told = {}
         if self.payload is not None and self.payload_com is not None:
-            told[PAYLOAD_MASS] = float(self.payload[0])
+            told[PAYLOAD_MASS] = float(mass(self.payload))
             told["payload CoM"] = float(np.linalg.norm(self.payload_com))
             if payload_only:
-                told["payload inertia"] = float(np.linalg.norm(self.payload[4:]))
+                told["payload inertia"] = float(np.linalg.norm(inertia(self.payload)))
         if payload_only:
             return told
-        rows = zip(lib.link_names, self.pi.reshape(-1, SIZE), self.com, strict=True)
+        rows = zip(lib.link_names, links(self.pi), self.com, strict=True)
         for link, own, com in rows:
-            told[f"mass of {link}"] = float(own[0])
+            told[f"mass of {link}"] = float(mass(own))
             told[f"CoM of {link}"] = float(np.linalg.norm(com))
-            told[f"inertia of {link}"] = float(np.linalg.norm(own[4:]))
+            told[f"inertia of {link}"] = float(np.linalg.norm(inertia(own)))
         return told | dict(zip(base_names(lib), self.base_map.tolist(), strict=True))
 
 
 def base_names(lib: Library) -> tuple[str, ...]:
     """Every base parameter by the standard one it is regrouped around."""
-    return tuple(f"base {PI_NAMES[c % SIZE]} of {lib.link_names[c // SIZE]}" for c in
-                 lib.base_columns)  # fmt: skip
+    places = [divmod(column, N_PARAMETERS) for column in lib.base_columns]
+    return tuple(f"base {PI_NAMES[k]} of {lib.link_names[link]}" for link, k in places)
 
 
 def expected(
@@ -153,7 +152,9 @@ def _payload(
     """Covariance of the last link's ten: friction is the known arm's, sensors drift."""
     frozen = np.array([name != "offset" for name in columns] * lib.n_joints, dtype=bool)
     earlier = known.earlier if known.payload_only else None
-    return covariance_of_rows(_rows(lib, statistics.without(frozen), earlier, unit)[:, -SIZE:])
+    return covariance_of_rows(
+        _rows(lib, statistics.without(frozen), earlier, unit)[:, -N_PARAMETERS:]
+    )
 
 
 def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: float) -> Array:
@@ -172,17 +173,17 @@ def facts(found: Expected, lib: Library, payload_only: bool = False) -> dict[str
     payload = None
     if found.payload is not None and found.payload_com is not None:
         payload = {
-            "mass": float(found.payload[0]),
+            "mass": float(mass(found.payload)),
             "com": found.payload_com.tolist(),
             "pi": found.payload.tolist(),
         }
     if payload_only:
         return {"payload": payload}
-    links = zip(
+    rows = zip(
         lib.link_names,
-        found.pi.reshape(-1, SIZE),
+        links(found.pi),
         found.com,
-        found.share.reshape(-1, SIZE),
+        links(found.share),
         strict=True,
     )
     return {
@@ -194,12 +195,12 @@ def facts(found: Expected, lib: Library, payload_only: bool = False) -> dict[str
         },
         "links": {
             name: {
-                "mass": float(own[0]),
+                "mass": float(mass(own)),
                 "com": com.tolist(),
-                "inertia": own[4:].tolist(),
+                "inertia": inertia(own).tolist(),
                 "share_of_prior_variance": share.tolist(),
             }
-            for name, own, com, share in links
+            for name, own, com, share in rows
         },
         "payload": payload,
     }

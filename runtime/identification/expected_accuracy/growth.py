@@ -7,6 +7,7 @@ import numpy as np
 from runtime.identification.expected_accuracy.expected import Knowledge, expected
 from runtime.identification.expected_accuracy.planned_samples import Moved
 from runtime.library import Array, Library
+from runtime.library.parameters import links, mass
 
 KNOTS = 24
 """Instants, closer together in the beginning, where most is learned."""
@@ -73,8 +74,10 @@ def growth(
         seconds=np.concatenate([within, beyond]),
         recorded=length,
         further=more.name if more is not None else "the same motion",
-        masses=np.array([one.pi.reshape(len(lib.link_names), -1)[:, 0] for one in found]),
+        masses=np.array([mass(links(one.pi)) for one in found]),
         worst=np.array([one.relative.max() for one in found]),
         worst_name=names[last],
-        payload=np.array([np.inf if one.payload is None else one.payload[0] for one in found]),
+        payload=np.array(
+            [np.inf if one.payload is None else float(mass(one.payload)) for one in found]
+        ),
     )

@@ -22,6 +22,7 @@ from runtime.identification.payload.differential import empty_residual
 from runtime.identification.payload.mount import Mount, mount_of
 from runtime.identification.payload.reading import ArmModel, arm_model
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.parallel import one_blas_thread
 from runtime.recording import Preparation, Recording
 from runtime.recording.plausibility import require_plausible
@@ -164,17 +165,17 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
             "be told from a torque offset; record a motion that turns it against gravity"
         )
     noise, spread = np.ones(n), float(np.abs(residual).max())
-    used, pi, errors = 1 + 10 / n, prior.centre, target
+    used, pi, errors = 1 + N_PARAMETERS / n, prior.centre, target
     for done in range(PASSES + 1):
         scaled = (rows / noise[:, None]).reshape(-1, rows.shape[2])
         aim = (target / noise).ravel()
         triangle: Array = np.asarray(np.linalg.qr(np.column_stack([scaled, aim]), mode="r"))
         data = Reduced(
-            factor=triangle[:10, :10],
-            target=triangle[:10, 10],
-            rest=float(triangle[10, 10] ** 2),
+            factor=triangle[:-1, :-1],
+            target=triangle[:-1, -1],
+            rest=float(triangle[-1, -1] ** 2),
             count=float(count),
-            freedom=float(count * n - 10 - n),
+            freedom=float(count * n - N_PARAMETERS - n),
         )
         colour = Colour(data.variance, data.variance)
         if done == 0:  # as if all were noise: from far away Newton needs the prior's guidance
@@ -211,7 +212,7 @@ def _curvature(mount: Mount, pi: Array) -> Array:
 def _ball(mount: Mount) -> Array:
     """π of the prior in the link's frame."""
     size = 0.4 * BALL_MASS * BALL_RADIUS**2
-    at_mount = np.array([BALL_MASS, 0, 0, 0, size, size, size, 0, 0, 0])
+    at_mount = pi_from_parts(BALL_MASS, 0.0, [size, size, size, 0, 0, 0])
     return np.asarray(np.linalg.solve(mount.to_frame, at_mount))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import Bodies, bodies_of
 from runtime.library import Array, Library
+from runtime.library.parameters import link_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,7 @@ class Mount:
     @property
     def columns(self) -> slice:
         """Where the link's ten columns stand in the regressor."""
-        return slice(10 * self.index, 10 * self.index + 10)
+        return link_columns(self.index)
 
 
 def mount_of(lib: Library, link: str | None = None) -> Mount:

@@ -15,6 +15,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.payload import Known, Mount, mount_of, pi_of_body
 from runtime.library import Array, Library
+from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import geared, spread
 from runtime.recording.plausibility import require_plausible
@@ -62,7 +63,7 @@ class Problem:
         to_link = np.linalg.inv(self.mount.to_frame)
         inertia = np.zeros((3, 3)) if known.inertia is None else known.inertia
         pi = to_link @ pi_of_body(bodies, known.mass, known.com, inertia)
-        free = to_link[:, 4:] if known.inertia is None else to_link[:, :0]
+        free = to_link[:, INERTIA] if known.inertia is None else to_link[:, :0]
         for k, samples in enumerate(self.runs):
             for start in range(0, len(samples), _BLOCK):
                 s = samples.rows(slice(start, start + _BLOCK))

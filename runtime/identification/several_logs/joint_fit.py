@@ -17,6 +17,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import samples_of
 from runtime.files import json_of
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
@@ -53,7 +54,7 @@ def read_carried(path: Path, lib: Library) -> Array:
     try:
         facts = json_of(path)
         link, values = str(facts["link"]), np.array(facts["pi_in_link"], dtype=float)
-        if values.shape != (10,) or not np.isfinite(values).all():
+        if values.shape != (N_PARAMETERS,) or not np.isfinite(values).all():
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError):
         raise RecordingError(
@@ -64,9 +65,9 @@ def read_carried(path: Path, lib: Library) -> Array:
             f"the payload '{path}' hangs on {link}, but '{lib.name}' has the links "
             f"{', '.join(lib.link_names)}; choose the robot that it was found on"
         )
-    carried = np.zeros((lib.n_joints, 10))
-    carried[lib.link_names.index(link)] = values
-    return carried.ravel()
+    carried = np.zeros_like(lib.pi0)
+    carried[link_columns(lib.link_names.index(link))] = values
+    return carried
 
 
 def prepared_of(session: Session, lib: Library, terms: Friction) -> Recording:
@@ -88,9 +89,9 @@ def prepared_of(session: Session, lib: Library, terms: Friction) -> Recording:
         return data
     samples = samples_of(data, lib)
     extra = samples.rigid(lib, session.carried)
-    mass = session.carried.reshape(lib.n_joints, -1)[:, 0].sum()
+    total = mass(links(session.carried)).sum()
     return data.replace(tau=samples.tau - extra).noted(
-        f"Took the torque of a known payload of {mass:.4g} kg off the measured one."
+        f"Took the torque of a known payload of {total:.4g} kg off the measured one."
     )
 
 

@@ -28,6 +28,7 @@ from runtime.identification.several_logs.joint_fit import (
 )
 from runtime.identification.single_log import Identification, identify_assembled
 from runtime.library import Array, Library
+from runtime.library.parameters import links, mass
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import geared
@@ -188,7 +189,7 @@ def identify_sessions(
         result = replace(result, friction=usual, sessions=tuple(names))
     bare = [joined([log], [name], [name]) for log, name in zip(logs, names, strict=True)]
     singles = [fit.of(one, one, one) for one in bare]
-    masses = [single.pi.reshape(lib.n_joints, -1)[:, 0] for single in singles]
+    masses = [mass(links(single.pi)) for single in singles]
     sigma = [single.uncertainty.beta_sigma for single in singles if single.uncertainty is not None]
     study = Study(
         names=tuple(names),
@@ -262,4 +263,4 @@ def _held(
 def _mass(session: Session, lib: Library) -> float:
     if session.carried is None:
         return 0.0
-    return float(session.carried.reshape(lib.n_joints, -1)[:, 0].sum())
+    return float(mass(links(session.carried)).sum())

@@ -10,6 +10,7 @@ from runtime.estimators.regression.coloured_noise import colour_of_rows
 from runtime.inspection.checks.torque_rows import Bench, least_squares
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
+from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
 from runtime.recording import Friction, Recipe
 
 PERFECT = 5e-4
@@ -144,12 +145,12 @@ def tool(bench: Bench) -> list[Finding]:
     """Ten unknowns at the last link on top of the URDF, of either sign (trap 1)."""
     s, lib = bench.samples, bench.lib
     n = lib.n_joints
-    last = lib.regressor(s.q, s.dq, s.ddq)[:, :, -10:].reshape(len(s) * n, 10)
+    last = lib.regressor(s.q, s.dq, s.ddq)[:, :, -N_PARAMETERS:].reshape(len(s) * n, N_PARAMETERS)
     target = (s.tau - lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0)).ravel()
     extra = bench.friction_rows()
     weights = np.ones(n)
     rest = before = target
-    x = np.zeros(10)
+    x = np.zeros(N_PARAMETERS)
     for _ in range(3):
         scale = np.tile(np.sqrt(weights), len(s))
         _, before = least_squares(extra * scale[:, None], target * scale)
@@ -157,21 +158,23 @@ def tool(bench: Bench) -> list[Finding]:
         x, rest = least_squares(matrix, target * scale)
         errors = (rest / scale).reshape(-1, n)
         weights = 1.0 / np.maximum(errors.var(axis=0), 1e-9 * errors.var(axis=0).max() + 1e-300)
-    mass = float(x[0])
+    body = x[:N_PARAMETERS]
+    mass_kg = float(mass(body))
     gain = float(np.linalg.norm(rest) / max(float(np.linalg.norm(before)), 1e-300))
-    basis = np.linalg.qr(np.hstack([extra, last[:, 1:]]) * scale[:, None])[0]
-    own = last[:, 0] * scale
+    others = np.delete(last, MASS, axis=1)
+    basis = np.linalg.qr(np.hstack([extra, others]) * scale[:, None])[0]
+    own = last[:, MASS] * scale
     own = own - basis @ (basis.T @ own)
     worth = _inflation(np.hstack([last, extra]), errors, weights)
     sigma = float(np.sqrt(worth * np.mean(rest**2)) / max(float(np.linalg.norm(own)), 1e-300))
-    if abs(mass) < max(TOOL_KG, SURE * sigma) or gain > TOOL_GAIN:
+    if abs(mass_kg) < max(TOOL_KG, SURE * sigma) or gain > TOOL_GAIN:
         return []
-    com = x[1:4] / mass
+    com = centre_of_mass(body)
     link, centre = lib.link_names[-1], ", ".join(f"{c:.3f}" for c in com)
     what = (
         "something hangs there that the model does not know: build the robot with the tool, or "
         "weigh it with the command payload"
-        if mass > 0
+        if mass_kg > 0
         else "the model carries something that is not mounted, a hand for example: build it with "
         "--tip before it"
     )
@@ -179,9 +182,9 @@ def tool(bench: Bench) -> list[Finding]:
         Finding(
             "tool",
             WARNING,
-            f"{mass:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) "
+            f"{mass_kg:+.2f} ± {2 * sigma:.2f} kg at {link} (centre {centre} m) "
             f"explain what the model leaves of the torque ({100 * gain:.0f} % remains); {what}",
-            {"mass_kg": mass, "sigma_kg": sigma, "com_m": [float(c) for c in com], "left": gain},
+            {"mass_kg": mass_kg, "sigma_kg": sigma, "com_m": [float(c) for c in com], "left": gain},
             trap=1,
         )
     ]

@@ -10,7 +10,7 @@ import textwrap
 import numpy as np
 
 from runtime.library import Array
-from runtime.library.manifest import PI_NAMES
+from runtime.library.parameters import PI_NAMES
 from runtime.outputs.model_files.bodies import digits
 from runtime.outputs.model_files.model import Model
 

@@ -8,7 +8,7 @@ import numpy as np
 from defusedxml.ElementTree import fromstring
 
 from runtime.library import Array, Library
-from runtime.library.manifest import PI_NAMES, PINOCCHIO_NAMES
+from runtime.library.parameters import PI_NAMES, PINOCCHIO_NAMES
 from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, random_states
 
 INSTALL = "pip install pin"

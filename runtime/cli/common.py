@@ -3,14 +3,15 @@
 import dataclasses
 import shlex
 import sys
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import typer
 from rich.console import Console
 from rich.table import Column, Table
 
-from runtime.errors import IdentificationError
+from runtime.errors import IdentificationError, RuntimeFault
 from runtime.recording import Preparation, Recording
+from runtime.registry import Registry
 
 console = Console()
 
@@ -35,6 +36,31 @@ def flowing(doc: str) -> str:
         block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
         for block in blocks
     )
+
+
+class Described(Protocol):
+    """A record of a registry with a sentence for help texts."""
+
+    @property
+    def name(self) -> str:
+        """Word by which a user selects it."""
+
+    @property
+    def sentence(self) -> str:
+        """What it is."""
+
+
+def sentences_of(registry: Registry[Any]) -> str:
+    """`name: sentence` of every record for an option's help; a faulty plugin keeps its name."""
+    parts = []
+    for name in registry:
+        try:
+            record: Described = registry[name]
+        except RuntimeFault:
+            parts.append(f"{name}: a plugin that cannot be imported")
+        else:
+            parts.append(f"{name}: {record.sentence}")
+    return "; ".join(parts)
 
 
 def command_line() -> str:

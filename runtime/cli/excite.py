@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,23 +9,27 @@ import typer
 from rich.progress import Progress
 
 from runtime.cli.certificate_table import certificate_table, notes, safety_of
-from runtime.cli.common import Robot, Seed, console, say
+from runtime.cli.common import Robot, Seed, console, say, sentences_of
 from runtime.cli.predict_tables import EarlierLogs, PayloadAlone, information_of, tell
 from runtime.errors import RuntimeFault
 from runtime.excitation import (
     BASES,
     CRITERIA,
     Design,
-    Safety,
-    Trajectory,
     basis_of,
     design,
     predict,
 )
 from runtime.excitation.limits.safety import TABLE_MARGIN
-from runtime.excitation.motion_export import export_trajectory, require_proof
+from runtime.excitation.motion_export import MOTION_FORMATS, export_trajectory
 from runtime.excitation.motion_profile import profile_of
-from runtime.excitation.proof.certificate import certificate, pulled_inside, require_speed, slowed
+from runtime.excitation.proof.certified_motion import (
+    CertifiedMotion,
+    certified,
+    pulled_inside,
+    require_speed,
+    slowed,
+)
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library, load
@@ -37,15 +40,6 @@ from runtime.simulation import sample_times
 WORTH_PROCESSES = {True: 10, False: 4}
 """Starts from which on more processes, which take two seconds to begin, end earlier, as long as
 one start itself with all limits; in document mode it takes a third of that."""
-
-
-class Export(StrEnum):
-    """Kinds of files, see `runtime.excitation.motion_export`."""
-
-    csv = "csv"
-    npz = "npz"
-    ros = "ros"
-    libfranka = "libfranka"
 
 
 def excite_command(
@@ -76,10 +70,11 @@ def excite_command(
         Path | None, typer.Option(help="JSON of the trajectory; default results/ROBOT-excite.json")
     ] = None,
     export: Annotated[
-        list[Export] | None,
+        list[str] | None,
         typer.Option(
-            help="Files for a robot, only if the certificate holds; repeatable. csv, npz: t, q, "
-            "dq, ddq; ros: a JointTrajectory of ROS 2; libfranka: one row per ms."
+            metavar="FORMAT",
+            help="Files for a robot, written only if the certificate holds; repeatable. "
+            f"{sentences_of(MOTION_FORMATS)}.",
         ),
     ] = None,
     speed: Annotated[
@@ -171,6 +166,7 @@ def excite_command(
     wanted = criterion or ("cond" if document else "mixed")
     told = information_of(lib, noise, log_rate, prior, payload)
     sample_times(duration, rate)  # before the search: they may be too many
+    formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     if not export:
         _require_no_log(path.with_suffix(".csv"))
     options = clearance, table, box, friction
@@ -211,20 +207,20 @@ def excite_command(
     written = [path]
     if not export:
         written.append(_log(found, lib, rate, path.with_suffix(".csv")))
+    motion = certified(lib, found.trajectory, safety)
     if plot:
         from runtime.outputs.report.trajectory import write_pictures  # matplotlib loads slowly
 
-        shown = profile_of(lib, found.trajectory, safety)
-        written += write_pictures(shown, path.with_suffix(".png"))
+        written += write_pictures(profile_of(motion), path.with_suffix(".png"))
     tell(found, expected, len(lib.base_columns))
     for note in notes(lib, duration, found.trajectory.duration):
         say(note)
-    stages = {100 * share: slowed(found.trajectory, share) for share in speeds}
+    stages = {100 * share: _at_speed(motion, share) for share in speeds}
     for percent, stage in stages.items():
-        console.print(certificate_table(certificate(lib, stage, safety), percent))
+        console.print(certificate_table(stage.certificate, percent))
     say(f"trajectory: {', '.join(map(str, written))}")
     if export:
-        _export(lib, stages, path.with_suffix(""), [kind.value for kind in export], rate, safety)
+        _export(stages, path.with_suffix(""), formats, rate)
 
 
 def _require_no_log(path: Path) -> None:
@@ -255,20 +251,22 @@ def _log(found: Design, lib: Library, rate: float, path: Path) -> Path:
     return path
 
 
+def _at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
+    """The same path at this share of the speed, certified anew only where the speed changes."""
+    if speed == 1:
+        return motion
+    return certified(motion.lib, slowed(motion.trajectory, speed), motion.safety)
+
+
 def _export(
-    lib: Library,
-    stages: Mapping[float, Trajectory],
-    base: Path,
-    kinds: Sequence[str],
-    rate: float,
-    safety: Safety | None,
+    stages: Mapping[float, CertifiedMotion], base: Path, kinds: Sequence[str], rate: float
 ) -> None:
-    """Every stage as files for a robot, none unless the certificates of all hold."""
+    """Write every stage as files for a robot, or none unless the certificates of all hold."""
     for stage in stages.values():
-        require_proof(lib, stage, safety)
+        stage.require_limits()
     for percent, stage in stages.items():
         own = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
-        files = [str(export_trajectory(lib, stage, own, kind, rate, safety)) for kind in kinds]
+        files = [str(export_trajectory(stage, own, kind, rate)) for kind in kinds]
         say(f"exported: {', '.join(files)}, {own}.certificate.json")
 
 

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from runtime.excitation import Safety, Trajectory
+from runtime.excitation import Safety
 from runtime.excitation.limits.distance_limits import LinkClearance, TableClearance
 from runtime.excitation.limits.nonlinear_limits import Torque
 from runtime.excitation.limits.safety import constraints
-from runtime.excitation.proof.certificate import KINDS, Certificate, certificate
+from runtime.excitation.proof.certificate import KINDS, Certificate
+from runtime.excitation.proof.certified_motion import CertifiedMotion
 from runtime.library import Array, Library
 
 SAMPLES = 1001
@@ -79,7 +80,7 @@ class MotionProfile:
         gaps: between links and above the table.
         envelopes: one per joint.
         has_friction: the torque counts it.
-        proof: the certificate.
+        certificate: bounds over all t.
     """
 
     robot: str
@@ -95,19 +96,20 @@ class MotionProfile:
     gaps: tuple[Gap, ...]
     envelopes: tuple[Envelope, ...]
     has_friction: bool
-    proof: Certificate
+    certificate: Certificate
 
 
-def profile_of(
-    lib: Library, trajectory: Trajectory, safety: Safety | None = None, samples: int = SAMPLES
-) -> MotionProfile:
-    """Everything at `samples` times.
+def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProfile:
+    """Everything that pictures of a motion show, at equally spaced times.
 
-    Raises:
-        IdentificationError: the trajectory is not one of this robot, or `safety` asks for limits
-            that the robot does not state.
+    Args:
+        certified: the motion with its limits and its certificate.
+        samples: number of times, both ends included.
+
+    Returns:
+        Values, limits, distances and the certificate.
     """
-    proof = certificate(lib, trajectory, safety)
+    lib, trajectory, safety = certified.lib, certified.trajectory, certified.safety
     t = np.linspace(0.0, trajectory.duration, samples)
     motion = np.array(trajectory.at(lib, t))
     gaps: list[Gap] = []
@@ -137,7 +139,7 @@ def profile_of(
         gaps=tuple(gaps),
         envelopes=_envelopes(lib, bands),
         has_friction=safety is not None and bool(safety.viscous or safety.coulomb),
-        proof=proof,
+        certificate=certified.certificate,
     )
 
 

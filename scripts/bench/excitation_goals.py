@@ -13,7 +13,8 @@ from bench import grid
 from bench.machine import processor
 from runtime.excitation import design
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.proof.certificate import certificate, pulled_inside
+from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.information import information
 from runtime.excitation.search.prediction import predict
 from runtime.library import Library
@@ -155,7 +156,7 @@ def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -
     trajectory = pulled_inside(lib, found.trajectory)
     scores = predict(lib, trajectory, told).scores
     score = next(s for s in scores if s.samples == SAMPLES and not s.friction)
-    proof = certificate(lib, trajectory, goal.safety)
+    proof = certificate_of(lib, trajectory, goal.safety)
     relative, torque = 100 * score.relative_error, score.torque_error
     bounds = (
         ("cond", found.condition, goal.condition),

@@ -4,12 +4,11 @@ Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that a
 the motion: `constraint_bounds`, which says what is proven there.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.safety import constraints, unchecked
 from runtime.excitation.proof.joint_bounds import KINDS, joint_bounds, rooms
@@ -102,8 +101,18 @@ def _sentence(use: Use) -> str:
     return f"{use.kind}: at most {100 * use.bound:.4f} % of the limit, {at}"
 
 
-def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> Certificate:
+def certificate_of(
+    lib: Library, trajectory: Trajectory, safety: Safety | None = None
+) -> Certificate:
     """Bounds over all t of position, velocity, acceleration, jerk, and of the limits of `safety`.
+
+    Args:
+        lib: the robot.
+        trajectory: its motion.
+        safety: limits beyond those of the joints; None checks those of the joints alone.
+
+    Returns:
+        The largest use of every limit, with joint and time.
 
     Raises:
         IdentificationError: the trajectory is not one of this robot, or `safety` asks for limits
@@ -141,63 +150,7 @@ def certificate(lib: Library, trajectory: Trajectory, safety: Safety | None = No
     return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances)
 
 
-def fastest(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> float:
-    """A share of the speed in whole percents, as large as is easily found, at which the path holds.
-
-    0 where none is found: distances and the tip's box do not depend on speed.
-    """
-    proof = certificate(lib, trajectory, safety)
-    stays = {"position", "tip box", *DISTANCES}
-    if any(use.kind in stays or not np.isfinite(use.bound) for use in proof.broken):
-        return 0.0
-    low, high = (100, 101) if proof.holds else (0, 100)
-    while high - low > 1:
-        percent = (low + high) // 2
-        if certificate(lib, slowed(trajectory, percent / 100), safety).holds:
-            low = percent
-        else:
-            high = percent
-    return low / 100
-
-
 def _unlimited(limits: dict[str, Array], kind: str) -> NDArray[np.bool_]:
     if kind == "position":
         return np.isinf(limits["lower"]) & np.isinf(limits["upper"])
     return ~np.isfinite(limits[kind])
-
-
-def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
-    """The same path at `speed` times the speed, 0 < speed ≤ 1: t_f / speed.
-
-    Raises:
-        IdentificationError: another speed.
-    """
-    return replace(trajectory, duration=trajectory.duration / require_speed(speed))
-
-
-def require_speed(speed: float) -> float:
-    """The speed itself, if it slows down.
-
-    Raises:
-        IdentificationError: it does not.
-    """
-    if not 0 < speed <= 1:
-        raise IdentificationError(
-            f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
-            "motion must be designed with a shorter --duration"
-        )
-    return speed
-
-
-def pulled_inside(lib: Library, trajectory: Trajectory, most: float = 1e-3) -> Trajectory:
-    """Joints whose proven use is above 1 by at most `most`, scaled back onto their limits.
-
-    A design that touches its limits at samples exceeds them between samples by the chords' error;
-    whatever exceeds more is left as it is, for `certificate` to tell.
-    """
-    bounds, _ = joint_bounds(lib, trajectory)
-    use = bounds.max(axis=0)
-    touched = (use > 1) & (use <= 1 + most)
-    # The bound scales with a; 1e-9 is far above the rounding of its second evaluation.
-    rho = np.where(touched, use * (1 + 1e-9), 1.0)
-    return replace(trajectory, coefficients=trajectory.coefficients / rho[:, None])

@@ -33,7 +33,7 @@ def draw_space(figure: Figure, profile: MotionProfile) -> None:
     panels = right.subplots(len(kinds), 1, sharex=True, squeeze=False).ravel()
     for kind, axis in zip(kinds, panels, strict=True):
         _distances(axis, profile, [gap for gap in profile.gaps if gap.kind == kind])
-        asked = "" if kind not in profile.proof.unchecked else ": NOT checked"
+        asked = "" if kind not in profile.certificate.unchecked else ": NOT checked"
         axis.set_title(TITLES[kind] + asked)
     panels[-1].set_xlabel("time [s]")
     figure.suptitle(

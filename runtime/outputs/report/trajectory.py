@@ -90,11 +90,11 @@ def draw_motion(figure: Figure, profile: MotionProfile) -> None:
     handles, labels = rows[0, -1].get_legend_handles_labels()
     handles.append(rows[0, -1].lines[-1])
     figure.legend(handles, [*labels, "limit"], loc="outside lower center", ncols=6)
-    verdict = "hold at every instant" if profile.proof.holds else "do NOT all hold"
-    parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.where})" for u in profile.proof.uses]
+    verdict = "hold at every instant" if profile.certificate.holds else "do NOT all hold"
+    parts = [f"{u.kind} {100 * u.bound:.1f} % ({u.where})" for u in profile.certificate.uses]
     lines = ["  ·  ".join(parts[k : k + 6]) for k in range(0, len(parts), 6)]
-    if profile.proof.unchecked:
-        lines.append(f"NOT checked: {', '.join(profile.proof.unchecked)}")
+    if profile.certificate.unchecked:
+        lines.append(f"NOT checked: {', '.join(profile.certificate.unchecked)}")
     head = f"{profile.robot}, {profile.t[-1]:g} s: limits {verdict}"
     figure.suptitle("\n".join([head, *lines]), fontsize=9, x=0.01, ha="left")
 

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from runtime.excitation import Design, design
+from runtime.excitation import Design, Safety, Trajectory, design
+from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.library import Library
 from tests.runtime.conftest import Command
 
@@ -119,3 +120,29 @@ def test_excite_leaves_a_measured_log_alone(command: Command, lib: Library, tmp_
     log.write_text("t,q1\n0,0\n", encoding="utf-8")
     assert command(*words).code == 0
     assert len(log.read_text(encoding="utf-8").splitlines()) > 100
+
+
+def test_excite_certifies_a_motion_once(
+    command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: table, pictures and exports share one certificate; other speeds have theirs."""
+    from runtime.excitation.proof import certified_motion
+
+    durations = []
+
+    def counted(lib: Library, trajectory: Trajectory, safety: Safety | None = None) -> Certificate:
+        durations.append(trajectory.duration)
+        return certificate_of(lib, trajectory, safety)
+
+    monkeypatch.setattr(certified_motion, "certificate_of", counted)
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--rate", "100", "--plot")
+    exports = ("--export", "ros", "--export", "libfranka", "--out", "m.json")
+    ran = command("excite", "--robot", lib.folder, *words, *exports)
+    assert ran.code == 0, ran.err
+    assert durations == [4.0]
+    durations.clear()
+    ran = command(
+        "excite", "--robot", lib.folder, *words, *exports, "--speed", "50", "--speed", "100"
+    )
+    assert ran.code == 0, ran.err
+    assert durations == [4.0, 8.0]

@@ -10,8 +10,9 @@ import pytest
 from runtime import read_recording
 from runtime.errors import ExportError, RuntimeFault
 from runtime.excitation import Trajectory
-from runtime.excitation.motion_export import EXPORTS, export_trajectory
-from runtime.excitation.proof.certificate import certificate, pulled_inside, slowed
+from runtime.excitation.motion_export import MOTION_FORMATS, export_trajectory
+from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.proof.certified_motion import certified, pulled_inside, slowed
 from runtime.library import Library
 
 
@@ -39,7 +40,7 @@ def test_tables_are_the_motion(
     lib: Library, motion: Trajectory, tmp_path: Path, kind: str, rate: float
 ) -> None:
     """Oracle: read back by the reader of logs, against the trajectory itself."""
-    path = export_trajectory(lib, motion, tmp_path / "new" / "m", kind, rate)
+    path = export_trajectory(certified(lib, motion), tmp_path / "new" / "m", kind, rate)
     assert path.name == f"m.{kind}"
     log = read_recording(path)
     assert log.t == pytest.approx(np.arange(round(10 * rate) + 1) / rate, abs=1e-15)
@@ -54,7 +55,7 @@ def test_tables_are_the_motion(
 
 def test_ros_message(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
     """Oracle: fields of trajectory_msgs/JointTrajectory; numbers of the motion at the stamps."""
-    path = export_trajectory(lib, motion, tmp_path / "m", "ros", 300.0)
+    path = export_trajectory(certified(lib, motion), tmp_path / "m", "ros", 300.0)
     message = loaded_message(path)
     assert message["names"] == list(lib.joint_names)
     stamps = np.array(message["t"])
@@ -76,7 +77,7 @@ def test_ros_message(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
 def test_libfranka_table(lib: Library, motion: Trajectory, tmp_path: Path, duration: float) -> None:
     """Oracle: one row per millisecond, from rest at home to rest at home, whole ms upwards."""
     motion = slowed(Trajectory(lib.home, 0.9 * motion.coefficients, duration), 1.0)
-    path = export_trajectory(lib, motion, tmp_path / "m", "libfranka", rate=7.0)
+    path = export_trajectory(certified(lib, motion), tmp_path / "m", "libfranka", rate=7.0)
     lines = path.read_text().splitlines()
     comments = [line for line in lines if line.startswith("# ")]
     table = np.loadtxt(lines[len(comments) + 1 :], delimiter=",")
@@ -97,20 +98,20 @@ def test_libfranka_table(lib: Library, motion: Trajectory, tmp_path: Path, durat
     assert any("velocity: at most" in line for line in comments)
 
 
-@pytest.mark.parametrize("kind", EXPORTS)
+@pytest.mark.parametrize("kind", MOTION_FORMATS)
 def test_the_certificate_lies_beside(
     lib: Library, motion: Trajectory, tmp_path: Path, kind: str
 ) -> None:
     """Property: two files and no draft; the JSON is what `certificate` says."""
-    path = export_trajectory(lib, motion, tmp_path / "a.b", kind, 100.0)
+    path = export_trajectory(certified(lib, motion), tmp_path / "a.b", kind, 100.0)
     assert {p.name for p in tmp_path.iterdir()} == {path.name, "a.b.certificate.json"}
     facts = json.loads((tmp_path / "a.b.certificate.json").read_text())
-    proof = certificate(lib, motion)
+    proof = certificate_of(lib, motion)
     assert (facts["robot"], facts["holds"], facts["duration"]) == ("fr3", True, 10.0)
     assert [u["bound"] for u in facts["uses"]] == [u.bound for u in proof.uses]
 
 
-@pytest.mark.parametrize("kind", EXPORTS)
+@pytest.mark.parametrize("kind", MOTION_FORMATS)
 @pytest.mark.parametrize(
     ("scale", "duration", "match"),
     [
@@ -131,19 +132,20 @@ def test_nothing_unproven_is_written(
     """Property: one sentence with limit, joint, time and remedy; no file; the remedy helps."""
     bad = Trajectory(lib.home, scale * motion.coefficients, duration)
     with pytest.raises(ExportError, match=match) as caught:
-        export_trajectory(lib, bad, tmp_path / "m", kind)
+        export_trajectory(certified(lib, bad), tmp_path / "m", kind)
     assert list(tmp_path.iterdir()) == []
     if advice := re.search(r"--speed (\d+)", str(caught.value)):
-        export_trajectory(lib, slowed(bad, int(advice[1]) / 100), tmp_path / "m", kind, 100.0)
+        slow = slowed(bad, int(advice[1]) / 100)
+        export_trajectory(certified(lib, slow), tmp_path / "m", kind, 100.0)
 
 
 def test_wrong_words(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
     """Property: an unknown kind, a rate without meaning, a place that cannot be written."""
     with pytest.raises(ExportError, match="one of csv, npz, ros, libfranka to export, got 'xml'"):
-        export_trajectory(lib, motion, tmp_path / "m", "xml")
+        export_trajectory(certified(lib, motion), tmp_path / "m", "xml")
     for rate in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(RuntimeFault, match="sampling rate"):
-            export_trajectory(lib, motion, tmp_path / "m", "ros", rate)
+            export_trajectory(certified(lib, motion), tmp_path / "m", "ros", rate)
     (tmp_path / "file").write_text("mine")
     with pytest.raises(RuntimeFault, match="cannot write"):
-        export_trajectory(lib, motion, tmp_path / "file" / "m", "ros", 10.0)
+        export_trajectory(certified(lib, motion), tmp_path / "file" / "m", "ros", 10.0)

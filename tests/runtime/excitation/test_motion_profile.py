@@ -11,7 +11,8 @@ from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.motion_profile import profile_of
-from runtime.excitation.proof.certificate import KINDS, certificate, joint_bounds
+from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
+from runtime.excitation.proof.certified_motion import certified
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 
@@ -23,19 +24,19 @@ def test_shares_are_those_of_the_certificate(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
     """Oracle: the largest share is the proven bound, to the step of the samples."""
-    found = profile_of(lib, trajectories[0], SAFETY, samples=10_001)
+    found = profile_of(certified(lib, trajectories[0], SAFETY), samples=10_001)
     bounds, _ = joint_bounds(lib, trajectories[0])
     assert tuple(found.shares) == (*KINDS, "torque")
     for kind, bound in zip(KINDS, bounds, strict=True):
         assert found.shares[kind].max(axis=0) == pytest.approx(bound, rel=1e-5)
-    torque = next(use for use in found.proof.uses if use.kind == "torque")
+    torque = next(use for use in found.certificate.uses if use.kind == "torque")
     # The curvature of a torque between samples 1 ms apart.
     assert found.shares["torque"].max() == pytest.approx(torque.bound, rel=1e-4)
 
 
 def test_torque_and_tip_are_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
     """Oracle: RNEA plus viscous friction, the frame's place; Coulomb friction lowers the limit."""
-    found = profile_of(lib, trajectories[0], SAFETY, samples=41)
+    found = profile_of(certified(lib, trajectories[0], SAFETY), samples=41)
     model = pinocchio_model(lib.urdf())
     data, frame = model.createData(), model.getFrameId(lib.manifest.tip, pinocchio.BODY)
     q, dq, ddq = (found.motion[kind] for kind in KINDS[:3])
@@ -53,8 +54,8 @@ def test_gaps_are_those_of_the_certificate(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
     """Oracle: least distances as proven, per pair and per proxy above the table, in its order."""
-    found = profile_of(lib, trajectories[0], SAFETY, samples=10_001)
-    proven = certificate(lib, trajectories[0], SAFETY).distances
+    found = profile_of(certified(lib, trajectories[0], SAFETY), samples=10_001)
+    proven = certificate_of(lib, trajectories[0], SAFETY).distances
     assert [(gap.kind, gap.label) for gap in found.gaps] == [(u.kind, u.where) for u in proven]
     assert {gap.kind for gap in found.gaps} == {"self-collision", "table"}
     for gap, use in zip(found.gaps, proven, strict=True):
@@ -65,7 +66,7 @@ def test_gaps_are_those_of_the_certificate(
 
 def test_envelopes_end_where_braking_does(lib: Library) -> None:
     """Oracle: max(0, ±dq + c)² = k (q̂ ∓ q) on the edge, nowhere faster than the constant limit."""
-    found = profile_of(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
+    found = profile_of(certified(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0)))
     facts, limits = lib.braking, lib.limits()
     assert facts is not None
     for j, edge in enumerate(found.envelopes):
@@ -84,14 +85,14 @@ def test_envelopes_end_where_braking_does(lib: Library) -> None:
 def test_little_is_known_of_little(lib: Library, tiny_built: Path) -> None:
     """Property: no proxies, no braking, few limits; document mode shows what it does not check."""
     tiny = load(tiny_built)
-    found = profile_of(tiny, Trajectory(tiny.home, np.full((1, 2), 1e-3), 3.0))
+    found = profile_of(certified(tiny, Trajectory(tiny.home, np.full((1, 2), 1e-3), 3.0)))
     assert tuple(found.shares) == ("position", "velocity", "torque")
     assert (found.gaps, found.table, found.box, found.has_friction) == ((), None, None, False)
     assert found.envelopes[0].upper.tolist() == [3.0, 3.0]
     assert found.bands["torque"].upper.tolist() == [10.0]
-    found = profile_of(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0))
+    found = profile_of(certified(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0)))
     assert {gap.kind for gap in found.gaps} == {"self-collision"}
-    assert "self-collision" in found.proof.unchecked
+    assert "self-collision" in found.certificate.unchecked
     assert found.bands["torque"].upper == pytest.approx(lib.limits()["effort"])
 
 
@@ -100,7 +101,7 @@ def test_another_robots_motion_is_told(lib: Library, tiny_built: Path) -> None:
     motion = Trajectory(lib.home, np.zeros((7, 2)), 3.0)
     tiny = load(tiny_built)
     with pytest.raises(IdentificationError, match=r"needs a home of shape \(1,\)"):
-        profile_of(tiny, motion)
+        profile_of(certified(tiny, motion))
     motion = replace(motion, home=tiny.home, coefficients=np.zeros((1, 2)))
     with pytest.raises(IdentificationError, match="one number or one per joint, 1, got 2"):
-        profile_of(tiny, motion, Safety(viscous=(0.1, 0.1)))
+        profile_of(certified(tiny, motion, Safety(viscous=(0.1, 0.1))))

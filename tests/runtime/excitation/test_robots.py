@@ -11,7 +11,7 @@ import pytest
 from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import DEFAULT_ACCELERATION, DEFAULT_RANGE, Safety, design
-from runtime.excitation.proof.certificate import certificate
+from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 from symgen.build.pipeline import build
@@ -84,7 +84,7 @@ def test_all_limits_that_the_robot_states(command: Command, arm: GetRobot, name:
     assert ran.code == 0, ran.err
     path = Path("x.json")
     assert_safe(lib, path, share)
-    assert certificate(lib, read_trajectory(path, lib), Safety(torque_fraction=share)).holds
+    assert certificate_of(lib, read_trajectory(path, lib), Safety(torque_fraction=share)).holds
     assert "holds at every instant" in ran.out
     assert f"no acceleration limit for {', '.join(lib.joint_names)}: 10 assumed" in ran.out
     assert f"note: '{name}' has no collision proxies" in ran.out
@@ -98,7 +98,7 @@ def test_the_documents_problem(command: Command, arm: GetRobot, name: str) -> No
     ran = command("excite", "--robot", lib.folder, *WORDS, "--document")
     assert ran.code == 0, ran.err
     assert_safe(lib, Path("x.json"), None)
-    assert certificate(lib, read_trajectory(Path("x.json"), lib)).holds
+    assert certificate_of(lib, read_trajectory(Path("x.json"), lib)).holds
 
 
 @pytest.mark.parametrize("basis", ["fourier", "bspline"])

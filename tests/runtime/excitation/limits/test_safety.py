@@ -15,7 +15,8 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.excitation import Design, Safety, design
-from runtime.excitation.proof.certificate import certificate, pulled_inside
+from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.library import Library, ProxyFacts
 from tests.oracle import pinocchio_model
@@ -192,7 +193,7 @@ def test_meshes_keep_apart_by_coal(
 def test_its_certificate_holds(lib: Library, found: Design) -> None:
     """Property: between samples too, at full and at half speed."""
     motion = pulled_inside(lib, found.trajectory)
-    proof = certificate(lib, motion, SAFETY)
+    proof = certificate_of(lib, motion, SAFETY)
     assert proof.holds
     for use in proof.uses:
         if use.kind in found.use:
@@ -204,7 +205,7 @@ def test_the_document_forgets_the_table(lib: Library) -> None:
     """Property: without the limits the same start breaks some, and nobody claims otherwise."""
     free = design(lib, DURATION, HARMONICS, starts=1)
     assert free.unchecked == ("torque", "self-collision", "table")
-    assert not certificate(lib, free.trajectory, SAFETY).holds
+    assert not certificate_of(lib, free.trajectory, SAFETY).holds
 
 
 def test_no_room_is_explained(lib: Library) -> None:

@@ -12,7 +12,7 @@ from runtime import to_pinocchio_order
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import Design, Trajectory, basis_of, design
 from runtime.excitation.motion.basis import BASES, Basis, Cosine, Fourier, Spline
-from runtime.excitation.proof.certificate import KINDS, certificate, joint_bounds
+from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
 from runtime.library import Library
 from tests.oracle import pinocchio_model
@@ -122,7 +122,7 @@ def test_a_peak_in_the_second_half_counts(lib: Library) -> None:
     """Property: a spline that moves near its end only is seen by certificate, limits and cost."""
     a = np.zeros((7, SIZE))
     a[3, -1] = 100.0
-    assert not certificate(lib, Trajectory(lib.home, a, 5.0, Spline())).holds
+    assert not certificate_of(lib, Trajectory(lib.home, a, 5.0, Spline())).holds
 
 
 def by_hand(facts: dict, t: np.ndarray) -> list[np.ndarray]:

@@ -8,14 +8,8 @@ import pytest
 from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import COSINE, Trajectory, fourier_basis
-from runtime.excitation.proof.certificate import (
-    KINDS,
-    certificate,
-    fastest,
-    joint_bounds,
-    pulled_inside,
-    slowed,
-)
+from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
+from runtime.excitation.proof.certified_motion import certified, fastest, pulled_inside, slowed
 from runtime.library import Library
 
 
@@ -94,14 +88,14 @@ def test_a_violation_between_samples_is_caught(lib: Library, order: int) -> None
     scale = 0.9999 / seen.max(axis=0)
     adversary = Trajectory(lib.home, trajectory.coefficients * scale[:, None], trajectory.duration)
     assert brute(lib, adversary, 20_001)[order].max() > 1, "the test's own motion must violate"
-    use = certificate(lib, adversary).uses[order]
+    use = certificate_of(lib, adversary).uses[order]
     assert (use.kind, use.holds) == (KINDS[order], False)
-    assert not certificate(lib, adversary).holds
+    assert not certificate_of(lib, adversary).holds
 
 
 def test_rest(lib: Library) -> None:
     """Property: a robot that stands still uses nothing, exactly."""
-    found = certificate(lib, Trajectory(lib.home, np.zeros((7, 5)), 10.0))
+    found = certificate_of(lib, Trajectory(lib.home, np.zeros((7, 5)), 10.0))
     assert [use.bound for use in found.uses] == [0.0] * 4
     assert [use.margin for use in found.uses] == [1.0] * 4
     assert (found.holds, found.unlimited) == (True, ())
@@ -115,12 +109,12 @@ def test_no_number_is_no_proof(lib: Library, value: float) -> None:
         a = np.full((7, 3), 1e-4)
         a[joint, 1] = value
         with np.errstate(all="ignore"):
-            found = certificate(lib, Trajectory(lib.home, a, 10.0))
+            found = certificate_of(lib, Trajectory(lib.home, a, 10.0))
         assert not found.holds
         assert {use.where for use in found.broken} == {lib.joint_names[joint]}
     home = lib.home.copy()
     home[2] = np.nan
-    found = certificate(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0))
+    found = certificate_of(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0))
     assert [use.kind for use in found.broken] == ["position"]
 
 
@@ -129,14 +123,14 @@ def test_a_home_on_its_limit_has_no_room(lib: Library, beyond: float) -> None:
     """Property: outside is told as an infinite use of the position."""
     home = lib.home.copy()
     home[4] = lib.limits()["upper"][4] + beyond
-    use = certificate(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0)).uses[0]
+    use = certificate_of(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0)).uses[0]
     assert (use.bound, use.where, use.holds) == (np.inf, "fr3_joint5", False)
 
 
 def test_limits_that_nobody_states(tiny_built: Path) -> None:
     """Property: without a limit there is no proof, and the certificate says so."""
     lib = load(tiny_built)
-    found = certificate(lib, Trajectory(lib.home, np.full((1, 2), 1e-3), 10.0))
+    found = certificate_of(lib, Trajectory(lib.home, np.full((1, 2), 1e-3), 10.0))
     assert [use.kind for use in found.uses] == ["position", "velocity"]
     assert found.unlimited == ("acceleration of swing", "jerk of swing")
     assert found.sentences()[-4] == "no limit stated: jerk of swing"
@@ -146,9 +140,9 @@ def test_limits_that_nobody_states(tiny_built: Path) -> None:
 def test_designs_are_pulled_inside(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
     """Property: touching at samples becomes holding everywhere, by less than 1e-5; others stay."""
     for trajectory in trajectories:
-        assert not certificate(lib, trajectory).holds
+        assert not certificate_of(lib, trajectory).holds
         inside = pulled_inside(lib, trajectory)
-        assert certificate(lib, inside).holds
+        assert certificate_of(lib, inside).holds
         assert inside.coefficients == pytest.approx(trajectory.coefficients, rel=1e-5)
     far = Trajectory(lib.home, 1.01 * trajectories[0].coefficients, 10.0)
     bounds, _ = joint_bounds(lib, far)
@@ -167,12 +161,13 @@ def test_slowing_keeps_the_path(lib: Library, trajectories: tuple[Trajectory, ..
         ratio = joint_bounds(lib, half)[0][k] / joint_bounds(lib, motion)[0][k]
         assert ratio == pytest.approx(0.5**k, rel=1e-9)
     motion = Trajectory(lib.home, 0.9 * motion.coefficients, 5.0)
-    r = fastest(lib, motion)
+    r = fastest(certified(lib, motion))
     assert 0.1 < r < 1
-    assert certificate(lib, slowed(motion, r)).holds
-    assert not certificate(lib, slowed(motion, r + 0.01)).holds
+    assert certificate_of(lib, slowed(motion, r)).holds
+    assert not certificate_of(lib, slowed(motion, r + 0.01)).holds
     with np.errstate(all="ignore"):
-        assert fastest(lib, Trajectory(lib.home, np.full((7, 2), np.nan), 5.0)) == 0
+        lost = Trajectory(lib.home, np.full((7, 2), np.nan), 5.0)
+        assert fastest(certified(lib, lost)) == 0
     for wrong in (0.0, 1.1, -1.0, np.nan):
         with pytest.raises(IdentificationError, match="a replay needs a speed above 0"):
             slowed(motion, wrong)
@@ -184,4 +179,4 @@ def test_slowing_keeps_the_path(lib: Library, trajectories: tuple[Trajectory, ..
 def test_other_robots_are_told(lib: Library, shape: tuple[int, ...], duration: float) -> None:
     """Property: one sentence with both shapes."""
     with pytest.raises(IdentificationError, match="needs a home of shape"):
-        certificate(lib, Trajectory(lib.home, np.zeros(shape), duration))
+        certificate_of(lib, Trajectory(lib.home, np.zeros(shape), duration))

@@ -11,7 +11,7 @@ from runtime.excitation.limits.limit_rows import LimitRows
 from runtime.excitation.limits.nonlinear_limits import Constraint
 from runtime.excitation.limits.safety import constraints
 from runtime.excitation.limits.sampled_motion import SampledMotion
-from runtime.excitation.proof.certificate import certificate
+from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Library
@@ -140,24 +140,26 @@ def test_what_is_no_number_never_holds(lib: Library) -> None:
     """Property: NaN and infinite motions break every limit; a home without room, braking."""
     for value in (np.nan, np.inf):
         with np.errstate(all="ignore"):
-            found = certificate(lib, Trajectory(lib.home, np.full((7, 2), value), 5.0), EVERYTHING)
+            found = certificate_of(
+                lib, Trajectory(lib.home, np.full((7, 2), value), 5.0), EVERYTHING
+            )
         assert {use.kind for use in found.broken} == {use.kind for use in found.uses}
     home = lib.home.copy()
     assert lib.braking is not None
     home[3] = lib.braking.upper[3] - 0.005
-    found = certificate(lib, Trajectory(home, np.zeros((7, 2)), 5.0), Safety())
+    found = certificate_of(lib, Trajectory(home, np.zeros((7, 2)), 5.0), Safety())
     assert [use.bound for use in found.broken if use.kind == "braking"] == [np.inf]
 
 
 def test_the_certificate_of_everything(lib: Library) -> None:
     """Property: one use per kind, one distance per pair and lifted proxy, and what is left out."""
     motion = fast_motion(lib, 1e-3)
-    found = certificate(lib, motion, EVERYTHING)
+    found = certificate_of(lib, motion, EVERYTHING)
     assert [use.kind for use in found.uses[4:]] == list(KINDS)
     assert found.unchecked == ()
     assert len(found.distances) == len(lib.pairs) + len(lib.moving_proxies) - 1  # link 1 turns
-    assert certificate(lib, motion, Safety()).unchecked == ("table",)
-    assert certificate(lib, motion).unchecked == ("torque", "self-collision", "table")
+    assert certificate_of(lib, motion, Safety()).unchecked == ("table",)
+    assert certificate_of(lib, motion).unchecked == ("torque", "self-collision", "table")
     closest = min(found.distances[: len(lib.pairs)], key=lambda use: use.value - use.limit)
     t = np.linspace(0, 2, 2001)
     distance = lib.clearance(motion.at(lib, t)[0])[0].min(axis=0)

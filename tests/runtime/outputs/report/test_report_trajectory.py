@@ -14,6 +14,7 @@ from runtime import load
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.motion_profile import MotionProfile, profile_of
+from runtime.excitation.proof.certified_motion import certified
 from runtime.library import Library
 from runtime.outputs.report.space import draw_space
 from runtime.outputs.report.style import VERMILION, blank, settings
@@ -25,7 +26,7 @@ NAMES = ["a.png", "a-speed.png", "a-space.png"]
 
 @pytest.fixture(scope="module")
 def shown(lib: Library, trajectories: tuple[Trajectory, ...]) -> MotionProfile:
-    return profile_of(lib, trajectories[0], SAFETY)
+    return profile_of(certified(lib, trajectories[0], SAFETY))
 
 
 def drawn_by(draw: Callable[[Figure, MotionProfile], None], profile: MotionProfile) -> Figure:
@@ -108,7 +109,10 @@ def test_what_nobody_checked_is_told(shown: MotionProfile) -> None:
     """Property: no gaps is no clearance; unchecked distances say so."""
     for left, words in (
         (replace(shown, gaps=(), table=None, box=None), "no collision proxies"),
-        (replace(shown, proof=replace(shown.proof, unchecked=("self-collision",))), "NOT checked"),
+        (
+            replace(shown, certificate=replace(shown.certificate, unchecked=("self-collision",))),
+            "NOT checked",
+        ),
     ):
         figure = drawn_by(draw_space, left)
         panel = figure.subfigs[1].axes[0]
@@ -126,7 +130,7 @@ def test_the_pictures_are_pngs(shown: MotionProfile, tmp_path: Path, tiny_built:
         assert picture.shape[:2] == size
         assert picture[..., :3].std() > 0.05
     tiny = load(tiny_built)
-    small = profile_of(tiny, Trajectory(tiny.home, np.zeros((1, 2)), 3.0))
+    small = profile_of(certified(tiny, Trajectory(tiny.home, np.zeros((1, 2)), 3.0)))
     twice = [write_pictures(small, tmp_path / name) for name in ("b.png", "c.png")]
     for one, other in zip(*twice, strict=True):
         assert one.read_bytes() == other.read_bytes()

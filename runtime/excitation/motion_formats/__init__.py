@@ -1,0 +1,1 @@
+"""File formats of a certified motion, one module each."""

@@ -1,0 +1,44 @@
+"""One trajectory_msgs/JointTrajectory of ROS 2 as YAML, at any rate."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from runtime.errors import ExportError
+from runtime.excitation.motion.trajectory import sample_times
+from runtime.excitation.motion_formats.format import MotionFormat, write_comments
+from runtime.excitation.proof.certified_motion import CertifiedMotion
+from runtime.files import replacing
+from runtime.library import Array
+
+
+def _write(motion: CertifiedMotion, rate: float, path: Path) -> None:
+    """Write one message for `ros2 topic pub` and YAML loaders; the stamps are whole ns."""
+    stamps = np.round(sample_times(motion.trajectory.duration, rate) * 1e9).astype(np.int64)
+    if len(np.unique(stamps)) < len(stamps):
+        raise ExportError(
+            f"ROS stamps whole nanoseconds, too coarse for {rate:g} Hz; lower the --rate"
+        )
+    q, dq, ddq, _ = motion.trajectory.at(motion.lib, stamps.astype(np.float64) * 1e-9)
+    with replacing(path) as file:
+        write_comments(file, motion.header())
+        text = "header:\n  stamp: {sec: 0, nanosec: 0}\n  frame_id: ''\njoint_names:\n"
+        text += "".join(f"- {json.dumps(name)}\n" for name in motion.lib.joint_names)
+        file.write((text + "points:\n").encode())
+        for stamp, *rows in zip(stamps.tolist(), q, dq, ddq, strict=True):
+            sec, nanosec = divmod(stamp, 1_000_000_000)
+            position, velocity, acceleration = (_flow(row) for row in rows)
+            file.write(
+                f"- positions: {position}\n  velocities: {velocity}\n"
+                f"  accelerations: {acceleration}\n  effort: []\n"
+                f"  time_from_start: {{sec: {sec}, nanosec: {nanosec}}}\n".encode()
+            )
+
+
+def _flow(row: Array) -> str:
+    # 1.0e-05 and not 1e-05, which YAML 1.1 reads as text.
+    return "[" + ", ".join(f"{x:.16e}" for x in row) + "]"
+
+
+ROS = MotionFormat("ros", ".ros.yaml", "a JointTrajectory message of ROS 2 at the rate", _write)

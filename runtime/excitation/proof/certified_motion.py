@@ -1,0 +1,153 @@
+"""A motion with its certificate, which is computed once and passed on to plots, tables and exports.
+
+Also the same path at another speed, and motions scaled back onto the limits that they touch.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.errors import ExportError, IdentificationError
+from runtime.excitation import Safety, Trajectory
+from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
+from runtime.excitation.proof.joint_bounds import joint_bounds
+from runtime.library import Library
+
+
+@dataclass(frozen=True, slots=True)
+class CertifiedMotion:
+    """A trajectory of a robot and the certificate of its limits, which need not hold.
+
+    Attributes:
+        lib: the robot.
+        trajectory: its motion.
+        safety: limits beyond those of the joints; None where only those were checked.
+        certificate: of this trajectory under these limits.
+    """
+
+    lib: Library
+    trajectory: Trajectory
+    safety: Safety | None
+    certificate: Certificate
+
+    def header(self) -> tuple[str, ...]:
+        """Lines for the head of a file: robot, duration and the use of every limit."""
+        first = (
+            f"Excitation of '{self.lib.name}', {self.trajectory.duration:.17g} s. "
+            "Limits at every instant, between samples too:"
+        )
+        return (first, *self.certificate.sentences())
+
+    def require_limits(self) -> None:
+        """Check that the certificate holds, as a motion for a robot must.
+
+        Raises:
+            ExportError: the limits that are exceeded, and the speed that would keep them.
+        """
+        if self.certificate.holds:
+            return
+        broken = ", ".join(
+            f"{use.kind} of {use.where} at {100 * use.bound:.4g} % ({use.time:.3f} s)"
+            for use in self.certificate.broken
+        )
+        percent = 100 * fastest(self)
+        advice = (
+            f"add --speed {percent:.0f}, at which they are kept"
+            if percent >= 1
+            else "design another motion"
+        )
+        raise ExportError(f"nothing is exported, the motion exceeds limits: {broken}; {advice}")
+
+
+def certified(
+    lib: Library, trajectory: Trajectory, safety: Safety | None = None
+) -> CertifiedMotion:
+    """A motion with its certificate, computed here and nowhere else.
+
+    Args:
+        lib: the robot.
+        trajectory: its motion.
+        safety: limits beyond those of the joints; None checks those of the joints alone.
+
+    Returns:
+        The motion; its certificate may state that limits are exceeded.
+
+    Raises:
+        IdentificationError: the trajectory is of another robot, or `safety` needs a limit that
+            the robot does not state.
+    """
+    return CertifiedMotion(lib, trajectory, safety, certificate_of(lib, trajectory, safety))
+
+
+def fastest(motion: CertifiedMotion) -> float:
+    """Largest speed found by bisection, in whole percents, at which the path keeps its limits.
+
+    Returns:
+        Share of the present speed, 0.01 to 1; 0 where no speed helps, because position, distances
+        and the box of the tip do not depend on it.
+    """
+    certificate = motion.certificate
+    stays = {"position", "tip box", *DISTANCES}
+    if any(use.kind in stays or not np.isfinite(use.bound) for use in certificate.broken):
+        return 0.0
+    low, high = (100, 101) if certificate.holds else (0, 100)
+    while high - low > 1:
+        percent = (low + high) // 2
+        slow = slowed(motion.trajectory, percent / 100)
+        if certificate_of(motion.lib, slow, motion.safety).holds:
+            low = percent
+        else:
+            high = percent
+    return low / 100
+
+
+def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
+    """The same path at a lower speed, in the duration t_f / speed.
+
+    Args:
+        trajectory: the motion.
+        speed: share of its speed, above 0 and up to 1.
+
+    Returns:
+        The slower motion.
+
+    Raises:
+        IdentificationError: another speed.
+    """
+    return replace(trajectory, duration=trajectory.duration / require_speed(speed))
+
+
+def require_speed(speed: float) -> float:
+    """The speed itself, where it is a share above 0 and up to 1.
+
+    Raises:
+        IdentificationError: it is not.
+    """
+    if not 0 < speed <= 1:
+        raise IdentificationError(
+            f"a replay needs a speed above 0 and up to 100 %, got {100 * speed:g} %; a faster "
+            "motion must be designed with a shorter --duration"
+        )
+    return speed
+
+
+def pulled_inside(lib: Library, trajectory: Trajectory, most: float = 1e-3) -> Trajectory:
+    """Scale joints that slightly exceed their own limits back onto them.
+
+    A design that touches its limits at samples exceeds them between samples by the error of the
+    chords. What exceeds by more is left as it is; the certificate states it.
+
+    Args:
+        lib: the robot.
+        trajectory: its motion.
+        most: largest excess that is removed, as a share of the limit.
+
+    Returns:
+        The motion with smaller coefficients of the joints concerned.
+    """
+    bounds, _ = joint_bounds(lib, trajectory)
+    use = bounds.max(axis=0)
+    touched = (use > 1) & (use <= 1 + most)
+    # The bound scales with a; 1e-9 is far above the rounding of its second evaluation.
+    rho = np.where(touched, use * (1 + 1e-9), 1.0)
+    return replace(trajectory, coefficients=trajectory.coefficients / rho[:, None])

@@ -10,20 +10,34 @@ from runtime.cli.options import listed
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
 from runtime.library import load
-from runtime.outputs.model_files import FORMATS, export_model
+from runtime.outputs.model_files import EXPORT_FORMATS, export_model
+
+
+def _list_formats(wanted: bool) -> None:
+    """Print one line per format and stop."""
+    if wanted:
+        for each in EXPORT_FORMATS.records():
+            say(f"{each.name}: {each.sentence}")
+        raise typer.Exit
 
 
 def export_command(
     result: Annotated[Path, typer.Argument(help="Folder that identify wrote.")],
     to: Annotated[
-        str | None, typer.Option(metavar="A,B,…", help=f"Some of {', '.join(FORMATS)}; else all.")
+        str | None,
+        typer.Option(
+            metavar="A,B,…",
+            help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default: all.",
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder; default RESULT/export.")] = None,
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default: the result's.")
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace files that are there.")
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
+    formats: Annotated[
+        bool,
+        typer.Option("--formats", callback=_list_formats, is_eager=True, help="List the formats."),
     ] = False,
 ) -> None:
     r"""Write an identified model for simulators and controllers.
@@ -32,11 +46,11 @@ def export_command(
     python -m runtime export results/log-map
     python -m runtime export results/log-map --to urdf,mjcf --out robots/mine
 
-    urdf, mjcf (MuJoCo), sdf (Gazebo, Drake), inertials and friction (inertials.yaml and
-    dynamics.yaml as in franka_description), header (C arrays). Each file is read again by the
-    program that it is for, and kept if that gives the library's torques at 1000 random states.
+    Each file is read again by a program that it is meant for. It is kept where that program
+    gives the torques of the library at 1000 random states. `--formats` lists the formats.
     """
-    kinds = listed(to, tuple(FORMATS), "--to") if to else tuple(FORMATS)
+    names = tuple(EXPORT_FORMATS)
+    kinds = listed(to, names, "--to") if to else names
     saved = read_result(result)
     lib = load(robot or saved.robot)
     notes = require_model(saved, lib, result, same_bodies=True)
@@ -49,8 +63,8 @@ def export_command(
     for note in notes:
         say(f"note: {note}")
     if saved.net is not None:
-        say("note: the friction network of the method nn has no counterpart in any of these")
+        say("note: the friction network of the method nn has no counterpart in these formats")
     failed = [each.kind for each in done if each.path is None]
-    # Without friction there is no file of friction, which is no failure unless it was asked for.
-    if failed and (to or failed != ["friction"]):
+    # A result without friction has no file of friction; that is a failure only where --to names it.
+    if failed and (to or not all(each.is_optional for each in done if each.path is None)):
         raise ExportError(f"{len(failed)} of {len(done)} not written: {', '.join(failed)}")

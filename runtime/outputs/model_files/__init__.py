@@ -1,18 +1,21 @@
 """Identified parameters → URDF, MJCF, SDF, franka_description YAML and a C header.
 
-`tree` reads the URDF of the kernels, `split` gives every link its body, `drive` turns friction
-into what simulators know, one module per format writes, `engines` read again, `check` compares.
+`urdf_tree` reads the URDF of the kernels, `fixed_links` divides π between links that are fixed to
+each other, `joint_friction` maps friction columns to damping, dry friction and rotor inertia.
+`formats` has one module per format; `engines` read a written file again and `reload_check`
+compares the result with the compiled library.
 """
 
-from runtime.outputs.model_files.model import Model, make_model
-from runtime.outputs.model_files.urdf import urdf_text
-from runtime.outputs.model_files.write import FORMATS, Exported, Format, export_model, write_urdf
+from runtime.outputs.model_files.export import Exported, export_model, write_urdf
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat
+from runtime.outputs.model_files.formats.urdf import urdf_text
+from runtime.outputs.model_files.model import IdentifiedModel, make_model
 
 __all__ = [
-    "FORMATS",
+    "EXPORT_FORMATS",
+    "ExportFormat",
     "Exported",
-    "Format",
-    "Model",
+    "IdentifiedModel",
     "export_model",
     "make_model",
     "urdf_text",

@@ -1,8 +1,8 @@
-"""π of a moving link → the bodies of the links that are fixed together in it.
+"""π of a moving link → the bodies of the links that are fixed to each other in it.
 
-Motion tells the sum only. A hand, a flange or a camera keeps the inertia that its maker published,
-and the moving link gets the rest, P_own = P_identified − Σ_k T_k P_k T_kᵀ; where that is no body
-that can exist, the moving link gets everything and what is fixed to it nothing.
+Motion identifies their sum only. A hand, a flange or a camera keeps its published inertia, and the
+moving link gets the rest, P_link = P_identified − Σ_k T_k P_k T_kᵀ. Where the rest is not
+physically consistent, the moving link gets the whole sum and the links fixed to it get none.
 """
 
 from dataclasses import dataclass
@@ -12,33 +12,42 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.library import Array, Library
-from runtime.outputs.model_files.bodies import Body, body_of, smallest_eigenvalue
+from runtime.outputs.model_files.bodies import RigidBody, body_of, smallest_eigenvalue
 from runtime.outputs.model_files.urdf_tree import Tree
 
 
 @dataclass(frozen=True, slots=True)
-class Split:
-    """The body of every link that has one, by its name.
+class LinkBodies:
+    """Rigid bodies of the links.
 
     Attributes:
-        bodies: moving links, links fixed to them, links fixed to the base.
+        by_link: body of every link that has one: moving links, links fixed to them, links fixed
+            to the base.
         emptied: links whose inertia went to the moving link that carries them.
-        notes: what was done with fixed bodies, one sentence per moving link that has some.
+        notes: how fixed bodies were treated, one sentence per moving link that carries some.
     """
 
-    bodies: dict[str, Body]
+    by_link: dict[str, RigidBody]
     emptied: tuple[str, ...]
     notes: tuple[str, ...]
 
 
-def split_bodies(lib: Library, pi: Array, tree: Tree) -> Split:
-    """Bodies of all links, so that those fixed together add up to π.
+def divide_bodies(lib: Library, pi: Array, tree: Tree) -> LinkBodies:
+    """Divide π into bodies of links, so that those of links fixed to each other add up to π.
+
+    Args:
+        lib: the robot.
+        pi: (10 n,) identified parameters [kg, kg·m, kg·m²].
+        tree: URDF with the published inertias.
+
+    Returns:
+        The bodies.
 
     Raises:
-        ExportError: a mass is not positive, so that there is no centre of mass.
+        ExportError: a mass is not positive, so that the centre of mass is undefined.
     """
-    bodies: dict[str, Body] = {}
-    fixed: dict[str, dict[str, Body]] = {name: {} for name in lib.link_names}
+    bodies: dict[str, RigidBody] = {}
+    fixed: dict[str, dict[str, RigidBody]] = {name: {} for name in lib.link_names}
     for link in tree.links:
         body = tree.published(link)
         carrier, _ = tree.carrier(link)
@@ -53,8 +62,8 @@ def split_bodies(lib: Library, pi: Array, tree: Tree) -> Split:
     for link, whole in zip(lib.link_names, lib.pseudo_inertia(pi), strict=True):
         if not whole[3, 3] > 0:
             raise ExportError(
-                f"link '{link}' has the mass {whole[3, 3]:g} kg, which has no centre of mass; "
-                "export a physically consistent result"
+                f"not written: expected a positive mass of the link '{link}', got "
+                f"{whole[3, 3]:g} kg; export a physically consistent result"
             )
         children = fixed[link]
         rest = _rest(whole, children, tree)
@@ -62,22 +71,22 @@ def split_bodies(lib: Library, pi: Array, tree: Tree) -> Split:
             bodies[link] = body_of(whole)
             emptied += children
             notes.append(
-                f"{link} carries the inertia of {', '.join(children)} too, which lost their own: "
-                "what would be left of it without them is no body that can exist"
+                f"The inertial of {link} includes {', '.join(children)}, whose inertials were "
+                f"removed: {link} without them would not be physically consistent."
             )
         else:
             bodies[link] = body_of(rest)
             bodies |= children
             if children:
                 notes.append(
-                    f"{', '.join(children)} keep their published inertia; {link} is what was "
-                    "identified less these"
+                    f"Published inertials are kept for {', '.join(children)}; the inertial of "
+                    f"{link} is the identified one less these."
                 )
-    return Split(bodies, tuple(emptied), tuple(notes))
+    return LinkBodies(bodies, tuple(emptied), tuple(notes))
 
 
-def _rest(whole: Array, children: dict[str, Body], tree: Tree) -> Array | None:
-    """P of the moving link alone; None where it, or what is fixed to it, cannot exist."""
+def _rest(whole: Array, children: dict[str, RigidBody], tree: Tree) -> Array | None:
+    """P (4, 4) of the moving link alone; None where it or a fixed body is not consistent."""
     rest = whole.copy()
     for name, body in children.items():
         P = body.pseudo_inertia
@@ -85,8 +94,8 @@ def _rest(whole: Array, children: dict[str, Body], tree: Tree) -> Array | None:
             return None
         _, T = tree.carrier(name)
         rest -= T @ P @ T.T
-    # Of a link without matter of its own the difference of equals remains.
-    is_something = rest[3, 3] > 1e-9 * whole[3, 3]
-    if children and not (is_something and smallest_eigenvalue(rest) >= -CONSISTENCY_TOLERANCE):
+    # For a moving link without mass, the difference of equal numbers is rounding noise.
+    has_mass = rest[3, 3] > 1e-9 * whole[3, 3]
+    if children and not (has_mass and smallest_eigenvalue(rest) >= -CONSISTENCY_TOLERANCE):
         return None
     return rest

@@ -1,7 +1,7 @@
-"""Identified friction → what simulators know: damping, dry friction and rotor inertia of a joint.
+"""Identified friction → joint friction of simulators: damping, dry friction and rotor inertia.
 
 viscous dq → damping      coulomb tanh(dq/ε), dahl ζ → friction (both are ±1 in steady motion)
-rotor ddq → armature      all else has no counterpart and is named
+rotor ddq → armature      other columns have no counterpart and are listed in a note
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from runtime.library import Array, Library
 from runtime.recording import Friction
 
 Values = tuple[float | None, ...]
-"""One per joint; None where nothing is known, or where a coefficient would drive the joint."""
+"""One per joint; None where it is unknown, or negative and would drive the joint."""
 
 MEANING = {
     "damping": ("viscous",),
@@ -23,15 +23,15 @@ MEANING = {
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
-    """Per joint of the library.
+class JointFriction:
+    """Joint friction as simulators describe it, per joint of the library.
 
     Attributes:
-        damping: N·m s/rad or N s/m.
-        friction: dry friction, N·m or N.
-        armature: rotor inertia on the joint side, kg·m² or kg.
-        notes: what could not be said in these three, sentences.
-        names, values: the columns as identified and φ (n, k).
+        damping: viscous coefficient [N·m·s/rad, N·s/m].
+        friction: dry friction [N·m, N].
+        armature: rotor inertia on the joint side [kg·m², kg].
+        notes: what these three do not represent, sentences.
+        names, values: the identified columns and φ (n, k) [N·m or N per unit of the column].
     """
 
     damping: Values
@@ -43,55 +43,58 @@ class Drive:
 
     @property
     def is_known(self) -> bool:
-        """Some joint has damping or dry friction."""
+        """Whether some joint has damping or dry friction."""
         return any(value is not None for value in (*self.damping, *self.friction))
 
-    def filled(self, what: str) -> Array:
-        """damping, friction or armature with 0 where nothing is known, (n,)."""
-        return np.array([value or 0.0 for value in getattr(self, what)])
+    def filled(self, quantity: str) -> Array:
+        """Return damping, friction or armature (n,) with 0 where it is unknown."""
+        return np.array([value or 0.0 for value in getattr(self, quantity)])
 
 
-def read_drive(lib: Library, terms: Friction | None, phi: Array | None) -> Drive:
-    """What identified coefficients mean to a simulator.
+def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> JointFriction:
+    """Joint friction of simulators from identified coefficients.
 
     Args:
         lib: the robot.
-        terms: the columns that were fitted; None: none.
-        phi: (n, k) in N·m per unit of the column.
+        terms: the fitted columns; None for none.
+        phi: (n, k) coefficients [N·m or N per unit of the column].
+
+    Returns:
+        Damping, dry friction and rotor inertia per joint.
 
     Raises:
-        ExportError: φ does not fit the columns and joints.
+        ExportError: the shape of φ differs from joints × columns, or a number is not finite.
     """
     n = lib.n_joints
-    nothing = (None,) * n
+    unknown = (None,) * n
     if terms is None or not terms.columns or phi is None:
-        return Drive(nothing, nothing, nothing)
+        return JointFriction(unknown, unknown, unknown)
     if phi.shape != (n, len(terms.columns)) or not np.isfinite(phi).all():
         raise ExportError(
-            f"friction needs finite coefficients of {n} joints and {len(terms.columns)} columns, "
-            f"got the shape {phi.shape}"
+            f"expected finite friction coefficients of {n} joints and {len(terms.columns)} "
+            f"columns, got the shape {phi.shape}; identify the robot again"
         )
     notes: list[str] = []
-    found: dict[str, Values] = {}
-    for what, columns in MEANING.items():
+    values: dict[str, Values] = {}
+    for quantity, columns in MEANING.items():
         present = [k for k, name in enumerate(terms.columns) if name in columns]
         if not present:
-            found[what] = nothing
+            values[quantity] = unknown
             continue
         total = phi[:, present].sum(axis=1)
-        found[what] = tuple(float(x) if x >= 0 else None for x in total)
+        values[quantity] = tuple(float(x) if x >= 0 else None for x in total)
         notes += [
-            f"{what} of {joint} was identified as {x:.3g}, which would drive it, and is left out"
+            f"{quantity} of {joint} was identified as {x:.3g}; it is negative and omitted"
             for joint, x in zip(lib.joint_names, total, strict=True)
             if x < 0
         ]
     known = {column for columns in MEANING.values() for column in columns}
     others = [name for name in terms.columns if name not in known]
     if others:
-        notes.append(f"friction without a counterpart here, left out: {', '.join(others)}")
-    if found["friction"] != nothing:
+        notes.append(f"friction columns without a counterpart here, omitted: {', '.join(others)}")
+    if values["friction"] != unknown:
         notes.append(
             "dry friction was identified as a smooth function of the velocity "
-            f"(tanh(dq / {terms.coulomb_speed:.3g})); simulators take it as stiction too"
+            f"(tanh(dq / {terms.coulomb_speed:.3g})); simulators use it for stiction as well"
         )
-    return Drive(**found, notes=tuple(notes), names=terms.columns, values=phi)
+    return JointFriction(**values, notes=tuple(notes), names=terms.columns, values=phi)

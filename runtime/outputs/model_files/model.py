@@ -1,4 +1,4 @@
-"""What is written: a robot with identified bodies and friction, the same for every format."""
+"""A robot with identified bodies and friction, as every model file format writes it."""
 
 from dataclasses import dataclass
 
@@ -9,41 +9,66 @@ from runtime.errors import ExportError, ShapeError
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.library import Array, Library
 from runtime.outputs.model_files.bodies import row
-from runtime.outputs.model_files.fixed_links import Split, split_bodies
-from runtime.outputs.model_files.joint_friction import Drive, read_drive
+from runtime.outputs.model_files.fixed_links import LinkBodies, divide_bodies
+from runtime.outputs.model_files.joint_friction import JointFriction, joint_friction
 from runtime.outputs.model_files.urdf_tree import Tree, read_tree
 from runtime.recording import Friction
 
 
 @dataclass(frozen=True, slots=True)
-class Model:
-    """π (10 n,) of a robot, its bodies link by link, its friction, and the URDF's kinematics."""
+class IdentifiedModel:
+    """Identified parameters of a robot and the kinematics of its URDF.
+
+    Attributes:
+        lib: the robot.
+        pi: (10 n,) identified parameters [kg, kg·m, kg·m²].
+        tree: links and joints of the URDF.
+        bodies: rigid bodies of the links.
+        friction: damping, dry friction and rotor inertia of the joints.
+    """
 
     lib: Library
     pi: Array
     tree: Tree
-    split: Split
-    drive: Drive
+    bodies: LinkBodies
+    friction: JointFriction
 
-    def comment(self, what: str, *more: str) -> tuple[str, ...]:
-        """Lines for the head of a file."""
+    def comment(self, content: str, *more: str) -> tuple[str, ...]:
+        """Comment lines at the head of a file.
+
+        Args:
+            content: what the file holds, such as "Inertial parameters".
+            more: further sentences.
+
+        Returns:
+            One line each.
+        """
         return (
-            f"{what} identified by symgen.",
+            f"{content} identified by symgen.",
             f"model hash: {self.lib.manifest.model_hash}",
-            f"Gravity in the base frame was {row(self.lib.gravity)} m/s^2.",
+            f"Gravity in the base frame: {row(self.lib.gravity)} m/s^2.",
             *more,
         )
 
     def robot_comment(self, *more: str) -> tuple[str, ...]:
-        """Lines for a file that holds bodies and drives."""
-        notes = (*self.split.notes, *self.drive.notes)
+        """Comment lines at the head of a file of bodies and joint friction."""
+        notes = (*self.bodies.notes, *self.friction.notes)
         return self.comment("Inertial parameters", *notes, *more)
 
 
 def make_model(
     lib: Library, pi: ArrayLike, terms: Friction | None = None, phi: ArrayLike | None = None
-) -> Model:
-    """A model whose links may be impossible, see `require_consistent`.
+) -> IdentifiedModel:
+    """Model of a robot; its links may be physically inconsistent, see `require_consistent`.
+
+    Args:
+        lib: the robot.
+        pi: (10 n,) identified parameters [kg, kg·m, kg·m²].
+        terms: friction columns, where some were identified.
+        phi: (n, k) their coefficients [N·m or N per unit of the column].
+
+    Returns:
+        The model.
 
     Raises:
         ShapeError: π does not have 10 entries per link.
@@ -51,30 +76,35 @@ def make_model(
     """
     flat = np.asarray(pi, dtype=float)
     if flat.shape != lib.pi0.shape:
-        raise ShapeError(f"pi needs the shape {lib.pi0.shape}, got {flat.shape}")
+        raise ShapeError(
+            f"expected pi of the shape {lib.pi0.shape}, got {flat.shape}; give 10 numbers per link"
+        )
     bad = np.flatnonzero(~np.isfinite(flat).reshape(lib.n_joints, -1).all(axis=1))
     if bad.size:
         links = ", ".join(lib.link_names[k] for k in bad)
-        raise ExportError(f"not written: the parameters of {links} are not finite numbers")
+        raise ExportError(
+            f"not written: expected finite parameters, got others for {links}; "
+            "identify the robot again"
+        )
     tree = read_tree(lib)
-    drive = read_drive(lib, terms, None if phi is None else np.asarray(phi, dtype=float))
-    return Model(lib, flat, tree, split_bodies(lib, flat, tree), drive)
+    friction = joint_friction(lib, terms, None if phi is None else np.asarray(phi, dtype=float))
+    return IdentifiedModel(lib, flat, tree, divide_bodies(lib, flat, tree), friction)
 
 
-def require_consistent(model: Model) -> None:
-    """Raise ExportError where a link cannot exist."""
+def require_consistent(model: IdentifiedModel) -> None:
+    """Raise ExportError where a link is not physically consistent."""
     eigenvalues = model.lib.relative_eigenvalues(model.pi)
     bad = np.flatnonzero(~(eigenvalues >= -CONSISTENCY_TOLERANCE))
     if bad.size:
         links = ", ".join(model.lib.link_names[k] for k in bad)
         raise ExportError(
-            f"not written: {links} cannot exist (smallest eigenvalue of the pseudo-inertia "
-            f"{eigenvalues[bad].min():.2e} of its trace), and a simulator would refuse or diverge; "
+            f"not written: expected physically consistent links, got {links} (smallest eigenvalue "
+            f"of the pseudo-inertia {eigenvalues[bad].min():.2e} of its trace); "
             "export a physically consistent result, or lib.nearest_realisable(pi)"
         )
 
 
 def xml_comment(lines: tuple[str, ...]) -> str:
-    """<!-- … -->, whose text must not hold two hyphens in a row."""
+    """XML comment; two hyphens in a row, which end it, are separated."""
     text = "\n     ".join(line.replace("--", "- -") for line in lines)
     return f"<!-- {text} -->\n"

@@ -1,6 +1,6 @@
-"""The URDF that the kernels describe, as a tree of links with their placements.
+"""The URDF of the kernels as a tree of links with their placements.
 
-Reads what `symgen build` normalised: revolute, continuous, prismatic and fixed joints, one root.
+It was normalised by `symgen build`: revolute, continuous, prismatic and fixed joints, one root.
 """
 
 from collections.abc import Iterator
@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
-from runtime.outputs.model_files.bodies import Body
+from runtime.outputs.model_files.bodies import RigidBody
 
 WORLD = "world"
-"""A root link of this name is what MuJoCo and SDF have already."""
+"""Name of a root link that MuJoCo and SDF predefine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,16 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Tree:
-    """A URDF document; `root` may be changed, it is nobody else's."""
+    """A URDF document; `root` is not shared and may be changed.
+
+    Attributes:
+        name: name of the robot.
+        root: the <robot> element.
+        links: elements by link name.
+        edges: joints by the name of their child link.
+        base: root link.
+        moving: moving links in the order of the library.
+    """
 
     name: str
     root: Element
@@ -52,9 +61,9 @@ class Tree:
     moving: tuple[str, ...]
 
     def carrier(self, link: str) -> tuple[str | None, Array]:
-        """The moving link that a link is rigidly part of, and T from the one frame to the other.
+        """The moving link that a link is fixed to, and T (4, 4) from its frame to that link's.
 
-        None for what is fixed to the base, with T to the base.
+        The link is None, and T leads to the base, for a link that is fixed to the base.
         """
         T = np.eye(4)
         while link not in self.moving and link in self.edges:
@@ -62,8 +71,8 @@ class Tree:
             link = self.edges[link].parent
         return (link if link in self.moving else None), T
 
-    def published(self, link: str) -> Body | None:
-        """The body that the document gives a link; None without an <inertial>."""
+    def published(self, link: str) -> RigidBody | None:
+        """Rigid body of a link in the document; None without an <inertial>."""
         inertial = self.links[link].find("inertial")
         if inertial is None:
             return None
@@ -74,22 +83,24 @@ class Tree:
             0.0 if inertia is None else number(inertia.get(key, "0"), f"link '{link}': {key}")
             for key in keys
         )
-        own = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        inertia_com = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         value = "0" if mass is None else mass.get("value", "0")
-        return Body(number(value, f"link '{link}': mass"), T[:3, 3], T[:3, :3] @ own @ T[:3, :3].T)
+        return RigidBody(
+            number(value, f"link '{link}': mass"), T[:3, 3], T[:3, :3] @ inertia_com @ T[:3, :3].T
+        )
 
     def children(self, link: str) -> list[Edge]:
         """Joints below a link: moving ones in the order of the library, then fixed ones."""
-        found = [edge for edge in self.edges.values() if edge.parent == link]
-        return sorted(found, key=lambda edge: self._rank(edge.child))
+        below = [edge for edge in self.edges.values() if edge.parent == link]
+        return sorted(below, key=lambda edge: self._rank(edge.child))
 
     def _rank(self, link: str) -> int:
-        """Index of the first joint at or below a link."""
+        """Index of the first moving joint at or below a link."""
         below = [self.moving.index(x) for x in self.subtree(link) if x in self.moving]
         return min(below, default=len(self.moving))
 
     def subtree(self, link: str) -> Iterator[str]:
-        """A link and everything that hangs on it."""
+        """Yield a link and all links below it."""
         yield link
         for edge in self.edges.values():
             if edge.parent == link:
@@ -97,10 +108,17 @@ class Tree:
 
 
 def read_tree(lib: Library, text: str | None = None) -> Tree:
-    """The URDF of a library, or another text of the same robot.
+    """Tree of the URDF of a library, or of another text of the same robot.
+
+    Args:
+        lib: the robot.
+        text: a URDF; None for that of the library.
+
+    Returns:
+        The tree.
 
     Raises:
-        ExportError: it is damaged or lacks a link; run symgen build.
+        ExportError: the URDF is damaged, lacks a link or is not a tree.
     """
     root = _parse(lib, lib.urdf() if text is None else text)
     links = {link.get("name", ""): link for link in root.findall("link")}
@@ -118,10 +136,10 @@ def read_tree(lib: Library, text: str | None = None) -> Tree:
         )
     roots = [link for link in links if link not in edges]
     tree = Tree(root.get("name") or lib.name, root, links, edges, (*roots, "")[0], lib.link_names)
-    # What hangs on a loop or on no link is not below the root.
+    # Links on a loop, or on no link, are not below the root.
     if len(roots) != 1 or set(tree.subtree(roots[0])) != set(links):
         raise ExportError(
-            f"the URDF of '{lib.name}' is no tree of links (its roots are "
+            f"the URDF of '{lib.name}' is not a tree of links (its roots are "
             f"{', '.join(roots) or 'none'}); run: python -m symgen build"
         )
     return tree
@@ -146,7 +164,7 @@ def _edge(joint: Element) -> Edge:
     axis = _numbers(text, f"joint '{name}': axis")
     bounded = limit is not None and kind in {"revolute", "prismatic"}
     # A <limit> without lower and upper is one of effort and velocity alone.
-    found = [
+    bounds = [
         number(limit.get(key, ""), f"joint '{name}': {key}")
         if bounded and limit is not None and key in limit.attrib
         else None
@@ -159,7 +177,7 @@ def _edge(joint: Element) -> Edge:
         child,
         _placement(joint, f"joint '{name}'"),
         axis / (float(np.linalg.norm(axis)) or 1.0),
-        *found,
+        *bounds,
     )
 
 
@@ -175,13 +193,29 @@ def _placement(element: Element, owner: str) -> Array:
 def _numbers(text: str, what: str) -> Array:
     words = text.split()
     if len(words) != 3:
-        raise ExportError(f"{what} of the URDF needs three numbers, got '{text}'; build it again")
+        raise ExportError(
+            f"expected three numbers as {what} of the URDF, got '{text}'; "
+            "run: python -m symgen build"
+        )
     return np.array([number(word, what) for word in words])
 
 
 def number(text: str, what: str) -> float:
-    """A number of the URDF; ExportError where it is none."""
+    """Number of the URDF.
+
+    Args:
+        text: of an attribute.
+        what: the attribute, for the message.
+
+    Returns:
+        The number.
+
+    Raises:
+        ExportError: the text is not a number.
+    """
     try:
         return float(text)
     except ValueError:
-        raise ExportError(f"{what} of the URDF needs a number, got '{text}'; build again") from None
+        raise ExportError(
+            f"expected a number as {what} of the URDF, got '{text}'; run: python -m symgen build"
+        ) from None

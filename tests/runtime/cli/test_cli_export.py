@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 from runtime.excitation import Design, Safety, Trajectory, design
 from runtime.excitation.proof.certificate import Certificate, certificate_of
 from runtime.library import Library
+from tests.plugins import install_toy
 from tests.runtime.conftest import Command
 
 
@@ -33,6 +36,54 @@ def test_export_writes_what_others_load(
     assert command("export", "out", "--robot", lib.folder, "--to", "urdf", "--overwrite").code == 0
     assert "friction, header; got 'usd'" in command("export", "out", "--to", "usd").err
     assert "no valid result.json" in command("export", tmp_path).err
+
+
+TOY = """
+import csv
+import io
+
+from runtime.outputs.model_files import ExportFormat
+
+
+def masses(model):
+    text = io.StringIO()
+    rows = ((name, repr(body.mass)) for name, body in model.bodies.by_link.items())
+    csv.writer(text).writerows([("link", "mass"), *rows])
+    return text.getvalue()
+
+
+def check(model, text):
+    read = [float(row["mass"]) for row in csv.DictReader(io.StringIO(text))]
+    assert read == [body.mass for body in model.bodies.by_link.values()]
+    return "verified: read again by csv"
+
+
+TOY = ExportFormat("toy", "CSV of masses", "{robot}_masses.csv", masses, check)
+"""
+
+
+def test_a_format_of_another_package_is_used_by_its_name(
+    command: Command, lib: Library, log: Path, tmp_path: Path
+) -> None:
+    """Property: an entry point adds a format to --formats, --to and the messages."""
+    words = ("--robot", lib.folder, "--method", "pc-ols", "--out", "out")
+    assert command("identify", log, *words).code == 0
+    (tmp_path / "site").mkdir()
+    environment = install_toy(tmp_path / "site", "symgen.export_formats", "toy", TOY, "TOY")
+
+    def export(*words: object) -> subprocess.CompletedProcess[str]:
+        line = [sys.executable, "-m", "runtime", "export", *map(str, words)]
+        return subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True,
+                              check=False)  # fmt: skip
+
+    assert export("--formats").stdout.splitlines()[-1] == "toy: CSV of masses"
+    ran = export("out", "--robot", lib.folder, "--to", "toy")
+    assert ran.returncode == 0, ran.stderr
+    assert "(verified: read again by csv)" in ran.stdout
+    lines = (tmp_path / "out" / "export" / "fr3_masses.csv").read_text().splitlines()
+    assert lines[0] == "link,mass"
+    assert {line.split(",")[0] for line in lines[1:]} >= set(lib.link_names)
+    assert "header, toy; got 'usd'" in export("out", "--to", "usd").stderr
 
 
 def test_export_says_what_it_could_not_write(

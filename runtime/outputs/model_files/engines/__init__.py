@@ -1,6 +1,6 @@
-"""The programs that a file is for, each asked what it read; missing ones answer None.
+"""The programs that read model files: what each one read; None where it is not installed.
 
-This is the only room that may import pinocchio, mujoco, pydrake and yaml.
+In outputs, only these modules may import pinocchio, mujoco, pydrake and yaml.
 """
 
 from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, random_states

@@ -1,4 +1,4 @@
-"""What an engine says about a file, in the order and the names of the library."""
+"""What an engine read from a file, in the order and with the names of the library."""
 
 from dataclasses import dataclass
 
@@ -7,10 +7,11 @@ import numpy as np
 from runtime.library import Array, Library
 
 STATES = 1000
+"""Number of random states at which torques are compared."""
 
 
 class Unreadable(Exception):
-    """The engine refuses the file; the text is its reason, on one line."""
+    """Raised where the engine refuses the file; the text is its reason, on one line."""
 
     def __init__(self, reason: object) -> None:
         super().__init__(" ".join(str(reason).split()))
@@ -18,13 +19,14 @@ class Unreadable(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Reloaded:
-    """A robot as an engine holds it after reading a file.
+    """A robot as an engine read it from a file.
 
     Attributes:
         engine: name and version.
-        tau: what its inverse dynamics gives at `random_states`, less damping and armature, (N, n).
-        pi: its bodies, those fixed together summed up in the moving link's frame, (n, 10).
-        damping, friction, armature: as it read them, (n,); None where it reads none.
+        tau: (N, n) inverse dynamics at `random_states`, less damping and armature [N·m, N].
+        pi: (n, 10) its bodies; those fixed to each other are summed in the frame of the moving
+            link [kg, kg·m, kg·m²].
+        damping, friction, armature: (n,) as read; None where the engine does not read it.
     """
 
     engine: str
@@ -36,13 +38,13 @@ class Reloaded:
 
 
 def random_states(lib: Library) -> tuple[Array, Array, Array]:
-    """q, dq, ddq, each (1000, n), the same for every engine."""
+    """Random q, dq, ddq, each (1000, n), the same for every engine [rad, rad/s, rad/s²; m]."""
     q, dq, ddq = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, STATES, lib.n_joints))
     return q, dq, ddq
 
 
 def pi_of(P: Array) -> Array:
-    """π (10,) of a pseudo-inertia: m, m c, XX, YY, ZZ, XY, XZ, YZ about the origin."""
+    """Parameters π (10,) of a pseudo-inertia: m, m c, XX, YY, ZZ, XY, XZ, YZ about the origin."""
     inertia = np.trace(P[:3, :3]) * np.eye(3) - P[:3, :3]
     entries = [inertia[e] for e in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     return np.array([P[3, 3], *P[:3, 3], *entries])

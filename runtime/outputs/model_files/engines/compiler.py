@@ -1,4 +1,4 @@
-"""A C header by a C compiler: a program that includes it and prints its arrays in hexadecimal."""
+"""Read a C header by a C compiler: a program includes it and prints its arrays in hexadecimal."""
 
 import os
 import re
@@ -15,14 +15,21 @@ from runtime.outputs.model_files.engines.answer import Unreadable
 
 INSTALL = "install a C compiler, or name one in CC"
 SECONDS = 60
-"""After which a compiler or its program hangs."""
+"""Time limit of the compiler and of its program [s]."""
 
 
 def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Array] | None:
-    """Arrays of a header by their C names and shapes; None without a compiler.
+    """Read the arrays of a header.
+
+    Args:
+        text: the header.
+        names: shapes by C name.
+
+    Returns:
+        Arrays by C name; None where no compiler is installed.
 
     Raises:
-        Unreadable: the compiler refuses it; its first complaint.
+        Unreadable: the compiler refuses the header; the text is its first message.
     """
     compiler = find_compiler()
     if compiler is None:
@@ -42,7 +49,7 @@ def read_back(text: str, names: Mapping[str, tuple[int, ...]]) -> dict[str, Arra
 
 
 def find_compiler() -> str | None:
-    """The compiler that CC names, else cc, gcc or clang; None where there is none."""
+    """Path of the compiler in CC, else of cc, gcc or clang; None where none is installed."""
     wanted = (os.environ.get("CC", ""), "cc", "gcc", "clang")
     return next((path for name in wanted if name and (path := shutil.which(name))), None)
 

@@ -1,4 +1,4 @@
-"""SDF by Drake, which carries the parser of Gazebo (libsdformat) and its own inverse dynamics."""
+"""Read SDF by Drake, which has the parser of Gazebo (libsdformat) and an inverse dynamics."""
 
 from importlib.metadata import version
 from typing import Any
@@ -12,10 +12,17 @@ INSTALL = "pip install 'symgen[export]'"
 
 
 def reload(text: str, lib: Library) -> Reloaded | None:
-    """What libsdformat and Drake read in an SDF; None where they are not installed.
+    """Read an SDF by libsdformat and Drake.
+
+    Args:
+        text: the file.
+        lib: the robot.
+
+    Returns:
+        What they read; None where they are not installed.
 
     Raises:
-        Unreadable: one of them refuses it, or finds joints that are not the library's.
+        Unreadable: one of them refuses the file, or its joints differ from the library's.
     """
     try:
         from pydrake.multibody.parsing import Parser
@@ -34,7 +41,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
     except (RuntimeError, ValueError) as error:
         raise Unreadable(error) from None
     if plant.num_velocities() != lib.n_joints or any(j.num_velocities() != 1 for j in joints):
-        raise Unreadable(f"it has other joints than {', '.join(lib.joint_names)}")
+        raise Unreadable(f"expected the joints {', '.join(lib.joint_names)}, got others")
     at = [joint.velocity_start() for joint in joints]
     context, states = plant.CreateDefaultContext(), random_states(lib)
     tau = np.empty_like(states[0])
@@ -55,13 +62,13 @@ def reload(text: str, lib: Library) -> Reloaded | None:
 
 
 def _scattered(values: Array, at: list[int]) -> Array:
-    found = np.empty(len(at))
-    found[at] = values
-    return found
+    scattered = np.empty(len(at))
+    scattered[at] = values
+    return scattered
 
 
 def _parameters(plant: Any, lib: Library) -> Array:
-    """π of the moving links, with what is welded to each of them."""
+    """π (n, 10) of the moving links with the bodies that are welded to them."""
     context = plant.CreateDefaultContext()
     P = np.zeros((lib.n_joints, 4, 4))
     for k, name in enumerate(lib.link_names):
@@ -70,11 +77,11 @@ def _parameters(plant: Any, lib: Library) -> Array:
             T = plant.CalcRelativeTransform(
                 context, carrier.body_frame(), body.body_frame()
             ).GetAsMatrix4()
-            own = body.CalcSpatialInertiaInBodyFrame(context)
-            inertia = own.CalcRotationalInertia().CopyToFullMatrix3()
+            spatial = body.CalcSpatialInertiaInBodyFrame(context)
+            inertia = spatial.CalcRotationalInertia().CopyToFullMatrix3()
             matter = np.empty((4, 4))
             matter[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia
-            matter[:3, 3] = matter[3, :3] = own.get_mass() * own.get_com()
-            matter[3, 3] = own.get_mass()
+            matter[:3, 3] = matter[3, :3] = spatial.get_mass() * spatial.get_com()
+            matter[3, 3] = spatial.get_mass()
             P[k] += T @ matter @ T.T
     return np.array([pi_of(each) for each in P])

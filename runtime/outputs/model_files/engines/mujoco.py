@@ -1,21 +1,28 @@
-"""MJCF by MuJoCo: mj_inverse, constraints off, with damping and armature."""
+"""Read MJCF by MuJoCo: mj_inverse with damping and armature, without constraints."""
 
 from typing import Any
 
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.outputs.model_files.bodies import Body
+from runtime.outputs.model_files.bodies import RigidBody
 from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, pi_of, random_states
 
 INSTALL = "pip install mujoco"
 
 
 def reload(text: str, lib: Library) -> Reloaded | None:
-    """What MuJoCo reads in an MJCF; None where it is not installed.
+    """Read an MJCF by MuJoCo.
+
+    Args:
+        text: the file.
+        lib: the robot.
+
+    Returns:
+        What MuJoCo read; None where it is not installed.
 
     Raises:
-        Unreadable: MuJoCo refuses it, or finds joints that are not the library's.
+        Unreadable: MuJoCo refuses the file, or its joints differ from the library's.
     """
     try:
         import mujoco
@@ -28,9 +35,9 @@ def reload(text: str, lib: Library) -> Reloaded | None:
     names = tuple(model.joint(k).name for k in range(model.njnt))
     if set(names) != set(lib.joint_names) or model.nv != lib.n_joints:
         raise Unreadable(
-            f"it has the joints {', '.join(names)}, the library {', '.join(lib.joint_names)}"
+            f"expected the joints {', '.join(lib.joint_names)}, got {', '.join(names)}"
         )
-    # A stiff contact or dry friction would hold the joints; inverse dynamics asks for none.
+    # Contacts and dry friction are constraints, which are not part of the inverse dynamics.
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     order = [int(model.joint(name).dofadr[0]) for name in lib.joint_names]
     data, states = mujoco.MjData(model), random_states(lib)
@@ -55,7 +62,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
 
 
 def _parameters(mujoco: Any, model: Any, lib: Library) -> Array:
-    """π of the moving links, with what is welded to each of them."""
+    """π (n, 10) of the moving links with the bodies that are welded to them."""
     joint_body = {int(model.joint(name).bodyid[0]): k for k, name in enumerate(lib.joint_names)}
     P = np.zeros((lib.n_joints, 4, 4))
     for body in range(1, model.nbody):
@@ -66,9 +73,9 @@ def _parameters(mujoco: Any, model: Any, lib: Library) -> Array:
         while at != carrier:
             T = _placement(mujoco, model.body_pos[at], model.body_quat[at]) @ T
             at = int(model.body_parentid[at])
-        own = _placement(mujoco, model.body_ipos[body], model.body_iquat[body])
-        inertia = own[:3, :3] @ np.diag(model.body_inertia[body]) @ own[:3, :3].T
-        matter = Body(float(model.body_mass[body]), own[:3, 3], inertia)
+        principal = _placement(mujoco, model.body_ipos[body], model.body_iquat[body])
+        inertia = principal[:3, :3] @ np.diag(model.body_inertia[body]) @ principal[:3, :3].T
+        matter = RigidBody(float(model.body_mass[body]), principal[:3, 3], inertia)
         P[joint_body[carrier]] += T @ matter.pseudo_inertia @ T.T
     return np.array([pi_of(each) for each in P])
 

@@ -1,4 +1,4 @@
-"""URDF by pinocchio: rnea on the parsed model."""
+"""Read URDF by pinocchio: rnea of the parsed model."""
 
 from types import ModuleType
 from typing import Any
@@ -15,10 +15,17 @@ INSTALL = "pip install pin"
 
 
 def reload(text: str, lib: Library) -> Reloaded | None:
-    """What pinocchio reads in a URDF; None where it is not installed.
+    """Read a URDF by pinocchio.
+
+    Args:
+        text: the file.
+        lib: the robot.
+
+    Returns:
+        What pinocchio read; None where it is not installed.
 
     Raises:
-        Unreadable: pinocchio refuses it, or finds other joints.
+        Unreadable: pinocchio refuses the file, or its joints differ from the library's.
     """
     pinocchio = _pinocchio()
     if pinocchio is None:
@@ -29,8 +36,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
         raise Unreadable(error) from None
     if set(model.names[1:]) != set(lib.joint_names):
         raise Unreadable(
-            f"it has the joints {', '.join(model.names[1:])}, the library "
-            f"{', '.join(lib.joint_names)}"
+            f"expected the joints {', '.join(lib.joint_names)}, got {', '.join(model.names[1:])}"
         )
     model.gravity.linear = lib.gravity
     joints = [model.joints[model.getJointId(name)] for name in lib.joint_names]
@@ -51,12 +57,12 @@ def _pinocchio() -> ModuleType | None:
         import pinocchio
     except ImportError:
         return None
-    # The package index has a test runner of the same name, without models.
+    # The package index has a test runner of the same name, which reads no models.
     return pinocchio if hasattr(pinocchio, "buildModelFromXML") else None
 
 
 def _with_limits(text: str) -> str:
-    """The same URDF with the <limit> that pinocchio's parser insists on where there is none."""
+    """The same URDF with the <limit> that pinocchio's parser requires where there is none."""
     root = fromstring(text, forbid_dtd=True)
     for joint in root.findall("joint"):
         if joint.get("type") in {"revolute", "prismatic"} and joint.find("limit") is None:
@@ -73,7 +79,7 @@ def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any]) -> Arr
     tau = np.empty_like(q)
     for k in range(len(q)):
         for joint, angle in zip(joints, q[k], strict=True):
-            # A continuous joint is a point on the circle for pinocchio.
+            # Trap: pinocchio describes a continuous joint by cos q and sin q.
             circle = (np.cos(angle), np.sin(angle)) if joint.nq == 2 else (angle,)
             position[joint.idx_q : joint.idx_q + joint.nq] = circle
         v[velocity], a[velocity] = dq[k], ddq[k]

@@ -1,4 +1,4 @@
-"""The franka_description YAML files by PyYAML, applied to the URDF of the kernels."""
+"""Read the YAML files of franka_description by PyYAML and put them into the URDF of the kernels."""
 
 from collections.abc import Callable
 from typing import Any
@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from runtime.library import Library
-from runtime.outputs.model_files.bodies import Body
+from runtime.outputs.model_files.bodies import RigidBody
 from runtime.outputs.model_files.engines.answer import Unreadable
-from runtime.outputs.model_files.franka import link_keys, short_names
-from runtime.outputs.model_files.urdf import document_text, set_friction, set_inertial
+from runtime.outputs.model_files.franka_yaml import link_keys, short_names
+from runtime.outputs.model_files.urdf_edit import document_text, set_friction, set_inertial
 from runtime.outputs.model_files.urdf_tree import read_tree
 
 INSTALL = "pip install pyyaml"
@@ -17,10 +17,18 @@ ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")
 
 
 def urdf_with_inertials(text: str, lib: Library, urdf: str) -> str | None:
-    """A URDF of the robot with the inertials of the file and no others; None without PyYAML.
+    """Replace all inertials of a URDF by those of inertials.yaml.
+
+    Args:
+        text: inertials.yaml.
+        lib: the robot.
+        urdf: its URDF.
+
+    Returns:
+        The changed URDF; None where PyYAML is not installed.
 
     Raises:
-        Unreadable: it is no YAML, or not of this layout.
+        Unreadable: the file is not YAML of this layout.
     """
 
     def apply(table: dict[str, Any]) -> str:
@@ -36,10 +44,18 @@ def urdf_with_inertials(text: str, lib: Library, urdf: str) -> str | None:
 
 
 def urdf_with_friction(text: str, lib: Library, urdf: str) -> str | None:
-    """A URDF of the robot with the damping and friction of the file; None without PyYAML.
+    """Replace damping and dry friction of a URDF by those of dynamics.yaml.
+
+    Args:
+        text: dynamics.yaml.
+        lib: the robot.
+        urdf: its URDF.
+
+    Returns:
+        The changed URDF; None where PyYAML is not installed.
 
     Raises:
-        Unreadable: it is no YAML, or not of this layout.
+        Unreadable: the file is not YAML of this layout.
     """
 
     def apply(table: dict[str, Any]) -> str:
@@ -65,15 +81,15 @@ def _applied(text: str, apply: Callable[[dict[str, Any]], str]) -> str | None:
         raise Unreadable(error) from None
 
 
-def _body(entry: dict[str, Any]) -> Body:
+def _body(entry: dict[str, Any]) -> RigidBody:
     e = {key: _number(entry["inertia"][key]) for key in ENTRIES}
     rows = [[e["xx"], e["xy"], e["xz"]], [e["xy"], e["yy"], e["yz"]], [e["xz"], e["yz"], e["zz"]]]
     com = np.array([float(word) for word in entry["origin"]["xyz"].split()])
-    return Body(_number(entry["mass"]), com, np.array(rows))
+    return RigidBody(_number(entry["mass"]), com, np.array(rows))
 
 
 def _number(value: Any) -> float:
-    if not isinstance(value, float):  # YAML 1.1 takes 1e-05 for text
+    if not isinstance(value, float):  # YAML 1.1 reads 1e-05 as text
         raise ValueError(f"expected a number with a decimal point, got {value!r}")
     return value
 

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -13,7 +14,7 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Library
-from runtime.outputs.model_files import FORMATS, Format, Model, export_model
+from runtime.outputs.model_files import EXPORT_FORMATS, IdentifiedModel, export, export_model
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model, random_states
 from tests.runtime.exporting import perturbed
@@ -31,7 +32,12 @@ def friction_of(lib: Library) -> np.ndarray:
 def exported(lib: Library, folder: Path, *kinds: str) -> dict[str, tuple[str, str]]:
     """Kind → text of the file and the sentence; every file must have been verified."""
     done = export_model(
-        lib, perturbed(lib), kinds or tuple(FORMATS), folder, terms=TERMS, phi=friction_of(lib)
+        lib,
+        perturbed(lib),
+        kinds or tuple(EXPORT_FORMATS),
+        folder,
+        terms=TERMS,
+        phi=friction_of(lib),
     )
     assert [(each.kind, each.sentence[:9]) for each in done] == [
         (each.kind, "verified:") for each in done
@@ -49,8 +55,8 @@ def test_every_format_reloads_in_its_own_engine(
     """Oracle: pinocchio, MuJoCo, Drake and a C compiler, on tilted gravity and branches too."""
     lib = arm if name == "arm" else robot(name)
     files = exported(lib, tmp_path)
-    assert set(files) == set(FORMATS)
-    assert len(list(tmp_path.iterdir())) == len(FORMATS)
+    assert set(files) == set(EXPORT_FORMATS)
+    assert len(list(tmp_path.iterdir())) == len(EXPORT_FORMATS)
 
 
 def test_mujoco_and_pinocchio_move_alike(arm: Library, tmp_path: Path) -> None:
@@ -89,7 +95,7 @@ def test_friction_is_what_it_is_called(arm: Library, tmp_path: Path) -> None:
     for kind in ("urdf", "mjcf", "sdf", "friction"):
         head = " ".join(files[kind][0].split())
         assert f"damping of {arm.joint_names[0]} was identified as -0.1" in head
-        assert "without a counterpart here, left out: offset" in head
+        assert "without a counterpart here, omitted: offset" in head
 
 
 def test_yaml_is_that_of_franka_description(
@@ -116,18 +122,18 @@ def test_yaml_is_that_of_franka_description(
 @pytest.mark.parametrize(
     ("kind", "old", "new", "message"),
     [
-        ("mjcf", 'mass="0.5"', 'mass="0.51"', "link 'upper' is another"),
+        ("mjcf", 'mass="0.5"', 'mass="0.51"', "link 'upper' differs"),
         ("mjcf", 'pos="0.1 0.0 0.3"', 'pos="0.1 0.0 0.31"', "placement or the axis of a joint"),
         ("mjcf", 'frictionloss="', 'frictionloss="1', "friction of joint 'z_turn' is 1"),
         ("mjcf", '<joint name="a_roll"', '<joint name="b_roll"', "cannot reload"),
-        ("sdf", "<mass>0.5</mass>", "<mass>0.501</mass>", "link 'upper' is another"),
+        ("sdf", "<mass>0.5</mass>", "<mass>0.501</mass>", "link 'upper' differs"),
         ("sdf", "<damping>", "<damping>1", "damping of joint 'a_roll' is 1"),
         ("sdf", "</model>", "", "cannot reload the sdf"),
-        ("inertials", "mass: 0.5", "mass: 0.55", "link 'upper' is another"),
+        ("inertials", "mass: 0.5", "mass: 0.55", "link 'upper' differs"),
         ("inertials", "camera:", "kamera:", "unknown keys kamera"),
         ("friction", "damping: 0.0", "damping: 1e-3", "decimal point, got '1e-3'"),
         ("header", "_identified_pi[", "_identified_py[", "cannot reload the header"),
-        ("header", "0.0", "0.5", "reads another"),
+        ("header", "0.0", "0.5", "reads other numbers"),
     ],
 )
 def test_a_file_that_is_not_the_robot_is_not_written(
@@ -140,14 +146,14 @@ def test_a_file_that_is_not_the_robot_is_not_written(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Oracle: each engine finds the fault in its file; the sentence says where it lies."""
-    right = FORMATS[kind]
+    right = EXPORT_FORMATS[kind]
 
-    def wrong(model: Model) -> str:
+    def wrong(model: IdentifiedModel) -> str:
         text = right.write(model)
         assert old in text
         return text.replace(old, new, 1)
 
-    monkeypatch.setitem(FORMATS, kind, Format(right.name, wrong, right.check))
+    monkeypatch.setattr(export, "EXPORT_FORMATS", {kind: replace(right, write=wrong)})
     (done,) = export_model(arm, perturbed(arm), [kind], tmp_path, terms=TERMS, phi=friction_of(arm))
     assert done.path is None
     assert done.sentence.startswith("not written: ")
@@ -163,7 +169,7 @@ def test_without_an_engine_the_file_is_left_unchecked(
     for name in [name for name in sys.modules if name.split(".")[0] == module]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
-    done = export_model(arm, perturbed(arm), tuple(FORMATS), tmp_path, terms=TERMS,
+    done = export_model(arm, perturbed(arm), tuple(EXPORT_FORMATS), tmp_path, terms=TERMS,
                         phi=friction_of(arm))  # fmt: skip
     needs = {
         "pinocchio": {"urdf", "inertials", "friction"},
@@ -203,7 +209,7 @@ def test_impossible_links_stop_all_but_friction(arm: Library, tmp_path: Path) ->
     """Property: least squares may find a negative mass; its friction is still friction."""
     pi = perturbed(arm)
     pi[0] = -1.0
-    done = export_model(arm, pi, tuple(FORMATS), tmp_path, terms=TERMS, phi=friction_of(arm))
+    done = export_model(arm, pi, tuple(EXPORT_FORMATS), tmp_path, terms=TERMS, phi=friction_of(arm))
     assert [each.kind for each in done if each.path] == ["friction"]
     (none,) = export_model(arm, pi, ["friction"], tmp_path / "new")
     assert "no viscous or dry friction" in none.sentence

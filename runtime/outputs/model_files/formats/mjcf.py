@@ -1,22 +1,25 @@
-"""MJCF: explicit inertias, joints in the library's order, gravity, ranges, friction, armature.
+"""MJCF of MuJoCo: inertials, joints in the order of the library, gravity, ranges, friction.
 
-MuJoCo takes frictionloss as a constraint; damping and armature are what they are here. Proxies of
-the robot become capsules to look at, which collide with nothing.
+Dry friction becomes frictionloss, which MuJoCo treats as a constraint; damping and armature keep
+their meaning. Collision proxies of the robot become visible capsules without contacts.
 """
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from runtime.outputs.model_files.bodies import Body, digits, quaternion, row
-from runtime.outputs.model_files.model import Model, xml_comment
+from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
+from runtime.outputs.model_files.engines import mujoco
+from runtime.outputs.model_files.export_format import ExportFormat
+from runtime.outputs.model_files.model import IdentifiedModel, xml_comment
+from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge
 
 KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 
 
-def mjcf_text(model: Model) -> str:
-    """A file that `mujoco.MjModel.from_xml_path` loads; no meshes, no contacts."""
+def mjcf_text(model: IdentifiedModel) -> str:
+    """MJCF that `mujoco.MjModel.from_xml_path` loads, without meshes and contacts."""
     lib, tree = model.lib, model.tree
     root = Element("mujoco", {"model": lib.name})
     SubElement(
@@ -40,19 +43,36 @@ def mjcf_text(model: Model) -> str:
     return comment + tostring(root, "unicode") + "\n"
 
 
-def _descend(model: Model, parent: Element, link: str) -> None:
+def check_mjcf(model: IdentifiedModel, text: str) -> str:
+    """Reload an MJCF by MuJoCo.
+
+    Args:
+        model: what was written.
+        text: the file.
+
+    Returns:
+        One sentence: verified, or not checked.
+
+    Raises:
+        ExportError: the torques, the friction or the rotor inertias differ.
+        Unreadable: MuJoCo refuses the file.
+    """
+    return compare_reloaded(model, mujoco.reload(text, model.lib), mujoco.INSTALL)
+
+
+def _descend(model: IdentifiedModel, parent: Element, link: str) -> None:
     for edge in model.tree.children(link):
         _descend(model, _body(model, parent, edge.child, edge), edge.child)
 
 
-def _body(model: Model, parent: Element, link: str, edge: Edge | None) -> Element:
+def _body(model: IdentifiedModel, parent: Element, link: str, edge: Edge | None) -> Element:
     body = SubElement(parent, "body", {"name": link})
     if edge is not None:
         body.attrib |= {
             "pos": row(edge.placement[:3, 3]),
             "quat": row(quaternion(edge.placement)),
         }
-    matter = model.split.bodies.get(link)
+    matter = model.bodies.by_link.get(link)
     if matter is not None and matter.mass > 0:
         SubElement(body, "inertial", _inertial(matter))
     if edge is not None and edge.kind in KINDS:
@@ -61,31 +81,31 @@ def _body(model: Model, parent: Element, link: str, edge: Edge | None) -> Elemen
     return body
 
 
-def _inertial(body: Body) -> dict[str, str]:
+def _inertial(body: RigidBody) -> dict[str, str]:
     e = body.entries()
     full = np.array([e["xx"], e["yy"], e["zz"], e["xy"], e["xz"], e["yz"]])
     return {"pos": row(body.com), "mass": digits(body.mass), "fullinertia": row(full)}
 
 
-def _joint(model: Model, edge: Edge) -> dict[str, str]:
+def _joint(model: IdentifiedModel, edge: Edge) -> dict[str, str]:
     index = model.lib.joint_names.index(edge.name)
-    said = {"name": edge.name, "type": KINDS[edge.kind], "axis": row(edge.axis)}
+    attributes = {"name": edge.name, "type": KINDS[edge.kind], "axis": row(edge.axis)}
     if edge.lower is not None and edge.upper is not None and edge.lower < edge.upper:
-        said |= {"limited": "true", "range": row(np.array([edge.lower, edge.upper]))}
-    drive = model.drive
+        attributes |= {"limited": "true", "range": row(np.array([edge.lower, edge.upper]))}
+    friction = model.friction
     named = {
-        "damping": drive.damping,
-        "frictionloss": drive.friction,
-        "armature": drive.armature,
+        "damping": friction.damping,
+        "frictionloss": friction.friction,
+        "armature": friction.armature,
     }
     for key, values in named.items():
         value = values[index]
         if value is not None:
-            said[key] = digits(value)
-    return said
+            attributes[key] = digits(value)
+    return attributes
 
 
-def _capsules(model: Model, body: Element, link: str) -> None:
+def _capsules(model: IdentifiedModel, body: Element, link: str) -> None:
     is_base = link == model.tree.base
     for proxy in model.lib.proxies:
         if proxy.link == link or (is_base and proxy.link == "base"):
@@ -101,3 +121,12 @@ def _capsules(model: Model, body: Element, link: str) -> None:
             )
             rest = {"size": digits(proxy.radius), "contype": "0", "conaffinity": "0"}
             SubElement(body, "geom", {"name": proxy.name, **shape, **rest, "group": "2"})
+
+
+MJCF = ExportFormat(
+    "mjcf",
+    "MJCF with inertials, joint friction, rotor inertia and motors, for MuJoCo",
+    "{robot}.xml",
+    mjcf_text,
+    check_mjcf,
+)

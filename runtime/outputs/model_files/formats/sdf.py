@@ -1,7 +1,7 @@
 """SDF 1.9 of a model that is fixed to the world: the poses of links and joints at q = 0.
 
-A link without <inertial> would weigh 1 kg in SDF; such links become frames. Rotations are written
-as quaternions, which lose no digits.
+SDF gives 1 kg to a link without <inertial>; such links become frames. Rotations are written as
+quaternions, which keep all digits.
 """
 
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -9,17 +9,20 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 
 from runtime.library import Array
-from runtime.outputs.model_files.bodies import Body, digits, quaternion, row
-from runtime.outputs.model_files.model import Model, xml_comment
+from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
+from runtime.outputs.model_files.engines import drake
+from runtime.outputs.model_files.export_format import ExportFormat
+from runtime.outputs.model_files.model import IdentifiedModel, xml_comment
+from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge
 
 UNLIMITED = 1e16
-"""What SDF takes for no limit."""
-FREE = "A link without mass is a frame here, because SDF would give it 1 kg."
+"""Value of a limit that SDF reads as none [rad, m]."""
+MASSLESS = "A link without mass is a frame in this file, because SDF would give it 1 kg."
 
 
-def sdf_text(model: Model) -> str:
-    """A model file for Gazebo, Drake and other readers of SDF; no meshes, no collisions."""
+def sdf_text(model: IdentifiedModel) -> str:
+    """SDF model for Gazebo, Drake and other readers, without meshes and collisions."""
     tree = model.tree
     root = Element("sdf", {"version": "1.9"})
     top = SubElement(root, "model", {"name": model.lib.name})
@@ -29,15 +32,32 @@ def sdf_text(model: Model) -> str:
         _ends(joint, WORLD, tree.base)
     _descend(model, top, tree.base)
     indent(root, space="  ")
-    notes = [FREE]
-    if tree.base != WORLD and tree.base not in model.split.bodies:
-        notes.append(f"{tree.base} is fixed to the world and has the 1 kg that SDF gives it.")
+    notes = [MASSLESS]
+    if tree.base != WORLD and tree.base not in model.bodies.by_link:
+        notes.append(f"{tree.base} is fixed to the world; SDF gives it 1 kg, which does not move.")
     if model.lib.gravity[:2].any() or model.lib.gravity[2] >= 0:
-        notes.append("Turn the model so that gravity points as above in its base frame.")
+        notes.append("Rotate the model so that gravity has the above direction in its base frame.")
     return xml_comment(model.robot_comment(*notes)) + tostring(root, "unicode") + "\n"
 
 
-def _descend(model: Model, top: Element, link: str) -> None:
+def check_sdf(model: IdentifiedModel, text: str) -> str:
+    """Reload an SDF by Drake.
+
+    Args:
+        model: what was written.
+        text: the file.
+
+    Returns:
+        One sentence: verified, or not checked.
+
+    Raises:
+        ExportError: the torques or the damping differ.
+        Unreadable: Drake refuses the file.
+    """
+    return compare_reloaded(model, drake.reload(text, model.lib), drake.INSTALL)
+
+
+def _descend(model: IdentifiedModel, top: Element, link: str) -> None:
     for edge in model.tree.children(link):
         is_root = link == WORLD and link == model.tree.base
         parent = "__model__" if is_root else link
@@ -51,20 +71,20 @@ def _descend(model: Model, top: Element, link: str) -> None:
         _descend(model, top, edge.child)
 
 
-def _has_mass(model: Model, link: str) -> bool:
-    body = model.split.bodies.get(link)
+def _has_mass(model: IdentifiedModel, link: str) -> bool:
+    body = model.bodies.by_link.get(link)
     return link in model.lib.link_names or (body is not None and body.mass > 0)
 
 
-def _link(model: Model, top: Element, link: str) -> Element:
+def _link(model: IdentifiedModel, top: Element, link: str) -> Element:
     element = SubElement(top, "link", {"name": link})
-    body = model.split.bodies.get(link)
+    body = model.bodies.by_link.get(link)
     if body is not None and body.mass > 0:
         element.append(_inertial(body))
     return element
 
 
-def _inertial(body: Body) -> Element:
+def _inertial(body: RigidBody) -> Element:
     inertial = Element("inertial")
     SubElement(inertial, "pose").text = f"{row(body.com)} 0 0 0"
     SubElement(inertial, "mass").text = digits(body.mass)
@@ -74,7 +94,7 @@ def _inertial(body: Body) -> Element:
     return inertial
 
 
-def _joint(model: Model, top: Element, edge: Edge, parent: str) -> None:
+def _joint(model: IdentifiedModel, top: Element, edge: Edge, parent: str) -> None:
     name = edge.name if edge.kind != "fixed" else _free_name(model, edge.name)
     joint = SubElement(top, "joint", {"name": name, "type": edge.kind})
     _ends(joint, parent, edge.child)
@@ -93,10 +113,10 @@ def _joint(model: Model, top: Element, edge: Edge, parent: str) -> None:
     for key in ("effort", "velocity"):
         if np.isfinite(bounds[key]):
             SubElement(limit, key).text = digits(float(bounds[key]))
-    said = {"damping": model.drive.damping[k], "friction": model.drive.friction[k]}
-    if any(value is not None for value in said.values()):
+    coefficients = {"damping": model.friction.damping[k], "friction": model.friction.friction[k]}
+    if any(value is not None for value in coefficients.values()):
         dynamics = SubElement(axis, "dynamics")
-        for key, known in said.items():
+        for key, known in coefficients.items():
             if known is not None:
                 SubElement(dynamics, key).text = digits(known)
 
@@ -106,8 +126,8 @@ def _ends(joint: Element, parent: str, child: str) -> None:
     SubElement(joint, "child").text = child
 
 
-def _free_name(model: Model, name: str) -> str:
-    """A name that no link and no moving joint has: in SDF they share one set of names."""
+def _free_name(model: IdentifiedModel, name: str) -> str:
+    """A name that differs from all links and moving joints, which share one namespace in SDF."""
     taken = {*model.tree.links, *model.lib.joint_names}
     while name in taken:
         name += "_fixed"
@@ -121,3 +141,12 @@ def _pose(T: Array, relative_to: str | None = None) -> Element:
         pose.set("relative_to", relative_to)
     pose.text = f"{row(T[:3, 3])} {row(np.array([x, y, z, w]))}"
     return pose
+
+
+SDF = ExportFormat(
+    "sdf",
+    "SDF 1.9 with inertials and joint friction, for Gazebo and Drake",
+    "{robot}.sdf",
+    sdf_text,
+    check_sdf,
+)

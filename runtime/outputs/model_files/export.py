@@ -1,0 +1,135 @@
+"""Identified parameters → model files: written, read by their engine, compared, then kept."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from runtime.errors import ExportError, NotRealisableError
+from runtime.files import replacing
+from runtime.library import Library
+from runtime.outputs.model_files.engines import Unreadable
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat
+from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
+from runtime.recording import Friction
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """Outcome of one format.
+
+    Attributes:
+        kind: name of the format.
+        path: file that was written; None where it was refused.
+        sentence: how the file was verified, or why it was refused.
+        is_optional: whether the file was refused because the model lacks what only this format
+            holds, see `ExportFormat.holds_inertia`.
+    """
+
+    kind: str
+    path: Path | None
+    sentence: str
+    is_optional: bool = False
+
+
+def write_urdf(
+    lib: Library,
+    pi: ArrayLike,
+    path: str | os.PathLike[str],
+    terms: Friction | None = None,
+    phi: ArrayLike | None = None,
+) -> str:
+    """Write the identified URDF, after a check that it reloads to the same torques.
+
+    The file appears complete or not at all; an existing file stays where the new one is refused.
+
+    Args:
+        lib: the robot that π belongs to.
+        pi: (10 n,) parameters, every link fully physically consistent [kg, kg·m, kg·m²].
+        path: file to write; its folder is created.
+        terms: friction columns, where some were identified.
+        phi: (n, k) their coefficients [N·m or N per unit of the column].
+
+    Returns:
+        One sentence: how the file was verified, or that it was not.
+
+    Raises:
+        ShapeError: π does not have 10 entries per link.
+        ExportError: an inconsistent link, or a failed reload.
+        RuntimeFault: the file cannot be written.
+    """
+    return _write(make_model(lib, pi, terms, phi), EXPORT_FORMATS["urdf"], Path(path))
+
+
+def export_model(
+    lib: Library,
+    pi: ArrayLike,
+    kinds: Sequence[str],
+    folder: Path,
+    *,
+    terms: Friction | None = None,
+    phi: ArrayLike | None = None,
+    overwrite: bool = False,
+) -> list[Exported]:
+    """Write some of `EXPORT_FORMATS` into a folder, each one if its check passes.
+
+    Args:
+        lib: the robot that π belongs to.
+        pi: (10 n,) parameters [kg, kg·m, kg·m²].
+        kinds: names of `EXPORT_FORMATS`.
+        folder: created where it is missing.
+        terms: friction columns, where some were identified.
+        phi: (n, k) their coefficients [N·m or N per unit of the column].
+        overwrite: replace existing files.
+
+    Returns:
+        The outcome of each format, in the order of `kinds`.
+
+    Raises:
+        ShapeError: π does not have 10 entries per link.
+        ExportError: an unknown format, or an existing file without `overwrite`; nothing is
+            written then.
+        RuntimeFault: the folder cannot be written.
+    """
+    paths = {}
+    for kind in kinds:
+        if kind not in EXPORT_FORMATS:
+            raise ExportError(
+                f"expected some of {', '.join(EXPORT_FORMATS)} to export, got '{kind}'"
+            )
+        paths[kind] = folder / EXPORT_FORMATS[kind].file.format(robot=lib.name)
+    existing = [str(path) for path in paths.values() if path.exists()]
+    if existing and not overwrite:
+        raise ExportError(
+            f"'{existing[0]}' exists; name another folder with --out, or allow it with --overwrite"
+        )
+    done = []
+    for kind, path in paths.items():
+        chosen = EXPORT_FORMATS[kind]
+        try:
+            # Joint friction does not depend on whether the identified links are consistent.
+            model = make_model(lib, pi if chosen.holds_inertia else lib.pi0, terms, phi)
+            done.append(Exported(kind, path, _write(model, chosen, path)))
+        except ExportError as error:
+            done.append(Exported(kind, None, str(error), is_optional=not chosen.holds_inertia))
+    return done
+
+
+def _write(model: IdentifiedModel, chosen: ExportFormat, path: Path) -> str:
+    """Write one file, checked before it takes its place; return the sentence of the check."""
+    require_consistent(model)
+    if not chosen.holds_inertia and not model.friction.is_known:
+        raise ExportError(
+            "not written: the result has no viscous or dry friction; identify it with "
+            "--friction viscous,coulomb"
+        )
+    try:
+        text = chosen.write(model)
+        verdict = chosen.check(model, text)
+    except (Unreadable, NotRealisableError) as error:
+        raise ExportError(f"not written: cannot reload the {chosen.name} ({error})") from None
+    with replacing(path) as file:
+        file.write(text.encode())
+    return verdict

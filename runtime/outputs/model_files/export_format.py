@@ -1,0 +1,50 @@
+"""Model file formats by name: those of this package and those that plugins add.
+
+A format is one module with an `ExportFormat` and one line of `EXPORT_FORMATS`, or an entry point
+of the group "symgen.export_formats" in another package.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.registry import Registry
+
+
+@dataclass(frozen=True, slots=True)
+class ExportFormat:
+    """A model file format.
+
+    Attributes:
+        name: word by which a user selects it.
+        sentence: what the file holds and who reads it, without a full stop.
+        file: file name, in which {robot} stands for the name of the robot.
+        write: model → text of the file.
+        check: model, text → one sentence on how the text was verified. It raises ExportError where
+            the text does not describe the model, Unreadable where it cannot be read.
+        holds_inertia: False for a file of joint friction alone. It is written for a model that is
+            not physically consistent too, and refused for a model without friction.
+    """
+
+    name: str
+    sentence: str
+    file: str
+    write: Callable[[IdentifiedModel], str]
+    check: Callable[[IdentifiedModel, str], str]
+    holds_inertia: bool = True
+
+
+_FORMATS = "runtime.outputs.model_files.formats"
+EXPORT_FORMATS = Registry(
+    "symgen.export_formats",
+    ExportFormat,
+    "model file format",
+    {
+        "urdf": f"{_FORMATS}.urdf:URDF",
+        "mjcf": f"{_FORMATS}.mjcf:MJCF",
+        "sdf": f"{_FORMATS}.sdf:SDF",
+        "inertials": f"{_FORMATS}.inertials:INERTIALS",
+        "friction": f"{_FORMATS}.friction:FRICTION",
+        "header": f"{_FORMATS}.header:HEADER",
+    },
+)

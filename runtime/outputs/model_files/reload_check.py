@@ -1,0 +1,98 @@
+"""A written file is right where its reader gives the torques of the library at 1000 random states.
+
+max |τ_engine(file) − damping dq − armature ddq − Y π| / max |Y π|  ≤  1e-9
+"""
+
+import numpy as np
+
+from runtime.errors import ExportError
+from runtime.library import Array, Library
+from runtime.outputs.model_files.engines import Reloaded
+from runtime.outputs.model_files.engines.answer import STATES, random_states
+from runtime.outputs.model_files.model import IdentifiedModel
+
+TOLERANCE = 1e-9
+"""Torque difference over the largest torque; 17 digits and two recursions leave about 1e-14."""
+
+
+def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install: str) -> str:
+    """Compare what an engine read with π, damping, dry friction and rotor inertia of the model.
+
+    Args:
+        model: what was written.
+        reloaded: what the engine read; None where the engine is not installed.
+        install: how to install the engine.
+
+    Returns:
+        One sentence: verified, or not checked because the engine is missing.
+
+    Raises:
+        ExportError: torques or joint friction differ.
+    """
+    if reloaded is None:
+        return unchecked(install)
+    lib = model.lib
+    expected = lib.inverse_dynamics(*random_states(lib), model.pi)
+    difference = torque_difference(reloaded.tau, expected)
+    if not difference <= TOLERANCE:
+        raise ExportError(
+            f"not written: reloaded by {reloaded.engine}, the file gives torques that differ by "
+            f"{difference:.1e} of the largest torque, where {TOLERANCE:g} is allowed; "
+            f"{_cause(lib, model.pi, reloaded.pi)}"
+        )
+    for quantity in ("damping", "friction", "armature"):
+        read = getattr(reloaded, quantity)
+        for k, value in enumerate(getattr(model.friction, quantity) if read is not None else ()):
+            if value is not None and abs(read[k] - value) > TOLERANCE * value:
+                raise ExportError(
+                    f"not written: reloaded by {reloaded.engine}, the {quantity} of joint "
+                    f"'{lib.joint_names[k]}' is {read[k]:g}, expected {value:g}; "
+                    "report this as a fault of symgen"
+                )
+    return verified(reloaded.engine, difference)
+
+
+def torque_difference(tau: Array, expected: Array) -> float:
+    """Largest difference of two torque arrays (N, n) over the largest expected torque [-].
+
+    Args:
+        tau: (N, n) torques of the reloaded file [N·m, N].
+        expected: (N, n) torques of the library [N·m, N].
+
+    Returns:
+        max |τ − τ_expected| / max |τ_expected|.
+    """
+    return float(np.abs(tau - expected).max() / np.abs(expected).max())
+
+
+def verified(engine: str, difference: float) -> str:
+    """Sentence on a file that passed the check.
+
+    Args:
+        engine: name and version of the program that read the file.
+        difference: `torque_difference` [-].
+
+    Returns:
+        The sentence that `export` prints.
+    """
+    return (
+        f"verified: reloaded by {engine}, torques agree to {difference:.1e} of the largest torque "
+        f"at {STATES} random states"
+    )
+
+
+def unchecked(install: str) -> str:
+    """Sentence on a file whose reader is not installed."""
+    return f"not checked by reloading; to check it, {install}"
+
+
+def _cause(lib: Library, expected: Array, read: Array) -> str:
+    """The link whose inertia differs, or that the kinematics differ where all inertias agree."""
+    ours = expected.reshape(read.shape)
+    error = np.abs(read - ours).max(axis=1) / np.abs(ours).max()
+    if error.max() > TOLERANCE:
+        return f"the inertia of the link '{lib.link_names[int(error.argmax())]}' differs"
+    return (
+        "all inertias agree, so the placement or the axis of a joint differs; "
+        "run: python -m symgen build"
+    )

@@ -10,10 +10,12 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
 from runtime.estimators.descent.drivers import Preset
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS
+from runtime.identification.identified import Identification
 from runtime.identification.online import OnlineEstimate, OnlineEstimator
 from runtime.identification.payload import Payload, identify_payload
 from runtime.identification.sensor_gains import Gains, identify_gains
-from runtime.identification.single_log import Identification, identify
+from runtime.identification.settings import Settings
+from runtime.identification.single_log import identify
 from runtime.inspection.friction_choice import choose_friction
 from runtime.library import Library, load, to_pinocchio_order
 from runtime.recording import Recording, read_recording, write_recording
@@ -29,6 +31,7 @@ __all__ = [
     "Payload",
     "Preset",
     "Recording",
+    "Settings",
     "choose_friction",
     "identify",
     "identify_gains",

@@ -99,7 +99,7 @@ def compare_command(
     if data.streamed is None:
         names = names or tuple(METHODS)
         known_loop = read_controller(loop, lib) if loop else None
-        assembly = assemble(data.recording, lib, loop=known_loop, **options)
+        assembly = assemble(data.recording, lib, controller=known_loop, **options)
     else:
         names = names or FROM_STATISTICS
         for name in names:

@@ -10,9 +10,9 @@ from runtime.cli.common import console, preparation_of, say, torque_table
 from runtime.cli.options import Rate
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
+from runtime.identification.identified import torque_of
 from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import read_result, require_model
-from runtime.identification.single_log import torque_of
 from runtime.library import load
 from runtime.recording import Preparation, read_recording
 from runtime.recording.datasets import locate

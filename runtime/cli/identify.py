@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -24,16 +24,18 @@ from runtime.cli.options import (
     read_data,
 )
 from runtime.cli.progress import TOLD, counting
-from runtime.cli.several_logs import Logs, PayloadOf, identify_several, runs_of, tell_study
+from runtime.cli.several_logs import Logs, PayloadOf, identify_several, print_agreement, runs_of
 from runtime.errors import IdentificationError
 from runtime.estimators.classical import INPUTS
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS
 from runtime.estimators.prior_file import read_prior
+from runtime.identification.identified import Identification
 from runtime.identification.long_logs import identify_streamed, require_streamable
 from runtime.identification.result_file import write_result
-from runtime.identification.several_logs import Study
-from runtime.identification.single_log import Identification, identify
+from runtime.identification.settings import Settings
+from runtime.identification.several_logs import LogAgreement
+from runtime.identification.single_log import identify
 from runtime.library import Library, load
 from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
@@ -96,14 +98,13 @@ def identify_command(
         stream = False  # what only a whole log has
     asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor)
     known = None if prior is None else read_prior(prior, lib)
+    settings = Settings(method=method, preset=preset, prior=known, seed=seed)
     runs = runs_of(logs, run)
     if len(runs) > 1 or payload_of:
         if loop is not None:
             raise IdentificationError("a loop belongs to one log; leave out --loop")
-        result, study = identify_several(
-            runs, lib, method, payload_of or (), asked, preset=preset, prior=known, seed=seed
-        )
-        _finish(result, out or _folder(log, f"{len(runs)}-{result.method}"), study)
+        result, agreement = identify_several(runs, lib, settings, payload_of or (), asked)
+        _finish(result, out or _folder(log, f"{len(runs)}-{result.method}"), agreement)
         return
     data = read_data(lib, log, asked)
     if data.streamed is not None:
@@ -112,8 +113,7 @@ def identify_command(
                 "a loop is simulated sample by sample, but the log is streamed; leave out --loop, "
                 "or use --no-stream"
             )
-        options = {"method": method, "preset": preset, "prior": known}
-        result = _streamed(data.streamed, data, lib, options)
+        result = _streamed(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         _finish(result, out or _folder(log, result.method))
         return
@@ -123,14 +123,13 @@ def identify_command(
     result = _with_progress(
         data.recording,
         lib,
-        method,
-        preset=preset,
-        prior=known,
-        preparation=data.preparation,
-        splitting=data.splitting,
-        friction_columns=terms,
-        loop=read_controller(loop, lib) if loop else None,
-        seed=seed,
+        dataclasses.replace(
+            settings,
+            preparation=data.preparation,
+            splitting=data.splitting,
+            friction_columns=terms,
+            controller=read_controller(loop, lib) if loop else None,
+        ),
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     _finish(result, out or _folder(log, result.method))
@@ -149,27 +148,24 @@ def _is_streamable(method: str | None, preset: str | None) -> bool:
 
 
 def _streamed(
-    log: StreamedRecording, data: Data, lib: Library, options: dict[str, Any]
+    log: StreamedRecording, data: Data, lib: Library, settings: Settings
 ) -> Identification:
     say(f"streaming {log.rows} rows of {log.name}; --no-stream reads them as a whole")
     with console.status("streaming") as status:
         return identify_streamed(
             log,
             lib,
+            settings,
             preparation=data.preparation,
             splitting=data.splitting,
             friction_columns=data.friction,
             progress=status.update,
-            **options,
         )
 
 
-def _with_progress(
-    recording: Recording, lib: Library, method: str | None, **options: object
-) -> Identification:
-    named = options.get("preset")
-    method = method or ("map" if named is None else "adam")
-    chosen = PRESETS.get(str(named or "full"))
+def _with_progress(recording: Recording, lib: Library, settings: Settings) -> Identification:
+    method = settings.method or ("map" if settings.preset is None else "adam")
+    chosen = PRESETS.get(str(settings.preset or "full"))
     with counting(TOLD) as progress:
         total = chosen.rule.max_iterations if chosen and method == "adam" else None
         task = progress.add_task(f"{method} on {lib.name}", total=total, told="")
@@ -177,16 +173,16 @@ def _with_progress(
         def report(iteration: int, best: float) -> None:
             progress.update(task, completed=iteration, told=f"best validation loss {best:.6g}")
 
-        return identify(recording, lib, method, progress=report, **options)  # type: ignore[arg-type]
+        return identify(recording, lib, settings, progress=report)
 
 
-def _finish(result: Identification, folder: Path, study: Study | None = None) -> None:
+def _finish(result: Identification, folder: Path, agreement: LogAgreement | None = None) -> None:
     from runtime.outputs.report import write_report  # matplotlib is slow to import
 
-    facts = write_result(result, folder, command_line(), study.facts() if study else None)
+    facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
     console.print(torque_table(facts))
-    if study is not None:
-        tell_study(study)
+    if agreement is not None:
+        print_agreement(agreement)
     say(f"status: {result.status}")
     verdict = "consistent" if result.is_consistent else "NOT consistent"
     smallest = float(result.relative_eigenvalues.min())

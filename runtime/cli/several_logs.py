@@ -11,10 +11,14 @@ from rich.table import Column, Table
 from runtime.cli.common import console, say
 from runtime.cli.options import AUTO, Asked, read_data
 from runtime.errors import IdentificationError
-from runtime.estimators.descent.drivers import Preset
-from runtime.estimators.prior_file import PriorFile
-from runtime.identification.several_logs import Session, Study, identify_sessions, read_carried
-from runtime.identification.single_log import Identification
+from runtime.identification.identified import Identification
+from runtime.identification.settings import Settings
+from runtime.identification.several_logs import (
+    LogAgreement,
+    NamedLog,
+    identify_logs,
+    read_carried,
+)
 from runtime.library import Library
 
 Logs = Annotated[
@@ -45,15 +49,21 @@ def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]
 def identify_several(
     runs: Sequence[tuple[str, str | None]],
     lib: Library,
-    method: str | None,
+    settings: Settings,
     payload_of: Sequence[str],
     asked: Asked,
-    *,
-    preset: str | Preset | None,
-    prior: PriorFile | None,
-    seed: int,
-) -> tuple[Identification, Study]:
-    """One answer to all logs, with tables of what they say about each other.
+) -> tuple[Identification, LogAgreement]:
+    """Identify one set of parameters from several logs, and compare the logs.
+
+    Args:
+        runs: logs, each with its run or None.
+        lib: library of the robot.
+        settings: as for `identify_logs`, without splitting and friction columns.
+        payload_of: LOG=FILE of the known payloads.
+        asked: options on how a log is read and prepared.
+
+    Returns:
+        The joint identification, and how well the logs agree.
 
     Raises:
         RuntimeFault: a log or an option is none.
@@ -74,39 +84,36 @@ def identify_several(
     carried = _carried(payload_of, [log for log, _ in runs], lib)
     data = [read_data(lib, log, replace(asked, run=run, stream=False)) for log, run in runs]
     names = _names(runs)
-    sessions = [
-        Session(name, each.recording, each.preparation, carried.get(log))
+    named = [
+        NamedLog(name, each.recording, each.preparation, carried.get(log))
         for name, each, (log, _) in zip(names, data, runs, strict=True)
     ]
     with console.status(f"fitting {len(runs)} logs"):
-        result, study = identify_sessions(
-            sessions,
+        result, agreement = identify_logs(
+            named,
             lib,
-            method,
-            preset=preset,
+            settings,
             splitting=data[0].splitting,
             friction_columns=data[0].friction,
-            prior=prior,
-            seed=seed,
         )
     told = [
         f"{name}: {note}" for name, each in zip(names, data, strict=True) for note in each.notes
     ]
-    return replace(result, notes=(*told, *result.notes)), study
+    return replace(result, notes=(*told, *result.notes)), agreement
 
 
-def tell_study(study: Study) -> None:
+def print_agreement(agreement: LogAgreement) -> None:
     """Leave-one-log-out and repeatability, as a table and a line."""
     table = Table(
         Column("log", overflow="fold"), title="Each log as the others predict it: torque error, %"
     )
     for head in ("payload kg", "URDF", "the others", "with its own offset", "its own fit"):
         table.add_column(head, justify="right")
-    for held, mass in zip(study.held, study.carried, strict=True):
-        errors = (held.before.overall, held.after.overall, held.own_offset.overall, held.alone)
-        table.add_row(held.name, f"{mass:.3g}", *(f"{error:.3f}" for error in errors))
+    for log, mass in zip(agreement.left_out, agreement.carried, strict=True):
+        errors = (log.before.overall, log.after.overall, log.with_offset.overall, log.alone)
+        table.add_row(log.name, f"{mass:.3g}", *(f"{error:.3f}" for error in errors))
     console.print(table)
-    say(f"repeatability: {study.sentence()}")
+    say(f"repeatability: {agreement.sentence()}")
 
 
 def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Any]:

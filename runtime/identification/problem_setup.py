@@ -1,38 +1,39 @@
-"""A recording, a library and the choices of its user → one `Problem` and the parts it came from.
+"""Recording, library and settings → one `Problem` and the parts it was made from.
 
 Everything that does not depend on the method happens here: plausibility, preparation, friction
-columns, split, weights, first guess. Several methods of one assembly see the same numbers.
+columns, split, weights, first guess. All methods that share an assembly use the same numbers.
 """
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
 from runtime.estimators.problem import Bench, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.identification.settings import Settings, settings_from
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import geared
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepare_power, split
-from runtime.simulation.controller_file import ClosedLoop
 
 PARTS = ("train", "validation", "test")
 
 
 @dataclass(frozen=True, slots=True)
 class Assembly:
-    """What any method can be given.
+    """An identification problem and the recordings it was made from.
 
     Attributes:
-        problem: for the method.
+        problem: data, weights and first guess.
         parts: prepared training, validation and test recording.
         friction: names and widths of the friction columns.
-        one_run: the parts belong to one recording.
-        pieces: of "train", "validation" or "test", where `parts` hold only some of the rows.
+        one_run: True when the parts belong to one recording.
+        pieces: name of a part → its recordings, one piece at a time, where `parts` hold only some
+            of the rows; None where `parts` are whole.
     """
 
     problem: Problem
@@ -42,7 +43,7 @@ class Assembly:
     pieces: Callable[[str], Iterable[Recording]] | None = None
 
     def recordings(self, name: str) -> Iterable[Recording]:
-        """All rows of "train", "validation" or "test", a piece at a time."""
+        """All rows of "train", "validation" or "test", one piece at a time."""
         if self.pieces is not None:
             return self.pieces(name)
         return (self.parts[PARTS.index(name)],)
@@ -51,60 +52,75 @@ class Assembly:
 def assemble(
     recording: Recording,
     lib: Library,
+    settings: Settings | str | None = None,
     *,
-    preparation: Preparation | None = None,
-    splitting: Split | None = None,
-    friction_columns: Friction | None = None,
-    validation: Recording | None = None,
-    test: Recording | None = None,
-    lam0: ArrayLike | None = None,
-    loop: ClosedLoop | None = None,
-    seed: int = 0,
     progress: Callable[[int, float], None] | None = None,
+    **keywords: Any,
 ) -> Assembly:
-    """Prepare, split and weigh a recording; arguments as for `identify`.
+    """Prepare, split and weight a recording.
+
+    Args:
+        recording: log as read, or already prepared.
+        lib: library of the robot.
+        settings: as for `identify`; method, preset, prior and certify do not count here.
+        progress: called by methods that iterate, with iteration and best validation loss.
+        **keywords: single fields of `Settings`, which replace those of `settings`.
+
+    Returns:
+        The problem and its parts, the same for every method.
 
     Raises:
-        RuntimeFault: the data or options do not make an identification problem.
+        RuntimeFault: the data or settings do not make an identification problem.
     """
+    chosen = settings_from(settings, keywords)
     require_plausible(recording, lib)
-    recipe = recording.recipe
-    terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
+    recipe, preparation = recording.recipe, chosen.preparation
+    terms = chosen.friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
     terms = geared(terms, recording)
     usual = preparation or recording.preparation
-    done = [
-        _prepared(r, preparation, terms, lib)
-        for r in (recording, validation, test)
-        if r is not None
-    ]
-    if validation is None or test is None:
-        if (validation is None) != (test is None):
-            raise IdentificationError("give both a validation and a test recording, or neither")
-        parts = split(done[0], splitting or (recipe.split if recipe else None) or Split())
-    else:
-        parts = (done[0], done[1], done[2])
-    train, held = samples_of(parts[0], lib), samples_of(parts[1], lib)
-    samples_of(parts[2], lib)
+    parts = _parts(recording, lib, chosen, terms)
+    train, validation = samples_of(parts[0], lib), samples_of(parts[1], lib)
+    samples_of(parts[2], lib)  # refuses a test part that no error can be computed on
     if usual.regressor == "energy":
-        train, held = _of_power(recording, validation, parts, usual, terms, lib)
+        train, validation = _of_power(recording, chosen.validation, parts, usual, terms, lib)
     require_enough(train, lib)
     problem = Problem(
         lib=lib,
         train=train,
-        validation=held,
+        validation=validation,
         weights=thesis_weights(train.tau),
-        start=lib.lam0 if lam0 is None else np.asarray(lam0, dtype=float),
-        seed=seed,
+        start=lib.lam0 if chosen.lam0 is None else np.asarray(chosen.lam0, dtype=float),
+        seed=chosen.seed,
         progress=progress,
         bench=Bench(
             recording,
             terms,
             _aligned(parts[0], lib, preparation, terms),
             (parts[0].t[0], parts[0].t[-1]),
-            loop,
+            chosen.controller,
         ),
     )
-    return Assembly(problem, (parts[0], parts[1], parts[2]), terms, test is None)
+    return Assembly(problem, parts, terms, chosen.test is None)
+
+
+def _parts(
+    recording: Recording, lib: Library, settings: Settings, terms: Friction
+) -> tuple[Recording, Recording, Recording]:
+    """Prepared training, validation and test recording."""
+    validation, test = settings.validation, settings.test
+    done = [
+        _prepared(r, settings.preparation, terms, lib)
+        for r in (recording, validation, test)
+        if r is not None
+    ]
+    if validation is not None and test is not None:
+        return done[0], done[1], done[2]
+    if (validation is None) != (test is None):
+        raise IdentificationError("give both a validation and a test recording, or neither")
+    recipe = recording.recipe
+    shares = settings.splitting or (recipe.split if recipe else None) or Split()
+    first, second, third = split(done[0], shares)
+    return first, second, third
 
 
 def _of_power(
@@ -115,15 +131,15 @@ def _of_power(
     terms: Friction,
     lib: Library,
 ) -> tuple[Samples, Samples]:
-    """The samples of power at the instants of the first two parts.
+    """Samples of power at the instants of the training and validation parts.
 
     Raises:
         IdentificationError: the recording was prepared before.
     """
     if recording.rows is not None or recording.columns is not None:
         raise IdentificationError(
-            "rows of energy are made from the recording as read, but this one is prepared; give "
-            "the log itself"
+            "expected a recording as read, because rows of energy are computed from the raw "
+            "signals, got one that is already prepared; give the log itself"
         )
     first = prepare_power(recording, preparation, terms, lib=lib)
     second = first
@@ -137,16 +153,22 @@ def _of_power(
 
 
 def require_enough(train: Samples, lib: Library) -> None:
-    """Fewer equations than unknowns determine nothing, whatever the method.
+    """Refuse a training part with fewer equations than unknowns.
+
+    Args:
+        train: samples of the training part.
+        lib: library of the robot.
 
     Raises:
-        IdentificationError: so it is.
+        IdentificationError: there are fewer equations than base parameters and friction
+            coefficients, which no method can determine.
     """
     equations, unknowns = train.tau.size, len(lib.base_columns) + train.columns[0].size
     if equations < unknowns:
         raise IdentificationError(
             f"the {len(train)} training samples give {equations} equations for {unknowns} "
-            "unknowns (base parameters and friction); record for longer, or train on more of it"
+            "unknowns (base parameters and friction); record for longer, or use a larger share of "
+            "the recording for training"
         )
 
 
@@ -161,7 +183,10 @@ def _prepared(
 def _aligned(
     part: Recording, lib: Library, preparation: Preparation | None, terms: Friction
 ) -> Callable[[Recording], Samples]:
-    """Prepares another recording of the same clock like the first and takes the rows of `part`."""
+    """Map from another recording of the same clock to its samples at the rows of `part`.
+
+    The other recording passes the same preparation; its values are interpolated at part.t.
+    """
     usual = preparation or part.preparation
     usual = replace(usual, rest_speed=None)
 

@@ -16,9 +16,9 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.files import replacing
 from runtime.identification import metrics
+from runtime.identification.identified import Identification
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import model_facts
-from runtime.identification.single_log import Identification
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
@@ -219,7 +219,7 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
     if not result.phi.size:
         return None
     names = result.friction.columns
-    if not result.sessions:
+    if not result.log_names:
         names = result.train.column_names or names
     motors = result.train.motors
     return {

@@ -3,7 +3,7 @@
 import numpy as np
 
 from runtime.identification import metrics
-from runtime.identification.single_log import Identification
+from runtime.identification.identified import Identification
 from runtime.recording.preprocessing import is_filtered
 
 OWN_WEIGHTS = {

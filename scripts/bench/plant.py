@@ -51,7 +51,7 @@ class Bench:
                 "splitting": SPLIT,
                 "friction_columns": FRICTION,
                 "lam0": self.lam_cad,
-                "loop": self.loop,
+                "controller": self.loop,
                 "certify": False,
                 **options,
             },

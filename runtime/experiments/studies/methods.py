@@ -98,7 +98,7 @@ def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
         validation=log(1, noisy),
         test=log(2, clean),
         lam0=cad,
-        loop=ClosedLoop(designs[0], law, np.array(config.rotor)),
+        controller=ClosedLoop(designs[0], law, np.array(config.rotor)),
     )
     tau = assembly.parts[2].tau
     assert tau is not None  # noqa: S101  simulated with torque

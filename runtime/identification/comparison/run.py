@@ -20,8 +20,9 @@ from runtime.estimators.uncertainty import uncertainty_of
 from runtime.identification import metrics
 from runtime.identification.comparison.row import FAILED, NOT_RUN, RAN, Figures, Row
 from runtime.identification.comparison.truth import Truth
+from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
-from runtime.identification.single_log import Identification, identify_assembled
+from runtime.identification.single_log import identify_assembled
 from runtime.library import Array
 from runtime.parallel import one_blas_thread
 

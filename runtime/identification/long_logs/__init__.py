@@ -2,7 +2,7 @@
 
 from runtime.identification.long_logs.blocks import Blocks, blocks_of, head_of
 from runtime.identification.long_logs.identify import (
-    Passes,
+    StreamedAssembly,
     assemble_streamed,
     identify_streamed,
     require_streamable,
@@ -10,7 +10,7 @@ from runtime.identification.long_logs.identify import (
 
 __all__ = [
     "Blocks",
-    "Passes",
+    "StreamedAssembly",
     "assemble_streamed",
     "blocks_of",
     "head_of",

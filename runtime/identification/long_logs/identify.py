@@ -1,15 +1,16 @@
-"""Identification of a log that stays in its file; what is held does not grow with its length.
+"""Identification of a log that stays in its file, in memory that does not grow with its length.
 
     pass 1  windows of every part: first weights, residual correlations, pictures
     pass 2  all rows of the training part → one triangular factor (`runtime.estimators.regression`)
     pass 3  all rows of the test part → ‖τ − τ̂‖ of the answer
 
 Blocks are prepared as the whole log would be (`blocks`), so that the factor is that of the whole.
-Methods that need no more of the samples than factors and sums go the same way.
+Every method that needs only factors and sums of the samples can be used.
 """
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from runtime.errors import IdentificationError
 from runtime.estimators.descent.drivers import Preset
 from runtime.estimators.descent.fit import in_batches
 from runtime.estimators.methods import chosen_method, require_method
-from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import (
@@ -26,10 +26,12 @@ from runtime.estimators.regression.samples import (
     samples_of,
     thesis_weights,
 )
+from runtime.identification.identified import Identification, WholeLog
 from runtime.identification.long_logs.blocks import Blocks, blocks_of, head_of
 from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import PARTS, Assembly, require_enough
-from runtime.identification.single_log import Identification, Streamed, identify_assembled
+from runtime.identification.settings import Settings, settings_from
+from runtime.identification.single_log import identify_assembled
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import (
@@ -45,14 +47,20 @@ from runtime.recording.plausibility import require_plausible
 from runtime.recording.recording import ALL
 
 WINDOWS, LENGTH = 24, 4096
-"""Windows of a part and prepared rows in each: ten of them give noise and correlations to 1 %."""
+"""Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
+WHOLE_ONLY = ("validation", "test", "lam0", "controller")
+"""Fields of `Settings` that need a log held in memory."""
 
 
 def require_streamable(method: str, preset: str | Preset | None = None) -> None:
     """Refuse a method that needs the samples themselves.
 
+    Args:
+        method: name in `METHODS`.
+        preset: settings of "adam"; with mini-batches it needs the samples, too.
+
     Raises:
-        IdentificationError: it does, or there is no such method.
+        IdentificationError: the samples are needed, or there is no such method.
     """
     require_method(method)
     if method not in FROM_STATISTICS or in_batches(preset):
@@ -68,29 +76,29 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Passes:
-    """A streamed log, assembled: what methods are given, and where all its rows are.
+class StreamedAssembly:
+    """The problem of a streamed log, and access to all of its rows.
 
     Attributes:
-        assembly: its parts are windows.
-        blocks: of the log.
-        spans: part → its first instant and that of the next part.
-        tell: is told what is being done.
+        assembly: problem whose parts are windows of the log.
+        blocks: blocks of the log.
+        spans: name of a part → its first instant and that of the next part, s.
+        report: called with a phrase that names the present step.
     """
 
     assembly: Assembly
     blocks: Blocks
     spans: dict[str, tuple[float, float]]
-    tell: Callable[[str], None]
+    report: Callable[[str], None]
 
     def counts(self) -> dict[str, int]:
-        """Part → its rows, as prepared."""
+        """Prepared rows of every part, by its name."""
         return {name: sum(map(len, self.assembly.recordings(name))) for name in PARTS}
 
     def errors(self, result: Identification) -> tuple[TorqueError, TorqueError]:
-        """Errors of the first guess and of the answer over the test part."""
+        """Torque errors of the first guess and of the result over the whole test part."""
         lib = self.blocks.lib
-        self.tell("predicting the test part")
+        self.report("predicting the test part")
         scale, before, after = np.zeros((3, lib.n_joints))
         count = 0
         for part in self.assembly.recordings("test"):
@@ -106,12 +114,12 @@ class Passes:
         )
 
     def note(self, counts: dict[str, int]) -> str:
-        """What is of all rows, and what of windows."""
+        """Sentence on which figures come from all rows and which from windows."""
         return (
-            f"streamed {self.blocks.log.rows} rows in {len(self.blocks)} blocks: the fit "
-            f"has seen all {counts['train']} training samples, the torque error all "
-            f"{counts['test']} test samples; first weights and residual correlations come from up "
-            f"to {WINDOWS} windows of {LENGTH} samples"
+            f"streamed {self.blocks.log.rows} rows in {len(self.blocks)} blocks: the fit uses all "
+            f"{counts['train']} training samples and the torque error all {counts['test']} test "
+            "samples; the first weights and the residual correlations come from up to "
+            f"{WINDOWS} windows of {LENGTH} samples"
         )
 
 
@@ -119,36 +127,46 @@ class Passes:
 def assemble_streamed(
     log: StreamedRecording,
     lib: Library,
+    settings: Settings | str | None = None,
     *,
-    preparation: Preparation | None = None,
-    splitting: Split | None = None,
-    friction_columns: Friction | None = None,
-    seed: int = 0,
     progress: Callable[[str], None] | None = None,
-) -> Passes:
-    """A log in its file as a problem; arguments as for `assemble`.
+    **keywords: Any,
+) -> StreamedAssembly:
+    """Assemble the problem of a log that stays in its file.
+
+    Args:
+        log: rows in their file.
+        lib: library of the robot.
+        settings: as for `identify`, without validation, test, lam0 and controller.
+        progress: called with a phrase that names the present step.
+        **keywords: single fields of `Settings`, which replace those of `settings`.
+
+    Returns:
+        The problem and the blocks of the log.
 
     Raises:
-        RuntimeFault: the data or options do not make an identification problem.
+        RuntimeFault: the data or settings do not make an identification problem.
     """
-    tell = progress or (lambda _: None)
+    chosen = settings_from(settings, keywords)
+    chosen.require_default(WHOLE_ONLY, "a streamed log")
+    report = progress or (lambda _: None)
     recipe = log.recipe
-    preparation = preparation or (recipe.preparation if recipe else Preparation())
+    preparation = chosen.preparation or (recipe.preparation if recipe else Preparation())
     if preparation.regressor == "energy":
         raise IdentificationError(
-            "rows of energy are made of a log that is read as a whole, but this one is streamed; "
-            "use --regressor momentum or --no-stream"
+            "rows of energy need the whole log in memory, but this one is streamed; use "
+            "--regressor momentum or --no-stream"
         )
-    terms = friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
+    terms = chosen.friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
     terms = geared(terms, _head(log, lib))
     blocks = blocks_of(log, lib, preparation, terms)
-    tell(f"windows of {len(blocks)} blocks")
-    spans = _spans(blocks, splitting or (recipe.split if recipe else None) or Split())
+    report(f"windows of {len(blocks)} blocks")
+    spans = _spans(blocks, chosen.splitting or (recipe.split if recipe else None) or Split())
     parts = {name: _windows(blocks, name, *span) for name, span in spans.items()}
-    train, held = samples_of(parts["train"], lib), samples_of(parts["validation"], lib)
+    train, validation = samples_of(parts["train"], lib), samples_of(parts["validation"], lib)
 
     def recordings(name: str) -> Iterator[Recording]:
-        tell(f"passing over the {name} part")
+        report(f"passing over the {name} part")
         return blocks.parts(*spans[name])
 
     def samples(name: str) -> Iterator[Samples]:
@@ -157,65 +175,65 @@ def assemble_streamed(
     problem = Problem(
         lib=lib,
         train=train,
-        validation=held,
+        validation=validation,
         weights=thesis_weights(train.tau),
         start=lib.lam0,
-        seed=seed,
+        seed=chosen.seed,
         pieces=samples,
         terms=terms,
     )
     require_enough(train, lib)
     windows = (parts["train"], parts["validation"], parts["test"])
     assembly = Assembly(problem, windows, terms, one_run=True, pieces=recordings)
-    return Passes(assembly, blocks, spans, tell)
+    return StreamedAssembly(assembly, blocks, spans, report)
 
 
 @one_blas_thread
 def identify_streamed(
     log: StreamedRecording,
     lib: Library,
-    method: str | None = None,
+    settings: Settings | str | None = None,
     *,
-    preset: str | Preset | None = None,
-    preparation: Preparation | None = None,
-    splitting: Split | None = None,
-    friction_columns: Friction | None = None,
-    prior: PriorFile | None = None,
     progress: Callable[[str], None] | None = None,
+    **keywords: Any,
 ) -> Identification:
-    """Find π of a log in its file, by one of `FROM_STATISTICS`; arguments as for `identify`.
+    """Identify π from a log that stays in its file.
 
-    `train`, `validation` and `test` of the result are windows; `streamed` counts all rows.
+    Args:
+        log: rows in their file.
+        lib: library of the robot.
+        settings: as for `identify`; a method that works on compressed statistics, and without
+            validation, test, lam0 and controller.
+        progress: called with a phrase that names the present step.
+        **keywords: single fields of `Settings`, which replace those of `settings`.
+
+    Returns:
+        The identification. Its `train`, `validation` and `test` are windows of the log;
+        `streamed` holds what was computed over all rows.
 
     Raises:
-        RuntimeFault: the data or options do not make an identification problem.
+        RuntimeFault: the data or settings do not make an identification problem.
     """
-    method = chosen_method(method, preset, prior)
-    require_streamable(method, preset)
-    passes = assemble_streamed(
-        log,
-        lib,
-        preparation=preparation,
-        splitting=splitting,
-        friction_columns=friction_columns,
-        progress=progress,
-    )
-    result = identify_assembled(passes.assembly, method, preset=preset, prior=prior)
-    before, after = passes.errors(result)
-    counts = passes.counts()
-    whole = Streamed(counts, passes.spans, before, after)
-    return replace(result, streamed=whole, notes=(*result.notes, passes.note(counts)))
+    chosen = settings_from(settings, keywords)
+    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
+    require_streamable(method, chosen.preset)
+    whole = assemble_streamed(log, lib, chosen, progress=progress)
+    result = identify_assembled(whole.assembly, chosen)
+    before, after = whole.errors(result)
+    counts = whole.counts()
+    streamed = WholeLog(counts, whole.spans, before, after)
+    return replace(result, streamed=streamed, notes=(*result.notes, whole.note(counts)))
 
 
 def _head(log: StreamedRecording, lib: Library) -> Recording:
-    """The first rows, checked for units, signs and the robot."""
+    """The first rows, checked for units, signs and the number of joints."""
     head = check_consistency(head_of(log))
     require_plausible(head, lib)
     return head
 
 
 def _spans(blocks: Blocks, parts: Split) -> dict[str, tuple[float, float]]:
-    """Part → its first instant and that of the next part."""
+    """First instant of every part and that of the next part [s], by name."""
     first, last = blocks.span()
 
     def instant(share: float) -> float:
@@ -228,26 +246,26 @@ def _spans(blocks: Blocks, parts: Split) -> dict[str, tuple[float, float]]:
 
 
 def _windows(blocks: Blocks, name: str, first: float, last: float) -> Recording:
-    """Windows spread evenly over a part, as one recording with holes."""
+    """Windows spread evenly over a part, joined to one recording with gaps in time."""
     within = blocks.within(first, last)
     chosen = np.unique(np.linspace(within.start, within.stop - 1, WINDOWS).round().astype(int))
-    found = []
+    windows = []
     for index in chosen:
         block = blocks.prepared(int(index))
         if block is None:
             continue
         inside = np.flatnonzero((block.t >= first) & (block.t < last))[:LENGTH]
         if inside.size:
-            found.append(block.take(inside, "Took a window."))
-    if not found:
+            windows.append(block.take(inside, "Took a window."))
+    if not windows:
         raise IdentificationError(
             f"no sample of {blocks.log.name} is left in the {name} part; use another --split"
         )
-    head = found[0]
-    sentence = f"Took {len(found)} windows of the {name} part ({sum(map(len, found))} rows)."
+    head = windows[0]
+    sentence = f"Took {len(windows)} windows of the {name} part ({sum(map(len, windows))} rows)."
 
     def joined(key: str) -> Array | None:
-        values = [getattr(part, key) for part in found]
+        values = [getattr(part, key) for part in windows]
         return None if values[0] is None else np.concatenate(values)
 
     signals = {key: joined(key) for key in ("t", *ALL)}

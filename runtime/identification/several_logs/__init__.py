@@ -1,6 +1,7 @@
 """Several logs in one fit: offsets per log, known payloads, validation by leaving a log out."""
 
-from runtime.identification.several_logs.joint_fit import Session, read_carried
-from runtime.identification.several_logs.study import Held, Study, identify_sessions
+from runtime.identification.several_logs.agreement import LeftOutLog, LogAgreement
+from runtime.identification.several_logs.identify import identify_logs
+from runtime.identification.several_logs.joint_fit import NamedLog, read_carried
 
-__all__ = ["Held", "Session", "Study", "identify_sessions", "read_carried"]
+__all__ = ["LeftOutLog", "LogAgreement", "NamedLog", "identify_logs", "read_carried"]

@@ -17,7 +17,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import samples_of
 from runtime.files import json_of
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
+from runtime.library.parameters import N_PARAMETERS, link_columns
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
@@ -29,7 +29,7 @@ PAUSE = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Session:
+class NamedLog:
     """One log as read.
 
     Attributes:
@@ -70,26 +70,26 @@ def read_carried(path: Path, lib: Library) -> Array:
     return carried
 
 
-def prepared_of(session: Session, lib: Library, terms: Friction) -> Recording:
+def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
     """The prepared log without the torque of its payload.
 
     Raises:
         RuntimeFault: the log is not of this robot, or a step cannot be taken.
     """
-    require_plausible(session.recording, lib)
-    bare = session.recording.replace(columns=None, column_names=(), name=session.name)
-    usual = session.preparation or bare.preparation
+    require_plausible(log.recording, lib)
+    bare = log.recording.replace(columns=None, column_names=(), name=log.name)
+    usual = log.preparation or bare.preparation
     if usual.regressor == "energy":
         raise IdentificationError(
             "several logs have an offset per joint each, which rows of energy cannot tell; use "
             "--regressor momentum"
         )
     data = prepare(bare, usual, terms, lib=lib)
-    if session.carried is None:
+    if log.carried is None:
         return data
     samples = samples_of(data, lib)
-    extra = samples.rigid(lib, session.carried)
-    total = mass(links(session.carried)).sum()
+    extra = samples.rigid(lib, log.carried)
+    mass = log.carried.reshape(lib.n_joints, -1)[:, 0].sum()
     return data.replace(tau=samples.tau - extra).noted(
         f"Took the torque of a known payload of {total:.4g} kg off the measured one."
     )

@@ -166,20 +166,20 @@ def test_methods_that_simulate_ask_for_the_loop(good_q: Bench) -> None:
     """Property: no loop, a foreign reference, friction that cannot be simulated: one sentence."""
     for method in ("iv", "didim"):
         with pytest.raises(IdentificationError, match=r"needs to know it; give .* --loop FILE"):
-            good_q.identify(method, loop=None)
+            good_q.identify(method, controller=None)
     late = ClosedLoop(good_q.loop.reference, good_q.loop.controller, 0.1, start=1.0)
     with pytest.raises(
         IdentificationError, match=r"from 0\.000 to 10\.000 s, the reference from 1"
     ):
-        good_q.identify("didim", loop=late)
+        good_q.identify("didim", controller=late)
 
 
 def test_a_first_guess_that_cannot_move_is_told(good_q: Bench) -> None:
     """Property: gains that let the simulation run away are a sentence; IV keeps WLS."""
     wild = ClosedLoop(good_q.loop.reference, Controller(damping=0.0, stiffness=2e6), 0.1)
     with pytest.raises(SimulationError, match="the motion diverged"):
-        good_q.identify("didim", loop=wild)
-    found = good_q.identify("iv", loop=wild)
+        good_q.identify("didim", controller=wild)
+    found = good_q.identify("iv", controller=wild)
     assert "the answer of wls is kept: the simulated robot stopped" in found.status
 
 

@@ -8,7 +8,7 @@ import pytest
 from runtime import identify
 from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.result_file import write_result
-from runtime.identification.several_logs import Session, identify_sessions, read_carried
+from runtime.identification.several_logs import NamedLog, identify_logs, read_carried
 from runtime.identification.several_logs.joint_fit import joined
 from runtime.library import Library
 from runtime.outputs.report import write_report
@@ -34,20 +34,20 @@ def load_of(lib: Library, mass: float = 1.5) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def sessions(lib: Library) -> list[Session]:
+def sessions(lib: Library) -> list[NamedLog]:
     """Three stretches of a motion with offsets of their own; the second carries a payload."""
     found = []
     for k in range(3):
         carried = load_of(lib) if k == 1 else None
         log = moving(lib, 9000, payload=carried).take(slice(k * 3000, k * 3000 + 3000), "cut")
         log = log.replace(tau=log.tau + OFFSETS[k])
-        found.append(Session(f"run {k}", log, PREPARATION, carried))
+        found.append(NamedLog(f"run {k}", log, PREPARATION, carried))
     return found
 
 
 @pytest.fixture(scope="module")
-def answer(lib: Library, sessions: list[Session]):
-    return identify_sessions(sessions, lib, friction_columns=FRICTION)
+def answer(lib: Library, sessions: list[NamedLog]):
+    return identify_logs(sessions, lib, friction_columns=FRICTION)
 
 
 def test_offsets_friction_and_payload_are_told_apart(lib, answer):
@@ -55,8 +55,8 @@ def test_offsets_friction_and_payload_are_told_apart(lib, answer):
 
     0.05 N·m of noise, 1440 rows at 100 Hz: 2 mN·m on a mean; beside gravity ten times that.
     """
-    result, study = answer
-    assert study.offsets == pytest.approx(OFFSETS, abs=0.02)
+    result, agreement = answer
+    assert agreement.offsets == pytest.approx(OFFSETS, abs=0.02)
     assert result.usual_phi.shape == (7, 3)
     assert result.usual_phi[:, 0] == pytest.approx(VISCOUS, abs=0.02)
     assert result.usual_phi[:, 1] == pytest.approx(COULOMB, abs=0.02)
@@ -72,37 +72,37 @@ def test_offsets_friction_and_payload_are_told_apart(lib, answer):
 
 def test_a_payload_that_nobody_tells_shows(lib, sessions):
     """Property: without its payload the odd log stands out in both tables."""
-    untold = [Session(s.name, s.recording, s.preparation) for s in sessions]
-    _, study = identify_sessions(untold, lib, friction_columns=FRICTION)
-    own = [held.own_offset.overall for held in study.held]
+    untold = [NamedLog(s.name, s.recording, s.preparation) for s in sessions]
+    _, agreement = identify_logs(untold, lib, friction_columns=FRICTION)
+    own = [log.with_offset.overall for log in agreement.left_out]
     assert own[1] > 10.0
-    assert study.ratio > 5.0
-    assert "differ by more than noise" in study.sentence()
+    assert agreement.ratio > 5.0
+    assert "differ by more than noise" in agreement.sentence()
 
 
 def test_logs_predict_each_other(answer):
     """Oracle: with its own offset a log left out is explained to the noise, as by its own fit."""
-    _, study = answer
-    for held in study.held:
-        assert held.own_offset.overall == pytest.approx(held.alone, rel=0.1)
-        assert held.after.overall > 3 * held.own_offset.overall
-        assert held.before.overall > held.after.overall
-    assert 0.5 < study.ratio < 2.0
-    assert "agree" in study.sentence()
-    assert study.carried == pytest.approx((0.0, 1.5, 0.0))
+    _, agreement = answer
+    for log in agreement.left_out:
+        assert log.with_offset.overall == pytest.approx(log.alone, rel=0.1)
+        assert log.after.overall > 3 * log.with_offset.overall
+        assert log.before.overall > log.after.overall
+    assert 0.5 < agreement.ratio < 2.0
+    assert "agree" in agreement.sentence()
+    assert agreement.carried == pytest.approx((0.0, 1.5, 0.0))
 
 
 def test_one_log_twice_without_offsets_is_one_log(lib, sessions):
     """Oracle: without offset columns, two halves of a log give the answer of both together."""
     terms = Friction(("viscous", "coulomb"))
-    bare = [Session(s.name, s.recording, s.preparation) for s in sessions[:1]]
-    twice = [*bare, Session("again", bare[0].recording, bare[0].preparation)]
-    result, study = identify_sessions(twice, lib, "ols", friction_columns=terms)
+    bare = [NamedLog(s.name, s.recording, s.preparation) for s in sessions[:1]]
+    twice = [*bare, NamedLog("again", bare[0].recording, bare[0].preparation)]
+    result, agreement = identify_logs(twice, lib, "ols", friction_columns=terms)
     alone = identify(bare[0].recording, lib, "ols", preparation=PREPARATION, friction_columns=terms)
     # The same rows twice: least squares does not notice, to rounding times the condition number.
     assert result.beta == pytest.approx(alone.beta, abs=1e-8)
-    assert study.offsets is None
-    assert study.spread == pytest.approx(0.0, abs=1e-12)
+    assert agreement.offsets is None
+    assert agreement.spread == pytest.approx(0.0, abs=1e-12)
 
 
 def test_joined_logs_keep_every_row_and_a_hole(lib, sessions):
@@ -120,10 +120,10 @@ def test_joined_logs_keep_every_row_and_a_hole(lib, sessions):
 
 def test_what_is_written_can_be_used(answer, tmp_path):
     """Oracle: result.json serves evaluate and payload, the report shows both tables."""
-    result, study = answer
-    facts = write_result(result, tmp_path, "test", study.facts())
+    result, agreement = answer
+    facts = write_result(result, tmp_path, "test", agreement.facts())
     assert facts["friction"]["columns"] == ["viscous", "coulomb", "offset"]
-    assert [each["name"] for each in facts["sessions"]["leave_one_out"]] == list(study.names)
+    assert [each["name"] for each in facts["sessions"]["leave_one_out"]] == list(agreement.names)
     page = write_report(tmp_path).read_text()
     assert "Each log as the others predict it" in page
     assert "Repeatability" in page
@@ -140,7 +140,7 @@ def test_command_with_several_logs(lib, sessions, tmp_path, command: Command):
     logs = ("identify", "0.npz", "1.npz", "2.npz")
     ran = command(*logs, *words, "--payload-of", "1.npz=payload.json")
     assert ran.code == 0, ran.err
-    assert "repeatability: base parameters" in ran.out
+    assert "repeatability: the base parameters" in ran.out
     told = json.loads((tmp_path / "out" / "result.json").read_text())["sessions"]
     assert told["payload_kg"] == pytest.approx([0.0, 1.5, 0.0])
     ran = command("evaluate", "out", "2.npz", "--robot", lib.folder)
@@ -169,6 +169,6 @@ def test_wrong_payloads_and_names(lib, sessions, tmp_path):
     with pytest.raises(RecordingError, match="holds no payload"):
         read_carried(path, lib)
     with pytest.raises(IdentificationError, match="names of their own"):
-        identify_sessions([sessions[0], sessions[0]], lib)
+        identify_logs([sessions[0], sessions[0]], lib)
     with pytest.raises(IdentificationError, match="two logs or more"):
-        identify_sessions(sessions[:1], lib)
+        identify_logs(sessions[:1], lib)

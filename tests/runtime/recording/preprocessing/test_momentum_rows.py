@@ -11,7 +11,7 @@ from runtime.errors import IdentificationError, NeedsError, RecordingError
 from runtime.estimators.regression.samples import FROM_STATISTICS, Samples, samples_of
 from runtime.identification import metrics
 from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
-from runtime.identification.several_logs import Session, identify_sessions
+from runtime.identification.several_logs import NamedLog, identify_logs
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.friction import Motion, columns, coupling_of_terms, torque
@@ -226,20 +226,20 @@ def test_several_logs_with_a_payload(lib):
     logs = [moving(lib, 3000), moving(lib, 3000, payload=ball.ravel())]
     usual = at(5.0, rate_hz=100.0)
     sessions = [
-        Session(name, log, usual, carried)
+        NamedLog(name, log, usual, carried)
         for name, log, carried in zip("ab", logs, (None, ball.ravel()), strict=True)
     ]
-    found, study = identify_sessions(sessions, lib, friction_columns=Friction())
-    assert max(held.after.overall for held in study.held) < 1.0
+    found, agreement = identify_logs(sessions, lib, friction_columns=Friction())
+    assert max(log.after.overall for log in agreement.left_out) < 1.0
     assert found.test.ddq is None  # nothing was differentiated after all
     beta = lib.base_matrix @ lib.pi0
     assert np.linalg.norm(found.beta - beta) < 0.01 * np.linalg.norm(beta)
     wrong = [replace(each, preparation=replace(usual, regressor="energy")) for each in sessions]
     with pytest.raises(IdentificationError, match="use --regressor momentum"):
-        identify_sessions(wrong, lib, friction_columns=Friction())
+        identify_logs(wrong, lib, friction_columns=Friction())
     mixed = [sessions[0], replace(sessions[1], preparation=at(5.0, "acceleration"))]
     with pytest.raises(IdentificationError, match="give all of them one regressor"):
-        identify_sessions(mixed, lib, friction_columns=Friction())
+        identify_logs(mixed, lib, friction_columns=Friction())
 
 
 def test_blocks_of_a_streamed_log(lib, tmp_path, monkeypatch):

@@ -1,0 +1,181 @@
+"""The result of an identification: parameters, their certificates and the data they come from."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from runtime.estimators.friction_net import FrictionNet
+from runtime.estimators.optimizers import Trace
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.estimators.uncertainty import Uncertainty
+from runtime.identification import metrics
+from runtime.library import Array, Library
+from runtime.recording import Friction, Recording, friction
+
+
+@dataclass(frozen=True, slots=True)
+class WholeLog:
+    """Figures over all rows of a streamed log, of which a result holds only windows.
+
+    Attributes:
+        samples: prepared rows of every part, by its name.
+        spans: first and last instant of every part [s], by its name.
+        before: torque error of the first guess on the whole test part.
+        after: torque error of the result on the whole test part.
+    """
+
+    samples: dict[str, int]
+    spans: dict[str, tuple[float, float]]
+    before: metrics.TorqueError
+    after: metrics.TorqueError
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """Identified parameters with their certificates.
+
+    Attributes:
+        method: one of `METHODS`.
+        lib: library of the robot.
+        pi: standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link].
+        lam: λ of π, (10 n,); None where π is not physically consistent.
+        beta: base parameters β = K π, (n_b,).
+        phi: friction coefficients of `friction.columns`, (n, k).
+        friction: friction model.
+        weights: diagonal of W in the loss, (n,).
+        status: how the method ended, as a sentence.
+        loss: L on the training samples.
+        optimum: smallest loss of any physically consistent model on the same samples; NaN when
+            not computed.
+        silent: L of τ̂ = 0 on the same samples.
+        uncertainty: posterior of the parameters; None when not computed.
+        seconds: time of the method alone, s.
+        iterations: iterations of the method; None for closed forms.
+        trace: losses over the iterations; None for closed forms.
+        train: prepared training recording.
+        validation: prepared validation recording.
+        test: prepared test recording.
+        one_run: True when the three are parts of one recording.
+        seed: seed of mini-batches and nets.
+        notes: sentences on steps that were taken on the way.
+        net: friction beyond φ, learned by "nn"; None for other methods.
+        log_names: names of several logs, whose offsets are the last columns of φ.
+        streamed: figures over all rows, where train, validation and test are windows of a log.
+    """
+
+    method: str
+    lib: Library
+    pi: Array
+    lam: Array | None
+    beta: Array
+    phi: Array
+    friction: Friction
+    weights: Array
+    status: str
+    loss: float
+    optimum: float
+    silent: float
+    uncertainty: Uncertainty | None
+    seconds: float
+    iterations: int | None
+    trace: Trace | None
+    train: Recording
+    validation: Recording
+    test: Recording
+    one_run: bool
+    seed: int
+    notes: tuple[str, ...] = field(default=())
+    net: FrictionNet | None = None
+    log_names: tuple[str, ...] = ()
+    streamed: WholeLog | None = None
+
+    def __repr__(self) -> str:
+        source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"
+        verdict = f"{'' if self.is_consistent else 'NOT '}consistent; {self.status}"
+        return f"Identification({self.method!r}, {source}: {verdict})"
+
+    @property
+    def usual_phi(self) -> Array:
+        """φ of the columns of `friction`, (n, k): the offset is the mean over all logs."""
+        count = len(self.log_names)
+        if not count:
+            return self.phi
+        return np.hstack([self.phi[:, :-count], self.phi[:, -count:].mean(axis=1, keepdims=True)])
+
+    def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+        """τ̂ = Y π + F(dq) φ, plus the torque of the friction net where there is one.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities of the same shape [rad/s, m/s].
+            ddq: joint accelerations of the same shape [rad/s², m/s²].
+
+        Returns:
+            Joint torques of the same shape [N·m, N].
+        """
+        rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
+        if not self.phi.size:
+            return rigid
+        speed, position, acceleration = (
+            np.atleast_2d(np.asarray(a, dtype=float)) for a in (dq, q, ddq)
+        )
+        motion = friction.Motion(speed, position, acceleration, self.lib)
+        columns = friction.columns(motion, self.friction)
+        extra = friction.torque(columns, self.usual_phi, friction.coupling_of_terms(self.friction))
+        if self.net is not None:
+            extra = extra + self.net.torque(columns)
+        return rigid + extra.reshape(rigid.shape)
+
+    def predict_recording(self, recording: Recording) -> Array:
+        """τ̂ of a prepared recording, (N, n), with the friction columns filtered with it."""
+        return self.predict_samples(samples_of(recording, self.lib))
+
+    def predict_samples(self, samples: Samples) -> Array:
+        """τ̂ of prepared samples, (N, n); their power where the rows are rows of power, (N, 1)."""
+        return torque_of(self.lib, samples, self.pi, self.phi, self.net)
+
+    def before(self, recording: Recording) -> Array:
+        """τ̂ of the URDF's parameters without friction, (N, n)."""
+        return samples_of(recording, self.lib).rigid(self.lib, self.lib.pi0)
+
+    @property
+    def gap(self) -> float:
+        """(L − L*)/L* against the convex optimum L*, both on the training samples.
+
+        Where the data are explained to rounding, L* is replaced by 1e-9 of the loss of τ̂ = 0.
+        """
+        return (self.loss - self.optimum) / max(self.optimum, 1e-9 * self.silent)
+
+    @property
+    def relative_eigenvalues(self) -> Array:
+        """Smallest eigenvalue of each pseudo-inertia P_k over its trace, (n,)."""
+        return self.lib.relative_eigenvalues(self.pi)
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether every link is physically consistent: P_k ⪰ 0 and a mass above 0."""
+        smallest = self.relative_eigenvalues.min()
+        masses = self.pi.reshape(self.lib.n_joints, -1)[:, 0]
+        return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
+
+
+def torque_of(
+    lib: Library, samples: Samples, pi: Array, phi: Array, net: FrictionNet | None
+) -> Array:
+    """τ̂ of a model with its friction.
+
+    Args:
+        lib: library of the robot.
+        samples: N prepared samples.
+        pi: standard parameters, (10 n,).
+        phi: friction coefficients, (n, k); empty without friction.
+        net: friction net; None for none.
+
+    Returns:
+        (N, n) joint torques [N·m, N], or (N, 1) powers [W] of rows of power.
+    """
+    tau = samples.rigid(lib, pi)
+    if phi.size:
+        tau = tau + samples.friction(phi)
+    return tau if net is None else tau + net.torque(samples.columns)

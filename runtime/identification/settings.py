@@ -1,0 +1,105 @@
+"""What an identification is asked to do, apart from the recording and the robot.
+
+One frozen `Settings` serves a single log, several logs, a streamed log and a comparison of methods.
+Each of them refuses the fields that it cannot honour.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from runtime.errors import IdentificationError
+from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.prior_file import PriorFile
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.simulation.controller_file import ClosedLoop
+
+RENAMED = {"loop": "controller"}
+"""Old spelling of a keyword → field of `Settings`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Settings:
+    """How a robot is identified from a recording.
+
+    Attributes:
+        method: one of `METHODS`; None is "map", or "adam" where a preset is given.
+        preset: settings of "adam", a name of `PRESETS` or a `Preset`; None is "full".
+        prior: inertial prior beyond the URDF, for "map".
+        preparation: steps from the log to the rows of the fit; None is the recipe's, and without
+            a recipe only missing derivatives are computed.
+        splitting: shares of the recording for training, validation and test; None is the
+            recipe's, and without a recipe 48 %, 12 % and 40 %.
+        friction_columns: friction model; None is the recipe's, and without a recipe no friction.
+        validation: separate recording for validation, prepared like the first; None splits.
+        test: separate recording for the test; given together with `validation` or not at all.
+        lam0: first guess λ, (10 n,) [ln kg, m ×3, rad ×3, kg^½·m ×3]; None is that of the URDF.
+        controller: closed-loop description of the recording, which "iv" and "didim" simulate.
+        seed: of the mini-batches of "adam" and the initial weights of "nn".
+        certify: False skips the convex optimum and the uncertainty, for thousands of trials; the
+            gap is then NaN.
+    """
+
+    method: str | None = None
+    preset: str | Preset | None = None
+    prior: PriorFile | None = None
+    preparation: Preparation | None = None
+    splitting: Split | None = None
+    friction_columns: Friction | None = None
+    validation: Recording | None = None
+    test: Recording | None = None
+    lam0: ArrayLike | None = None
+    controller: ClosedLoop | None = None
+    seed: int = 0
+    certify: bool = True
+
+    def require_default(self, names: tuple[str, ...], task: str) -> None:
+        """Refuse fields that a task cannot honour.
+
+        Args:
+            names: fields that must keep their default.
+            task: the task as the subject of the message, such as "a streamed log".
+
+        Raises:
+            IdentificationError: one of the fields has been set.
+        """
+        default = Settings()
+        given = [name for name in names if getattr(self, name) is not getattr(default, name)]
+        if given:
+            raise IdentificationError(
+                f"{task} takes no {', '.join(given)}; leave {'it' if len(given) == 1 else 'them'} "
+                "out of the settings"
+            )
+
+
+NAMES = tuple(field.name for field in fields(Settings))
+
+
+def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) -> Settings:
+    """Settings with some fields replaced by keywords.
+
+    Args:
+        settings: settings to start from; a string is the name of a method, None the defaults.
+        keywords: field of `Settings` → value.
+
+    Returns:
+        The settings with these values.
+
+    Raises:
+        IdentificationError: a keyword is not a field of `Settings`.
+    """
+    for name in keywords:
+        if name in RENAMED:
+            raise IdentificationError(
+                f"the setting '{name}' is now called '{RENAMED[name]}'; use {RENAMED[name]}=…"
+            )
+        if name not in NAMES:
+            raise IdentificationError(
+                f"expected settings of {', '.join(NAMES)}, got '{name}'; correct or leave out "
+                f"'{name}'"
+            )
+    if settings is None or isinstance(settings, str):
+        settings = Settings(method=settings)
+    return replace(settings, **keywords)

@@ -1,0 +1,175 @@
+"""One fit to several logs, and the comparison of the logs by further fits (`agreement`)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.methods import chosen_method
+from runtime.estimators.regression.residuals import residuals
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import Identification
+from runtime.identification.metrics import torque_error
+from runtime.identification.problem_setup import assemble
+from runtime.identification.settings import Settings, settings_from
+from runtime.identification.several_logs.agreement import LeftOutLog, LogAgreement
+from runtime.identification.several_logs.joint_fit import (
+    OFFSET,
+    NamedLog,
+    joined,
+    prepared_of,
+    shared_terms,
+)
+from runtime.identification.single_log import identify_assembled
+from runtime.library import Library
+from runtime.parallel import one_blas_thread
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.friction import geared
+from runtime.recording.preprocessing import split
+
+UNSUITED = {"iv", "didim", "ekf", "ukf", "nn"}
+"""Methods that simulate or filter one unfiltered run."""
+ONE_LOG_ONLY = ("preparation", "validation", "test", "lam0", "controller", "certify")
+"""Fields of `Settings` that belong to one log, or that the comparison of the logs needs."""
+
+
+@one_blas_thread
+def identify_logs(
+    logs: Sequence[NamedLog],
+    lib: Library,
+    settings: Settings | str | None = None,
+    *,
+    progress: Callable[[int, float], None] | None = None,
+    **keywords: Any,
+) -> tuple[Identification, LogAgreement]:
+    """Identify one set of parameters from several logs, each split like a single one.
+
+    Args:
+        logs: two or more.
+        lib: library of the robot.
+        settings: as for `identify`, without preparation (each log has one), validation, test,
+            lam0, controller and certify. Of the friction columns an offset becomes one per log;
+            the default are the columns of the first log's recipe.
+        progress: called by methods that iterate, with iteration and best validation loss.
+        **keywords: single fields of `Settings`, which replace those of `settings`.
+
+    Returns:
+        The joint identification, and how well the logs agree.
+
+    Raises:
+        RuntimeFault: the logs or settings do not make an identification problem.
+    """
+    chosen = settings_from(settings, keywords)
+    chosen.require_default(ONE_LOG_ONLY, "a fit of several logs")
+    chosen = replace(chosen, method=chosen_method(chosen.method, chosen.preset, chosen.prior))
+    names = _names(logs, chosen)
+    first = logs[0].recording
+    recipe = first.recipe
+    terms = chosen.friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
+    terms = geared(terms, first)
+    prepared = [prepared_of(log, lib, terms) for log in logs]
+    # The joint fit: all training parts in one recording, likewise validation and test.
+    shares = chosen.splitting or (recipe.split if recipe else None) or Split()
+    fit = _Fit(lib, chosen, terms)
+    cut = [split(log, shares) for log in prepared]
+    train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))
+    result = fit.of(train, validation, test, progress=progress)
+    offsets = None
+    if OFFSET in terms.columns:
+        offsets = result.phi[:, -len(names) :].T
+        usual = replace(terms, columns=(*shared_terms(terms), OFFSET))
+        result = replace(result, friction=usual, log_names=tuple(names))
+    # Repeatability: every log alone, on all of its rows.
+    bare = [joined([log], [name], [name]) for log, name in zip(prepared, names, strict=True)]
+    singles = [fit.of(one, one, one) for one in bare]
+    masses = [single.pi.reshape(lib.n_joints, -1)[:, 0] for single in singles]
+    sigma = [single.uncertainty.beta_sigma for single in singles if single.uncertainty is not None]
+    agreement = LogAgreement(
+        names=tuple(names),
+        carried=tuple(_mass(log, lib) for log in logs),
+        samples=tuple(len(each[0]) for each in cut),
+        offsets=offsets,
+        left_out=tuple(_left_out(k, prepared, names, fit, one) for k, one in enumerate(singles)),
+        masses=np.array(masses),
+        spread=np.std([single.beta for single in singles], axis=0, ddof=1),
+        expected_spread=np.sqrt(np.mean(np.square(sigma), axis=0)),
+    )
+    return result, agreement
+
+
+def _names(logs: Sequence[NamedLog], settings: Settings) -> list[str]:
+    """Names of the logs, after the check that there are two or more and the method suits them."""
+    names = [log.name for log in logs]
+    if len(set(names)) < max(len(names), 2):
+        raise IdentificationError(
+            f"expected two logs or more with different names, got {', '.join(names)}; rename or "
+            "add one"
+        )
+    if settings.method in UNSUITED:
+        raise IdentificationError(
+            f"'{settings.method}' needs one unfiltered run and cannot join several logs; use map, "
+            "adam, pc-ols, ols or wls"
+        )
+    return names
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """The same fit for any choice of prepared logs."""
+
+    lib: Library
+    settings: Settings
+    terms: Friction
+
+    def of(
+        self,
+        train: Recording,
+        validation: Recording,
+        test: Recording,
+        certify: bool = True,
+        progress: Callable[[int, float], None] | None = None,
+    ) -> Identification:
+        """The result on prepared recordings."""
+        settings = replace(
+            self.settings,
+            preparation=Preparation(),
+            friction_columns=replace(self.terms, columns=shared_terms(self.terms)),
+            validation=validation,
+            test=test,
+            certify=certify,
+        )
+        return identify_assembled(assemble(train, self.lib, settings, progress=progress), settings)
+
+
+def _left_out(
+    index: int,
+    logs: Sequence[Recording],
+    names: Sequence[str],
+    fit: _Fit,
+    alone: Identification,
+) -> LeftOutLog:
+    """Errors of the result of all other logs on all rows of one log."""
+    name, log, lib = names[index], logs[index], fit.lib
+    other_names = [each for each in names if each != name]
+    rest = joined([each for each in logs if each is not log], other_names, other_names)
+    others = fit.of(rest, rest, rest, certify=False)
+    samples = samples_of(joined([log], [name], [name]), lib)
+    phi = others.phi
+    if OFFSET in log.column_names:
+        phi = replace(others, log_names=tuple(other_names)).usual_phi
+    tau = samples.tau
+    before = tau + residuals(lib, samples, lib.pi0, np.zeros(0))
+    after = tau + residuals(lib, samples, others.pi, phi)
+    shifted = after - np.mean(after - tau, axis=0)  # the offset of this log is its mean residual
+    single = tau + residuals(lib, samples, alone.pi, alone.phi)
+    errors = [torque_error(tau, each) for each in (before, after, shifted, single)]
+    return LeftOutLog(name, errors[0], errors[1], errors[2], errors[3].overall)
+
+
+def _mass(log: NamedLog, lib: Library) -> float:
+    """Mass of the known payload of a log, kg."""
+    if log.carried is None:
+        return 0.0
+    return float(log.carried.reshape(lib.n_joints, -1)[:, 0].sum())

@@ -1,0 +1,63 @@
+"""Settings: one frozen object for every way to identify, with keywords beside it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runtime
+from runtime.errors import IdentificationError
+from runtime.identification.long_logs import identify_streamed
+from runtime.identification.settings import NAMES, Settings, settings_from
+from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.library import Library
+from runtime.recording import Friction, Recording, Split, open_streamed, write_recording
+
+TERMS = Friction(("viscous", "coulomb"), 0.03)
+
+
+def test_settings_and_keywords_give_the_same_answer(lib: Library, noisy: Recording) -> None:
+    """Property: settings, keywords, and a keyword that replaces a setting, to the last bit."""
+    usual = Settings(method="ols", friction_columns=TERMS, certify=False)
+    by_settings = runtime.identify(noisy, lib, usual)
+    by_keywords = runtime.identify(noisy, lib, "ols", friction_columns=TERMS, certify=False)
+    replaced = runtime.identify(noisy, lib, Settings(friction_columns=TERMS), method="ols",
+                                certify=False)  # fmt: skip
+    assert by_settings.method == by_keywords.method == replaced.method == "ols"
+    for other in (by_keywords, replaced):
+        assert np.array_equal(by_settings.pi, other.pi)
+        assert np.array_equal(by_settings.phi, other.phi)
+
+
+def test_every_setting_is_documented() -> None:
+    """Property: the fields stand in the class's docstring, and in that of identify."""
+    for name in NAMES:
+        assert f"        {name}: " in str(Settings.__doc__)
+        assert name in str(runtime.identify.__doc__)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "match"),
+    [
+        ({"cutoff": 3.0}, r"expected settings of method, preset, .*, got 'cutoff'; correct"),
+        ({"loop": None}, "'loop' is now called 'controller'"),
+    ],
+)
+def test_unknown_keywords_are_refused(keywords: dict[str, object], match: str) -> None:
+    """Property: one sentence with the names that there are."""
+    with pytest.raises(IdentificationError, match=match):
+        settings_from(None, keywords)
+
+
+def test_settings_that_a_task_cannot_honour_are_refused(
+    lib: Library, noisy: Recording, tmp_path: Path
+) -> None:
+    """Property: a streamed log and several logs name the settings to leave out."""
+    write_recording(noisy, tmp_path / "log.npz")
+    log = open_streamed(tmp_path / "log.npz")
+    with pytest.raises(IdentificationError, match="a streamed log takes no lam0; leave it out"):
+        identify_streamed(log, lib, lam0=lib.lam0)
+    twice = [NamedLog(name, noisy) for name in ("a", "b")]
+    match = "several logs takes no validation, test; leave them out"
+    with pytest.raises(IdentificationError, match=match):
+        identify_logs(twice, lib, Settings(validation=noisy, test=noisy, splitting=Split()))

@@ -11,6 +11,7 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.library import Array, Library
+from runtime.library.parameters import links, mass
 from runtime.recording import Friction, Recording, friction
 
 
@@ -156,7 +157,7 @@ class Identification:
     def is_consistent(self) -> bool:
         """Whether every link is physically consistent: P_k ⪰ 0 and a mass above 0."""
         smallest = self.relative_eigenvalues.min()
-        masses = self.pi.reshape(self.lib.n_joints, -1)[:, 0]
+        masses = mass(links(self.pi))
         return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
 
 

@@ -24,6 +24,7 @@ from runtime.identification.several_logs.joint_fit import (
 )
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Library
+from runtime.library.parameters import links, mass
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import geared
@@ -84,11 +85,11 @@ def identify_logs(
     # Repeatability: every log alone, on all of its rows.
     bare = [joined([log], [name], [name]) for log, name in zip(prepared, names, strict=True)]
     singles = [fit.of(one, one, one) for one in bare]
-    masses = [single.pi.reshape(lib.n_joints, -1)[:, 0] for single in singles]
+    masses = [mass(links(single.pi)) for single in singles]
     sigma = [single.uncertainty.beta_sigma for single in singles if single.uncertainty is not None]
     agreement = LogAgreement(
         names=tuple(names),
-        carried=tuple(_mass(log, lib) for log in logs),
+        carried=tuple(_payload_mass(log) for log in logs),
         samples=tuple(len(each[0]) for each in cut),
         offsets=offsets,
         left_out=tuple(_left_out(k, prepared, names, fit, one) for k, one in enumerate(singles)),
@@ -168,8 +169,8 @@ def _left_out(
     return LeftOutLog(name, errors[0], errors[1], errors[2], errors[3].overall)
 
 
-def _mass(log: NamedLog, lib: Library) -> float:
+def _payload_mass(log: NamedLog) -> float:
     """Mass of the known payload of a log, kg."""
     if log.carried is None:
         return 0.0
-    return float(log.carried.reshape(lib.n_joints, -1)[:, 0].sum())
+    return float(mass(links(log.carried)).sum())

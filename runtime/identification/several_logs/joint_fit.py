@@ -89,7 +89,7 @@ def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
         return data
     samples = samples_of(data, lib)
     extra = samples.rigid(lib, log.carried)
-    mass = log.carried.reshape(lib.n_joints, -1)[:, 0].sum()
+    total = mass(links(log.carried)).sum()
     return data.replace(tau=samples.tau - extra).noted(
         f"Took the torque of a known payload of {total:.4g} kg off the measured one."
     )

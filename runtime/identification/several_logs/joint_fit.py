@@ -17,7 +17,7 @@ from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import samples_of
 from runtime.files import json_of
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS, link_columns
+from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare

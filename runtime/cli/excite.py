@@ -16,6 +16,7 @@ from runtime.excitation import (
     BASES,
     CRITERIA,
     Design,
+    DesignSettings,
     basis_of,
     design,
     predict,
@@ -30,6 +31,7 @@ from runtime.excitation.proof.certified_motion import (
     require_speed,
     slowed,
 )
+from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.library import Library, load
@@ -94,11 +96,7 @@ def excite_command(
     ] = False,
     criterion: Annotated[
         str | None,
-        typer.Option(
-            help=f"{' | '.join(CRITERIA)}: expected error of torque on other motions (v), of "
-            "parameters (a), their confidence volume (d), the condition number, or v and cond "
-            "together; default mixed."
-        ),
+        typer.Option(help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}."),
     ] = None,
     basis: Annotated[str, typer.Option(help=" | ".join(BASES))] = "cosine",
     zero_jerk: Annotated[
@@ -165,6 +163,8 @@ def excite_command(
     path = _json(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
     told = information_of(lib, noise, log_rate, prior, payload)
+    # The document's criterion is a function of the regressor alone.
+    is_informed = criterion_of(wanted).needs_information or bool(prior) or payload
     sample_times(duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     if not export:
@@ -188,17 +188,18 @@ def excite_command(
 
         found = design(
             lib,
-            duration,
-            harmonics,
-            starts,
-            seed,
+            DesignSettings(
+                duration=duration,
+                harmonics=harmonics,
+                starts=starts,
+                seed=seed,
+                criterion=wanted,
+                basis=basis_of(basis, zero_jerk),
+                information=told if is_informed else None,
+                safety=safety,
+            ),
             progress=report,
             processes=processes if processes is not None else side_by_side,
-            criterion=wanted,
-            basis=basis_of(basis, zero_jerk),
-            # The document's criterion knows only the regressor.
-            information=None if wanted == "cond" and not prior and not payload else told,
-            safety=safety,
             scheduler=scheduler,
         )
     found = replace(found, trajectory=pulled_inside(lib, found.trajectory))

@@ -19,7 +19,8 @@ from runtime.cli.predict_tables import (
     worth_table,
 )
 from runtime.excitation.search.information import NOISE, RATE, information
-from runtime.excitation.search.prediction import FRICTION, unseen_joints
+from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.expected_accuracy import (
     SECONDS,

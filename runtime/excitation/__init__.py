@@ -16,8 +16,9 @@ from runtime.excitation.limits.safety import Safety
 from runtime.excitation.motion.basis import BASES, COSINE, Basis, basis_of, fourier_basis
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES, ConditionCost
-from runtime.excitation.search.criteria import CRITERIA
-from runtime.excitation.search.design import LONGEST, Design, design
+from runtime.excitation.search.criteria import CRITERIA, Criterion
+from runtime.excitation.search.design import Design, design
+from runtime.excitation.search.design_settings import LONGEST, DesignSettings
 from runtime.excitation.search.information import Information, information
 from runtime.excitation.search.measures import log_condition
 from runtime.excitation.search.prediction import Prediction, covariance_of, predict, torque_band
@@ -35,7 +36,9 @@ __all__ = [
     "START",
     "Basis",
     "ConditionCost",
+    "Criterion",
     "Design",
+    "DesignSettings",
     "Information",
     "Limits",
     "Prediction",

@@ -142,10 +142,10 @@ def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -
     cpu, wall = _cpu(), time.perf_counter()
     found = design(
         lib,
-        goal.duration,
-        goal.harmonics,
-        goal.starts,
-        seed,
+        duration=goal.duration,
+        harmonics=goal.harmonics,
+        starts=goal.starts,
+        seed=seed,
         progress=report,
         processes=processes,
         criterion=goal.criterion,

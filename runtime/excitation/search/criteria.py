@@ -1,14 +1,17 @@
-"""What a search is after: the criteria that it descends in turn, and the one that decides.
+"""Quantities that a search minimises, one record each.
 
 | criterion | minimised |
 |---|---|
 | cond | log cond W̄_b, columns of unit length (Eq. 3.29): the document's |
 | a | RMS standard deviation of the unknowns relative to their size |
-| v | RMS error of the torque, all joints together, predicted on motions never seen |
+| v | RMS error of the torque, all joints together, predicted on unseen motions |
 | d | mean half-axis of the confidence ellipsoid (log det of the raw Gram matrix) |
-| mixed | log v² + a smooth log cond (Schatten 16): good predictions, no column in the dark |
+| mixed | log v² + a smooth log cond (Schatten 16): good predictions, every column excited |
 
-a, v and d see amplitudes, cond does not: one of its optima may hardly move a joint.
+a, v and d depend on amplitudes, cond does not: one of its optima may hardly move a joint.
+
+A new criterion is a record here and a line in `CRITERIA`. Another package adds one by an entry
+point of the group "symgen.criteria".
 """
 
 from collections.abc import Callable
@@ -17,8 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.joint_limits import Limits, whitening
-from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import (
     Measure,
@@ -30,96 +31,112 @@ from runtime.excitation.search.measures import (
     normalised,
     schatten,
 )
+from runtime.excitation.search.unseen_motions import unseen_torque
 from runtime.library import Array, Library
-from runtime.library.parameters import pi_from_parts
+from runtime.registry import Registry
 
-UNSEEN = 40
-"""Motions on which torque is to be predicted."""
-UNSEEN_DURATION, UNSEEN_HARMONICS, UNSEEN_SAMPLES = 10.0, 5, 40
-"""Of each: s, cosines per joint, samples of its way out."""
-UNSEEN_SEED = 20
-"""The same motions for all designs of a robot."""
-PAYLOAD = pi_from_parts(mass=1.0, first_moment=0.1, inertia=0.01)
-"""Size of a payload's unknowns: 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg."""
+PAYLOAD = np.array([1.0, *3 * [0.1], *6 * [0.01]])
+"""Size of the unknowns of a payload: 1 kg, 0.1 m × 1 kg, (0.1 m)² × 1 kg."""
 FLOOR = 0.01
-"""What is smaller counts as of this size, kg, kg·m or kg·m²: some base parameters vanish."""
+"""Smallest size of an unknown, kg, kg·m or kg·m²: some base parameters vanish."""
 SMOOTH = 16.0
 """Power of the Schatten norms in `mixed`."""
 SHARE = 0.8
-"""Of them there."""
+"""Weight of the smooth log cond in `mixed`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """What a search is after.
+    """A criterion for one robot, home and information.
 
     Attributes:
-        stages: measures of the descent in turn, and iterations of each.
-        target: the measure that compares starts; its exponential has a unit.
-        is_kinked: the target is log cond, whose optimum lies in a kink: `polish` ends in it.
-        unit: of exp(target), for people.
+        stages: measures of the descent in turn, with the number of iterations of each.
+        target: measure that compares starts; its exponential has the unit of the criterion.
     """
 
     stages: tuple[tuple[Measure, int], ...]
     target: Measure
-    is_kinked: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Criterion:
+    """A quantity that a search can minimise.
+
+    Attributes:
+        name: word by which a user selects it.
+        sentence: what is minimised, for help texts.
+        unit: unit of exp(target), for tables.
+        goal: makes its measures from a robot, a home (n,) and information, which is None where
+            the criterion does not need it and the caller has none.
+        needs_information: the torque noise and the rate must be known.
+        is_kinked: the target is log cond, whose optimum lies in a kink: semidefinite programmes
+            end the search in it, and variations of the best starts follow.
+    """
+
+    name: str
+    sentence: str
     unit: str
+    goal: Callable[[Library, Array, Information | None], Goal]
+    needs_information: bool = True
+    is_kinked: bool = False
 
 
-def goal(name: str, lib: Library, home: Array, information: Information | None) -> Goal:
-    """The goal of a criterion.
+def criterion_of(name: str, has_information: bool = True) -> Criterion:
+    """The record of a criterion.
+
+    Args:
+        name: one of `CRITERIA`.
+        has_information: the caller knows the torque noise.
+
+    Returns:
+        The record.
 
     Raises:
-        IdentificationError: there is none of this name, or it needs information.
+        IdentificationError: the name is unknown, or the criterion needs the torque noise.
     """
     if name not in CRITERIA:
         raise IdentificationError(
             f"there is no criterion '{name}'; choose from {', '.join(CRITERIA)}"
         )
-    if information is None:
-        if name != "cond":
-            raise IdentificationError(f"the criterion '{name}' needs to know the torque noise")
-        return _cond()
-    return CRITERIA[name](lib, home, information)
+    criterion = CRITERIA[name]
+    if criterion.needs_information and not has_information:
+        raise IdentificationError(
+            f"the criterion '{name}' needs to know the torque noise; give it as "
+            "information=information(lib, noise)"
+        )
+    return criterion
 
 
-def _cond(*_: object) -> Goal:
-    stages = (normalised(d_optimal), 100), (normalised(schatten(8.0)), 60)
-    return Goal((*stages, (normalised(schatten(32.0)), 60)), normalised(log_cond), True, "cond")
-
-
-def _relative(lib: Library, home: Array, information: Information) -> Goal:
-    del home
-    return _smooth(relative_error(lib, information), "relative error")
-
-
-def _prediction(lib: Library, home: Array, information: Information) -> Goal:
-    return _smooth(torque_error(lib, home, information), "N·m")
-
-
-def _volume(*_: object) -> Goal:
-    return _smooth(log_volume, "half-axis")
-
-
-def _mixed(lib: Library, home: Array, information: Information) -> Goal:
-    torque = torque_error(lib, home, information)
-    # ½ (log tr Q G⁻¹ + log cond): as much for the variance as for the condition number.
-    return _smooth(mixed(torque, normalised(schatten(SMOOTH)), SHARE), "N·m √cond")
-
-
-def _smooth(target: Measure, unit: str) -> Goal:
-    # Normalised D-optimality decides for a basin, whatever follows.
-    return Goal(((normalised(d_optimal), 100), (target, 150)), target, False, unit)
+def smooth_goal(target: Measure) -> Goal:
+    """Goal of a smooth measure: normalised D-optimality, which decides for a basin, then itself."""
+    return Goal(((normalised(d_optimal), 100), (target, 150)), target)
 
 
 def relative_error(lib: Library, information: Information) -> Measure:
-    """Log of the RMS over the unknowns of σ_k / size_k."""
+    """Log of the RMS over the unknowns of σ_k / size_k.
+
+    Args:
+        lib: the robot.
+        information: noise, rate and unknowns.
+
+    Returns:
+        The measure of the information matrix (k, k).
+    """
     size = sizes(lib, information)
     return log_variance(np.diag(1 / size**2) / len(size))
 
 
 def torque_error(lib: Library, home: Array, information: Information) -> Measure:
-    """Log of the RMS over unseen motions of the torque's error |Y_b δβ| of all joints, N·m or N."""
+    """Log of the RMS over unseen motions of the torque error |Y_b δβ|, all joints together.
+
+    Args:
+        lib: the robot.
+        home: (n,) start and end of the unseen motions, rad or m.
+        information: noise, rate and unknowns.
+
+    Returns:
+        The measure of the information matrix (k, k), log of N·m or N.
+    """
     seen = unseen_torque(lib, home)
     if information.columns is not None:
         seen = information.columns.T @ seen @ information.columns
@@ -127,45 +144,66 @@ def torque_error(lib: Library, home: Array, information: Information) -> Measure
 
 
 def sizes(lib: Library, information: Information) -> Array:
-    """What the unknowns' errors are relative to, (k,)."""
+    """Typical sizes of the unknowns, to which their errors are compared.
+
+    Args:
+        lib: the robot.
+        information: states the unknowns.
+
+    Returns:
+        (k,) kg, kg·m or kg·m².
+    """
     if information.columns is not None:
         return PAYLOAD
     return np.maximum(np.abs(lib.base_matrix @ lib.pi0), FLOOR)
 
 
-def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
-    """Random cosines that reach a limit: fixed for a robot and its home."""
-    shape = (lib, home, UNSEEN_HARMONICS, UNSEEN_DURATION)
-    matrix, _ = Limits(*shape).inequalities()
-    spread = whitening(matrix, lib.n_joints)
-    rng = np.random.default_rng(UNSEEN_SEED)
-    motions = []
-    for x in rng.normal(size=(UNSEEN, len(spread))):
-        a = spread @ x
-        a /= np.max(matrix @ a)
-        motions.append(Trajectory(home, a.reshape(lib.n_joints, -1), UNSEEN_DURATION))
-    return motions
+def _known(information: Information | None) -> Information:
+    if information is None:
+        raise IdentificationError("this criterion needs the torque noise")
+    return information
 
 
-def unseen_times() -> Array:
-    """Samples of an unseen motion's way out, s; it comes back the same way."""
-    return np.linspace(0.0, UNSEEN_DURATION / 2, UNSEEN_SAMPLES)
+def _cond(*_: object) -> Goal:
+    stages = (normalised(d_optimal), 100), (normalised(schatten(8.0)), 60)
+    return Goal((*stages, (normalised(schatten(32.0)), 60)), normalised(log_cond))
 
 
-def unseen_torque(lib: Library, home: Array) -> Array:
-    """Q = mean of Y_bᵀ Y_b over the samples of unseen motions, (n_b, n_b)."""
-    t = unseen_times()
-    result = np.zeros((len(lib.base_columns),) * 2)
-    for motion in unseen_motions(lib, home):
-        rows = lib.base_regressor(*motion.at(lib, t)[:3])
-        result += np.einsum("tjk,tjl->kl", rows, rows, optimize=True)
-    return result / (UNSEEN * len(t))
+def _relative(lib: Library, _home: Array, information: Information | None) -> Goal:
+    return smooth_goal(relative_error(lib, _known(information)))
 
 
-CRITERIA: dict[str, Callable[[Library, Array, Information], Goal]] = {
-    "v": _prediction,
-    "a": _relative,
-    "d": _volume,
-    "cond": _cond,
-    "mixed": _mixed,
-}
+def _prediction(lib: Library, home: Array, information: Information | None) -> Goal:
+    return smooth_goal(torque_error(lib, home, _known(information)))
+
+
+def _volume(*_: object) -> Goal:
+    return smooth_goal(log_volume)
+
+
+def _mixed(lib: Library, home: Array, information: Information | None) -> Goal:
+    torque = torque_error(lib, home, _known(information))
+    # ½ (log tr Q G⁻¹ + log cond): as much for the variance as for the condition number.
+    return smooth_goal(mixed(torque, normalised(schatten(SMOOTH)), SHARE))
+
+
+V = Criterion("v", "expected torque error on other motions", "N·m", _prediction)
+A = Criterion("a", "expected relative error of the parameters", "relative error", _relative)
+D = Criterion("d", "size of the parameters' confidence ellipsoid", "half-axis", _volume)
+COND = Criterion(
+    "cond",
+    "condition number of the base regressor with columns of unit length",
+    "cond",
+    _cond,
+    needs_information=False,
+    is_kinked=True,
+)
+MIXED = Criterion("mixed", "v and cond together", "N·m √cond", _mixed)
+
+CRITERIA = Registry(
+    "symgen.criteria",
+    Criterion,
+    "criterion",
+    {name.lower(): f"{__name__}:{name}" for name in ("V", "A", "D", "COND", "MIXED")},
+)
+"""All criteria by name."""

@@ -1,9 +1,9 @@
-"""What makes a regressor W good: functions of its Gram matrix G = WᵀW.
+"""Quality of a regressor W: functions of its Gram matrix G = WᵀW.
 
-Two kinds: of the eigenvalues of C = D^-½ G D^-½, D = diag G, the Gram matrix of columns of unit
-length, blind to their lengths (a `Criterion`: f and ∂f/∂λ from λ, ascending and positive); and of
-the covariance G⁻¹ of least squares. As a `Measure` either takes G and returns f and S = 2 ∂f/∂G, so
-that ∂f/∂W = W S.
+Two kinds. A `SpectralFunction` takes the eigenvalues λ, ascending and positive, of the Gram matrix
+C = D^-½ G D^-½, D = diag G, of columns of unit length, and returns f and ∂f/∂λ: lengths of columns
+have no effect. The others are functions of the covariance G⁻¹ of least squares. As a `Measure`
+either takes G and returns f and S = 2 ∂f/∂G, so that ∂f/∂W = W S.
 """
 
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from scipy.linalg import lapack
 
 from runtime.library import Array
 
-Criterion = Callable[[Array], tuple[float, Array]]
+SpectralFunction = Callable[[Array], tuple[float, Array]]
 Measure = Callable[[Array], tuple[float, Array]]
 
 
@@ -30,7 +30,7 @@ def d_optimal(values: Array) -> tuple[float, Array]:
     return float(-np.log(values).mean() / 2), -0.5 / (len(values) * values)
 
 
-def schatten(power: float) -> Criterion:
+def schatten(power: float) -> SpectralFunction:
     """(log Σ λ^p + log Σ λ^-p) / 2p: smooth, above log cond by at most log(n_b) / p."""
 
     def criterion(values: Array) -> tuple[float, Array]:
@@ -46,7 +46,7 @@ def schatten(power: float) -> Criterion:
     return criterion
 
 
-def normalised(criterion: Criterion) -> Measure:
+def normalised(criterion: SpectralFunction) -> Measure:
     """A criterion of the eigenvalues of C as a function of G.
 
     Columns of no full rank, to rounding, count as λ = n_b ε λ_max.
@@ -113,7 +113,7 @@ def mixed(first: Measure, second: Measure, share: float) -> Measure:
     return measure
 
 
-def of_rows(rows: Array, criterion: Criterion) -> tuple[float, Array]:
+def of_rows(rows: Array, criterion: SpectralFunction) -> tuple[float, Array]:
     """f and S with ∂f/∂W = W S, (n_b, n_b), for W (N, n_b) with columns of unit length."""
     return normalised(criterion)(rows.T @ rows)
 
@@ -121,6 +121,11 @@ def of_rows(rows: Array, criterion: Criterion) -> tuple[float, Array]:
 def log_condition(rows: Array) -> tuple[float, Array]:
     """log cond W̄ and S with ∂/∂W = W S, (n_b, n_b); W̄ is W (N, n_b) with columns of unit length."""
     return of_rows(rows, log_cond)
+
+
+def mean_gram(rows: Array) -> Array:
+    """Mean over samples of Y_kᵀ Y_k, (m, m), for Y (N, n, m)."""
+    return np.einsum("tjk,tjl->kl", rows, rows, optimize=True) / len(rows)
 
 
 def rank(gram: Array) -> int:

@@ -14,9 +14,10 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES
-from runtime.excitation.search.criteria import PAYLOAD, sizes, unseen_motions, unseen_times
+from runtime.excitation.search.criteria import PAYLOAD, sizes
 from runtime.excitation.search.information import Information, information
-from runtime.excitation.search.measures import covariance, rank, too_many
+from runtime.excitation.search.measures import covariance, mean_gram, rank, too_many
+from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.recording import Friction, friction
@@ -179,24 +180,6 @@ def torque_band(lib: Library, spread: Array, q: Array, dq: Array, ddq: Array) ->
     return np.asarray(np.sqrt(np.einsum("tjk,kl,tjl->tj", rows, spread, rows, optimize=True)))
 
 
-def unseen_rows(lib: Library, home: Array) -> Array:
-    """Y_b of all samples of unseen motions, (N, n, n_b)."""
-    t = unseen_times()
-    return np.concatenate(
-        [lib.base_regressor(*motion.at(lib, t)[:3]) for motion in unseen_motions(lib, home)]
-    )
-
-
-def unseen_joints(lib: Library, home: Array) -> Array:
-    """Q_j, (n, n_b, n_b): tr(Q_j C) is the mean variance of joint j's torque on unseen motions."""
-    rows = unseen_rows(lib, home)
-    return np.stack([_mean(rows[:, j : j + 1]) for j in range(lib.n_joints)])
-
-
-def _mean(rows: Array) -> Array:
-    return np.einsum("tjk,tjl->kl", rows, rows, optimize=True) / len(rows)
-
-
 def _reduced(matrix: Array, told: Information) -> Array:
     return matrix if told.columns is None else told.columns.T @ matrix @ told.columns
 
@@ -223,7 +206,7 @@ def _gram(
     flat = rows.reshape(-1, rows.shape[2])
     lengths = np.linalg.norm(flat, axis=0)
     condition = float(np.linalg.cond(flat / np.where(lengths > 0, lengths, 1.0)))
-    gram = _mean(rows / told.noise[:, None]) * (told.rate * trajectory.duration)
+    gram = mean_gram(rows / told.noise[:, None]) * (told.rate * trajectory.duration)
     if told.prior is not None:
         gram[:k, :k] += _reduced(told.prior, told)
     return gram, condition

@@ -18,7 +18,7 @@ from runtime.excitation.limits.safety import Safety, constraints, require_rest
 from runtime.excitation.motion.basis import COSINE, Basis
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.conic import LinearRows
-from runtime.excitation.search.criteria import goal
+from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import Measure, rank, too_many
 from runtime.excitation.search.semidefinite_polish import polish
@@ -95,7 +95,8 @@ class Search:
     def __init__(self, lib: Library, problem: SearchProblem) -> None:
         self.problem = problem
         self.basis, size = problem.basis, problem.basis.size(problem.harmonics)
-        self.goal = goal(problem.criterion, lib, problem.home, problem.information)
+        self.criterion = criterion_of(problem.criterion, problem.information is not None)
+        self.goal = self.criterion.goal(lib, problem.home, problem.information)
         shape = self._grid = (lib, problem.home, size, problem.duration)
         self.cost = ConditionCost(*shape, self.basis, problem.information)
         self.limits = Limits(*shape, basis=self.basis)
@@ -119,7 +120,7 @@ class Search:
         x = self._shrunk(self._random(number), ELASTIC)
         for measure, iterations in self.goal.stages:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
-        if self.goal.is_kinked:
+        if self.criterion.is_kinked:
             x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
         return self._ended(x)
 
@@ -187,7 +188,7 @@ class Search:
 
     def value(self, a: Array) -> float:
         """The goal's target."""
-        if self.goal.is_kinked:
+        if self.criterion.is_kinked:
             return self.cost.value_gradient(a)[0]
         return self.cost.measure(a, self.goal.target)[0]
 
@@ -199,7 +200,7 @@ class Search:
         x = np.linalg.solve(self._spread, inside(fine, a).ravel())
         rows = LinearRows(matrix @ self._spread, bound)
         elastic = self._elastic(self.limit_rows(step, TIGHTENED))
-        if self.goal.is_kinked:
+        if self.criterion.is_kinked:
             x = polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x
         else:
             objective = self._objective(self.goal.target)

@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.single_start import Search
 from runtime.library import Array
 
@@ -51,7 +52,7 @@ class Task:
 
 def variation_count(criterion: str, starts: int) -> int:
     """How many follow."""
-    return int(SHARE * starts) if criterion == "cond" and starts >= FEWEST else 0
+    return int(SHARE * starts) if CRITERIA[criterion].is_kinked and starts >= FEWEST else 0
 
 
 def rounds(

@@ -77,7 +77,7 @@ class Expected:
     def torque(self, lib: Library, unseen: Array) -> Array:
         """RMS over unseen motions of the MAP model's torque error per joint, (n,) N·m or N.
 
-        `unseen` is `runtime.excitation.search.prediction.unseen_joints`.
+        `unseen` is `runtime.excitation.search.unseen_motions.unseen_joints`.
         """
         over_base = lib.base_matrix @ self.root
         return np.sqrt([np.sum(over_base * (own @ over_base)) for own in unseen])

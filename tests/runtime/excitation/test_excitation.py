@@ -155,7 +155,7 @@ def test_whitening_makes_the_limits_alike(lib: Library) -> None:
 
 @pytest.fixture(scope="module")
 def found(lib: Library) -> Design:
-    return design(lib, DURATION, HARMONICS, starts=3)
+    return design(lib, duration=DURATION, harmonics=HARMONICS, starts=3)
 
 
 def test_a_few_starts_make_a_good_trajectory(found: Design) -> None:
@@ -190,7 +190,9 @@ def test_designs_keep_the_limits_at_1_khz(lib: Library, found: Design) -> None:
 
 def test_designs_are_deterministic_by_seed(lib: Library) -> None:
     """Property: same seed, same coefficients to the bit; another seed, others."""
-    first, second, other = (design(lib, 4.0, 2, starts=1, seed=seed) for seed in (5, 5, 6))
+    first, second, other = (
+        design(lib, duration=4.0, harmonics=2, starts=1, seed=seed) for seed in (5, 5, 6)
+    )
     assert np.array_equal(first.trajectory.coefficients, second.trajectory.coefficients)
     assert not np.array_equal(first.trajectory.coefficients, other.trajectory.coefficients)
 
@@ -198,9 +200,15 @@ def test_designs_are_deterministic_by_seed(lib: Library) -> None:
 def test_the_number_of_processes_does_not_matter(lib: Library) -> None:
     """Property: on two processes the same design to the bit; all starts told, the best so far."""
     told: list[tuple[int, float, float]] = []
-    alone = design(lib, 4.0, 2, starts=5, seed=3)
+    alone = design(lib, duration=4.0, harmonics=2, starts=5, seed=3)
     together = design(
-        lib, 4.0, 2, starts=5, seed=3, processes=2, progress=lambda *now: told.append(now)
+        lib,
+        duration=4.0,
+        harmonics=2,
+        starts=5,
+        seed=3,
+        processes=2,
+        progress=lambda *now: told.append(now),
     )
     assert np.array_equal(alone.trajectory.coefficients, together.trajectory.coefficients)
     assert alone.conditions == together.conditions
@@ -219,11 +227,11 @@ def test_interrupting_processes_keeps_the_best_start(lib: Library) -> None:
         if done == 3:
             raise KeyboardInterrupt
 
-    kept = design(lib, 4.0, 2, starts=1000, processes=2, progress=stop)
+    kept = design(lib, duration=4.0, harmonics=2, starts=1000, processes=2, progress=stop)
     assert sorted(kept.conditions) == sorted(told)
     assert len(told) == 3
     assert not multiprocessing.active_children()
-    everything = design(lib, 4.0, 2, starts=5).conditions
+    everything = design(lib, duration=4.0, harmonics=2, starts=5).conditions
     order = [everything.index(condition) for condition in kept.conditions]
     assert order == sorted(order)
 
@@ -236,7 +244,7 @@ def test_a_worker_that_dies_is_told(lib: Library, monkeypatch: pytest.MonkeyPatc
     """Property: one sentence instead of a wait for ever."""
     monkeypatch.setattr("runtime.excitation.search.processes._start", _die)
     with pytest.raises(IdentificationError, match="a process of the search died; try processes=1"):
-        design(lib, 4.0, 2, starts=3, processes=2)
+        design(lib, duration=4.0, harmonics=2, starts=3, processes=2)
 
 
 def test_no_processes_are_told(lib: Library) -> None:
@@ -248,7 +256,7 @@ def test_no_processes_are_told(lib: Library) -> None:
 def test_another_home(lib: Library) -> None:
     """Property: the motion starts and ends where it is told."""
     home = lib.home + 0.1
-    trajectory = design(lib, 4.0, 2, starts=1, home=home).trajectory
+    trajectory = design(lib, duration=4.0, harmonics=2, starts=1, home=home).trajectory
     # As above.
     assert trajectory.at(lib, np.zeros(1))[0][0] == pytest.approx(home, abs=1e-12)
 
@@ -289,11 +297,11 @@ def test_interrupting_keeps_the_best_start(lib: Library) -> None:
         if done == 2:
             raise KeyboardInterrupt
 
-    kept = design(lib, 4.0, 2, starts=1000, progress=stop)
+    kept = design(lib, duration=4.0, harmonics=2, starts=1000, progress=stop)
     assert [done for done, _, _ in told] == [1, 2]
     assert kept.conditions == tuple(condition for _, condition, _ in told)
     assert told[-1][2] == min(kept.conditions)
-    complete = design(lib, 4.0, 2, starts=2)
+    complete = design(lib, duration=4.0, harmonics=2, starts=2)
     assert np.array_equal(kept.trajectory.coefficients, complete.trajectory.coefficients)
 
 
@@ -305,12 +313,12 @@ def test_interrupting_before_the_first_start(lib: Library, monkeypatch: pytest.M
 
     monkeypatch.setattr(ConditionCost, "value_gradient", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        design(lib, 4.0, 2, starts=2)
+        design(lib, duration=4.0, harmonics=2, starts=2)
 
 
 def test_limits_that_nobody_states_are_assumed_and_told(tiny_built: Path) -> None:
     """Property: a pendulum without an acceleration limit gets 10 rad/s², and says so."""
     pendulum = load(tiny_built)
-    found = design(pendulum, 4.0, 2, starts=1)
+    found = design(pendulum, duration=4.0, harmonics=2, starts=1)
     assert found.assumptions == ("no acceleration limit for swing: 10 assumed",)
     assert found.use["acceleration"] <= 1 + 1e-11

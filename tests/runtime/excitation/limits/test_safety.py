@@ -37,7 +37,7 @@ Placed = dict[str, tuple[int, coal.CollisionGeometry, pinocchio.SE3]]
 
 @pytest.fixture(scope="module")
 def found(lib: Library) -> Design:
-    return design(lib, DURATION, HARMONICS, starts=1, safety=SAFETY)
+    return design(lib, duration=DURATION, harmonics=HARMONICS, starts=1, safety=SAFETY)
 
 
 @pytest.fixture(scope="module")
@@ -203,7 +203,7 @@ def test_its_certificate_holds(lib: Library, found: Design) -> None:
 
 def test_the_document_forgets_the_table(lib: Library) -> None:
     """Property: without the limits the same start breaks some, and nobody claims otherwise."""
-    free = design(lib, DURATION, HARMONICS, starts=1)
+    free = design(lib, duration=DURATION, harmonics=HARMONICS, starts=1)
     assert free.unchecked == ("torque", "self-collision", "table")
     assert not certificate_of(lib, free.trajectory, SAFETY).holds
 

@@ -158,7 +158,10 @@ def by_hand(facts: dict, t: np.ndarray) -> list[np.ndarray]:
 
 @pytest.fixture(scope="module")
 def designs(lib: Library) -> dict[str, Design]:
-    return {name: design(lib, 4.0, 3, starts=1, basis=basis_of(name)) for name in BASES}
+    return {
+        name: design(lib, duration=4.0, harmonics=3, starts=1, basis=basis_of(name))
+        for name in BASES
+    }
 
 
 @pytest.mark.parametrize("name", list(BASES))

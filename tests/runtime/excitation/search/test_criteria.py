@@ -8,7 +8,7 @@ import scipy.linalg
 
 from runtime.errors import IdentificationError
 from runtime.excitation import ConditionCost, Trajectory, basis_of, design, information, predict
-from runtime.excitation.search.criteria import CRITERIA, goal
+from runtime.excitation.search.criteria import CRITERIA
 from runtime.excitation.search.measures import Measure, log_variance, log_volume, mixed
 from runtime.excitation.search.prediction import SAMPLES
 from runtime.library import Library
@@ -88,7 +88,7 @@ def test_gradients_in_the_coefficients_by_taylor(
     if kind == "bspline":
         a = rng.normal(size=(7, 8))
     cost = ConditionCost(lib, lib.home, a.shape[1], DURATION, basis, told)
-    target = goal(name, lib, lib.home, told).target
+    target = CRITERIA[name].goal(lib, lib.home, told).target
     direction = 0.3 * a * rng.normal(size=a.shape)
     slope = float(np.sum(cost.measure(a, target)[1] * direction))
     measured = taylor_slope(
@@ -126,7 +126,7 @@ def test_scores_are_those_of_the_cost(lib: Library, trajectories: tuple[Trajecto
         ("d", scores[0].half_axis),
         ("cond", scores[0].condition),
     ):
-        target = goal(name, lib, lib.home, told).target
+        target = CRITERIA[name].goal(lib, lib.home, told).target
         # Rounding × cond² of raw columns.
         assert value == pytest.approx(np.exp(cost.measure(a, target)[0]), rel=1e-8)
     assert np.sqrt(np.sum(predict(lib, trajectories[0], told).torque ** 2)) == pytest.approx(
@@ -139,7 +139,7 @@ def test_each_criterion_is_best_at_its_own(lib: Library) -> None:
     told, kinds = information(lib), ("v", "a", "d", "cond")
     scores = {}
     for name in kinds:
-        found = design(lib, 5.0, 4, starts=1, criterion=name, information=told)
+        found = design(lib, duration=5.0, harmonics=4, starts=1, criterion=name, information=told)
         scores[name] = predict(lib, found.trajectory, told, ()).scores[0]
         assert found.criterion == name
     by = {

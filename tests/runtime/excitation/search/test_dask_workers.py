@@ -19,7 +19,7 @@ from tests.runtime.conftest import Command
 
 distributed = pytest.importorskip("distributed", reason="pip install 'symgen[cluster]'")
 
-SMALL = (4.0, 2)
+SMALL = {"duration": 4.0, "harmonics": 2}
 """s and harmonics of a search whose start takes a tenth of a second."""
 
 
@@ -44,9 +44,9 @@ def test_a_killed_worker_does_not_matter(lib: Library, cluster: Any) -> None:
             os.kill(pid, signal.SIGKILL)
 
     far = design(
-        lib, *SMALL, starts=starts, seed=3, progress=kill, scheduler=cluster.scheduler_address
+        lib, **SMALL, starts=starts, seed=3, progress=kill, scheduler=cluster.scheduler_address
     )
-    alone = design(lib, *SMALL, starts=starts, seed=3)
+    alone = design(lib, **SMALL, starts=starts, seed=3)
     assert np.array_equal(far.trajectory.coefficients, alone.trajectory.coefficients)
     assert far.conditions == alone.conditions
     assert [done for done, _, _ in told] == list(range(1, starts + 1))
@@ -69,7 +69,7 @@ def test_the_command_on_a_cluster_and_interrupted(
         if done == 2:
             raise KeyboardInterrupt
 
-    kept = design(lib, *SMALL, starts=500, progress=stop, scheduler=address)
+    kept = design(lib, **SMALL, starts=500, progress=stop, scheduler=address)
     assert sorted(kept.conditions) == sorted(told)
     assert len(told) == 2
 
@@ -81,10 +81,10 @@ def test_errors_of_a_cluster_are_one_sentence(
     monkeypatch.setattr(room, "CONNECTED", 0.5)
     for address in ("tcp://127.0.0.1:9", "nonsense://x", ""):
         with pytest.raises(IdentificationError, match="there is no dask scheduler at"):
-            design(lib, *SMALL, scheduler=address)
+            design(lib, **SMALL, scheduler=address)
     monkeypatch.setattr(own, "_start", os.listdir)  # on a worker: too many arguments
     with pytest.raises(IdentificationError, match=r"on a worker of the cluster: TypeError: .*see"):
-        design(lib, *SMALL, scheduler=cluster.scheduler_address)
+        design(lib, **SMALL, scheduler=cluster.scheduler_address)
     monkeypatch.setitem(sys.modules, "distributed", None)
     words = ("--robot", lib.folder, "--scheduler", "tcp://127.0.0.1:9")
     ran = command("excite", *words)
@@ -99,4 +99,4 @@ def test_a_cluster_without_workers_is_told(lib: Library, monkeypatch: pytest.Mon
         distributed.LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=50) as empty,
         pytest.raises(IdentificationError, match=r"has no worker after 0\.2 s"),
     ):
-        design(lib, *SMALL, scheduler=empty.scheduler_address)
+        design(lib, **SMALL, scheduler=empty.scheduler_address)

@@ -5,7 +5,7 @@ import pytest
 
 from runtime.excitation import ConditionCost, Trajectory, log_condition
 from runtime.excitation.search.measures import (
-    Criterion,
+    SpectralFunction,
     d_optimal,
     log_cond,
     normalised,
@@ -47,7 +47,7 @@ def test_schatten_norms_bound_log_cond(power: float) -> None:
 
 
 @BY_NAME
-def test_slopes_by_taylor(criterion: Criterion) -> None:
+def test_slopes_by_taylor(criterion: SpectralFunction) -> None:
     """Derivative: ∂f/∂λ at eigenvalues that differ."""
     rng = np.random.default_rng(1)
     values = np.sort(rng.uniform(0.5, 2.0, size=6))
@@ -58,7 +58,7 @@ def test_slopes_by_taylor(criterion: Criterion) -> None:
 
 
 @BY_NAME
-def test_the_length_of_columns_does_not_count(criterion: Criterion) -> None:
+def test_the_length_of_columns_does_not_count(criterion: SpectralFunction) -> None:
     """Property: W and W D with any diagonal D > 0 are worth the same, and S D-homogeneous."""
     rng = np.random.default_rng(2)
     rows, size = rng.normal(size=(30, 5)), np.exp(rng.normal(size=5))
@@ -73,7 +73,7 @@ def test_the_length_of_columns_does_not_count(criterion: Criterion) -> None:
 
 @BY_NAME
 def test_gradients_in_the_coefficients_by_taylor(
-    lib: Library, trajectories: tuple[Trajectory, ...], criterion: Criterion
+    lib: Library, trajectories: tuple[Trajectory, ...], criterion: SpectralFunction
 ) -> None:
     """Derivative: through correlation, regressor and basis, near a good trajectory."""
     cost = ConditionCost(lib, lib.home, HARMONICS, DURATION)

@@ -10,8 +10,9 @@ import pytest
 from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, covariance_of, design, information, predict, torque_band
-from runtime.excitation.search.criteria import sizes, unseen_torque
-from runtime.excitation.search.prediction import FRICTION, unseen_rows
+from runtime.excitation.search.criteria import sizes
+from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.unseen_motions import unseen_rows, unseen_torque
 from runtime.identification.expected_accuracy.earlier_logs import prior_information
 from runtime.library import Library
 from runtime.simulation import Plant, ideal
@@ -145,7 +146,7 @@ def test_more_unknowns_than_the_motion_excites(
     pendulum = load(tiny_built)
     told = information(pendulum, payload=True)
     with pytest.raises(IdentificationError, match=r"excites 3 of 10 unknown columns; raise"):
-        design(pendulum, 4.0, 2, starts=1, criterion="a", information=told)
+        design(pendulum, duration=4.0, harmonics=2, starts=1, criterion="a", information=told)
     a = trajectories[0].coefficients.copy()
     a[6] = 0.0
     # The others turn link 7 enough, but a joint that rests has no friction to tell.

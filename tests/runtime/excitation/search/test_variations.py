@@ -10,14 +10,14 @@ from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.excitation.search.variations import FEWEST, PARENTS, ROUNDS, rounds
 from runtime.library import Library
 
-SMALL = (6.0, 3)
+SMALL = {"duration": 6.0, "harmonics": 3}
 """s and harmonics of a search whose start takes a fifth of a second."""
 STARTS, VARIATIONS = 8, 8
 
 
 @pytest.fixture(scope="module")
 def alone(lib: Library) -> Design:
-    return design(lib, *SMALL, starts=STARTS, seed=0)
+    return design(lib, **SMALL, starts=STARTS, seed=0)
 
 
 def test_variations_are_better_than_starts(alone: Design) -> None:
@@ -33,7 +33,7 @@ def test_the_number_of_processes_does_not_matter(lib: Library, alone: Design) ->
     """Property: rounds wait for each other, so the parents of variations agree, to the bit."""
     told: list[tuple[int, float, float]] = []
     together = design(
-        lib, *SMALL, starts=STARTS, seed=0, processes=3, progress=lambda *now: told.append(now)
+        lib, **SMALL, starts=STARTS, seed=0, processes=3, progress=lambda *now: told.append(now)
     )
     assert np.array_equal(alone.trajectory.coefficients, together.trajectory.coefficients)
     assert (alone.conditions, alone.variations) == (together.conditions, together.variations)
@@ -48,7 +48,7 @@ def test_interrupting_variations_keeps_the_best(lib: Library, alone: Design) -> 
         if done == STARTS + 3:
             raise KeyboardInterrupt
 
-    kept = design(lib, *SMALL, starts=STARTS, seed=0, processes=2, progress=stop)
+    kept = design(lib, **SMALL, starts=STARTS, seed=0, processes=2, progress=stop)
     assert kept.conditions == alone.conditions
     assert len(kept.variations) == 3
     assert set(kept.variations) <= set(alone.variations)
@@ -79,7 +79,9 @@ def test_rounds() -> None:
 
 def test_variations_of_a_start(lib: Library) -> None:
     """Property: within the limits of the grid; back at a parent, given up, or polished."""
-    problem = SearchProblem(lib.folder, lib.level, lib.home, SMALL[1], SMALL[0], seed=0)
+    problem = SearchProblem(
+        lib.folder, lib.level, lib.home, SMALL["harmonics"], SMALL["duration"], seed=0
+    )
     search = Search(lib, problem)
     parents = tuple(search.start(number)[1] for number in range(2))
     known = {search.value(a) for a in parents}

@@ -1,0 +1,76 @@
+"""The options of a design: one frozen record, made whole or from keywords."""
+
+import difflib
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from runtime.errors import IdentificationError
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.motion.basis import COSINE, Basis
+from runtime.excitation.search.information import Information
+from runtime.library import Array
+
+LONGEST = 3600.0
+"""Longest duration of a motion, s; beyond it the grid of the limits exceeds the memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class DesignSettings:
+    """Options of `design`.
+
+    Attributes:
+        duration: t_f, s.
+        harmonics: M, from which the basis makes its functions.
+        starts: number of searches from random motions; variations of the best may follow, see
+            `variations`.
+        seed: of the random starts.
+        home: (n,) start and end position, rad or m; None is that of the robot.
+        criterion: quantity to minimise, one of `CRITERIA`.
+        basis: functions of the motion.
+        information: noise, rate, earlier logs and unknowns; None is the base regressor alone,
+            which only some criteria accept.
+        safety: limits beyond position, velocity and acceleration of the joints; None keeps these
+            alone, as the document does.
+
+    Raises:
+        IdentificationError: a duration, a number of harmonics or of starts without a meaning.
+    """
+
+    duration: float = 10.0
+    harmonics: int = 5
+    starts: int = 5
+    seed: int = 0
+    home: Array | None = None
+    criterion: str = "cond"
+    basis: Basis = COSINE
+    information: Information | None = None
+    safety: Safety | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.duration <= LONGEST or self.harmonics < 1 or self.starts < 1:
+            raise IdentificationError(
+                f"a trajectory needs a positive duration up to {LONGEST:g} s, at least one "
+                f"harmonic and one start, got {self.duration:g} s, {self.harmonics}, {self.starts}"
+            )
+
+
+def settings_from(settings: DesignSettings | None, keywords: dict[str, Any]) -> DesignSettings:
+    """Settings with single options replaced.
+
+    Args:
+        settings: to begin with; None is the defaults.
+        keywords: attributes of `DesignSettings` that replace those of the settings.
+
+    Returns:
+        The settings of a design.
+
+    Raises:
+        IdentificationError: an unknown keyword, or a value without a meaning.
+    """
+    known = [field.name for field in fields(DesignSettings)]
+    for word in keywords:
+        if word not in known:
+            near = difflib.get_close_matches(word, known, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"choose from {', '.join(known)}"
+            raise IdentificationError(f"a design has no option '{word}'; {hint}")
+    return replace(settings or DesignSettings(), **keywords)

@@ -1,0 +1,91 @@
+"""Motions on which the torque of an identified model is to be predicted: fixed for a robot."""
+
+import numpy as np
+
+from runtime.excitation.limits.joint_limits import Limits, whitening
+from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.search.measures import mean_gram
+from runtime.library import Array, Library
+
+UNSEEN = 40
+"""Number of motions."""
+UNSEEN_DURATION, UNSEEN_HARMONICS, UNSEEN_SAMPLES = 10.0, 5, 40
+"""Of each motion: duration [s], cosines per joint, samples of its way out."""
+UNSEEN_SEED = 20
+"""The same motions for all designs of a robot."""
+
+
+def unseen_motions(lib: Library, home: Array) -> list[Trajectory]:
+    """Random cosines, each scaled until it reaches a limit.
+
+    Args:
+        lib: the robot.
+        home: (n,) start and end position, rad or m.
+
+    Returns:
+        `UNSEEN` motions, the same at every call.
+    """
+    shape = (lib, home, UNSEEN_HARMONICS, UNSEEN_DURATION)
+    matrix, _ = Limits(*shape).inequalities()
+    spread = whitening(matrix, lib.n_joints)
+    rng = np.random.default_rng(UNSEEN_SEED)
+    motions = []
+    for x in rng.normal(size=(UNSEEN, len(spread))):
+        a = spread @ x
+        a /= np.max(matrix @ a)
+        motions.append(Trajectory(home, a.reshape(lib.n_joints, -1), UNSEEN_DURATION))
+    return motions
+
+
+def unseen_times() -> Array:
+    """Samples of the way out of an unseen motion, s; it comes back the same way."""
+    return np.linspace(0.0, UNSEEN_DURATION / 2, UNSEEN_SAMPLES)
+
+
+def unseen_torque(lib: Library, home: Array) -> Array:
+    """Mean square of the torque per error of β: Q = mean of Y_bᵀ Y_b over unseen motions.
+
+    Args:
+        lib: the robot.
+        home: (n,) start and end position, rad or m.
+
+    Returns:
+        Q, (n_b, n_b): δβᵀ Q δβ is the mean over samples of |Y_b δβ|², all joints together.
+    """
+    t = unseen_times()
+    result = np.zeros((len(lib.base_columns),) * 2)
+    for motion in unseen_motions(lib, home):
+        rows = lib.base_regressor(*motion.at(lib, t)[:3])
+        result += np.einsum("tjk,tjl->kl", rows, rows, optimize=True)
+    return result / (UNSEEN * len(t))
+
+
+def unseen_rows(lib: Library, home: Array) -> Array:
+    """Base regressor of all samples of unseen motions.
+
+    Args:
+        lib: the robot.
+        home: (n,) start and end position, rad or m.
+
+    Returns:
+        Y_b, (N, n, n_b).
+    """
+    t = unseen_times()
+    return np.concatenate(
+        [lib.base_regressor(*motion.at(lib, t)[:3]) for motion in unseen_motions(lib, home)]
+    )
+
+
+def unseen_joints(lib: Library, home: Array) -> Array:
+    """The same mean as `unseen_torque`, joint by joint.
+
+    Args:
+        lib: the robot.
+        home: (n,) start and end position, rad or m.
+
+    Returns:
+        Q_j, (n, n_b, n_b): tr(Q_j C) is the mean variance of the torque of joint j under the
+        covariance C of β.
+    """
+    rows = unseen_rows(lib, home)
+    return np.stack([mean_gram(rows[:, j : j + 1]) for j in range(lib.n_joints)])

@@ -71,6 +71,11 @@ class Registry(Generic[R]):
             self._loaded[name] = self._load(name)
         return self._loaded[name]
 
+    @property
+    def builtin(self) -> tuple[str, ...]:
+        """Names of the records of this package."""
+        return tuple(self._builtin)
+
     def records(self) -> tuple[R, ...]:
         """All records, every one imported."""
         return tuple(self[name] for name in self)

@@ -27,8 +27,7 @@ from runtime.cli.options import (
     read_data,
 )
 from runtime.cli.progress import TOLD, counting
-from runtime.estimators.methods import METHODS
-from runtime.estimators.regression.samples import FROM_STATISTICS
+from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison import (
     Comparison,
     Truth,
@@ -101,10 +100,10 @@ def compare_command(
         known_loop = read_controller(loop, lib) if loop else None
         assembly = assemble(data.recording, lib, controller=known_loop, **options)
     else:
-        names = names or FROM_STATISTICS
+        names = names or methods_from_statistics()
         for name in names:
             require_streamable(name)
-        others = ", ".join(name for name in METHODS if name not in FROM_STATISTICS)
+        others = ", ".join(name for name in METHODS if name not in methods_from_statistics())
         say(
             f"streaming {data.streamed.rows} rows of {data.streamed.name}; --no-stream reads them "
             f"as a whole, which {others} need"
@@ -127,7 +126,7 @@ def _streams(
     asked: bool | None, names: tuple[str, ...] | None, loop: Path | None, friction: str | None
 ) -> bool | None:
     """Whether the log stays in its file: as asked, or not where something needs the whole of it."""
-    whole = loop or friction == AUTO or not set(names or ()) <= set(FROM_STATISTICS)
+    whole = loop or friction == AUTO or not set(names or ()) <= set(methods_from_statistics())
     return False if asked is None and whole else asked
 
 

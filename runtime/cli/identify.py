@@ -26,9 +26,8 @@ from runtime.cli.options import (
 from runtime.cli.progress import TOLD, counting
 from runtime.cli.several_logs import Logs, PayloadOf, identify_several, print_agreement, runs_of
 from runtime.errors import IdentificationError
-from runtime.estimators.classical import INPUTS
 from runtime.estimators.descent.fit import PRESETS
-from runtime.estimators.methods import METHODS
+from runtime.estimators.methods import METHODS, chosen_method, require_method
 from runtime.estimators.prior_file import read_prior
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs import identify_streamed, require_streamable
@@ -118,8 +117,8 @@ def identify_command(
         _finish(result, out or _folder(log, result.method))
         return
     terms = data.friction
-    if terms is None and method == "nn":
-        terms = Friction(INPUTS)
+    if terms is None and method and require_method(method).default_columns:
+        terms = Friction(METHODS[method].default_columns)
     result = _with_progress(
         data.recording,
         lib,
@@ -141,7 +140,7 @@ def _folder(log: str, method: str) -> Path:
 
 def _is_streamable(method: str | None, preset: str | None) -> bool:
     try:
-        require_streamable(method or "map", preset)
+        require_streamable(chosen_method(method, preset, None), preset)
     except IdentificationError:
         return False
     return True
@@ -164,10 +163,10 @@ def _streamed(
 
 
 def _with_progress(recording: Recording, lib: Library, settings: Settings) -> Identification:
-    method = settings.method or ("map" if settings.preset is None else "adam")
+    method = chosen_method(settings.method, settings.preset, settings.prior)
     chosen = PRESETS.get(str(settings.preset or "full"))
     with counting(TOLD) as progress:
-        total = chosen.rule.max_iterations if chosen and method == "adam" else None
+        total = chosen.rule.max_iterations if chosen and METHODS[method].takes_preset else None
         task = progress.add_task(f"{method} on {lib.name}", total=total, told="")
 
         def report(iteration: int, best: float) -> None:

@@ -1,106 +1,151 @@
-"""Every method by its name: what it is, and what solves a problem by it."""
+"""Every estimator by its name, and what a problem must offer before one is run."""
+
+from typing import Any
 
 from runtime.errors import IdentificationError, NeedsError
-from runtime.estimators.classical import BASELINES
-from runtime.estimators.convex import CAD
-from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.descent.drivers import Preset
-from runtime.estimators.descent.fit import PRESETS, fit_adam, fit_levenberg, in_batches
-from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
-from runtime.estimators.regression.samples import FROM_STATISTICS
+from runtime.registry import Registry
 
-METHODS: dict[str, str] = {
-    "map": "most probable consistent model given the URDF as a prior, one convex problem (default)",
-    "adam": "gradient descent in λ, consistent by construction (document Sec. 4)",
-    "lm": "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
-    "log-cholesky": "Levenberg-Marquardt in log-Cholesky coordinates, consistent by construction",
-    "pc-ols": "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
-    "ols": "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
-    "wls": "least squares with every joint weighted by its residual, four passes",
-    "iv": "instrumental variables from a simulation of the closed loop; needs the loop",
-    "didim": "measured torque against the simulated closed loop; needs the loop",
-    "ekf": "extended Kalman filter over q, dq, pi and friction, on the unfiltered recording",
-    "ukf": "unscented Kalman filter over q, dq, beta and friction, on the unfiltered recording",
-    "nn": "consistent, with a small net per joint for what linear friction leaves over",
-}
+METHODS: Registry[Method] = Registry(
+    "symgen.estimators",
+    Method,
+    "method",
+    {
+        "map": "runtime.estimators.convex.map_estimate:MAP",
+        "adam": "runtime.estimators.descent.fit:ADAM",
+        "lm": "runtime.estimators.descent.fit:LEVENBERG_MARQUARDT",
+        "log-cholesky": "runtime.estimators.descent.fit:LOG_CHOLESKY",
+        "pc-ols": "runtime.estimators.classical.pc_ols:PC_OLS",
+        "ols": "runtime.estimators.classical.ols:OLS",
+        "wls": "runtime.estimators.classical.wls:WLS",
+        "iv": "runtime.estimators.classical.iv_didim:IV",
+        "didim": "runtime.estimators.classical.iv_didim:DIDIM",
+        "ekf": "runtime.estimators.classical.ekf:EKF",
+        "ukf": "runtime.estimators.classical.ukf:UKF",
+        "nn": "runtime.estimators.classical.neural:NEURAL",
+    },
+)
+DEFAULT = "map"
+"""The method where neither a name nor a preset is given."""
 
 
-def require_method(method: str) -> None:
-    """Refuse a name that is none.
+def require_method(name: str) -> Method:
+    """The record of a method.
 
     Raises:
         IdentificationError: there is no such method.
+        RuntimeFault: a plugin that offers it cannot be imported.
     """
-    if method not in METHODS:
+    if name not in METHODS:
         raise IdentificationError(
-            f"there is no method '{method}'; choose one of {', '.join(METHODS)}"
+            f"there is no method '{name}'; choose one of {', '.join(METHODS)}"
         )
+    return METHODS[name]
 
 
-def chosen_method(method: str | None, preset: str | Preset | None, prior: PriorFile | None) -> str:
-    """The method asked for, or that which the other options ask for.
+def methods_from_statistics() -> tuple[str, ...]:
+    """Names of the methods that need no more of the samples than compressed statistics."""
+    return tuple(m.name for m in METHODS.records() if m.from_statistics)
+
+
+def chosen_method(method: str | None, preset: Any, prior: Any) -> str:
+    """The method that is named, or the one that the other options belong to.
+
+    Args:
+        method: a name, or None.
+        preset: settings of a method, or None.
+        prior: a file of inertial priors, or None.
+
+    Returns:
+        A name in `METHODS`.
 
     Raises:
-        IdentificationError: there is none such, or the options belong to another.
+        IdentificationError: the method is unknown, or an option belongs to another.
     """
-    method = method or ("map" if preset is None else "adam")
-    require_method(method)
-    if preset is not None and method != "adam":
+    if method is None:
+        method = DEFAULT if preset is None else _those("takes_preset")[0]
+    record = require_method(method)
+    if preset is not None and not record.takes_preset:
         raise IdentificationError(
-            f"a preset belongs to the method adam, the method is '{method}'; leave one out"
+            f"a preset belongs to the method {' or '.join(_those('takes_preset'))}, "
+            f"the method is '{method}'; leave one out"
         )
-    if prior is not None and method != "map":
+    if prior is not None and not record.takes_prior:
         raise IdentificationError(
-            f"a prior is known to the method map only, the method is '{method}'; leave one out"
+            f"a prior is used by the method {' or '.join(_those('takes_prior'))} only, "
+            f"the method is '{method}'; leave one out"
         )
     return method
 
 
-def _require_rows(problem: Problem, method: str, preset: str | Preset | None) -> None:
-    """Refuse rows without accelerations where a method evaluates τ(q, dq, ddq) itself.
+def fit_by(problem: Problem, method: str, preset: Any = None, prior: Any = None) -> Fit:
+    """Solve a problem by one of `METHODS`.
 
-    Raises:
-        NeedsError: it does, or power is all it is given and it needs joints.
-    """
-    if problem.train.base is None:
-        return
-    batches = method == "adam" and in_batches(preset)
-    joints = method == "wls" and problem.train.equations < problem.lib.n_joints
-    if method not in FROM_STATISTICS or batches or joints:
-        what = "adam with mini-batches" if batches else method
-        raise NeedsError(
-            f"{what} needs " + ("rows of every joint" if joints else "accelerations") + ", which "
-            "the regressor of the log has not; use --regressor acceleration, or one of "
-            f"{', '.join(FROM_STATISTICS)}"
-        )
+    Args:
+        problem: samples, weights and first guess.
+        method: a name in `METHODS`.
+        preset: settings of a method that takes some: a name, the settings, or None.
+        prior: a `PriorFile` for a method that uses one, or None.
 
-
-def fit_by(
-    problem: Problem,
-    method: str,
-    preset: str | Preset | None = None,
-    prior: PriorFile | None = None,
-) -> Fit:
-    """The answer of one of `METHODS`; the preset is that of "adam", the prior that of "map".
+    Returns:
+        π (10 n,), friction coefficients (n, k) and how they came about.
 
     Raises:
         IdentificationError: the method or the preset is unknown, or the method failed.
+        NeedsError: the problem lacks something that the method needs.
     """
-    require_method(method)
-    _require_rows(problem, method, preset)
-    if method in BASELINES:
-        return BASELINES[method](problem)
-    if method == "map":
-        kappa = prior.kappa if prior and prior.kappa else CAD
-        return fit_map(problem, kappa, prior.constraints if prior else None)
-    if method in {"lm", "log-cholesky"}:
-        return fit_levenberg(problem, cholesky=method == "log-cholesky")
-    preset = preset or "full"
-    if isinstance(preset, str):
-        if preset not in PRESETS:
-            raise IdentificationError(
-                f"there is no preset '{preset}'; choose one of {', '.join(PRESETS)}"
-            )
-        preset = PRESETS[preset]
-    return fit_adam(problem, preset)
+    record = require_method(method)
+    _require_rows(problem, record, preset)
+    _require_controller(problem, record)
+    _require_columns(problem, record)
+    options: dict[str, Any] = {"preset": preset} if record.takes_preset else {}
+    if record.takes_prior:
+        options["prior"] = prior
+    return record.fit(problem, **options)
+
+
+def _those(flag: str) -> list[str]:
+    """Names of the methods that have a flag, in order."""
+    return [m.name for m in METHODS.records() if getattr(m, flag)]
+
+
+def _require_rows(problem: Problem, record: Method, preset: Any) -> None:
+    """Refuse rows without accelerations where τ(q, dq, ddq) itself is evaluated."""
+    if problem.train.base is None:
+        return
+    joints = record.every_joint and problem.train.equations < problem.lib.n_joints
+    if not (record.needs_samples(preset) or joints):
+        return
+    what = (
+        f"{record.name} with mini-batches"
+        if record.from_statistics and not joints
+        else (record.name)
+    )
+    raise NeedsError(
+        f"{what} needs {'rows of every joint' if joints else 'accelerations'}, which "
+        "the regressor of the log has not; use --regressor acceleration, or one of "
+        f"{', '.join(methods_from_statistics())}"
+    )
+
+
+def _require_controller(problem: Problem, record: Method) -> None:
+    """Refuse a recording whose controller is unknown where it is to be simulated."""
+    origin = problem.origin
+    if record.needs_controller and (origin is None or origin.controller is None):
+        raise NeedsError(
+            f"the method {record.name} simulates the robot under its controller and needs its "
+            "description; give the controller's gains and the reference motion by --loop FILE.toml"
+        )
+
+
+def _require_columns(problem: Problem, record: Method) -> None:
+    """Refuse friction columns that the method cannot use."""
+    if record.columns is None:
+        return
+    unusable = sorted(set(problem.friction_names) - set(record.columns))
+    if unusable:
+        raise NeedsError(
+            f"the method {record.name} uses the friction columns {', '.join(record.columns)}, not "
+            f"{', '.join(unusable)}; leave them out"
+        )

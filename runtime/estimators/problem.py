@@ -17,8 +17,8 @@ from runtime.simulation.controller_file import ClosedLoop
 
 
 @dataclass(frozen=True, slots=True)
-class Bench:
-    """How the samples came about, for methods that simulate or filter.
+class Origin:
+    """Origin of the samples, for methods that simulate or filter.
 
     Attributes:
         recording: the training recording before it was prepared and split.
@@ -26,14 +26,14 @@ class Bench:
         aligned: another recording on the same clock, prepared alike → its rows of the training
             samples.
         span: first and last instant of the training samples, s.
-        loop: under which the recording was made, where it is known.
+        controller: closed loop under which the recording was made, where it is known.
     """
 
     recording: Recording
     friction: Friction
     aligned: Callable[[Recording], Samples]
     span: tuple[float, float]
-    loop: ClosedLoop | None = None
+    controller: ClosedLoop | None = None
 
 
 @dataclass(frozen=True)  # no slots: the statistics are computed once and kept
@@ -46,10 +46,10 @@ class Problem:
         start: λ of the first guess, (10 n,).
         seed: of mini-batches.
         progress: called with iteration and best validation loss.
-        bench: how the samples came about.
+        origin: of the samples, for methods that simulate or filter.
         pieces: of "train" or "validation", where `train` and `validation` hold only some of the
             samples.
-        terms: friction columns, where there is no bench that tells them.
+        terms: friction columns, where there is no origin that states them.
     """
 
     lib: Library
@@ -59,7 +59,7 @@ class Problem:
     start: Array
     seed: int = 0
     progress: Callable[[int, float], None] | None = None
-    bench: Bench | None = None
+    origin: Origin | None = None
     pieces: Callable[[str], Iterable[Samples]] | None = None
     terms: Friction | None = None
 
@@ -86,8 +86,8 @@ class Problem:
 
     @property
     def friction_names(self) -> tuple[str, ...]:
-        """Names of the friction columns; empty where nobody told them."""
-        terms = self.bench.friction if self.bench else self.terms
+        """Names of the friction columns; empty where they are unknown."""
+        terms = self.origin.friction if self.origin else self.terms
         return terms.columns if terms else ()
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.problem import Bench, Problem
+from runtime.estimators.problem import Origin, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.settings import Settings, settings_from
 from runtime.library import Array, Library
@@ -92,7 +92,7 @@ def assemble(
         start=lib.lam0 if chosen.lam0 is None else np.asarray(chosen.lam0, dtype=float),
         seed=chosen.seed,
         progress=progress,
-        bench=Bench(
+        origin=Origin(
             recording,
             terms,
             _aligned(parts[0], lib, preparation, terms),

@@ -2,21 +2,11 @@
 
 import numpy as np
 
+from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
 from runtime.recording.preprocessing import is_filtered
 
-OWN_WEIGHTS = {
-    "ols": "minimises the unweighted error",
-    "wls": "weights joints by their residuals",
-    "iv": "minimises no loss of the measured motion",
-    "didim": "compares the torque with that of a simulated motion",
-    "ekf": "follows the unfiltered recording",
-    "ukf": "follows the unfiltered recording",
-}
-"""What a method does instead of minimising L."""
-UNFILTERED = {"didim", "ekf", "ukf"}
-"""Methods that need no low-pass."""
 SUSPICIOUSLY_GOOD = 1e-4
 """Overall error in percent below which a real torque sensor is hard to believe."""
 WORSE = 1.1
@@ -58,9 +48,9 @@ def warnings_of(
         )
     if not result.is_consistent:
         warnings.append("some links are no bodies that can exist; use map for a model to simulate")
-    if result.method in OWN_WEIGHTS:
+    if objective := METHODS[result.method].objective:
         warnings.append(
-            f"{result.method} {OWN_WEIGHTS[result.method]}; its gap is measured in the weighted "
+            f"{result.method} {objective}; its gap is measured in the weighted "
             "loss of the other methods"
         )
     if after.overall < SUSPICIOUSLY_GOOD:
@@ -76,7 +66,7 @@ def warnings_of(
 
 def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
     """What to try first, in the order of what it costs."""
-    filtered = result.method in UNFILTERED or is_filtered(result.train.history)
+    filtered = METHODS[result.method].unfiltered or is_filtered(result.train.history)
     advice = ["no low-pass was asked for: --cutoff auto"] * (not filtered)
     advice += ["no friction was: --friction auto"] * (not result.phi.size)
     return (

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.estimators.classical import convex_optimum
+from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.convex import CAD
 from runtime.estimators.methods import chosen_method, fit_by
 from runtime.estimators.problem import Fit, Problem

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.estimators.classical import cone_optimum
+from runtime.estimators.classical.pc_ols import cone_optimum
 from runtime.estimators.convex import CAD, convex_problem, follow_many, prior_of, reduce, solve_many
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of

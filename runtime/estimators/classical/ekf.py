@@ -8,6 +8,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.filter_input import (
+    COLUMNS,
     SPEED_VARIANCE,
     Stream,
     prior_covariance,
@@ -15,6 +16,7 @@ from runtime.estimators.classical.filter_input import (
     stream_of,
 )
 from runtime.estimators.classical.ols import fit_of_pi
+from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.library import Array, Library
 
@@ -137,3 +139,13 @@ def _advance(lib: Library, stream: Stream, step: int, x: Array, top: Array) -> t
     after = dq + dt * ddq
     moved = np.concatenate([q + dt / 2 * (dq + after), after])
     return moved, process_noise(np.asarray(solved[:, x.size :], dtype=float), dt)
+
+
+EKF = Method(
+    "ekf",
+    "extended Kalman filter over q, dq, pi and friction, on the unfiltered recording",
+    fit_ekf,
+    unfiltered=True,
+    columns=COLUMNS,
+    objective="follows the unfiltered recording",
+)

@@ -29,6 +29,8 @@ from runtime.recording import Friction, Recording
 from runtime.recording.preprocessing import differentiate, low_pass
 from runtime.recording.preprocessing.segments import segments, uniform_step
 
+COLUMNS = ("viscous", "coulomb", "offset")
+"""Friction columns that the state of a filter can hold."""
 SLOWEST = 200.0
 """Hz below which a step of a filter is too long for the friction of a wrist."""
 LEAST_NOISE = (1e-6, 1e-3)
@@ -126,19 +128,13 @@ def stream_of(problem: Problem, method: str) -> Stream:
     """The training part of the recording at its full rate.
 
     Raises:
-        NeedsError: too slow, not uniform, with holes, or friction that no filter knows.
+        NeedsError: the recording is too slow, not uniform, or has holes.
     """
-    bench = problem.bench
-    if bench is None or bench.recording.tau is None:
+    origin = problem.origin
+    if origin is None or origin.recording.tau is None:
         raise NeedsError(f"the method {method} needs the recording with its torque")
-    log, columns = bench.recording, bench.friction
-    foreign = set(columns.columns) - {"viscous", "coulomb", "offset"}
-    if foreign:
-        raise NeedsError(
-            f"the method {method} knows the friction columns viscous, coulomb and offset, not "
-            f"{', '.join(sorted(foreign))}; leave them out"
-        )
-    whole = bench.span
+    log, columns = origin.recording, origin.friction
+    whole = origin.span
     rows = (log.t >= whole[0]) & (log.t <= whole[1])
     part = log.take(rows, "Took the span of the training samples.")
     try:

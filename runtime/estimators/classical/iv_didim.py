@@ -8,7 +8,7 @@ the measured torque only. Both begin with the first guess and no friction. Sourc
 
 import numpy as np
 
-from runtime.errors import IdentificationError, NeedsError, SimulationError
+from runtime.errors import IdentificationError, SimulationError
 from runtime.estimators.classical.ols import (
     RANK_TOLERANCE,
     Solution,
@@ -17,7 +17,8 @@ from runtime.estimators.classical.ols import (
     solve,
 )
 from runtime.estimators.classical.wls import residual, reweighted, weights_of, with_torque
-from runtime.estimators.problem import Bench, Fit, Problem
+from runtime.estimators.method import Method
+from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
@@ -41,12 +42,12 @@ def fit_iv(problem: Problem) -> Fit:
         IdentificationError: the loop is unknown, or the motion does not excite all parameters.
     """
     lib, train = problem.lib, problem.train
-    bench = _bench(problem, "iv")
-    kept, weights, _ = reweighted(lib, train, bench.friction.columns)
+    origin = _origin(problem)
+    kept, weights, _ = reweighted(lib, train, origin.friction.columns)
     now, why = _first(problem), f"the estimate still moves after {IV_ITERATIONS} simulations"
     for iteration in range(1, IV_ITERATIONS + 1):
         try:
-            instruments = _along(problem, bench, now)
+            instruments = _along(problem, origin, now)
             found, deviation = _instrumental(lib, instruments, train, weights)
         except SimulationError as error:
             why = str(error)
@@ -78,7 +79,7 @@ def fit_didim(problem: Problem) -> Fit:
             does not excite all parameters.
     """
     lib, train = problem.lib, problem.train
-    bench = _bench(problem, "didim")
+    origin = _origin(problem)
     now, weights = _first(problem), np.ones(lib.n_joints)
     status = (
         f"not converged after {DIDIM_ITERATIONS} simulations; check gains, rotors and reference "
@@ -86,13 +87,13 @@ def fit_didim(problem: Problem) -> Fit:
     )
     for iteration in range(1, DIDIM_ITERATIONS + 1):
         try:
-            motion = with_torque(_along(problem, bench, now), train.tau)
+            motion = with_torque(_along(problem, origin, now), train.tau)
         except SimulationError as error:
             if iteration == 1:
                 raise
             status = f"not converged, the last estimate is kept: {error}"
             break
-        found = solve(compress(lib, motion, weights), lib, bench.friction.columns)
+        found = solve(compress(lib, motion, weights), lib, origin.friction.columns)
         weights, _ = weights_of(residual(lib, motion, found).var(axis=0), lib)
         size, step = _change(train, now, found, lib)
         now = found
@@ -102,41 +103,31 @@ def fit_didim(problem: Problem) -> Fit:
     return fit_of_base(problem, now.beta, now.phi, status, iteration)
 
 
-def _bench(problem: Problem, method: str) -> Bench:
-    bench = problem.bench
-    if bench is None or bench.loop is None:
-        raise NeedsError(
-            f"the method {method} simulates the robot under its controller and needs to know it; "
-            "give the controller's gains and the reference motion by --loop FILE.toml"
-        )
-    foreign = [name for name in bench.friction.columns if name not in _SIMULATED]
-    if foreign:
-        raise NeedsError(
-            f"the simulator knows the friction columns {', '.join(_SIMULATED)}, not "
-            f"{', '.join(foreign)}; choose among them for {method}"
-        )
-    return bench
-
-
 def _first(problem: Problem) -> Solution:
     lib = problem.lib
     beta = lib.base_matrix @ lib.pi_from_lam(problem.start)
     return Solution(beta, np.zeros(problem.train.columns.shape[1:]), np.nan)
 
 
-def _along(problem: Problem, bench: Bench, now: Solution) -> Samples:
+def _origin(problem: Problem) -> Origin:
+    """Origin of the samples."""
+    assert problem.origin is not None  # noqa: S101  `Method.needs_controller` has checked it
+    return problem.origin
+
+
+def _along(problem: Problem, origin: Origin, now: Solution) -> Samples:
     """The training samples as the robot of the last estimate would have made them."""
-    assert bench.loop is not None  # noqa: S101  _bench has checked it
-    names = bench.friction.columns
+    assert origin.controller is not None  # noqa: S101  `Method.needs_controller` has checked it
+    names = origin.friction.columns
     # Negative friction drives the joints; the next estimate is free to have it again.
     found = {
         name: value if name == "offset" else np.maximum(value, 0.0)
         for name, value in zip(names, now.phi.T, strict=True)
     }
-    speed = {"coulomb_speed": bench.friction.coulomb_speed} if "coulomb" in names else {}
+    speed = {"coulomb_speed": origin.friction.coulomb_speed} if "coulomb" in names else {}
     pi = pi_of_beta(problem, now.beta)
-    motion = bench.loop.simulate(problem.lib, pi, found | speed, bench.recording.t)
-    return bench.aligned(motion)
+    motion = origin.controller.simulate(problem.lib, pi, found | speed, origin.recording.t)
+    return origin.aligned(motion)
 
 
 def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple[Solution, Array]:
@@ -185,3 +176,22 @@ def _change(train: Samples, before: Solution, after: Solution, lib: Library) -> 
     silent = with_torque(train, np.zeros_like(train.tau))
     sizes = [float(np.linalg.norm(residual(lib, silent, part))) for part in (after, step)]
     return sizes[0], sizes[1]
+
+
+IV = Method(
+    "iv",
+    "instrumental variables from a simulation of the closed loop; needs the controller file",
+    fit_iv,
+    needs_controller=True,
+    columns=_SIMULATED,
+    objective="minimises no loss of the measured motion",
+)
+DIDIM = Method(
+    "didim",
+    "measured torque against the simulated closed loop; needs the controller file",
+    fit_didim,
+    needs_controller=True,
+    unfiltered=True,
+    columns=_SIMULATED,
+    objective="compares the torque with that of a simulated motion",
+)

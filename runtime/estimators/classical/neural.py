@@ -12,6 +12,7 @@ from runtime.errors import NeedsError
 from runtime.estimators.classical.wls import with_torque
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.friction_net import FrictionNet, train
+from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array
@@ -62,3 +63,13 @@ def _rest(problem: Problem, samples: Samples, fit: Fit) -> Array:
 def _error(problem: Problem, samples: Samples, fit: Fit, net: FrictionNet) -> float:
     rest = _rest(problem, samples, fit) - net.torque(samples.columns)
     return float(np.sqrt(np.mean(rest**2)))
+
+
+NEURAL = Method(
+    "nn",
+    "consistent, with a small net per joint for the friction that linear columns leave over",
+    fit_neural,
+    label="neural",
+    default_columns=INPUTS,
+    when_recommended="friction beyond the linear columns is why, so try --friction auto too",
+)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
@@ -116,3 +117,12 @@ def fit_of_pi(
     possible = bool((lib.relative_eigenvalues(pi) > 0).all() and (mass(links(pi)) > 0).all())
     lam = lib.lam_from_pi(pi) if possible else None
     return Fit(pi, phi, lam, status, iterations, notes=notes)
+
+
+OLS = Method(
+    "ols",
+    "ordinary least squares on base parameters, not always consistent (Eq. 3.7)",
+    fit_ols,
+    from_statistics=True,
+    objective="minimises the unweighted error",
+)

@@ -17,6 +17,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.ols import counted_in_links
 from runtime.estimators.convex import Path, follow_compiled, prior_of, reduce
 from runtime.estimators.convex.path import PATIENCE, SHRINK
+from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
@@ -206,3 +207,12 @@ def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
             "outliers and the units of torque"
         )
     return np.array(solution.x), status
+
+
+PC_OLS = Method(
+    "pc-ols",
+    "convex program with linear matrix inequalities: the optimum (Eq. 3.8)",
+    fit_pc_ols,
+    label="PC-IDIM-OLS",
+    from_statistics=True,
+)

@@ -13,6 +13,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.filter_input import (
+    COLUMNS,
     SPEED_VARIANCE,
     Stream,
     prior_covariance,
@@ -20,6 +21,7 @@ from runtime.estimators.classical.filter_input import (
     stream_of,
 )
 from runtime.estimators.classical.ols import fit_of_base
+from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.library import Array, Library
 
@@ -153,3 +155,13 @@ def _advance(lib: Library, stream: Stream, step: int, points: Array) -> tuple[Ar
     ddq = ddq + inverse @ (stream.tau[step] - smooth)
     moved = np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1)
     return moved, np.asarray(inverse, dtype=float)
+
+
+UKF = Method(
+    "ukf",
+    "unscented Kalman filter over q, dq, beta and friction, on the unfiltered recording",
+    fit_ukf,
+    unfiltered=True,
+    columns=COLUMNS,
+    objective="follows the unfiltered recording",
+)

@@ -11,6 +11,7 @@ from functools import partial
 import numpy as np
 
 from runtime.estimators.classical.ols import Solution, fit_of_base, solve
+from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import compress_all
 from runtime.estimators.regression.samples import Samples
@@ -98,3 +99,13 @@ def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
 def with_torque(samples: Samples, tau: Array) -> Samples:
     """The same motion with another torque."""
     return replace(samples, tau=tau)
+
+
+WLS = Method(
+    "wls",
+    "least squares with every joint weighted by its residual, four passes",
+    fit_wls,
+    from_statistics=True,
+    every_joint=True,
+    objective="weights joints by their residuals",
+)

@@ -11,6 +11,8 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, Minimum, Prior, convex_problem, prior_of, reduce, solve
 from runtime.estimators.convex.constraints import Constraints, constrained
+from runtime.estimators.method import Method
+from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import colour_of
@@ -67,6 +69,23 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     )
 
 
+def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
+    """The same with κ and the linear priors of a file.
+
+    Args:
+        problem: its weights are only where the passes begin.
+        prior: file of inertial priors; None for the URDF alone.
+
+    Returns:
+        The most probable consistent model.
+
+    Raises:
+        IdentificationError: the priors contradict each other.
+    """
+    kappa = prior.kappa if prior and prior.kappa else CAD
+    return fit_map(problem, kappa, prior.constraints if prior else None)
+
+
 def _fitted(
     lib: Library,
     statistics: Statistics,
@@ -99,3 +118,12 @@ def _status(found: Minimum) -> str:
         f"stopped after {found.steps} Newton steps, decrement {found.decrement:.1e}; the model is "
         "consistent, but check units and outliers of the torque"
     )
+
+
+MAP = Method(
+    "map",
+    "most probable consistent model given the URDF as a prior, one convex problem (default)",
+    fit_with_prior,
+    from_statistics=True,
+    takes_prior=True,
+)

@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 
+from runtime.errors import IdentificationError
 from runtime.estimators.descent.drivers import (
     Descent,
     Preset,
@@ -14,6 +16,7 @@ from runtime.estimators.descent.drivers import (
     descent_of,
     levenberg_descend,
 )
+from runtime.estimators.method import Method
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Outcome, StoppingRule
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression.torque_objective import TorqueObjective
@@ -37,10 +40,38 @@ def in_batches(preset: str | Preset | None) -> bool:
     return chosen is not None and chosen.batch is not None
 
 
-def fit_adam(problem: Problem, preset: Preset) -> Fit:
-    """Descend in x = [λ, ψ] from the first guess with its best friction (Sec. 4.6, 4.7)."""
+def preset_of(preset: str | Preset | None) -> Preset:
+    """Settings by their name; the settings themselves pass through, None is "full".
+
+    Raises:
+        IdentificationError: there is no preset of that name.
+    """
+    preset = preset or "full"
+    if not isinstance(preset, str):
+        return preset
+    if preset not in PRESETS:
+        raise IdentificationError(
+            f"there is no preset '{preset}'; choose one of {', '.join(PRESETS)}"
+        )
+    return PRESETS[preset]
+
+
+def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
+    """Descend in x = [λ, ψ] from the first guess with its best friction (Sec. 4.6, 4.7).
+
+    Args:
+        problem: samples, weights and first guess.
+        preset: settings, or their name in `PRESETS`; None is "full".
+
+    Returns:
+        π and φ of the point with the lowest validation loss.
+
+    Raises:
+        IdentificationError: there is no preset of that name.
+    """
+    settings = preset_of(preset)
     descent = start_of(problem)
-    return fit_of(descent, descend(descent, preset))
+    return fit_of(descent, descend(descent, settings))
 
 
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
@@ -117,3 +148,27 @@ def _thickened(lib: Library, pi: Array) -> tuple[Array, tuple[str, ...]]:
         f"the data press {names} onto the edge of consistency (a plate or a rod); the thin axes "
         f"were kept at the smallest allowed size (largest change {change:.1e} kg·m²)",
     )
+
+
+ADAM = Method(
+    "adam",
+    "gradient descent in λ, consistent by construction (document Sec. 4)",
+    fit_adam,
+    label="λ-Adam",
+    from_statistics=True,
+    takes_preset=True,
+    in_batches=in_batches,
+)
+LEVENBERG_MARQUARDT = Method(
+    "lm",
+    "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
+    fit_levenberg,
+    from_statistics=True,
+)
+LOG_CHOLESKY = Method(
+    "log-cholesky",
+    "Levenberg-Marquardt in log-Cholesky coordinates, consistent by construction",
+    partial(fit_levenberg, cholesky=True),
+    label="log-cholesky",
+    from_statistics=True,
+)

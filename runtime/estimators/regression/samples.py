@@ -17,10 +17,6 @@ from runtime.recording import Recording, friction
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
 
-FROM_STATISTICS = ("map", "adam", "lm", "log-cholesky", "pc-ols", "ols", "wls")
-"""Methods that need of the samples what compressed statistics keep: they take streamed logs, and
-rows in which accelerations have been integrated away; adam all samples at once."""
-
 
 def thesis_weights(tau: Array) -> Array:
     """w_k ∝ 1/(τ_rms,k² + σ²) with mean 1, from the training torque (Eq. 4.8)."""
@@ -60,7 +56,7 @@ class Samples:
         if self.acceleration is None:
             raise NeedsError(
                 "this needs accelerations, but the rows were made without them; use the regressor "
-                f"'acceleration', or a method of {', '.join(FROM_STATISTICS)}"
+                "'acceleration', or a method that works on compressed statistics, such as map"
             )
         return self.acceleration
 

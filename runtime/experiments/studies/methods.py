@@ -41,7 +41,7 @@ class Config:
     """
 
     seed: int = 0
-    methods: tuple[str, ...] = tuple(METHODS)
+    methods: tuple[str, ...] = METHODS.builtin
     cad: float = 0.05
     sigma_q: float = 1e-4
     sigma_tau: float = 0.05
@@ -169,8 +169,8 @@ STUDY = Study(
     run=run,
     finish=finish,
     cases={"plant": "FR3 with rotors and friction, σ_q = 1e-4 rad, σ_τ = 0.05 N·m, 20 Hz"},
-    methods=METHODS,
-    trials=len(METHODS),
+    methods={name: METHODS[name].sentence for name in METHODS.builtin},
+    trials=len(METHODS.builtin),
     needs=("excitation",),
     per_chunk=1,
     views=(

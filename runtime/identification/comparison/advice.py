@@ -13,10 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
+from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.identification.comparison.row import NOT_RUN, RAN, Figures, Row
 from runtime.library import Array
 
-DEFAULT = "map"
+UNCONSTRAINED = "ols"
+"""Method whose growth of the error from training to test shows over-fitting."""
 BLOCKS = 10
 LEVEL = 0.95
 WORTHWHILE = 0.01
@@ -100,8 +102,8 @@ def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
         f"its links can exist and its test error, {_percent(sound[take])}, is below the "
         f"{_percent(sound[DEFAULT])} of {DEFAULT} beyond chance"
     )
-    if take == "nn":
-        told += "; friction beyond the linear columns is why, so try --friction auto too"
+    if more := METHODS[take].when_recommended:
+        told += f"; {more}"
     return take, told
 
 
@@ -159,16 +161,16 @@ def _prior(f: Figures, take: str, n_base: int) -> str:
 
 
 def _overfit(ran: dict[str, Figures], take: str) -> str:
-    if "ols" not in ran or take == "ols":
+    if UNCONSTRAINED not in ran or take == UNCONSTRAINED:
         return ""
-    growth = {name: _growth(ran[name]) for name in ("ols", take)}
+    free = ran[UNCONSTRAINED]
     told = (
-        f"from {ran['ols'].train_percent:.3g} to {_percent(ran['ols'])} between training and test, "
+        f"from {free.train_percent:.3g} to {_percent(free)} between training and test, "
         f"that of {take} from {ran[take].train_percent:.3g} to {_percent(ran[take])}"
     )
-    if growth["ols"] > OVERFIT * growth[take]:
-        return f"unconstrained least squares over-fits: the error of ols grows {told}"
-    return f"least squares does not over-fit: the error of ols goes {told}"
+    if _growth(free) > OVERFIT * _growth(ran[take]):
+        return f"unconstrained least squares over-fits: the error of {UNCONSTRAINED} grows {told}"
+    return f"least squares does not over-fit: the error of {UNCONSTRAINED} goes {told}"
 
 
 def _truth(ran: dict[str, Figures], take: str) -> str:

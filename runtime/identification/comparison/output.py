@@ -101,7 +101,7 @@ def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
 def _row_facts(row: Row) -> dict[str, Any]:
     head = {
         "method": row.method,
-        "about": METHODS[row.method],
+        "about": METHODS[row.method].sentence,
         "outcome": row.outcome,
         "status": row.status,
     }

@@ -11,8 +11,7 @@ from functools import partial
 import numpy as np
 
 from runtime.errors import IdentificationError, NeedsError, RuntimeFault
-from runtime.estimators.classical import convex_optimum
-from runtime.estimators.classical.pc_ols import BOUNDARY
+from runtime.estimators.classical.pc_ols import BOUNDARY, convex_optimum
 from runtime.estimators.methods import require_method
 from runtime.estimators.optimizers import Status
 from runtime.estimators.regression.samples import Samples, samples_of

@@ -16,12 +16,10 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.drivers import Preset
-from runtime.estimators.descent.fit import in_batches
-from runtime.estimators.methods import chosen_method, require_method
+from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import (
-    FROM_STATISTICS,
     Samples,
     samples_of,
     thesis_weights,
@@ -62,16 +60,13 @@ def require_streamable(method: str, preset: str | Preset | None = None) -> None:
     Raises:
         IdentificationError: the samples are needed, or there is no such method.
     """
-    require_method(method)
-    if method not in FROM_STATISTICS or in_batches(preset):
-        what = (
-            f"the method {method}"
-            if method not in FROM_STATISTICS
-            else "a preset with mini-batches"
-        )
+    record = require_method(method)
+    if record.needs_samples(preset):
+        what = "a preset with mini-batches" if record.from_statistics else f"the method {method}"
         raise IdentificationError(
             f"{what} needs the samples one by one, which a streamed log does not hold; choose one "
-            f"of {', '.join(FROM_STATISTICS)} (adam with the preset full), or use --no-stream"
+            f"of {', '.join(methods_from_statistics())} (adam with the preset full), "
+            "or use --no-stream"
         )
 
 

@@ -7,7 +7,11 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.methods import chosen_method
+from runtime.estimators.methods import (
+    chosen_method,
+    methods_from_statistics,
+    require_method,
+)
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import Identification
@@ -30,8 +34,6 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import geared
 from runtime.recording.preprocessing import split
 
-UNSUITED = {"iv", "didim", "ekf", "ukf", "nn"}
-"""Methods that simulate or filter one unfiltered run."""
 ONE_LOG_ONLY = ("preparation", "validation", "test", "lam0", "controller", "certify")
 """Fields of `Settings` that belong to one log, or that the comparison of the logs needs."""
 
@@ -108,10 +110,10 @@ def _names(logs: Sequence[NamedLog], settings: Settings) -> list[str]:
             f"expected two logs or more with different names, got {', '.join(names)}; rename or "
             "add one"
         )
-    if settings.method in UNSUITED:
+    if settings.method is not None and not require_method(settings.method).from_statistics:
         raise IdentificationError(
-            f"'{settings.method}' needs one unfiltered run and cannot join several logs; use map, "
-            "adam, pc-ols, ols or wls"
+            f"'{settings.method}' needs the samples of one run and cannot join several logs; use "
+            f"one of {', '.join(methods_from_statistics())}"
         )
     return names
 

@@ -2,21 +2,18 @@
 
 import math
 
+from runtime.estimators.methods import METHODS
 from runtime.outputs.report.experiments.reading import Experiment, Value
 
 DOCUMENT = "document"
 NOTHING = "–"
-METHODS = {
-    "adam": "λ-Adam",
+_VARIANTS = {
     "adam-frozen": "λ-Adam, link 7 frozen",
-    "map": "MAP",
-    "lm": "LM",
-    "pc-ols": "PC-IDIM-OLS",
     "map-friction": "MAP + friction",
     "map-dahl": "MAP + Dahl",
     "fixed-arm": "payload alone",
-    "nn": "neural",
 }
+"""Methods of studies that are no estimator of their own."""
 BEST = ("map-friction", "map", "lm")
 """Our method: the first of these that a study has; lm goes on from MAP where there is no noise."""
 _OURS = {"search", "check", "pi", "lam", "beta"}
@@ -54,8 +51,10 @@ AIRM, CONSISTENT = "airm", "consistent"
 
 def method_name(method: str) -> str:
     """What a column is called."""
-    if method in METHODS or method in _OURS:
-        return METHODS.get(method, "ours")
+    if method in METHODS:
+        return METHODS[method].heading
+    if method in _VARIANTS or method in _OURS:
+        return _VARIANTS.get(method, "ours")
     return method.upper() if len(method) <= 5 and method != "before" else method
 
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from runtime import Identification, Recording, identify
 from runtime.errors import IdentificationError
-from runtime.estimators.classical import ConvexOptimum, convex_optimum, fit_ols, fit_pc_ols
-from runtime.estimators.classical.pc_ols import SLACK
+from runtime.estimators.classical.ols import fit_ols
+from runtime.estimators.classical.pc_ols import SLACK, ConvexOptimum, convex_optimum, fit_pc_ols
 from runtime.estimators.problem import Problem, best_friction
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights

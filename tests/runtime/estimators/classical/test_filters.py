@@ -121,7 +121,7 @@ def test_filters_say_what_they_need(plant: Bench, lib: Library) -> None:
             IdentificationError, match="without holes at 200 Hz or more, got 1 at 1"
         ):
             replace(plant, log=slow).identify(method, None)
-        with pytest.raises(IdentificationError, match="knows the friction columns viscous, coul"):
+        with pytest.raises(IdentificationError, match="uses the friction columns viscous, coul"):
             plant.identify(method, friction_columns=Friction(("viscous", "dahl")))
     noise = noise_of(plant.log.q)
     # 10 000 samples know σ to 0.7 %; the jerk of the noisy loop adds a little.

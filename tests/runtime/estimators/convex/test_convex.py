@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import IdentificationError
-from runtime.estimators.classical import cone_optimum
+from runtime.estimators.classical.pc_ols import cone_optimum
 from runtime.estimators.convex import (
     CAD,
     HalfSpaces,

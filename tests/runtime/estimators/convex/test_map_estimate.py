@@ -270,7 +270,7 @@ def test_options_that_do_not_go_together(lib, noisy, tmp_path):
     """Property: a prior for a method that knows none, a missing file, no trust at all."""
     path = tmp_path / "arm.toml"
     path.write_text("total_mass = 16")
-    with pytest.raises(IdentificationError, match="known to the method map only"):
+    with pytest.raises(IdentificationError, match="used by the method map only"):
         identify(noisy, lib, "ols", prior=read_prior(path, lib))
     with pytest.raises(IdentificationError, match="cannot be read"):
         read_prior(Path("nowhere.toml"), lib)

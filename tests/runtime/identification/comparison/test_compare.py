@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -127,10 +128,10 @@ def test_what_is_missing_is_a_row(
 ) -> None:
     """Property: no loop, 100 Hz, no columns: reasons; a failure and a breakdown: rows too."""
 
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise np.linalg.LinAlgError("singular")
 
-    monkeypatch.setattr("runtime.estimators.methods.fit_adam", broken)
+    monkeypatch.setitem(METHODS._loaded, "adam", replace(METHODS["adam"], fit=broken))
     ran = command("compare", EXAMPLE, "--robot", lib.folder, "--friction", "none")
     assert ran.code == 0, ran.err
     rows = rows_of(
@@ -168,7 +169,7 @@ def test_interrupted_rows_are_kept(lib: Library, monkeypatch: pytest.MonkeyPatch
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(runtime.estimators.classical.BASELINES, "ols", interrupt)
+    monkeypatch.setitem(METHODS._loaded, "ols", replace(METHODS["ols"], fit=interrupt))
     names: list[str] = []
     assembly = assemble(read_recording(EXAMPLE), lib)
     rows = compare(assembly, ("map", "ols", "pc-ols"), started=names.append).rows
@@ -194,7 +195,7 @@ def test_methods_are_given_the_same_fresh_problem(
 ) -> None:
     """Property: equal samples and weights, but no compressed data left by another's work."""
     seen: list[Any] = []
-    fit = runtime.estimators.classical.BASELINES["pc-ols"]
+    fit = METHODS["pc-ols"].fit
 
     def spied(problem: Any) -> Any:
         assert "_weighted" not in vars(problem)
@@ -202,7 +203,7 @@ def test_methods_are_given_the_same_fresh_problem(
         return fit(problem)
 
     for name in ("pc-ols", "ols"):
-        monkeypatch.setitem(runtime.estimators.classical.BASELINES, name, spied)
+        monkeypatch.setitem(METHODS._loaded, name, replace(METHODS[name], fit=spied))
     compare(assemble(read_recording(EXAMPLE), lib), ("pc-ols", "ols"))
     assert seen[0].train is seen[1].train
     assert seen[0].weights is seen[1].weights

@@ -9,7 +9,7 @@ import pytest
 from runtime import Recording, identify
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.wls import variance_of
-from runtime.estimators.methods import METHODS
+from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.estimators.regression.samples import thesis_weights
 from runtime.identification.long_logs import blocks, identify_streamed
 from runtime.identification.long_logs import identify as passes
@@ -97,7 +97,7 @@ def test_a_block_is_prepared_once(lib, log, tmp_path, monkeypatch):
             assert np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
 
 
-@pytest.mark.parametrize("method", sorted(set(METHODS) - set(passes.FROM_STATISTICS)))
+@pytest.mark.parametrize("method", sorted(set(METHODS) - set(methods_from_statistics())))
 def test_methods_that_need_samples_say_so(method):
     """Property: one sentence that names the way out."""
     with pytest.raises(IdentificationError, match=f"{method} needs the samples .* --no-stream"):

@@ -8,7 +8,8 @@ import pytest
 
 from runtime import Recording, identify
 from runtime.errors import IdentificationError, NeedsError, RecordingError
-from runtime.estimators.regression.samples import FROM_STATISTICS, Samples, samples_of
+from runtime.estimators.methods import methods_from_statistics
+from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification import metrics
 from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
 from runtime.identification.several_logs import NamedLog, identify_logs
@@ -146,7 +147,7 @@ def made(lib: Library, noisy: Recording):
     return noisy.replace(ddq=None)
 
 
-@pytest.mark.parametrize("method", FROM_STATISTICS)
+@pytest.mark.parametrize("method", methods_from_statistics())
 def test_methods_that_take_them(lib, made, pi_true, method):
     """Oracle: the torque of the simulation; each predicts it at 2 Hz below half a percent."""
     found = identify(made, lib, method, preparation=at(2.0), friction_columns=Friction())

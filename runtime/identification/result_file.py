@@ -1,4 +1,4 @@
-"""An identification on disk: result.json and predictions.npz, written as a whole or not at all."""
+"""Writer of result.json and predictions.npz: both files are written whole or not at all."""
 
 import dataclasses
 import json
@@ -17,17 +17,24 @@ from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.files import replacing
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
+from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import model_facts
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
 
-FORMAT = 1
-
 
 def result_facts(result: Identification, command: str) -> dict[str, Any]:
-    """Everything that result.json says."""
+    """Facts of result.json.
+
+    Args:
+        result: the identification.
+        command: command line that computed the result.
+
+    Returns:
+        JSON-ready values by the keys of `result_schema`, in SI units.
+    """
     lib = result.lib
     before, after = torque_errors(result)
     return {
@@ -56,6 +63,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "lam": None if result.lam is None else result.lam.tolist(),
         "beta": result.beta.tolist(),
         "condition_number": condition_number(result),
+        "sessions": None,
         "provenance": {
             "command": command,
             "versions": versions() | lib.manifest.versions,
@@ -67,7 +75,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
 
 
 def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.TorqueError]:
-    """Errors on the test part, of the first guess and of the answer."""
+    """Torque errors on the test part of the first guess and of the result."""
     if result.streamed is not None:
         return result.streamed.before, result.streamed.after
     tau = samples_of(result.test, result.lib).tau
@@ -78,7 +86,16 @@ def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.
 
 
 def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict[str, Any]:
-    """Torque errors of two models on the same samples; None where the measured torque is silent."""
+    """Torque errors of two models on the same samples, JSON-ready.
+
+    Args:
+        before: of the first guess.
+        after: of the identified model.
+
+    Returns:
+        The parts `torque_error_percent` [%] and `torque_rms` [N·m or N] of result.json; a
+        percentage is None for a joint whose measured torque is 0.
+    """
 
     def percent(values: Array) -> list[float | None]:
         return [float(x) if np.isfinite(x) else None for x in values]
@@ -95,13 +112,23 @@ def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict
 
 
 def write_result(
-    result: Identification, folder: Path, command: str, study: dict[str, Any] | None = None
+    result: Identification, folder: Path, command: str, agreement: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Write result.json and predictions.npz into a folder; returns the facts.
+    """Write result.json and predictions.npz into a folder.
 
-    `study` is what several logs say about each other.
+    Args:
+        result: the identification.
+        folder: folder of the two files; made where it is missing.
+        command: command line that computed the result.
+        agreement: facts of the comparison of several logs; None for one log.
+
+    Returns:
+        Facts of result.json, by the keys of `result_schema`.
+
+    Raises:
+        RuntimeFault: the folder cannot be written.
     """
-    facts = result_facts(result, command) | ({"sessions": study} if study else {})
+    facts = result_facts(result, command) | {"sessions": agreement}
     test = samples_of(result.test, result.lib)
     arrays = {
         "t": np.asarray(result.test.t),
@@ -118,18 +145,21 @@ def write_result(
 
 
 def condition_number(result: Identification) -> float | None:
-    """cond of the column-normalised [Y_b F] of the training samples; None when it is singular."""
+    """Condition number of the column-normalised [Y_b F] of the training samples.
+
+    None where the matrix is singular.
+    """
     lib, train = result.lib, samples_of(result.train, result.lib)
     statistics = compress(lib, train, np.ones(lib.n_joints))
     matrix, _ = statistics.unit_columns()
-    # Rotors and motors that are counted in links are no unknowns of their own.
+    # Rotors and motors that count into links are not separate unknowns.
     kept = np.concatenate([np.ones(statistics.n_base, dtype=bool), ~statistics.explained()])
     sigma = np.linalg.svd(matrix[:, kept], compute_uv=False)
     return float(sigma[0] / sigma[-1]) if sigma[-1] > 1e-14 * sigma[0] else None
 
 
 def versions() -> dict[str, str]:
-    """Versions of what computed the result."""
+    """Versions of Python and of the libraries that compute a result."""
     python = ".".join(map(str, sys.version_info[:3]))
     return {"python": python} | {name: version(name) for name in ("numpy", "scipy", "clarabel")}
 
@@ -150,13 +180,13 @@ def _recording_facts(result: Identification) -> dict[str, Any]:
         "duration": float(sum(b - a for a, b in ends.values())),
         "samples": samples,
         "history": list(result.train.history),
-        "preparation": _told(result.train.prepared),
+        "preparation": _changed(result.train.prepared),
         "split": spans,
     }
 
 
-def _told(preparation: Preparation | None) -> dict[str, Any]:
-    """What differs from a recording as it is."""
+def _changed(preparation: Preparation | None) -> dict[str, Any]:
+    """Settings of a preparation that are not the default."""
     usual = Preparation()
     facts = dataclasses.asdict(preparation or usual)
     return {key: value for key, value in facts.items() if value != getattr(usual, key)}
@@ -181,7 +211,7 @@ def _link_facts(result: Identification) -> list[dict[str, Any]]:
 
 
 def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
-    """What is known how well; the covariance itself stays with the `Identification`."""
+    """The part `uncertainty`; the covariance itself stays with the `Identification`."""
     u, lib = result.uncertainty, result.lib
     if u is None:
         return None

@@ -1,8 +1,8 @@
-"""What an identification left on disk, for those who compute with it again.
+"""Reader of result.json for commands that compute with an identified model.
 
-π is written in the frames of the links: it holds for a library whose joints sit where those of the
-identified one did. Another mount, other inertials or a newer generator change nothing of that and
-are told; other fixed links counted into the moving ones mean that π is of other bodies.
+π is written in the frames of the links, so that it holds for any library whose joints have the same
+placements. Another gravity, other inertials or a newer generator leave π valid and are noted. Other
+fixed links counted into the moving ones mean that π belongs to other bodies.
 """
 
 from dataclasses import dataclass
@@ -13,27 +13,27 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.estimators.friction_net import FrictionNet
-from runtime.files import json_of
+from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation
 
 LARGEST = 1e9
-"""SI units; what no arm has, NaN included, is no result."""
+"""Bound of π and φ in SI units; larger values and NaN are refused."""
 ALIKE = 1e-6
-"""m, m/s² or entries of rotations: below it two models are the same but for rounding."""
+"""Bound in m, m/s² or entries of rotations below which two models differ only by rounding."""
 _PLACE = ("rotation", "translation", "axis")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Model:
-    """What a result knows of the model that it was identified with.
+class ModelOfResult:
+    """The model that a result was identified with.
 
     Attributes:
         digest: `model_hash` of its library.
         gravity: (3,) in the base frame, m/s².
         kinds: kind and parent of every joint.
-        places: rotation, translation and axis of every joint, (n, 15).
+        places: rotation, translation [m] and axis of every joint, (n, 15).
         lumped: names of the fixed links that count into moving ones.
     """
 
@@ -45,10 +45,21 @@ class Model:
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
-    """π (10 n,) and friction of a result.json; φ is (n, k), k columns; what was done to the log.
+class SavedResult:
+    """Parameters and friction of a result.json, with the preparation of its log.
 
-    Older ones know no model.
+    Attributes:
+        robot: name of the robot.
+        method: name of the method.
+        joints: names of the joints.
+        units: units of their torques.
+        pi: standard parameters, (10 n,).
+        friction: friction model with k columns.
+        phi: friction coefficients, (n, k).
+        net: friction net; None for none.
+        history: sentences on the preparation of the log.
+        preparation: settings of the preparation.
+        model: model of the parameters; None in files that lack it.
     """
 
     robot: str
@@ -61,11 +72,11 @@ class Saved:
     net: FrictionNet | None
     history: tuple[str, ...]
     preparation: Preparation
-    model: Model | None
+    model: ModelOfResult | None
 
 
 def model_facts(lib: Library) -> dict[str, Any]:
-    """What `Model` reads, JSON-ready."""
+    """The part `model` of result.json, which `ModelOfResult` is read from."""
     joints = [
         {
             "kind": joint.kind,
@@ -82,19 +93,25 @@ def model_facts(lib: Library) -> dict[str, Any]:
     }
 
 
-def read_result(folder: Path) -> Saved:
-    """The result that `identify` wrote into a folder, or its file.
+def read_result(folder: Path) -> SavedResult:
+    """Read the result that `identify` wrote.
+
+    Args:
+        folder: folder of the result, or its result.json.
+
+    Returns:
+        Parameters, friction and preparation.
 
     Raises:
-        RecordingError: there is none, or not a valid one.
+        RecordingError: the file is missing, not valid, or of a later format.
     """
     try:
         file = folder / "result.json" if folder.is_dir() else folder
-        facts = dict(json_of(file))
+        facts = read_facts(file)
         n = len(facts["joints"])
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
         net = terms.get("net")
-        saved = Saved(
+        saved = SavedResult(
             robot=str(facts["robot"]),
             method=str(facts["method"]),
             joints=tuple(facts["joints"]),
@@ -104,8 +121,8 @@ def read_result(folder: Path) -> Saved:
             phi=np.array(terms["values"], dtype=float),
             net=net and FrictionNet(np.array(net["theta"]), np.array(net["scale"])),
             history=tuple(map(str, facts["recording"]["history"])),
-            preparation=Preparation(**facts["recording"].get("preparation", {})),
-            model=_model(facts["model"], n) if "model" in facts else None,
+            preparation=Preparation(**facts["recording"]["preparation"]),
+            model=None if facts["model"] is None else _model(facts["model"], n),
         )
         whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * n,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
@@ -119,64 +136,69 @@ def read_result(folder: Path) -> Saved:
     return saved
 
 
-def _model(facts: dict[str, Any], n: int) -> Model:
+def _model(facts: dict[str, Any], n: int) -> ModelOfResult:
     joints = facts["joints"]
     rows = [np.hstack([np.ravel(joint[key]) for key in _PLACE]) for joint in joints]
     places = np.array(rows, dtype=float).reshape(n, 15)
     gravity = np.array(facts["gravity"], dtype=float).reshape(3)
     kinds = tuple(f"{joint['kind']} {joint['parent']}" for joint in joints)
     lumped = frozenset(str(name) for name in facts["lumped"])
-    return Model(str(facts["model_hash"]), gravity, kinds, places, lumped)
+    return ModelOfResult(str(facts["model_hash"]), gravity, kinds, places, lumped)
 
 
 def require_model(
-    saved: Saved, lib: Library, folder: Path, same_bodies: bool = False
+    saved: SavedResult, lib: Library, folder: Path, same_bodies: bool = False
 ) -> tuple[str, ...]:
-    """Sentences about how the model of a library differs from the one that was identified.
+    """Check that a result holds for the model of a library.
 
     Args:
-        saved: of `folder`.
-        lib: to compute with.
-        folder: where the result lies, for the sentences.
-        same_bodies: the fixed links that count into moving ones must be the same, too.
+        saved: result in `folder`.
+        lib: library that computes with the result.
+        folder: place of the result, for the messages.
+        same_bodies: True when the fixed links that count into moving ones must be the same, too.
+
+    Returns:
+        Sentences on differences that leave π valid.
 
     Raises:
-        RecordingError: other joints, joints that sit elsewhere, or other bodies.
+        RecordingError: the joints, their placements, or the bodies differ.
     """
     if saved.joints != lib.joint_names:
         raise RecordingError(
             f"'{folder}' identified {saved.robot}, whose joints differ from those of "
             f"'{lib.name}'; name its robot with --robot"
         )
-    theirs, own = saved.model, _model(model_facts(lib), lib.n_joints)
-    if theirs is None or theirs.digest == own.digest:
+    then, now = saved.model, _model(model_facts(lib), lib.n_joints)
+    if then is None or then.digest == now.digest:
         return ()
-    moved = ~(np.abs(theirs.places - own.places).max(axis=1) <= ALIKE)  # NaN has moved, too
-    moved |= np.array([a != b for a, b in zip(theirs.kinds, own.kinds, strict=True)])
+    moved = ~(np.abs(then.places - now.places).max(axis=1) <= ALIKE)  # NaN counts as moved
+    moved |= np.array([a != b for a, b in zip(then.kinds, now.kinds, strict=True)])
     if moved.any():
         raise RecordingError(
             f"'{folder}' was identified with a model whose joint "
             f"'{lib.joint_names[int(np.argmax(moved))]}' sits or turns differently than that of "
-            f"'{lib.name}', so its parameters are of other frames; name the library that it was "
-            "identified with by --robot, or identify again"
+            f"'{lib.name}', so that its parameters belong to other frames; name the library that "
+            "it was identified with by --robot, or identify again"
         )
-    if theirs.lumped != own.lumped:
-        other = ", ".join(sorted(theirs.lumped ^ own.lumped))
-        said = (
+    if then.lumped != now.lumped:
+        other = ", ".join(sorted(then.lumped ^ now.lumped))
+        difference = (
             f"'{folder}' was identified with other fixed links counted into moving ones than "
             f"'{lib.name}' has ({other})"
         )
         if same_bodies:
-            raise RecordingError(f"{said}; name the library that it was identified with by --robot")
-        return (f"{said}: its masses are of other bodies",)
-    if not np.abs(theirs.gravity - own.gravity).max() <= ALIKE:
-        before, now = (",".join(f"{x:g}" for x in g) for g in (theirs.gravity, own.gravity))
+            raise RecordingError(
+                f"{difference}; name the library that it was identified with by --robot"
+            )
+        return (f"{difference}: its masses belong to other bodies",)
+    if not np.abs(then.gravity - now.gravity).max() <= ALIKE:
+        old, new = (",".join(f"{x:g}" for x in g) for g in (then.gravity, now.gravity))
         return (
-            f"'{folder}' was identified with gravity {before}, and '{lib.name}' has {now}: right "
-            "if the arm was mounted anew in between",
+            f"'{folder}' was identified with gravity {old}, and '{lib.name}' has {new}: right "
+            "if the arm was mounted again in between",
         )
     return (
-        f"'{folder}' was identified with another build of this arm (model {theirs.digest[:12]}, "
-        f"here {own.digest[:12]}): the joints are the same, inertials, limits or the generator "
+        f"'{folder}' was identified with another build of this arm (model {then.digest[:12]}, "
+        f"here {now.digest[:12]}): the joints are the same, inertials, limits or the generator "
         "are not",
     )

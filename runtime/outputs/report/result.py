@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError, RuntimeFault
-from runtime.files import json_of, require_file, values_of
+from runtime.files import require_file, values_of
+from runtime.identification.result_schema import read_facts
 from runtime.outputs.report.sessions import Sessions, read_sessions
 from runtime.outputs.report.sureness import Sureness, read_sureness
 from runtime.recording.formats.tables import open_npz
 
 Array = NDArray[np.float64]
 
-FORMAT = 1
 LARGEST = 1e100
 """SI units; axes cannot be drawn much above."""
 _AGAIN = "identify again, or give the folder that an identification wrote"
@@ -132,14 +132,13 @@ def read_result(folder: Path) -> Result:
     """
     path = folder / "result.json"
     try:
-        raw = json_of(path)
+        raw = read_facts(path)
     except OSError as error:
         raise RuntimeFault(f"cannot read '{path}' ({error.strerror or error}); {_AGAIN}") from None
-    except ValueError as error:
+    except KeyError as error:
+        raise RuntimeFault(f"'{path}' is damaged (no valid {error}); {_AGAIN}") from None
+    except (ValueError, TypeError) as error:
         raise RuntimeFault(f"'{path}' is damaged ({error}); {_AGAIN}") from None
-    found = raw.get("format") if isinstance(raw, dict) else None
-    if found != FORMAT:
-        raise RuntimeFault(f"'{path}' has the format {found}, expected {FORMAT}; {_AGAIN}")
     if any(isinstance(x, float) and LARGEST < abs(x) < np.inf for x in values_of(raw)):
         raise RuntimeFault(f"'{path}' is damaged (a number above {LARGEST:g}); {_AGAIN}")
     try:
@@ -158,25 +157,25 @@ def _result(raw: Mapping[str, Any], folder: Path) -> Result:
     return Result(
         robot=str(raw["robot"]),
         method=str(raw["method"]),
-        status=str(raw.get("status") or ""),
+        status=str(raw["status"] or ""),
         joints=joints,
         units=units,
-        recording=_recording(raw.get("recording") or {}),
+        recording=_recording(raw["recording"] or {}),
         before=_errors(percent, rms, "before", n),
         after=_errors(percent, rms, "after", n),
         links=tuple(_link(link) for link in raw["links"]),
         consistent=bool(raw["consistent"]),
         gap=_optional(raw, "gap_to_convex_optimum"),
-        weights=np.array(raw.get("weights") or [], dtype=float),
-        friction=_friction(raw.get("friction"), n),
-        convergence=_convergence(raw.get("convergence")),
-        iterations=raw.get("iterations"),
+        weights=np.array(raw["weights"], dtype=float),
+        friction=_friction(raw["friction"], n),
+        convergence=_convergence(raw["convergence"]),
+        iterations=raw["iterations"],
         seconds=_optional(raw, "seconds"),
         condition_number=_optional(raw, "condition_number"),
         warnings=_texts(raw, "warnings"),
-        sureness=read_sureness(raw.get("uncertainty"), n, len(raw["links"])),
-        sessions=read_sessions(raw.get("sessions"), len(raw["links"])),
-        provenance=_provenance(raw.get("provenance") or {}),
+        sureness=read_sureness(raw["uncertainty"], n, len(raw["links"])),
+        sessions=read_sessions(raw["sessions"], len(raw["links"])),
+        provenance=_provenance(raw["provenance"] or {}),
         prediction=_prediction(folder / "predictions.npz", n),
     )
 

@@ -1,0 +1,1 @@
+"""Checks of a log, one module per check."""

@@ -1,0 +1,231 @@
+"""Pictures of docs/images: every figure once for the light and once for the dark scheme.
+
+Needs the compiled FR3. `scripts/docs --figures` runs it; the pictures are committed.
+"""
+
+import os
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+import runtime
+from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import sample_times
+from runtime.excitation.trajectory_file import read_trajectory
+from runtime.recording import Friction, Preparation
+
+mpl.use("svg")
+import matplotlib.pyplot as plt  # noqa: E402  the backend first
+
+ROOT = Path(__file__).resolve().parents[2]
+IMAGES = ROOT / "docs" / "images"
+EXAMPLES = ROOT / "runtime" / "examples"
+SCHEMES = {"light": "#3a4650", "dark": "#c9d1d9"}
+"""Name of a colour scheme and its colour of lines and text."""
+ORANGE, TEAL, GREY = "#d9822b", "#0f8b8d", "#8a949e"
+SIZE = (6.4, 3.2)
+
+
+def consistency(axes: plt.Axes, ink: str) -> None:
+    """Principal moments of the FR3's links, scaled to sum 1, in the plane of the first two."""
+    lib = runtime.load("fr3")
+    corners = np.array([[1, 0], [0, 1], [0, 0], [1, 0]])
+    inner = np.array([[0.5, 0.5], [0.5, 0.0], [0.0, 0.5], [0.5, 0.5]])
+    axes.plot(*corners.T, color=GREY, lw=1)
+    axes.fill(*inner.T, color=TEAL, alpha=0.25)
+    axes.plot(*inner.T, color=TEAL, lw=1.4)
+    for k, pi in enumerate(lib.pi0.reshape(-1, 10)):
+        m, c = pi[0], pi[1:4] / pi[0]
+        xx, yy, zz, xy, xz, yz = pi[4:]
+        about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        moments = np.linalg.eigvalsh(about_origin - m * (c @ c * np.eye(3) - np.outer(c, c)))[::-1]
+        x, y = moments[:2] / moments.sum()
+        axes.plot(x, y, "o", color=ORANGE, ms=5)
+        axes.annotate(f"{k + 1}", (x, y), (3, 3), textcoords="offset points", color=ink, fontsize=8)
+    axes.annotate("physically consistent", (0.335, 0.3), ha="center", color=ink, fontsize=9)
+    axes.annotate("positive moments only", (0.12, 0.72), color=GREY, fontsize=9, rotation=-45)
+    axes.set(xlabel="J₁ / (J₁ + J₂ + J₃)", ylabel="J₂ / (J₁ + J₂ + J₃)", aspect="equal")
+
+
+def torque(axes: plt.Axes, ink: str) -> None:
+    """Measured torque of joint 5 on the test part, with the URDF's and the identified one."""
+    result = _identified()
+    test, joint = result.test, 4
+    axes.plot(test.t, np.asarray(test.tau)[:, joint], color=ink, lw=2.2, alpha=0.45, label="measured")
+    axes.plot(test.t, result.before(test)[:, joint], color=ORANGE, lw=1.2, label="URDF")
+    predicted = result.predict_recording(test)[:, joint]
+    axes.plot(test.t, predicted, color=TEAL, lw=1.2, ls="--", label="identified")
+    axes.set(xlabel="time [s]", ylabel="torque of joint 5 [N·m]")
+    _legend(axes, ink)
+
+
+def uncertainty(axes: plt.Axes, ink: str) -> None:
+    """σ of the mass of every link: of the prior and after the log."""
+    result = _identified()
+    u = result.uncertainty
+    if u is None:
+        raise SystemExit("figures: the default method reports no uncertainty")
+    posterior = u.sigma[::10]
+    prior = posterior / np.sqrt(u.share[::10])
+    at = np.arange(len(prior))
+    axes.bar(at - 0.2, prior, 0.38, color=GREY, label="prior (URDF)")
+    axes.bar(at + 0.2, posterior, 0.38, color=TEAL, label="after 10 s of motion")
+    axes.set_xticks(at, [f"link {k + 1}" for k in at])
+    axes.set(ylabel="σ of the mass [kg]")
+    _legend(axes, ink)
+
+
+def excitation(axes: plt.Axes, ink: str) -> None:
+    """Singular values of the base regressor with unit columns for two motions."""
+    lib = runtime.load("fr3")
+    designed = _motion()
+    coefficients = np.zeros_like(designed.coefficients)
+    coefficients[:, 0] = 0.1
+    simple = Trajectory(designed.home, coefficients, designed.duration, designed.basis)
+    for motion, colour, label in (
+        (simple, ORANGE, "one harmonic"),
+        (designed, TEAL, "designed motion"),
+    ):
+        q, dq, ddq, _ = motion.at(lib, np.linspace(0.0, motion.duration, 400))
+        rows = lib.base_regressor(q, dq, ddq).reshape(-1, lib.base_matrix.shape[0])
+        sigma = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), compute_uv=False)
+        text = f"{label}, cond {sigma[0] / sigma[-1]:.3g}"
+        axes.semilogy(np.arange(1, len(sigma) + 1), sigma, "o-", color=colour, ms=3, lw=1, label=text)
+    axes.set(xlabel="index", ylabel="singular value")
+    _legend(axes, ink)
+
+
+def certificate(axes: plt.Axes, ink: str) -> None:
+    """Velocity of the fastest joint of the bundled motion and its constant and braking limits."""
+    lib = runtime.load("fr3")
+    motion = _motion()
+    t = sample_times(motion.duration, 200.0)
+    q, dq, _, _ = motion.at(lib, t)
+    limit = np.array([joint.velocity for joint in lib.manifest.joints])
+    joint = int(np.argmax(np.max(np.abs(dq) / limit, axis=0)))
+    braking = tomllib.loads((ROOT / "symgen/robots/fr3.toml").read_text())["braking"]
+    k, c, upper, lower = (braking[key][joint] for key in ("k", "c", "upper", "lower"))
+    above = np.minimum(limit[joint], np.sqrt(k * (upper - q[:, joint])) - c)
+    below = np.maximum(-limit[joint], c - np.sqrt(k * (q[:, joint] - lower)))
+    axes.fill_between(t, below, above, color=TEAL, alpha=0.15, label="permitted")
+    axes.plot(t, above, color=TEAL, lw=1)
+    axes.plot(t, below, color=TEAL, lw=1)
+    axes.plot(t, dq[:, joint], color=ORANGE, lw=1.6, label=f"velocity of joint {joint + 1}")
+    axes.set(xlabel="time [s]", ylabel="velocity [rad/s]")
+    _legend(axes, ink)
+
+
+def house(axes: plt.Axes, ink: str) -> None:
+    """Levels of the import contracts of pyproject.toml, one box per room."""
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    layers = {c["containers"][0]: c["layers"] for c in contracts["contracts"] if "layers" in c}
+    for column, (package, colour) in enumerate((("symgen", ORANGE), ("runtime", TEAL))):
+        levels = [level for level in layers[package] if not level.startswith("_")]
+        height = 1.0 / len(levels)
+        left = 1.12 * column
+        for k, level in enumerate(levels):
+            rooms = [room.strip() for room in level.split(":")]
+            width = 1.0 / len(rooms)
+            for j, room in enumerate(rooms):
+                corner = (left + j * width, 1.0 - (k + 1) * height)
+                box = mpl.patches.FancyBboxPatch(
+                    (corner[0] + 0.008, corner[1] + 0.007),
+                    width - 0.016,
+                    height - 0.014,
+                    boxstyle="round,pad=0,rounding_size=0.012",
+                    facecolor=colour + "30",
+                    edgecolor=colour,
+                    lw=0.8,
+                )
+                axes.add_patch(box)
+                words = room.replace("mechanics.", "mechanics.\n").replace("build.", "build.\n")
+                words = words if width < 0.4 else room
+                middle = (corner[0] + width / 2, corner[1] + height / 2)
+                axes.annotate(words, middle, ha="center", va="center", color=ink, fontsize=6.5)
+        axes.annotate(f"{package}/", (left + 0.5, 1.03), ha="center", color=ink, fontsize=10)
+    axes.annotate(
+        "symgen writes generated/<robot>/, runtime reads it",
+        (1.06, -0.06),
+        ha="center",
+        color=ink,
+        fontsize=9,
+    )
+    axes.set(xlim=(-0.02, 2.14), ylim=(-0.1, 1.1))
+    axes.axis("off")
+
+
+FIGURES: dict[str, tuple[Callable[[plt.Axes, str], None], tuple[float, float]]] = {
+    "consistency": (consistency, (4.6, 4.2)),
+    "torque": (torque, SIZE),
+    "uncertainty": (uncertainty, SIZE),
+    "excitation": (excitation, SIZE),
+    "certificate": (certificate, SIZE),
+    "house": (house, (7.6, 5.2)),
+}
+
+
+def _identified() -> runtime.Identification:
+    log = runtime.read_recording(EXAMPLES / "fr3_simulated.npz")
+    return runtime.identify(
+        log,
+        runtime.load("fr3"),
+        preparation=Preparation(filter="butterworth", cutoff_hz=10.0),
+        friction_columns=Friction(("viscous", "coulomb")),
+    )
+
+
+def _motion() -> Trajectory:
+    return read_trajectory(EXAMPLES / "fr3_trajectory.json", runtime.load("fr3"))
+
+
+def _legend(axes: plt.Axes, ink: str) -> None:
+    axes.legend(frameon=False, labelcolor=ink, fontsize=8)
+
+
+def draw(name: str, scheme: str, folder: Path = IMAGES) -> Path:
+    """Draw one figure for one colour scheme.
+
+    Args:
+        name: of FIGURES.
+        scheme: "light" or "dark".
+        folder: where NAME-SCHEME.svg is written.
+
+    Returns:
+        The file; the same input gives the same bytes.
+    """
+    ink = SCHEMES[scheme]
+    settings = {
+        "svg.hashsalt": name,
+        "svg.fonttype": "none",
+        "font.family": "sans-serif",
+        "axes.edgecolor": ink,
+        "axes.labelcolor": ink,
+        "xtick.color": ink,
+        "ytick.color": ink,
+        "text.color": ink,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+    }
+    function, size = FIGURES[name]
+    with mpl.rc_context(settings):
+        figure, axes = plt.subplots(figsize=size, layout="constrained")
+        function(axes, ink)
+        path = folder / f"{name}-{scheme}.svg"
+        figure.savefig(path, transparent=True, metadata={"Date": None, "Creator": None})
+        plt.close(figure)
+    return path
+
+
+def main() -> None:
+    """Draw every figure for both schemes."""
+    os.chdir(ROOT)
+    for name in FIGURES:
+        for scheme in SCHEMES:
+            print(draw(name, scheme).relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    main()

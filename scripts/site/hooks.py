@@ -1,0 +1,60 @@
+"""mkdocs calls these: they add the pages and tables that are written from the code."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).resolve().parents[2]
+if str(ROOT) not in sys.path:  # mkdocs loads this file by its path
+    sys.path.insert(0, str(ROOT))
+
+from scripts.site import api, c_api, commands  # noqa: E402
+
+API = "Python API"
+
+
+def on_config(config: Any) -> Any:
+    """List the rooms of the Python API in the navigation.
+
+    Args:
+        config: settings of mkdocs.
+
+    Returns:
+        The same settings.
+    """
+    for section in config.nav:
+        for entry in section.get("Reference", []) if isinstance(section, dict) else []:
+            if API in entry:
+                rooms = [{room: api.page(room)} for room in api.rooms()]
+                entry[API] = ["reference/api/index.md", *rooms]
+    return config
+
+
+def on_files(files: Files, config: Any) -> Files:
+    """Add the generated pages to those of docs/.
+
+    Args:
+        files: pages and pictures of docs/.
+        config: settings of mkdocs.
+
+    Returns:
+        The same collection with the generated pages.
+    """
+    for name, text in generated_pages():
+        files.append(File.generated(config, name, content=text))
+    return files
+
+
+def generated_pages() -> Iterator[tuple[str, str]]:
+    """Path inside the site and Markdown text of every generated page."""
+    for tutorial in sorted((ROOT / "runtime/tutorials").glob("*.md")):
+        yield f"tutorials/{tutorial.name}", tutorial.read_text(encoding="utf-8")
+    yield "changelog.md", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    yield "reference/commands.md", commands.markdown()
+    yield "reference/c.md", c_api.markdown()
+    yield "reference/api/index.md", api.index()
+    for room in api.rooms():
+        yield api.page(room), api.room_page(room)

@@ -1,24 +1,17 @@
 """The tutorials do what they say: every block runs, and prints what is shown behind it."""
 
 import re
-import shlex
 import shutil
-import subprocess
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-import runtime.cli
-import symgen.cli
 from runtime.cli.tutorial import FOLDER, tutorial_command
 from runtime.errors import RuntimeFault
 from runtime.library import Library
+from tests.markdown import blocks, form, run
 
 NAMES = ("fr3", "own-robot", "payload", "realtime")
-MAIN = {"runtime": runtime.cli.main, "symgen": symgen.cli.main}
-NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 FILE = re.compile(r"[\w.]+\.(?:toml|urdf|c)\b")
 
 
@@ -29,40 +22,6 @@ def desk(tmp_path: Path, fr3: Library, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "generated" / "fr3").symlink_to(fr3.folder)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-def blocks(text: str) -> Iterator[tuple[str, str]]:
-    """Language and text of every fenced block."""
-    yield from re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-
-
-def run(language: str, block: str, capture: pytest.CaptureFixture[str]) -> str:
-    """What a block prints; Python and our own commands run in this process, which knows them."""
-    capture.readouterr()
-    if language == "python":
-        exec(compile(block, "tutorial", "exec"), {})  # noqa: S102  our own text
-        return capture.readouterr().out
-    printed = ""
-    for line in block.splitlines():
-        words = shlex.split(line)
-        if words[:2] == ["python", "-m"]:
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(sys, "argv", words[2:])
-                with pytest.raises(SystemExit) as end:
-                    MAIN[words[2]]()
-            out, err = capture.readouterr()
-            assert not end.value.code, f"{line}: {err}"
-            printed += out
-        else:
-            done = subprocess.run(words, capture_output=True, text=True, check=False)
-            assert done.returncode == 0, f"{line}: {done.stderr}"
-            printed += done.stdout
-    return printed
-
-
-def form(line: str) -> str:
-    """A line with # for every number and one blank for many."""
-    return " ".join(NUMBER.sub("#", line).split())
 
 
 @pytest.mark.parametrize("name", NAMES)

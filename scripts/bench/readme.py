@@ -1,13 +1,30 @@
-"""Tables of the README, between the marks that name the script which writes them."""
+"""Tables of the README and of docs/, between the marks that name the script which writes them."""
 
 from pathlib import Path
 
-README = Path(__file__).parents[2] / "README.md"
+ROOT = Path(__file__).parents[2]
+
+
+def pages() -> list[Path]:
+    """The README and every page of docs/."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def update(name: str, text: str) -> None:
-    """Write `text` between <!-- name --> and <!-- /name --> of README.md."""
+    """Write a table between <!-- name --> and <!-- /name --> of every page that has the marks.
+
+    Args:
+        name: of the marks.
+        text: the table, Markdown.
+
+    Raises:
+        ValueError: no page has the marks.
+    """
     start, end = f"<!-- {name} -->", f"<!-- /{name} -->"
-    before, rest = README.read_text(encoding="utf-8").split(start)
-    _, after = rest.split(end)
-    README.write_text(f"{before}{start}\n{text}\n{end}{after}", encoding="utf-8")
+    marked = [page for page in pages() if start in page.read_text(encoding="utf-8")]
+    if not marked:
+        raise ValueError(f"expected a page with {start}, got none; put the marks into a page")
+    for page in marked:
+        before, rest = page.read_text(encoding="utf-8").split(start)
+        _, after = rest.split(end)
+        page.write_text(f"{before}{start}\n{text}\n{end}{after}", encoding="utf-8")

@@ -39,7 +39,7 @@ def markdown() -> str:
 
 
 def _help(text: str) -> list[str]:
-    """Paragraphs as text, those behind \\b (examples) as a block."""
+    """Paragraphs as text, examples (behind a backspace) as a block."""
     lines: list[str] = []
     for paragraph in re.split(r"\n\s*\n", text.strip()):
         if paragraph.lstrip().startswith("\b"):
@@ -74,7 +74,9 @@ def _row(command: Any, parameter: Any) -> str:
         default = "required"
     if getattr(parameter, "multiple", False):
         default = f"{default} repeatable".strip()
-    return f"| {_cell(head)} | {_cell(_escaped(getattr(parameter, 'help', '') or ''))} | {default} |"
+    return (
+        f"| {_cell(head)} | {_cell(_escaped(getattr(parameter, 'help', '') or ''))} | {default} |"
+    )
 
 
 def _type(command: Any, parameter: Any) -> str:

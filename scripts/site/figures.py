@@ -4,6 +4,7 @@ Needs the compiled FR3. `scripts/docs --figures` runs it; the pictures are commi
 """
 
 import os
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -12,13 +13,13 @@ import matplotlib as mpl
 import numpy as np
 
 import runtime
-from runtime.excitation import Trajectory
+from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.recording import Friction, Preparation
 
 mpl.use("svg")
-import matplotlib.pyplot as plt  # noqa: E402  the backend first
+import matplotlib.pyplot as plt
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"
@@ -44,8 +45,10 @@ def consistency(axes: plt.Axes, ink: str) -> None:
         moments = np.linalg.eigvalsh(about_origin - m * (c @ c * np.eye(3) - np.outer(c, c)))[::-1]
         x, y = moments[:2] / moments.sum()
         axes.plot(x, y, "o", color=ORANGE, ms=5)
-        axes.annotate(f"{k + 1}", (x, y), (3, 3), textcoords="offset points", color=ink, fontsize=8)
-    axes.annotate("physically consistent", (0.335, 0.3), ha="center", color=ink, fontsize=9)
+        axes.annotate(
+            f"{k + 1}", (x, y), (6, -3), textcoords="offset points", color=ink, fontsize=8
+        )
+    axes.annotate("physically\nconsistent", (0.27, 0.38), ha="center", color=ink, fontsize=9)
     axes.annotate("positive moments only", (0.12, 0.72), color=GREY, fontsize=9, rotation=-45)
     axes.set(xlabel="J₁ / (J₁ + J₂ + J₃)", ylabel="J₂ / (J₁ + J₂ + J₃)", aspect="equal")
 
@@ -54,7 +57,9 @@ def torque(axes: plt.Axes, ink: str) -> None:
     """Measured torque of joint 5 on the test part, with the URDF's and the identified one."""
     result = _identified()
     test, joint = result.test, 4
-    axes.plot(test.t, np.asarray(test.tau)[:, joint], color=ink, lw=2.2, alpha=0.45, label="measured")
+    axes.plot(
+        test.t, np.asarray(test.tau)[:, joint], color=ink, lw=2.2, alpha=0.45, label="measured"
+    )
     axes.plot(test.t, result.before(test)[:, joint], color=ORANGE, lw=1.2, label="URDF")
     predicted = result.predict_recording(test)[:, joint]
     axes.plot(test.t, predicted, color=TEAL, lw=1.2, ls="--", label="identified")
@@ -93,19 +98,21 @@ def excitation(axes: plt.Axes, ink: str) -> None:
         rows = lib.base_regressor(q, dq, ddq).reshape(-1, lib.base_matrix.shape[0])
         sigma = np.linalg.svd(rows / np.linalg.norm(rows, axis=0), compute_uv=False)
         text = f"{label}, cond {sigma[0] / sigma[-1]:.3g}"
-        axes.semilogy(np.arange(1, len(sigma) + 1), sigma, "o-", color=colour, ms=3, lw=1, label=text)
+        axes.semilogy(
+            np.arange(1, len(sigma) + 1), sigma, "o-", color=colour, ms=3, lw=1, label=text
+        )
     axes.set(xlabel="index", ylabel="singular value")
     _legend(axes, ink)
 
 
 def certificate(axes: plt.Axes, ink: str) -> None:
-    """Velocity of the fastest joint of the bundled motion and its constant and braking limits."""
+    """Velocity of the joint nearest to its limit in a certified motion, with the braking limits."""
     lib = runtime.load("fr3")
-    motion = _motion()
-    t = sample_times(motion.duration, 200.0)
+    motion = design(lib, duration=5.0, harmonics=3, starts=1, safety=Safety(table=0.0)).trajectory
+    t = sample_times(motion.duration, 100.0)
     q, dq, _, _ = motion.at(lib, t)
     limit = np.array([joint.velocity for joint in lib.manifest.joints])
-    joint = int(np.argmax(np.max(np.abs(dq) / limit, axis=0)))
+    joint = 3  # with the shortest range
     braking = tomllib.loads((ROOT / "symgen/robots/fr3.toml").read_text())["braking"]
     k, c, upper, lower = (braking[key][joint] for key in ("k", "c", "upper", "lower"))
     above = np.minimum(limit[joint], np.sqrt(k * (upper - q[:, joint])) - c)
@@ -114,47 +121,44 @@ def certificate(axes: plt.Axes, ink: str) -> None:
     axes.plot(t, above, color=TEAL, lw=1)
     axes.plot(t, below, color=TEAL, lw=1)
     axes.plot(t, dq[:, joint], color=ORANGE, lw=1.6, label=f"velocity of joint {joint + 1}")
-    axes.set(xlabel="time [s]", ylabel="velocity [rad/s]")
-    _legend(axes, ink)
+    axes.set(xlabel="time [s]", ylabel="velocity [rad/s]", ylim=(-3, 3.9))
+    axes.legend(frameon=False, labelcolor=ink, fontsize=8, ncols=2, loc="upper center")
 
 
 def house(axes: plt.Axes, ink: str) -> None:
-    """Levels of the import contracts of pyproject.toml, one box per room."""
+    """Levels of the import contract of pyproject.toml, one box per room of either package."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
-    layers = {c["containers"][0]: c["layers"] for c in contracts["contracts"] if "layers" in c}
-    for column, (package, colour) in enumerate((("symgen", ORANGE), ("runtime", TEAL))):
-        levels = [level for level in layers[package] if not level.startswith("_")]
-        height = 1.0 / len(levels)
-        left = 1.12 * column
-        for k, level in enumerate(levels):
-            rooms = [room.strip() for room in level.split(":")]
-            width = 1.0 / len(rooms)
-            for j, room in enumerate(rooms):
+    (layers,) = (c["layers"] for c in contracts["contracts"] if c["type"] == "layers")
+    levels = [re.findall(r"\w+", level) for level in layers if "__main__" not in level]
+    height = 1.0 / len(levels)
+    for k, rooms in enumerate(levels):
+        for left, package, colour in ((0.0, "symgen", ORANGE), (1.06, "runtime", TEAL)):
+            there = [room for room in rooms if _is_room(package, room)]
+            for j, room in enumerate(there):
+                width = 1.0 / len(there)
                 corner = (left + j * width, 1.0 - (k + 1) * height)
                 box = mpl.patches.FancyBboxPatch(
-                    (corner[0] + 0.008, corner[1] + 0.007),
-                    width - 0.016,
-                    height - 0.014,
-                    boxstyle="round,pad=0,rounding_size=0.012",
+                    (corner[0] + 0.01, corner[1] + 0.01),
+                    width - 0.02,
+                    height - 0.02,
+                    boxstyle="round,pad=0,rounding_size=0.015",
                     facecolor=colour + "30",
                     edgecolor=colour,
                     lw=0.8,
                 )
                 axes.add_patch(box)
-                words = room.replace("mechanics.", "mechanics.\n").replace("build.", "build.\n")
-                words = words if width < 0.4 else room
                 middle = (corner[0] + width / 2, corner[1] + height / 2)
-                axes.annotate(words, middle, ha="center", va="center", color=ink, fontsize=6.5)
-        axes.annotate(f"{package}/", (left + 0.5, 1.03), ha="center", color=ink, fontsize=10)
-    axes.annotate(
-        "symgen writes generated/<robot>/, runtime reads it",
-        (1.06, -0.06),
-        ha="center",
-        color=ink,
-        fontsize=9,
-    )
-    axes.set(xlim=(-0.02, 2.14), ylim=(-0.1, 1.1))
+                axes.annotate(room, middle, ha="center", va="center", color=ink, fontsize=8.5)
+    for left, text in ((0.0, "symgen/  writes generated/<robot>/"), (1.06, "runtime/  reads it")):
+        axes.annotate(text, (left + 0.5, 1.03), ha="center", color=ink, fontsize=9.5)
+    axes.set(xlim=(-0.02, 2.08), ylim=(-0.02, 1.1))
     axes.axis("off")
+
+
+def _is_room(package: str, name: str) -> bool:
+    return (ROOT / package / name / "__init__.py").exists() or (
+        ROOT / package / f"{name}.py"
+    ).exists()
 
 
 FIGURES: dict[str, tuple[Callable[[plt.Axes, str], None], tuple[float, float]]] = {
@@ -163,7 +167,7 @@ FIGURES: dict[str, tuple[Callable[[plt.Axes, str], None], tuple[float, float]]] 
     "uncertainty": (uncertainty, SIZE),
     "excitation": (excitation, SIZE),
     "certificate": (certificate, SIZE),
-    "house": (house, (7.6, 5.2)),
+    "house": (house, (7.2, 4.4)),
 }
 
 

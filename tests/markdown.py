@@ -1,0 +1,88 @@
+"""Code blocks of Markdown pages: read, run as a user would, and compare what they print."""
+
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import runtime.cli
+import symgen.cli
+
+MAIN = {"runtime": runtime.cli.main, "symgen": symgen.cli.main}
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+BUILDING = {"build", "check", "clean", "describe", "list", "proxies"}
+"""Commands of symgen.cli; `inspect` is told apart by its file."""
+
+
+def blocks(text: str) -> Iterator[tuple[str, str]]:
+    """Language and text of every fenced block."""
+    yield from re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def package_of(words: list[str]) -> str:
+    """The package whose command line takes the words behind `symgen`."""
+    if words[0] == "inspect":
+        return "symgen" if words[1].endswith((".urdf", ".xml", ".xacro")) else "runtime"
+    return "symgen" if words[0] in BUILDING else "runtime"
+
+
+def run(language: str, block: str, capture: pytest.CaptureFixture[str]) -> str:
+    """What a block prints; Python and our own commands run in this process, which knows them."""
+    capture.readouterr()
+    if language == "python":
+        exec(compile(block, "page", "exec"), {})  # noqa: S102  our own text
+        return capture.readouterr().out
+    printed = ""
+    for line in block.splitlines():
+        words = shlex.split(line)
+        if words[0] == "symgen":
+            printed += run_here(package_of(words[1:]), words[1:], capture)
+        elif words[:2] == ["python", "-m"]:
+            printed += run_here(words[2], words[3:], capture)
+        else:
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
+            assert done.returncode == 0, f"{line}: {done.stderr}"
+            printed += done.stdout
+    return printed
+
+
+def run_here(package: str, words: list[str], capture: pytest.CaptureFixture[str]) -> str:
+    """What a command of ours prints; it has to end with exit code 0."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "argv", [package, *words])
+        with pytest.raises(SystemExit) as end:
+            MAIN[package]()
+    out, err = capture.readouterr()
+    assert not end.value.code, f"{package} {' '.join(words)}: {out}{err}"
+    return str(out)
+
+
+def form(line: str) -> str:
+    """A line with # for every number and one blank for many."""
+    return " ".join(NUMBER.sub("#", line).split())
+
+
+def run_all(page: Path, capture: pytest.CaptureFixture[str]) -> str:
+    """Run the bash and python blocks of a page in order; `text` shows what the last one prints.
+
+    Args:
+        page: Markdown.
+        capture: pytest's capsys.
+
+    Returns:
+        Everything that was printed.
+    """
+    printed, everything = "", ""
+    for language, block in blocks(page.read_text(encoding="utf-8")):
+        if language in {"bash", "python"}:
+            printed = run(language, block, capture)
+            everything += printed
+        elif language == "text":
+            forms = {form(line) for line in printed.splitlines()}
+            for line in block.splitlines():
+                assert form(line) in forms, f"{line}\nis not in:\n{printed}"
+    return everything

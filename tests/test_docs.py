@@ -1,0 +1,200 @@
+"""The documentation site: built without a warning, searchable, its notebooks run."""
+
+import functools
+import http.server
+import os
+import re
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.browser import chromium
+from tests.conftest import REPOSITORY
+from tests.markdown import blocks, package_of
+
+PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
+NOTEBOOKS = ("own-robot", "payload")
+SIZES = ((1400, 900), (400, 800))
+EXCESS = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+ESCAPE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
+"""Colours of a terminal."""
+LOOKED_AT = (
+    "index.html",
+    "benchmarks.html",
+    "contributing.html",
+    "concepts/parameters.html",
+    "howto/choose-a-method.html",
+    "reference/commands.html",
+    "reference/c.html",
+    "reference/api/estimators.html",
+    "reference/files.html",
+)
+
+
+def test_commands_of_console_blocks_exist() -> None:
+    """Property: a command that is shown and not run has its name and options."""
+    import typer.main
+
+    import runtime.cli
+    import symgen.cli
+
+    apps = {"runtime": runtime.cli.app, "symgen": symgen.cli.app}
+    checked = 0
+    for page in PAGES:
+        for language, block in blocks(page.read_text(encoding="utf-8")):
+            lines = block.splitlines() if language == "console" else []
+            for words in (line.split() for line in lines if line.startswith("symgen ")):
+                group = typer.main.get_command(apps[package_of(words[1:])])
+                command = group.commands[words[1]]  # type: ignore[attr-defined]
+                known = {name for p in command.params for name in (*p.opts, *p.secondary_opts)}
+                options = {word for word in words if word.startswith("--")}
+                assert options <= known | {"--help"}, f"{page.name}: {' '.join(words)}"
+                checked += 1
+    assert checked > 15
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site as `scripts/docs` builds it."""
+    pytest.importorskip("mkdocs", reason="NO SITE: pip install 'symgen[docs]'")
+    folder = tmp_path_factory.mktemp("site")
+    words = ["build", "--strict", "--quiet", "-f", ".mkdocs.yml", "--site-dir", str(folder)]
+    run = subprocess.run(
+        [sys.executable, "-m", "mkdocs", *words],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def address(site: Path) -> Iterator[str]:
+    """The site behind a plain HTTP server."""
+
+    class Quiet(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None:
+            pass
+
+    handler = functools.partial(Quiet, directory=str(site))
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_address[1]}"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_the_site_has_every_page(site: Path) -> None:
+    """Property: pages that are written from the code are there, with their content."""
+    commands = (site / "reference/commands.html").read_text(encoding="utf-8")
+    for words in ("symgen identify", "symgen build", "symgen excite", "--cutoff"):
+        assert words in commands
+    names = (site / "reference/api/index.html").read_text(encoding="utf-8")
+    assert "identify_payload" in names
+    assert "fr3_mass_matrix" in (site / "reference/c.html").read_text(encoding="utf-8")
+    for name in ("fr3", "own-robot", "payload", "realtime"):
+        assert (site / f"tutorials/{name}.html").exists()
+
+
+def test_the_site_in_a_browser(address: str) -> None:
+    """Property: wide and narrow, light and dark: no overflow, no error, no other server, search."""
+    with chromium() as browser:
+        complaints: list[str] = []
+        others: list[str] = []
+        for scheme in ("light", "dark"):
+            for width, height in SIZES:
+                page = browser.new_page(
+                    viewport={"width": width, "height": height}, color_scheme=scheme
+                )
+                page.on("pageerror", lambda error: complaints.append(str(error)))
+                page.on("request", lambda request: others.append(request.url))
+                for name in LOOKED_AT:
+                    page.goto(f"{address}/{name}")
+                    excess = page.evaluate(EXCESS)
+                    assert excess <= 0, f"{name} at {width} px is {excess} px too wide"
+                shown = page.evaluate("document.body.getAttribute('data-md-color-scheme')")
+                assert shown == {"light": "default", "dark": "slate"}[scheme]
+                page.close()
+        page = browser.new_page()
+        page.on("request", lambda request: others.append(request.url))
+        page.goto(f"{address}/index.html")
+        page.locator(".md-search__input").first.fill("Stribeck")
+        result = page.locator(".md-search-result__item a").first
+        result.wait_for(timeout=10_000)
+        assert "friction" in (result.get_attribute("href") or "")
+        assert not complaints
+        assert not [url for url in others if not url.startswith((address, "data:", "blob:"))]
+
+
+def test_notebooks_are_those_of_the_tutorials() -> None:
+    """Property: what is committed is what `scripts/docs --notebooks` writes."""
+    pytest.importorskip("nbformat", reason="NO NOTEBOOKS: pip install 'symgen[docs]'")
+    from scripts.site.notebooks import FOLDER, NAMES, text_of
+
+    assert NAMES == NOTEBOOKS
+    for name in NAMES:
+        stored = (FOLDER / f"{name}.ipynb").read_text(encoding="utf-8")
+        assert stored == text_of(name), f"{name}: run scripts/docs --notebooks"
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_notebook_runs(name: str, tmp_path: Path, fr3, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: a Jupyter kernel runs every cell; shell lines end with exit code 0."""
+    pytest.importorskip("nbclient", reason="NO NOTEBOOKS: pip install 'symgen[docs]'")
+    pytest.importorskip("ipykernel", reason="NO NOTEBOOKS: pip install 'symgen[docs]'")
+    import nbformat
+    from nbclient import NotebookClient
+
+    (tmp_path / "generated").mkdir()
+    (tmp_path / "generated" / "fr3").symlink_to(fr3.folder)
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    _program(programs / "python", f'exec {sys.executable} "$@"')
+    call = "import sys; from symgen.console import main; sys.argv[0] = 'symgen'; main()"
+    _program(programs / "symgen", f'exec {sys.executable} -c "{call}" "$@"')
+    monkeypatch.setenv("PATH", str(programs), prepend=os.pathsep)
+    monkeypatch.setenv("PYTHONPATH", str(REPOSITORY))
+    notebook = nbformat.read(REPOSITORY / "docs/notebooks" / f"{name}.ipynb", as_version=4)
+    for cell in notebook.cells:
+        if cell.cell_type == "code" and cell.source.startswith("!"):
+            cell.source += "\nassert _exit_code == 0, _exit_code"
+    client = NotebookClient(
+        notebook,
+        timeout=300,
+        resources={"metadata": {"path": str(tmp_path)}},
+        kernel_name="python3",
+    )
+    client.execute()
+    shown = "".join(
+        output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", [])
+    )
+    shown = ESCAPE.sub("", shown)
+    assert {"own-robot": "links: all 2 consistent", "payload": "1.0000 kg"}[name] in shown
+
+
+def _program(path: Path, line: str) -> None:
+    path.write_text(f"#!/bin/sh\n{line}\n", encoding="utf-8")
+    path.chmod(0o755)
+
+
+def test_scripts_docs_refuses_what_it_does_not_know(tmp_path: Path) -> None:
+    """Property: one sentence and exit code 2."""
+    shutil.copytree(REPOSITORY / "scripts", tmp_path / "scripts", ignore=lambda *_: ["__pycache__"])
+    setup = tmp_path / "scripts/setup"
+    setup.write_text("#!/bin/sh\n", encoding="utf-8")
+    run = subprocess.run(
+        [str(tmp_path / "scripts/docs"), "--pictures"], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 2
+    assert "--serve" in run.stderr

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording import datasets
 from runtime.recording.consistency import check_consistency
+from runtime.recording.formats import format_of_folder
 from runtime.recording.formats.tables import Table
-from runtime.recording.log_files import Files, is_bag, parts_of
+from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 from runtime.recording.recording import FloatArray, Recording
@@ -99,12 +100,12 @@ def read_raw(
         RecordingError: no such file, no recipe for a folder, or too few whole rows.
     """
     place, chosen = place_and_recipe(path, recipe, run)
-    files = Files(place, chosen or Recipe(), tuple(joints))
+    files = LogFiles(place, chosen or Recipe(), tuple(joints))
     plan = files.plan()
     tables = {kind: files.table(kind, part) for kind, part in parts_of(plan).items()}
-    names, columns = files.extras(), files.columns()
-    if columns is not None:
-        tables["columns"] = columns
+    extras = files.extras()
+    if extras.columns is not None:
+        tables["columns"] = extras.columns
     kept, dropped = usable_rows(tables)
     return Raw(
         plan=plan,
@@ -112,9 +113,9 @@ def read_raw(
         tables=tables,
         kept=kept,
         dropped=tuple(dropped),
-        names=names,
-        motors=files.motors() if columns is not None else None,
-        name=names.get("name", ("",))[0] or plan.name or place.stem,
+        names=extras.texts,
+        motors=extras.motors if extras.columns is not None else None,
+        name=extras.texts.get("name", ("",))[0] or plan.name or place.stem,
         source=files.sha256,
         pins=tuple(files.pin_notes()),
     )
@@ -153,7 +154,7 @@ def plan_of(
         RecordingError: there is no such log or recipe.
     """
     place, chosen = place_and_recipe(path, recipe, run)
-    plan = Files(place, chosen or Recipe()).plan()
+    plan = LogFiles(place, chosen or Recipe()).plan()
     return (chosen or Recipe()).replace(time=plan.time, run=plan.run, **plan.signals())
 
 
@@ -197,7 +198,7 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
         return None
     if (place / "recipe.toml").is_file():
         return load_recipe(place / "recipe.toml")
-    if is_bag(place):
+    if format_of_folder(place) is not None:
         return None
     if place.resolve().name in bundled_names():
         return load_recipe(place.resolve().name)

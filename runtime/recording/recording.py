@@ -153,6 +153,16 @@ class Recording:
             raise RecordingError("expected two samples or more, got one; a rate needs a step")
         return float(1.0 / np.median(np.diff(self.t)))
 
+    def titled(self) -> tuple[list[str], FloatArray]:
+        """Titles t, q1 … qn, … of all signals that are present, and their columns (N, m)."""
+        titles, blocks = ["t"], [self.t[:, None]]
+        for key in SIGNALS:
+            values = getattr(self, key)
+            if values is not None:
+                titles += [f"{key}{joint}" for joint in range(1, self.n_joints + 1)]
+                blocks.append(values)
+        return titles, np.hstack(blocks)
+
     def replace(self, **changes: Any) -> Self:
         """The same recording with some fields exchanged."""
         return dataclasses.replace(self, **changes)

@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.joint_states import MessageRows
-from runtime.recording.formats.parquet import ParquetLog, parquet_columns
-from runtime.recording.formats.row_sources import NpzRows, ParquetRows, Rows
-from runtime.recording.formats.spool import CsvRows
+from runtime.recording.formats import format_of_folder, format_of_suffix
+from runtime.recording.formats.log_format import Rows
 from runtime.recording.formats.tables import Table
-from runtime.recording.log_files import SUFFIXES, Files, columns_of, is_bag, parts_of
+from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import place_and_recipe
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import Recording
@@ -98,8 +96,12 @@ def is_large(path: str | Path) -> bool:
     """Whether a file or a bag is one that is streamed by default."""
     path = Path(path)
     if path.is_dir():
-        return is_bag(path) and sum(p.stat().st_size for p in path.iterdir()) > LARGE
-    return path.suffix.lower() in SUFFIXES and path.is_file() and path.stat().st_size > LARGE
+        return (
+            format_of_folder(path) is not None
+            and sum(p.stat().st_size for p in path.iterdir()) > LARGE
+        )
+    known = path.is_file() and format_of_suffix(path.name) is not None
+    return known and path.stat().st_size > LARGE
 
 
 def open_streamed(
@@ -114,12 +116,15 @@ def open_streamed(
         RecordingError: another kind of file, or one that is no log.
     """
     place, chosen = place_and_recipe(path, recipe, run)
-    files = Files(place, chosen or Recipe(), tuple(joints), in_place=True)
+    files = LogFiles(place, chosen or Recipe(), tuple(joints), in_place=True)
     plan = files.plan()
     by_file: dict[str, dict[str, Signal | Time]] = {}
     for kind, part in parts_of(plan).items():
         by_file.setdefault(files.file_of(part.file), {})[kind] = part
-    sources = tuple(_rows(files, name, parts) for name, parts in by_file.items())
+    layouts = {name: next(iter(parts.values())).layout for name, parts in by_file.items()}
+    sources = tuple(
+        files.reader(name, layouts[name]).rows(parts) for name, parts in by_file.items()
+    )
     counts = [rows.count for rows in sources]
     if min(counts) != max(counts) or not counts[0]:
         raise RecordingError(
@@ -128,10 +133,10 @@ def open_streamed(
         )
     clock, origin = None, None
     if plan.time is not None and plan.time.rate_hz is None:
-        timed = sources[list(by_file).index(files.file_of(plan.time.file))]
-        clock = timed
-        if not isinstance(timed, CsvRows | MessageRows):  # columns that can be read alone
-            clock = _rows(files, files.file_of(plan.time.file), {"time": plan.time})
+        name = files.file_of(plan.time.file)
+        clock = sources[list(by_file).index(name)]
+        if files.format_of(name, layouts[name]).reads_time_alone:
+            clock = files.reader(name, layouts[name]).rows({"time": plan.time})
         if plan.time.from_zero:
             origin = float(clock.read(0, 1)["time"][0, 0])
     return StreamedRecording(
@@ -140,40 +145,11 @@ def open_streamed(
         plan=plan,
         recipe=chosen,
         source=files.sha256,
-        joint_names=plan.joints or files.extras().get("joint_names", ()),
+        joint_names=plan.joints or files.extras().texts.get("joint_names", ()),
         origin=origin,
         files=sources,
         clock=clock,
         remarks=files.remarks(),
-    )
-
-
-def _rows(files: Files, name: str, parts: dict[str, Signal | Time]) -> Rows:
-    layout = files.layout_of(name, next(iter(parts.values())).layout)
-    if layout == "bag":
-        return files.message_rows(name, parts)
-    path = files.hashed(name)
-    if layout == "npz":
-        if "columns" in NpzRows(path).keys:
-            raise RecordingError(
-                f"{name} holds friction columns of a prepared recording, which is not streamed; "
-                "read it as a whole with --no-stream"
-            )
-        return NpzRows(path, {kind: part.key for kind, part in parts.items()})
-    if layout == "csv":
-        return CsvRows(path, {kind: columns_of(part) for kind, part in parts.items()})
-    if layout != "parquet":
-        raise RecordingError(
-            f"a log is streamed from uncompressed NPZ, Parquet, CSV or a bag, got {name!r}; "
-            "convert it, or read it as a whole with --no-stream"
-        )
-    log = ParquetLog(path)
-    return ParquetRows(
-        log,
-        {
-            kind: parquet_columns(columns_of(part), part.key, log.columns)
-            for kind, part in parts.items()
-        },
     )
 
 

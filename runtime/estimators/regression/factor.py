@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.errors import IdentificationError, RecordingError
 from runtime.files import replacing, require_file
 from runtime.library import Array, Library
-from runtime.recording.formats.tables import open_npz
+from runtime.recording.formats.npz import open_npz
 
 EXPLAINED = 1e-9
 """Part of a column of length one that others leave, below which they explain it."""

@@ -14,13 +14,12 @@ from runtime.errors import RecordingError
 from runtime.inspection.checks.column_names import SI, Meaning, meaning
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Recipe
-from runtime.recording.formats.tables import cells_of, decode, open_npz
-from runtime.recording.log_files import SUFFIXES, Files, raw_bytes
+from runtime.recording.formats import format_of_suffix
+from runtime.recording.formats.log_format import LogReader
+from runtime.recording.log_files import LogFiles
 from runtime.recording.recipes.recipe import Signal, Time
 
 Group = dict[str, list[dict]]
-HEAD = 200
-"""Lines in which a header is looked for."""
 _UNTOLD = Time(rate_hz=1.0)
 
 
@@ -37,7 +36,7 @@ def draft(
     Raises:
         RecordingError: no positions, or no file that holds numbers.
     """
-    if place.is_file() and _layout_of(place) not in {"csv", "npz"}:
+    if place.is_file() and not _has_titles(place):
         return None, []
     plan = _by_convention(place)
     if plan is not None and plan.torque is not None:
@@ -53,8 +52,8 @@ def _by_convention(place: Path) -> Recipe | None:
     if not place.is_file():
         return None
     try:
-        plan = Files(place, Recipe()).plan()
-        timed = plan.time is not None and len(Files(place, plan).table("time", plan.time).values)
+        plan = LogFiles(place, Recipe()).plan()
+        timed = plan.time is not None and len(LogFiles(place, plan).table("time", plan.time).values)
     except RecordingError:
         return None
     return plan if timed else None
@@ -68,32 +67,32 @@ def _described(place: Path, joints: int) -> Group:
         files = sorted(place.iterdir())
     for path in files:
         own = path.name if place.is_dir() else ""
-        reader = {"npz": _arrays, "csv": _texts}.get(_layout_of(path))
-        for kind, part in reader(path, own, joints) if reader else ():
-            found[kind].append(part)
+        if _has_titles(path):
+            reader = LogFiles(path, Recipe()).reader(path.name, "")
+            for kind, part in (*_arrays(reader, own, joints), *_texts(reader, own, joints)):
+                found[kind].append(part)
     for parts in found.values():
         parts.sort(key=lambda part: not part["measured"])
     return found
 
 
-def _layout_of(path: Path) -> str:
-    return SUFFIXES.get(path.suffix.lower(), "")
+def _has_titles(path: Path) -> bool:
+    """Whether a recipe can be proposed from the titles in a file."""
+    log_format = format_of_suffix(path.name)
+    return log_format is not None and log_format.has_titles
 
 
-def _arrays(path: Path, own: str, joints: int) -> Iterable[tuple[str, dict]]:
-    arrays = open_npz(raw_bytes(path), path.name)
-    for key, array in arrays.items():
+def _arrays(reader: LogReader, own: str, joints: int) -> Iterable[tuple[str, dict]]:
+    for key, shape in reader.arrays().items():
         what = meaning(key)
-        width = array.shape[1] if array.ndim == 2 else 1
+        width = shape[1] if len(shape) == 2 else 1
         wanted = 1 if what.kind == "time" else joints
-        if what.kind and array.dtype.kind in "fiu" and array.ndim in {1, 2} and width == wanted:
+        if what.kind and len(shape) in {1, 2} and width == wanted:
             yield what.kind, _part(what, own, key, layout="npz", key=key)
 
 
-def _texts(path: Path, own: str, joints: int) -> Iterable[tuple[str, dict]]:
-    text = decode(raw_bytes(path), path.name)
-    lines = [line for line in text.splitlines()[:HEAD] if line.strip()]
-    rows = [cells_of(line)[0] for line in lines]
+def _texts(reader: LogReader, own: str, joints: int) -> Iterable[tuple[str, dict]]:
+    path, rows = reader.raw.path, reader.head()
     file = meaning(path.stem)
     numeric = [all(_is_number(cell) for cell in row) for row in rows]
     first = next((i for i, good in enumerate(numeric) if good), None)

@@ -16,7 +16,7 @@ from runtime.files import require_file, values_of
 from runtime.identification.result_schema import read_facts
 from runtime.outputs.report.sessions import Sessions, read_sessions
 from runtime.outputs.report.sureness import Sureness, read_sureness
-from runtime.recording.formats.tables import open_npz
+from runtime.recording.formats.npz import open_npz
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,37 @@
-"""Readers of log formats."""
+"""Formats of log files: one record each, by the name of the layout that a recipe states."""
+
+from pathlib import Path
+
+from runtime.recording.formats.log_format import LogFormat
+from runtime.registry import Registry
+
+FORMATS = Registry(
+    "symgen.log_formats",
+    LogFormat,
+    "layout",
+    {
+        "csv": "runtime.recording.formats.csv_format:CSV",
+        "flat": "runtime.recording.formats.csv_format:FLAT",
+        "npz": "runtime.recording.formats.npz_format:NPZ",
+        "parquet": "runtime.recording.formats.parquet_format:PARQUET",
+        "bag": "runtime.recording.formats.bag_format:BAG",
+    },
+)
+"""All log formats; a package adds one by an entry point of the group "symgen.log_formats"."""
+
+
+def format_of_suffix(name: str) -> LogFormat | None:
+    """Format of a file by its suffix, None where no format has it."""
+    suffix = Path(name).suffix.lower()
+    return next((each for each in FORMATS.records() if suffix in each.suffixes), None)
+
+
+def format_of_folder(place: Path) -> LogFormat | None:
+    """Format of a folder that is one log, such as a ROS 2 bag; None for any other place."""
+    marked = (each for each in FORMATS.records() if each.marker)
+    return next((each for each in marked if (place / each.marker).is_file()), None)
+
+
+def all_suffixes() -> tuple[str, ...]:
+    """Suffixes of all formats."""
+    return tuple(suffix for each in FORMATS.records() for suffix in each.suffixes)

@@ -4,7 +4,8 @@ By the convention of CSV the columns are t, q1 … qn, …; by that of NPZ they 
 cell of q is a list of n numbers. Nothing but numbers is decoded.
 """
 
-from collections.abc import Iterator
+from collections import deque
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -146,6 +147,45 @@ class Batch:
                 "length, but are not; write one number per joint and instant"
             )
         return flat.reshape(count, width)
+
+
+class ParquetRows:
+    """Columns of a Parquet file; reading forwards costs one pass, going back begins anew."""
+
+    def __init__(self, log: ParquetLog, kinds: Mapping[str, tuple[str, ...]]) -> None:
+        self._log, self._kinds = log, dict(kinds)
+        self._columns = tuple(column for columns in self._kinds.values() for column in columns)
+        self.count = log.rows
+        self._held: deque[dict[str, FloatArray]] = deque()
+        self._first = self._next = 0
+        self._batches = log.batches(self._columns, 0)
+
+    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Kind → its rows start … stop."""
+        group = self._log.group_start(start)
+        if start < self._first or group > self._next:
+            self._held.clear()
+            self._first = self._next = group
+            self._batches = self._log.batches(self._columns, group)
+        self._forget(start)
+        while self._next < stop:
+            batch = next(self._batches, None)
+            if batch is None:
+                raise RecordingError(f"{self._log.name} holds fewer rows than it claims")
+            self._held.append({kind: batch.numbers(c) for kind, c in self._kinds.items()})
+            self._next += len(next(iter(self._held[-1].values())))
+            self._forget(start)
+        whole = {kind: np.concatenate([part[kind] for part in self._held]) for kind in self._kinds}
+        at = start - self._first
+        return {kind: values[at : at + stop - start] for kind, values in whole.items()}
+
+    def _forget(self, start: int) -> None:
+        while self._held:
+            length = len(next(iter(self._held[0].values())))
+            if self._first + length > start:
+                return
+            self._held.popleft()
+            self._first += length
 
 
 def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:

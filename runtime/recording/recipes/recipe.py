@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from math import pi
 
 from runtime.errors import RecordingError
+from runtime.recording.formats import FORMATS
 from runtime.recording.settings import Friction, Preparation, Split, one_of, positive
 
 UNITS: dict[str, dict[str, float]] = {
@@ -22,7 +23,6 @@ UNITS: dict[str, dict[str, float]] = {
     "acceleration": {"rad/s^2": 1.0, "deg/s^2": pi / 180, "m/s^2": 1.0, "mm/s^2": 1e-3},
     "torque": {"N*m": 1.0, "mN*m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3},
 }
-LAYOUTS = ("csv", "flat", "npz", "parquet", "bag")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,17 @@ class Time:
                 )
             return
         one_of("[time] unit", self.unit, tuple(UNITS["time"]))
-        one_of("layout", self.layout, ("", *LAYOUTS))
+        one_of("layout", self.layout, ("", *FORMATS))
+
+    @property
+    def columns(self) -> tuple[str | int, ...]:
+        """The one column."""
+        return (self.column,)
+
+    @property
+    def width(self) -> int:
+        """Numbers per sample of flat text."""
+        return 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +95,7 @@ class Signal:
     offset: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
-        one_of("layout", self.layout, ("", *LAYOUTS))
+        one_of("layout", self.layout, ("", *FORMATS))
         if self.order and sorted(self.order) != list(range(len(self.order))):
             raise RecordingError(
                 f"order expects a permutation of 0 … {len(self.order) - 1}, got "

@@ -104,7 +104,7 @@ LOGS: dict[str, tuple[Case, str]] = {
     "pickled NPZ": (lambda d: d.identify(pickled(d)), "pickled Python objects"),
     "noise as CSV": (lambda d: d.identify(d.put("x.csv", NOISE)), "expected to be UTF-8 text"),
     "noise as NPZ": (lambda d: d.identify(d.put("x.npz", NOISE)), "expected to be an NPZ"),
-    "unknown suffix": (lambda d: d.identify(d.put("x.mat", NOISE)), "ends in .npz"),
+    "unknown suffix": (lambda d: d.identify(d.put("x.mat", NOISE)), "ends in .csv, .txt"),
     "five rows": (lambda d: d.identify(d.rows(slice(0, 5))), "equations for 43 unknowns"),
     "five rows, pc-ols": (
         lambda d: d.identify(d.rows(slice(0, 5)), "--method", "pc-ols"),

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.files import json_of, require_file
 from runtime.outputs.report.experiments.curves import is_drawable
+from runtime.recording.formats.npz import open_npz
 from runtime.recording.formats.parquet import rows_of
-from runtime.recording.formats.tables import open_npz
 
 Array = NDArray[np.float64]
 

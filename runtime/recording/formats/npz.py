@@ -1,34 +1,94 @@
-"""Rows of arrays that stay in their file: uncompressed NPZ, and Parquet batch by batch.
+"""NPZ archives: all arrays at once, or rows of uncompressed arrays that stay in their file."""
 
-A source gives the rows start … stop of several kinds of signals and holds no more than these.
-"""
-
+import io
+import sys
 import zipfile
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.parquet import ParquetLog
+from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, Table
 
-FloatArray = NDArray[np.float64]
+MOST_TEXTS = 10_000
+"""Largest number of texts in an array of an NPZ that is read."""
 _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
 
 
-class Rows(Protocol):
-    """Rows of one file."""
+def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
+    """All arrays of an NPZ; nothing in it is ever unpickled.
 
-    @property
-    def count(self) -> int:
-        """The number of rows."""
+    Raises:
+        RecordingError: truncated, no NPZ, or holding Python objects.
+    """
+    try:
+        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise RecordingError(
+                    f"{name} is expected to be an NPZ archive, but holds one bare array; "
+                    "save it with numpy.savez(t=…, q=…, …)"
+                )
+            decoded = sum(m.file_size for m in (archive.zip.infolist() if archive.zip else ()))
+            if decoded > EXPANSION * len(data) + SLACK:
+                raise RecordingError(
+                    f"{name} claims {decoded} bytes in {len(data)}, which no log has; "
+                    "it is damaged, so export it again"
+                )
+            arrays = {key: archive[key] for key in archive.files}
+            for array in arrays.values():
+                if array.dtype.kind == "U" and array.size > MOST_TEXTS:
+                    raise RecordingError(
+                        f"{name} holds {array.size} texts, which no log has; export it again"
+                    )
+                if array.dtype.kind == "U":
+                    _require_text(array)
+            return arrays
+    except RecordingError:
+        raise
+    except Exception as error:  # zipfile and numpy raise a dozen kinds on damaged archives
+        pickled = "pickle" in str(error).lower()
+        came = "it holds pickled Python objects" if pickled else "it is truncated or no NPZ at all"
+        todo = "save plain float arrays" if pickled else "copy or export it again"
+        raise RecordingError(
+            f"{name} is expected to be an NPZ of number arrays, but {came}; {todo}"
+        ) from error
 
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Kind → its rows start … stop, (stop − start, m)."""
+
+def _require_text(array: NDArray) -> None:
+    """NumPy makes strings of numbers that are no characters, on which Python fails later."""
+    codes = array.astype(array.dtype.newbyteorder("=")).tobytes()
+    if np.frombuffer(codes, dtype=np.uint32).max(initial=0) > sys.maxunicode:
+        raise ValueError("a text of it is none")
+
+
+def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> Table:
+    """One array of an NPZ as rows, sample-major.
+
+    Raises:
+        RecordingError: no such array, no real numbers, or more than two axes.
+    """
+    if key not in arrays:
+        raise RecordingError(
+            f"{name} is expected to hold the array {key!r}, but holds "
+            f"{', '.join(sorted(arrays)) or 'nothing'}; add it or name it in a recipe"
+        )
+    array = arrays[key]
+    if array.dtype.kind not in "fiu":
+        raise RecordingError(
+            f"{name}: the array {key!r} is expected to hold real numbers, "
+            f"but is of type {array.dtype}; convert it to float64"
+        )
+    rows = array.reshape(-1, 1) if array.ndim == 1 else array
+    if rows.ndim != 2:
+        raise RecordingError(
+            f"{name}: the array {key!r} is expected to be (samples, joints), "
+            f"but is of shape {array.shape}; reshape it"
+        )
+    return Table(rows.astype(np.float64), np.arange(len(rows), dtype=np.int64))
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,42 +175,3 @@ def _located(file: IO[bytes], member: zipfile.ZipInfo) -> _Array | None:
     width = shape[1] if len(shape) == 2 else 1
     fits = numbers and shape[0] * width * dtype.itemsize <= begin + member.file_size - offset
     return _Array(offset, dtype, shape[0], width) if fits and width else None
-
-
-class ParquetRows:
-    """Columns of a Parquet file; reading forwards costs one pass, going back begins anew."""
-
-    def __init__(self, log: ParquetLog, kinds: Mapping[str, tuple[str, ...]]) -> None:
-        self._log, self._kinds = log, dict(kinds)
-        self._columns = tuple(column for columns in self._kinds.values() for column in columns)
-        self.count = log.rows
-        self._held: deque[dict[str, FloatArray]] = deque()
-        self._first = self._next = 0
-        self._batches = log.batches(self._columns, 0)
-
-    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Kind → its rows start … stop."""
-        group = self._log.group_start(start)
-        if start < self._first or group > self._next:
-            self._held.clear()
-            self._first = self._next = group
-            self._batches = self._log.batches(self._columns, group)
-        self._forget(start)
-        while self._next < stop:
-            batch = next(self._batches, None)
-            if batch is None:
-                raise RecordingError(f"{self._log.name} holds fewer rows than it claims")
-            self._held.append({kind: batch.numbers(c) for kind, c in self._kinds.items()})
-            self._next += len(next(iter(self._held[-1].values())))
-            self._forget(start)
-        whole = {kind: np.concatenate([part[kind] for part in self._held]) for kind in self._kinds}
-        at = start - self._first
-        return {kind: values[at : at + stop - start] for kind, values in whole.items()}
-
-    def _forget(self, start: int) -> None:
-        while self._held:
-            length = len(next(iter(self._held[0].values())))
-            if self._first + length > start:
-                return
-            self._held.popleft()
-            self._first += length

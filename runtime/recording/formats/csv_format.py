@@ -1,0 +1,117 @@
+"""Log formats of text: CSV with a header or numbered columns, and flat text, one number per line.
+
+By the default convention a CSV has the header t, q1 … qn [, dq1 … dqn] [, ddq1 … ddqn]
+[, tau1 … taun] in SI units. A CSV by libfranka's logToCSV has the header time, success_rate,
+state.q[0] …, with the time in ms.
+"""
+
+from collections.abc import Mapping
+from typing import IO, Any
+
+import numpy as np
+
+from runtime.errors import RecordingError
+from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
+from runtime.recording.formats.tables import Table
+from runtime.recording.formats.text_rows import CsvRows, head_of_text
+from runtime.recording.formats.text_tables import (
+    cells_of,
+    csv_table,
+    decode,
+    find_header,
+    flat_table,
+)
+from runtime.recording.recipes.default_convention import columns_convention
+from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recording import Recording
+
+FRANKA = {"q": ("position", "rad"), "dq": ("velocity", "rad/s"), "tau_J": ("torque", "N*m")}
+"""Column of logToCSV → kind of signal and its unit."""
+HEAD = 200
+"""Lines in which a header is looked for."""
+
+
+class TextReader(LogReader):
+    """Reader of a CSV."""
+
+    def text(self) -> str:
+        """Text of the file, or the head of one that stays in its file."""
+        if self.raw.in_place:
+            return head_of_text(self.raw.hashed())
+        return decode(self.raw.data(), self.raw.name)
+
+    def convention(self) -> Recipe:
+        """Recipe of a header by the convention, or by logToCSV."""
+        lines = self.text().splitlines()
+        if (franka := _franka_convention(lines)) is not None:
+            return franka
+        header = lines[find_header(lines, ("q1",), self.raw.name)]
+        return columns_convention(cells_of(header)[0], "csv", self.raw.name)
+
+    def table(self, kind: str, part: Signal | Time) -> Table:
+        """Columns that a part of the recipe names."""
+        text, columns = self.text(), part.columns
+        if not columns or columns == ("",):
+            raise RecordingError(
+                f"the recipe names no columns of {self.raw.name} for {kind}; write columns = [...]"
+            )
+        return csv_table(text, columns, self.raw.name)
+
+    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+        """Rows of the columns, parsed once."""
+        return CsvRows(self.raw.hashed(), {kind: part.columns for kind, part in parts.items()})
+
+    def head(self) -> list[list[str]]:
+        """Cells of the first lines that are not blank."""
+        lines = decode(self.raw.data(), self.raw.name).splitlines()[:HEAD]
+        return [cells_of(line)[0] for line in lines if line.strip()]
+
+
+class FlatReader(TextReader):
+    """Reader of text with one number per line."""
+
+    convention = LogReader.convention
+    rows = LogReader.rows
+
+    def table(self, kind: str, part: Signal | Time) -> Table:
+        """Numbers of the file, `width` per sample."""
+        del kind
+        return flat_table(self.text(), part.width, self.raw.name)
+
+
+def _franka_convention(lines: list[str]) -> Recipe | None:
+    """Recipe of a file of logToCSV; None where no header is one of it."""
+    for line in lines[:50]:
+        titles = cells_of(line)[0]
+        prefix = next((p for p in ("state.", "") if f"{p}q[0]" in titles), None)
+        if prefix is None or "time" not in titles:
+            continue
+        signals: dict[str, Any] = {}
+        for key, (kind, unit) in FRANKA.items():
+            names = (f"{prefix}{key}[{i}]" for i in range(len(titles)))
+            present = tuple(name for name in names if name in titles)
+            if present:
+                signals[kind] = Signal(unit=unit, layout="csv", columns=present)
+        return Recipe(time=Time(column="time", unit="ms", layout="csv"), **signals)
+    return None
+
+
+def _write(recording: Recording, file: IO[bytes]) -> None:
+    titles, values = recording.titled()
+    np.savetxt(file, values, fmt="%.17g", delimiter=",", header=",".join(titles), comments="")
+
+
+CSV = LogFormat(
+    name="csv",
+    sentence="text in columns with a header, separated by comma, semicolon, tab or blanks",
+    suffixes=(".csv", ".txt", ".tsv"),
+    reader=TextReader,
+    write=_write,
+    has_titles=True,
+)
+FLAT = LogFormat(
+    name="flat",
+    sentence="text with one number per line",
+    suffixes=(),
+    reader=FlatReader,
+)

@@ -1,0 +1,227 @@
+"""A log format: the record that selects it, and the base class of its readers.
+
+A format is one module with a `LogFormat` and a `LogReader`, and one line in `formats.FORMATS` (or
+an entry point of the group "symgen.log_formats"). A reader returns numbers as they lie in the file;
+units, signs, order and gear are applied later, by the recipe.
+"""
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Protocol
+
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.files import require_file
+from runtime.recording.formats.tables import FloatArray, Table
+
+if TYPE_CHECKING:  # these modules check the name of a layout by the registry of formats
+    from runtime.recording.recipes.recipe import Recipe, Signal, Time
+    from runtime.recording.recording import Recording
+
+Texts = tuple[str, ...]
+
+
+class Rows(Protocol):
+    """Rows of one file that stays where it is."""
+
+    @property
+    def count(self) -> int:
+        """Number of rows."""
+
+    def read(self, start: int, stop: int) -> dict[str, FloatArray]:
+        """Rows of every kind of signal.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            kind → (stop − start, m) numbers in the units of the file.
+        """
+
+
+@dataclass(slots=True)
+class RawFile:
+    """One raw file of a recording; its bytes are read and hashed once.
+
+    Attributes:
+        name: as in the recipe.
+        path: file, or folder of a bag.
+        recipe: as chosen, without the default convention.
+        joints: names of the robot's joints, where the recipe has none.
+        in_place: the file is too large to be held.
+        sha256: file name → digest of what was read; shared by all files of a recording.
+    """
+
+    name: str
+    path: Path
+    recipe: "Recipe"
+    joints: Texts
+    in_place: bool
+    sha256: dict[str, str]
+    _data: bytes | None = None
+
+    def data(self) -> bytes:
+        """Content of the file.
+
+        Raises:
+            RecordingError: it cannot be read, or is no regular file.
+        """
+        if self._data is None:
+            self._data = raw_bytes(self.path)
+            self.sha256[self.name] = hashlib.sha256(self._data).hexdigest()
+        return self._data
+
+    def hashed(self) -> Path:
+        """Path of a file that is not held; it is hashed piece by piece.
+
+        Raises:
+            RecordingError: it cannot be read, or is no regular file.
+        """
+        path = self.path
+        with _reading(path):
+            inside = [each for each in path.iterdir() if not each.is_dir()] if path.is_dir() else []
+        for each in sorted(inside) or [path]:
+            key = self.name if each == path else f"{self.name}/{each.name}"
+            if key not in self.sha256:
+                with _reading(each), require_file(each).open("rb") as file:
+                    self.sha256[key] = hashlib.file_digest(file, "sha256").hexdigest()
+        return path
+
+
+@dataclass(frozen=True, slots=True)
+class Extras:
+    """Content of a log file beside its signals.
+
+    Attributes:
+        texts: "name", "joint_names", "column_names", "history" → texts.
+        columns: friction columns as rows of n·k numbers.
+        motors: (n, n) directions of coupled motors.
+    """
+
+    texts: dict[str, Texts] = field(default_factory=dict)
+    columns: Table | None = None
+    motors: NDArray | None = None
+
+
+class LogReader:
+    """Reader of one raw file; a subclass overrides what its format has.
+
+    Attributes:
+        raw: the file.
+    """
+
+    def __init__(self, raw: RawFile) -> None:
+        self.raw = raw
+
+    def convention(self) -> "Recipe":
+        """Recipe that describes a file which follows the default convention of the format.
+
+        Raises:
+            RecordingError: the file does not follow it.
+        """
+        raise RecordingError(
+            f"{self.raw.name} is expected to be described by a recipe, but there is none; write "
+            "[time], [position] and [torque] with file, layout and unit"
+        )
+
+    def table(self, kind: str, part: "Signal | Time") -> Table:
+        """Numbers of one signal.
+
+        Args:
+            kind: "time", "position", "velocity", "acceleration" or "torque".
+            part: where the signal lies in the file.
+
+        Returns:
+            Table of (N, m) numbers in the units of the file.
+
+        Raises:
+            RecordingError: the file does not hold it.
+        """
+        raise RecordingError(f"{self.raw.name} holds no numbers of {kind} {part.unit}")
+
+    def rows(self, parts: Mapping[str, "Signal | Time"]) -> Rows:
+        """Rows of several signals of a file that stays where it is.
+
+        Args:
+            parts: kind → where the signal lies in the file.
+
+        Returns:
+            Source of rows.
+
+        Raises:
+            RecordingError: the format cannot be streamed.
+        """
+        raise RecordingError(
+            f"a log is streamed from uncompressed NPZ, Parquet, CSV or a bag, got "
+            f"{self.raw.name!r} with {', '.join(parts)}; convert it, or read it as a whole with "
+            "--no-stream"
+        )
+
+    def extras(self) -> Extras:
+        """Texts, friction columns and motor directions, as far as they were read."""
+        return Extras()
+
+    def remarks(self) -> Texts:
+        """Sentences about the form of the file."""
+        return ()
+
+    def head(self) -> list[list[str]]:
+        """Cells of the first lines of a text; `inspect` looks for titles in them."""
+        return []
+
+    def arrays(self) -> dict[str, tuple[int, ...]]:
+        """Name → shape of the arrays of real numbers; `inspect` looks for titles in the names."""
+        return {}
+
+
+@dataclass(frozen=True, slots=True)
+class LogFormat:
+    """One format of log files.
+
+    Attributes:
+        name: layout that a recipe states.
+        sentence: what the files are.
+        suffixes: of its files, in lower case; the first is that of files that are written.
+        reader: class of its readers.
+        marker: file that makes a folder one log of this format.
+        write: writes a recording into an open file; None where the format is not written.
+        has_titles: `inspect` proposes a recipe from the titles in bare files.
+        reads_time_alone: streamed rows of the time are read without those of the signals.
+        is_one_file: rows of two files of this format cannot be combined into one recording.
+    """
+
+    name: str
+    sentence: str
+    suffixes: Texts
+    reader: Callable[[RawFile], LogReader]
+    marker: str = ""
+    write: "Callable[[Recording, IO[bytes]], None] | None" = None
+    has_titles: bool = False
+    reads_time_alone: bool = False
+    is_one_file: bool = False
+
+
+def raw_bytes(path: Path) -> bytes:
+    """Content of a file.
+
+    Raises:
+        RecordingError: it cannot be read, or is no regular file.
+    """
+    with _reading(path):
+        return require_file(path).read_bytes()
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise RecordingError(
+            f"cannot read {path.name} in {path.parent} ({error.strerror}); "
+            "check the path, or the file names in the recipe"
+        ) from error

@@ -1,0 +1,107 @@
+"""Log format NPZ: arrays t (N,), q (N, n) [, dq] [, ddq] [, tau] in SI units by default.
+
+An NPZ that `write_recording` has written carries the friction columns, the names and the history
+too.
+"""
+
+from collections.abc import Mapping
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
+from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile, Rows
+from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
+from runtime.recording.formats.tables import Table
+from runtime.recording.recipes.default_convention import KINDS, UNITS
+from runtime.recording.recipes.recipe import Recipe, Signal, Time
+from runtime.recording.recording import SIGNALS, Recording
+
+_TEXTS = ("name", "joint_names", "column_names", "history")
+
+
+class NpzReader(LogReader):
+    """Reader of an NPZ."""
+
+    def __init__(self, raw: RawFile) -> None:
+        super().__init__(raw)
+        self._loaded: dict[str, NDArray] | None = None
+
+    def convention(self) -> Recipe:
+        """Recipe of the arrays that are there; q is always expected."""
+        present = NpzRows(self.raw.hashed()).keys if self.raw.in_place else self._content()
+        signals: dict[str, Any] = {
+            KINDS[key]: Signal(unit=UNITS[key], layout="npz", key=key)
+            for key in UNITS
+            if key in present or key == "q"
+        }
+        return Recipe(time=Time(key="t", unit="s", layout="npz"), **signals)
+
+    def table(self, kind: str, part: Signal | Time) -> Table:
+        """Array of the key of a part."""
+        del kind
+        return npz_table(self._content(), part.key, self.raw.name)
+
+    def rows(self, parts: Mapping[str, Signal | Time]) -> Rows:
+        """Rows of uncompressed arrays, read where they lie."""
+        path = self.raw.hashed()
+        if "columns" in NpzRows(path).keys:
+            raise RecordingError(
+                f"{self.raw.name} holds friction columns of a prepared recording, which is not "
+                "streamed; read it as a whole with --no-stream"
+            )
+        return NpzRows(path, {kind: part.key for kind, part in parts.items()})
+
+    def extras(self) -> Extras:
+        """Names, history, friction columns and motors of an NPZ by `write_recording`."""
+        arrays = self._loaded
+        if arrays is None or self.raw.recipe.position is not None:
+            return Extras()
+        texts = {
+            key: tuple(map(str, arrays[key].ravel()))
+            for key in _TEXTS
+            if key in arrays and arrays[key].dtype.kind == "U" and arrays[key].size
+        }
+        columns, motors = arrays.get("columns"), arrays.get("motors")
+        table = None
+        if columns is not None and columns.ndim == 3:
+            values = columns.reshape(len(columns), -1).astype(np.float64)
+            table = Table(values, np.arange(len(values), dtype=np.int64))
+        if motors is not None and motors.dtype.kind != "f":
+            motors = None
+        return Extras(texts, table, motors)
+
+    def arrays(self) -> dict[str, tuple[int, ...]]:
+        """Name → shape of the arrays of real numbers."""
+        content = self._content()
+        return {key: each.shape for key, each in content.items() if each.dtype.kind in "fiu"}
+
+    def _content(self) -> dict[str, NDArray]:
+        if self._loaded is None:
+            self._loaded = open_npz(self.raw.data(), self.raw.name)
+        return self._loaded
+
+
+def _write(recording: Recording, file: IO[bytes]) -> None:
+    arrays = {key: getattr(recording, key) for key in ("t", *SIGNALS, "columns", "motors")}
+    present: dict[str, Any] = {key: values for key, values in arrays.items() if values is not None}
+    texts: dict[str, tuple[str, ...]] = {
+        "column_names": recording.column_names,
+        "joint_names": recording.joint_names,
+        "history": recording.history,
+        "name": (recording.name,),
+    }
+    present |= {key: np.array(text, dtype=str) for key, text in texts.items()}
+    np.savez(file, **present)
+
+
+NPZ = LogFormat(
+    name="npz",
+    sentence="arrays of numbers by numpy.savez, one row per instant",
+    suffixes=(".npz",),
+    reader=NpzReader,
+    write=_write,
+    has_titles=True,
+    reads_time_alone=True,
+)

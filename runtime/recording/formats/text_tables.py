@@ -1,0 +1,177 @@
+"""Text of a log → a table of numbers: CSV, and flat text with one number per line.
+
+A corrupt row stays in its place as NaN, so that files which belong together by row number stay
+aligned; the reader drops it. Units, signs and order are left to `reader`.
+"""
+
+from collections import Counter
+
+import numpy as np
+
+from runtime.errors import RecordingError
+from runtime.recording.formats.tables import MAX_CORRUPT, Columns, Table
+
+SHOWN = 60
+"""Largest number of characters of a line in a message."""
+
+
+def decode(data: bytes, name: str) -> str:
+    """The text of a log.
+
+    Raises:
+        RecordingError: it is empty, or no UTF-8 text.
+    """
+    if not data.strip():
+        raise RecordingError(f"{name} is empty; expected rows of numbers, so export the log again")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = "\0"
+    if "\0" in text:
+        raise RecordingError(
+            f"{name} is expected to be UTF-8 text, but holds other bytes; "
+            "export it as UTF-8 CSV, or as NPZ with the suffix .npz"
+        )
+    return text
+
+
+def cells_of(line: str) -> tuple[list[str], str | None]:
+    """The cells of a line and its separator: `;`, else tab, else comma, else blanks (None)."""
+    line = line.lstrip("# ")  # a header may be written as a comment
+    separator = next((mark for mark in (";", "\t", ",") if mark in line), None)
+    return _split(line, separator), separator
+
+
+def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
+    """The index of the first line whose cells hold all wanted names.
+
+    Raises:
+        RecordingError: no such line; names the column that is missing where one line comes near.
+    """
+    best: tuple[int, list[str]] = (0, list(wanted))
+    first = ",".join(cells_of(lines[0])[0]) if lines else ""
+    for index, line in enumerate(lines):
+        cells = cells_of(line)[0]
+        missing = [column for column in wanted if column not in cells]
+        if not missing:
+            repeated = [cell for cell, count in Counter(cells).items() if count > 1 and cell]
+            if set(repeated) & set(wanted):
+                raise RecordingError(
+                    f"{name} names the column {repeated[0]!r} twice in its header; name it once"
+                )
+            return index
+        if len(wanted) - len(missing) > best[0]:
+            best = (len(wanted) - len(missing), missing)
+    first = first if len(first) <= SHOWN else f"{first[:SHOWN]}…"
+    raise RecordingError(
+        f"{name} is expected to have a header line with the columns {', '.join(wanted)}, "
+        f"but {', '.join(best[1][:4])} {'is' if len(best[1]) == 1 else 'are'} missing (its first "
+        f"line: {first}); rename the columns, or have a recipe proposed: "
+        "python -m runtime inspect LOG --recipe-out recipe.toml"
+    )
+
+
+def csv_table(text: str, columns: Columns, name: str) -> Table:
+    """The chosen columns of a CSV, by header name or by index.
+
+    Lines before the header are skipped, repeated headers and comments (#) left out; a row with
+    another number of cells, or a cell that is no number, is NaN. Where the separator is not the
+    comma, a comma inside a number is its decimal mark.
+
+    Raises:
+        RecordingError: no header, no such column, or rows of another width than the header.
+    """
+    lines = text.splitlines()
+    names = tuple(column for column in columns if isinstance(column, str))
+    if names:
+        header = find_header(lines, names, name)
+        first = header + 1
+    else:
+        header, first = -1, _first_numeric(lines, name)
+    reference = lines[header if names else first]
+    titles, separator = cells_of(reference)
+    picks = [titles.index(c) if isinstance(c, str) else c for c in columns]
+    if max(picks) >= len(titles):
+        raise RecordingError(
+            f"{name} is expected to have a column {max(picks)}, but has {len(titles)} columns "
+            "(counted from 0); correct the recipe"
+        )
+    rows: list[list[float]] = []
+    numbers: list[int] = []
+    widths: Counter[int] = Counter()
+    repeated = 0
+    corrupt = [np.nan] * len(picks)
+    for number, line in enumerate(lines[first:], start=first + 1):
+        stripped = line.strip()
+        if not stripped or stripped.startswith("#"):
+            continue
+        if names and stripped == reference.strip():
+            repeated += 1
+            continue
+        cells = _split(line, separator)
+        widths[len(cells)] += 1
+        good = len(cells) == len(titles)
+        rows.append([_number(cells[i], separator) for i in picks] if good else corrupt)
+        numbers.append(number)
+    _check_widths(widths, len(titles), name)
+    skipped = header if names else first
+    remarks = [f"{name}: {skipped} lines before the header were skipped."] * (skipped > 0)
+    remarks += [f"{name}: {repeated} repeated headers were left out."] * (repeated > 0)
+    if separator not in {",", None}:
+        title = {";": "semicolons", "\t": "tabs"}[separator or ""]
+        remarks.append(f"{name}: cells are separated by {title}, a comma is a decimal mark.")
+    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(picks))
+    return Table(values, np.array(numbers, dtype=np.int64), tuple(remarks))
+
+
+def flat_table(text: str, width: int, name: str) -> Table:
+    """One number per line, `width` numbers per sample; a bad line keeps its place as NaN.
+
+    Raises:
+        RecordingError: no line is a number.
+    """
+    lines = text.rstrip().splitlines()
+    first = _first_numeric(lines, name)
+    numbers = [_number(line.strip(), None) for line in lines[first:]]
+    count, rest = divmod(len(numbers), width)
+    remarks = [f"{name}: {first} lines before the first number were skipped."] * (first > 0)
+    if rest:
+        remarks.append(f"{name}: the last sample was cut short ({rest} of {width} numbers).")
+    values = np.array(numbers[: count * width], dtype=np.float64).reshape(count, width)
+    return Table(values, first + 1 + width * np.arange(count), tuple(remarks))
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    return [cell.strip().strip('"').strip() for cell in line.split(separator)]
+
+
+def _number(cell: str, separator: str | None) -> float:
+    """The number in a cell, or NaN."""
+    if "," in cell and separator != ",":
+        cell = cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else ""
+    if "_" in cell:
+        return np.nan
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def _first_numeric(lines: list[str], name: str) -> int:
+    for index, line in enumerate(lines):
+        cells, separator = cells_of(line)
+        if cells and all(np.isfinite(_number(cell, separator)) for cell in cells):
+            return index
+    raise RecordingError(f"{name} holds no row of numbers; expected one, so export the log again")
+
+
+def _check_widths(widths: Counter[int], expected: int, name: str) -> None:
+    total = sum(widths.values())
+    if not total:
+        raise RecordingError(f"{name} has a header but no rows below it; export the log again")
+    if widths[expected] < (1.0 - MAX_CORRUPT) * total:
+        common = next(width for width, _ in widths.most_common() if width != expected)
+        raise RecordingError(
+            f"{name} names {expected} columns, but {total - widths[expected]} of {total} rows have "
+            f"another number of cells (mostly {common}); make the header match the rows"
+        )

@@ -121,7 +121,7 @@ class Identification:
         speed, position, acceleration = (
             np.atleast_2d(np.asarray(a, dtype=float)) for a in (dq, q, ddq)
         )
-        motion = friction.Motion(speed, position, acceleration, self.lib)
+        motion = friction.JointMotion(speed, position, acceleration, self.lib)
         columns = friction.columns(motion, self.friction)
         extra = friction.torque(columns, self.usual_phi, friction.coupling_of_terms(self.friction))
         if self.net is not None:

@@ -28,13 +28,12 @@ from runtime.inspection.regressor_choice import settled_regressor
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
+from runtime.recording.friction import ROTOR, names_where
 from runtime.recording.plausibility import require_joints
 from runtime.recording.reader import Raw, locate, read_raw, settled
 
 _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
 """One row of so many is kept."""
-_BASE = ("viscous", "coulomb", "offset")
-_MOTORS = ("rotor", "motor_viscous", "motor_coulomb", "motor_rotor")
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +256,8 @@ def _terms(plan: Recipe) -> Friction:
     """Friction to propose: that of coupled motors where the gear couples them."""
     gear = plan.gear
     coupled = any(x != 0.0 for i, row in enumerate(gear) for j, x in enumerate(row) if i != j)
-    return Friction(columns=(*_BASE, *(_MOTORS if coupled else ())))
+    motors = (ROTOR.name, *names_where(lambda column: column.of_motors))
+    return Friction(columns=(*Friction().columns, *(motors if coupled else ())))
 
 
 def _completed(plan: Recipe, lib: Library) -> Recipe:

@@ -167,6 +167,26 @@ class Recording:
         """The same recording with some fields exchanged."""
         return dataclasses.replace(self, **changes)
 
+    def required(self, key: str) -> FloatArray:
+        """A signal that must be present.
+
+        Args:
+            key: "dq", "ddq", "tau", "columns", "rows" or "motors".
+
+        Returns:
+            The array of that name.
+
+        Raises:
+            RecordingError: the recording does not have it.
+        """
+        values: FloatArray | None = getattr(self, key)
+        if values is None:
+            raise RecordingError(
+                f"expected {key} in the recording '{self.name}', but there is none; log it, or let "
+                "the preparation compute it"
+            )
+        return values
+
     def noted(self, sentence: str) -> Self:
         """The same recording with one more sentence of history."""
         return self.replace(history=(*self.history, sentence))

@@ -7,6 +7,7 @@ from math import isfinite
 from typing import Any
 
 from runtime.errors import RecordingError
+from runtime.recording.friction_column import widths_of
 
 FILTERS = ("butterworth", "average", "savitzky-golay", "none")
 
@@ -20,10 +21,12 @@ REGRESSORS = ("acceleration", "momentum", "energy")
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
 
 
-_WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
-
-
-_SIGNED = {"coulomb", "motor_coulomb", "asymmetric", "stribeck", "load"}
+_WIDTHS = {
+    "coulomb_speed": ("ε", "rad/s"),
+    "stribeck_speed": ("v_s", "rad/s"),
+    "dahl_stroke": ("z_c", "rad"),
+}
+"""Width of friction columns → symbol and unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,12 +141,14 @@ class Friction:
 
     def __str__(self) -> str:
         """The columns, and the widths that these have."""
-        names = set(self.columns)
-        widths = [f"ε = {self.coulomb_speed:.3g} rad/s"] if names & _SIGNED else []
-        widths += [f"v_s = {self.stribeck_speed:.3g} rad/s"] if "stribeck" in names else []
-        widths += [f"z_c = {self.dahl_stroke:.3g} rad"] if "dahl" in names else []
-        told = ", ".join(self.columns) or "none"
-        return f"{told} ({', '.join(widths)})" if widths else told
+        needed = widths_of(self.columns)
+        widths = [
+            f"{symbol} = {getattr(self, key):.3g} {unit}"
+            for key, (symbol, unit) in _WIDTHS.items()
+            if key in needed
+        ]
+        listed = ", ".join(self.columns) or "none"
+        return f"{listed} ({', '.join(widths)})" if widths else listed
 
 
 def positive(what: str, value: float) -> None:

@@ -207,9 +207,9 @@ def follow(
 
 
 def _friction(plant: Plant, dq: Array) -> Array:
-    names = ("viscous", "coulomb", "offset")
+    names = friction.names_where(lambda column: column.in_closed_loop)
     phi = np.stack([per_joint(dq.shape[-1], getattr(plant, name), name) for name in names], axis=1)
-    rows = friction.columns(friction.Motion(dq), Friction(names, plant.coulomb_speed))
+    rows = friction.columns(friction.JointMotion(dq), Friction(names, plant.coulomb_speed))
     return friction.torque(rows, phi)
 
 
@@ -221,7 +221,7 @@ def _body(lib: Library, plant: Plant) -> ClosedLoopPlant:
         )
     if not plant.coulomb_speed > 0:
         raise IdentificationError("the simulated robot's coulomb speed must be above 0 rad/s")
-    parts = ("rotor", "viscous", "coulomb", "offset")
+    parts = ("rotor", *friction.names_where(lambda column: column.in_closed_loop))
     values = {name: per_joint(n, getattr(plant, name), name) for name in parts}
     return ClosedLoopPlant(pi=plant.pi, coulomb_speed=plant.coulomb_speed, **values)
 

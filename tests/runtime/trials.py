@@ -30,7 +30,7 @@ def pinocchio_rows(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.nd
 
 def with_friction(rows: np.ndarray, dq: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     """[Y F] with every joint's friction columns on its own rows only, (N n, k)."""
-    own = friction.columns(friction.Motion(dq), Friction(names))
+    own = friction.columns(friction.JointMotion(dq), Friction(names))
     count, n, k = own.shape
     blocks = np.zeros((count, n, n, k))
     for j in range(n):

@@ -8,8 +8,8 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.filter_input import (
-    COLUMNS,
     SPEED_VARIANCE,
+    STATE_COLUMNS,
     Stream,
     prior_covariance,
     process_noise,
@@ -146,6 +146,6 @@ EKF = Method(
     "extended Kalman filter over q, dq, pi and friction, on the unfiltered recording",
     fit_ekf,
     unfiltered=True,
-    columns=COLUMNS,
+    columns=STATE_COLUMNS,
     objective="follows the unfiltered recording",
 )

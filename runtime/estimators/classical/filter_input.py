@@ -26,10 +26,11 @@ from runtime.estimators.problem import Problem
 from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, link_columns, links
 from runtime.recording import Friction, Recording
+from runtime.recording.friction import COLUMNS, names_where
 from runtime.recording.preprocessing import differentiate, low_pass
 from runtime.recording.preprocessing.segments import segments, uniform_step
 
-COLUMNS = ("viscous", "coulomb", "offset")
+STATE_COLUMNS = names_where(lambda column: column.secant is not None)
 """Friction columns that the state of a filter can hold."""
 SLOWEST = 200.0
 """Hz below which a step of a filter is too long for the friction of a wrist."""
@@ -79,15 +80,8 @@ class Stream:
     def friction(self, step: int) -> tuple[Array, Array]:
         """Secants column/dq at the smoothed speed of a step, and constant columns; each (n, k)."""
         speed = self.speed[step]
-        slow = np.abs(speed) < 1e-3 * self.width
-        coulomb = np.tanh(speed / self.width) / np.where(slow, 1.0, speed)
-        one, zero = np.ones_like(speed), np.zeros_like(speed)
-        table = {
-            "viscous": (one, zero),
-            "coulomb": (np.where(slow, 1 / self.width, coulomb), zero),
-            "offset": (zero, one),
-        }
-        parts = [table[name] for name in self.names]
+        secants_of = (COLUMNS[name].secant for name in self.names)
+        parts = [secant(speed, self.width) for secant in secants_of if secant is not None]
         secants, constants = (
             np.array([part[i] for part in parts]).reshape(len(parts), -1).T for i in (0, 1)
         )
@@ -97,7 +91,7 @@ class Stream:
     def first_extra(self) -> Array:
         """φ joint by joint, and δ, before the first sample, (n k + n,)."""
         n = self.q.shape[1]
-        start = [0.0 if name == "offset" else FIRST_FRICTION for name in self.names]
+        start = [FIRST_FRICTION if COLUMNS[name].is_passive else 0.0 for name in self.names]
         return np.concatenate([np.tile(start, n), np.zeros(n)])
 
     @property
@@ -109,7 +103,7 @@ class Stream:
 
     def passive(self, phi: Array) -> Array:
         """φ (…, n, k) without what drives the joints: negative friction would run away."""
-        least = [-np.inf if name == "offset" else 0.0 for name in self.names]
+        least = [0.0 if COLUMNS[name].is_passive else -np.inf for name in self.names]
         return np.maximum(phi, least)
 
     @property

@@ -22,7 +22,7 @@ from runtime.estimators.problem import Fit, Origin, Problem
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
-from runtime.recording.friction import spread
+from runtime.recording.friction import COLUMNS, names_where, spread
 
 CONVERGED = 1e-3
 """Relative step of the normalised unknowns at which both methods stop."""
@@ -32,7 +32,7 @@ UNCERTAIN = 0.1
 """Standard deviation of the predicted torque, relative to that of the measured one, from which on
 an estimate by instruments says nothing."""
 _BLOCK = 4096
-_SIMULATED = ("viscous", "coulomb", "offset")
+_SIMULATED = names_where(lambda column: column.in_closed_loop)
 
 
 def fit_iv(problem: Problem) -> Fit:
@@ -121,7 +121,7 @@ def _along(problem: Problem, origin: Origin, now: Solution) -> Samples:
     names = origin.friction.columns
     # Negative friction drives the joints; the next estimate is free to have it again.
     found = {
-        name: value if name == "offset" else np.maximum(value, 0.0)
+        name: np.maximum(value, 0.0) if COLUMNS[name].is_passive else value
         for name, value in zip(names, now.phi.T, strict=True)
     }
     speed = {"coulomb_speed": origin.friction.coulomb_speed} if "coulomb" in names else {}

@@ -15,7 +15,7 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.recording.friction.coupled_motors import PREFIX
+from runtime.recording.friction import names_where
 
 RANK_TOLERANCE = 1e-9
 """Relative size below which a direction of the normalised columns counts as not excited."""
@@ -80,7 +80,8 @@ def counted_in_links(
     On the first joint of an arm above all, a link's inertia does what the rotor does; a method
     that asks no prior cannot tell them apart. Source: Gautier's regrouping.
     """
-    rotors = [name == "rotor" or name.startswith(PREFIX) for name in terms]
+    inertial = names_where(lambda column: column.is_inertial or column.of_motors)
+    rotors = [name in inertial for name in terms]
     if not any(rotors):
         return np.zeros(statistics.factor.shape[1] - statistics.n_base, dtype=bool)
     return statistics.explained() & np.tile(rotors, lib.n_joints)

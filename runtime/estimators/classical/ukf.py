@@ -13,8 +13,8 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.filter_input import (
-    COLUMNS,
     SPEED_VARIANCE,
+    STATE_COLUMNS,
     Stream,
     prior_covariance,
     process_noise,
@@ -162,6 +162,6 @@ UKF = Method(
     "unscented Kalman filter over q, dq, beta and friction, on the unfiltered recording",
     fit_ukf,
     unfiltered=True,
-    columns=COLUMNS,
+    columns=STATE_COLUMNS,
     objective="follows the unfiltered recording",
 )

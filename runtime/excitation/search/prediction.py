@@ -22,11 +22,11 @@ from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.recording import Friction, friction
 
-FRICTION = ("viscous", "coulomb", "offset")
+FRICTION = Friction().columns
 """Columns per joint that are reported beside the unknowns alone."""
 SAMPLES = (COST_SAMPLES, 1000)
 """Of the motion: 80 as the cost sees it, which flatters by some percent, and nearly all."""
-_OFFSET = ("offset",)
+_OFFSET = (friction.OFFSET.name,)
 """What is fitted beside a payload: sensors drift."""
 _COM = np.array([0.0, 0.0, 0.1])
 """Of the payload in the last link's frame, m."""
@@ -198,7 +198,7 @@ def _gram(
     if told.columns is not None:
         rows = rows @ told.columns
     k, n = rows.shape[2], lib.n_joints
-    own = friction.columns(friction.Motion(dq), Friction(names))
+    own = friction.columns(friction.JointMotion(dq), Friction(names))
     spread = np.zeros((samples, n, n, own.shape[2]))
     for j in range(n):
         spread[:, j, j] = own[:, j]

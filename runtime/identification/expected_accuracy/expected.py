@@ -21,6 +21,7 @@ from runtime.excitation.search.prediction import payload_sigma
 from runtime.identification.expected_accuracy.gain_of_recording import PAYLOAD_MASS
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, inertia, links, mass
+from runtime.recording.friction import OFFSET
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +151,7 @@ def _payload(
     lib: Library, statistics: Statistics, known: Knowledge, unit: float, columns: tuple[str, ...]
 ) -> Array | None:
     """Covariance of the last link's ten: friction is the known arm's, sensors drift."""
-    frozen = np.array([name != "offset" for name in columns] * lib.n_joints, dtype=bool)
+    frozen = np.array([name != OFFSET.name for name in columns] * lib.n_joints, dtype=bool)
     earlier = known.earlier if known.payload_only else None
     return covariance_of_rows(
         _rows(lib, statistics.without(frozen), earlier, unit)[:, -N_PARAMETERS:]

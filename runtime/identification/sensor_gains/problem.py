@@ -17,7 +17,7 @@ from runtime.identification.payload import Known, Mount, mount_of, pi_of_body
 from runtime.library import Array, Library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction import geared, spread
+from runtime.recording.friction import OFFSET, geared, spread
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 
@@ -96,7 +96,7 @@ def problem_of(
     mount = _mount(lib, payload, link)
     _require_two_runs(empty, loaded)
     terms = friction or Friction(("viscous", "coulomb"))
-    terms = replace(terms, columns=tuple(name for name in terms.columns if name != "offset"))
+    terms = replace(terms, columns=tuple(name for name in terms.columns if name != OFFSET.name))
     runs = []
     for run in (empty, loaded):
         require_plausible(run, lib)

@@ -19,11 +19,12 @@ from runtime.files import json_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.friction import OFFSET as OFFSET_COLUMN
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import SIGNALS
 
-OFFSET = "offset"
+OFFSET = OFFSET_COLUMN.name
 PAUSE = 10.0
 """Seconds between two logs on the common clock; longer than any gap that is interpolated."""
 

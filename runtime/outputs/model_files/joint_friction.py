@@ -11,15 +11,13 @@ import numpy as np
 from runtime.errors import ExportError
 from runtime.library import Array, Library
 from runtime.recording import Friction
+from runtime.recording.friction import COLUMNS
 
 Values = tuple[float | None, ...]
 """One per joint; None where it is unknown, or negative and would drive the joint."""
 
-MEANING = {
-    "damping": ("viscous",),
-    "friction": ("coulomb", "dahl"),
-    "armature": ("rotor",),
-}
+TERMS = ("damping", "friction", "armature")
+"""Terms of a simulator's joint; which column is which, `FrictionColumn.model_term` states."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +74,9 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
         )
     notes: list[str] = []
     values: dict[str, Values] = {}
-    for quantity, columns in MEANING.items():
-        present = [k for k, name in enumerate(terms.columns) if name in columns]
+    term_of = {name: COLUMNS[name].model_term for name in terms.columns if name in COLUMNS}
+    for quantity in TERMS:
+        present = [k for k, name in enumerate(terms.columns) if term_of.get(name) == quantity]
         if not present:
             values[quantity] = unknown
             continue
@@ -88,8 +87,7 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
             for joint, x in zip(lib.joint_names, total, strict=True)
             if x < 0
         ]
-    known = {column for columns in MEANING.values() for column in columns}
-    others = [name for name in terms.columns if name not in known]
+    others = [name for name in terms.columns if not term_of.get(name)]
     if others:
         notes.append(f"friction columns without a counterpart here, omitted: {', '.join(others)}")
     if values["friction"] != unknown:

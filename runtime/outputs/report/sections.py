@@ -14,6 +14,7 @@ from runtime.outputs.report.layout import Section, Table, Tile
 from runtime.outputs.report.result import Link, Result
 from runtime.outputs.report.sessions import session_sections
 from runtime.outputs.report.sureness import sureness_sections
+from runtime.recording.friction import COLUMNS
 
 NOTHING = "–"
 AHEAD = 3
@@ -179,7 +180,7 @@ def _friction(result: Result) -> Section | None:
         (joint, *(_number(value) for value in values))
         for joint, values in zip(result.joints, friction.values, strict=True)
     )
-    coupled = any(name.startswith("motor_") for name in friction.columns)
+    coupled = any(name in COLUMNS and COLUMNS[name].of_motors for name in friction.columns)
     motors = " Rows of motor_… are motors; each acts on all the joints it drives."
     return Section(
         "Friction",

@@ -1,16 +1,6 @@
 """Joint friction, linear in its coefficients: columns of the motion times φ."""
 
-from runtime.recording.friction.columns import (
-    COLUMNS,
-    LINEAR,
-    Motion,
-    add_columns,
-    columns,
-    completed,
-    gravity_load,
-    renewed_rotor,
-    torque,
-)
+from runtime.recording.friction.columns import OFFSET, ROTOR, gravity_load
 from runtime.recording.friction.coupled_motors import (
     Coupling,
     coupling_of,
@@ -19,12 +9,27 @@ from runtime.recording.friction.coupled_motors import (
     geared,
     spread,
 )
+from runtime.recording.friction.model import (
+    add_columns,
+    columns,
+    completed,
+    renewed_rotor,
+    torque,
+)
+from runtime.recording.friction_column import (
+    COLUMNS,
+    FrictionColumn,
+    JointMotion,
+    names_where,
+)
 
 __all__ = [
     "COLUMNS",
-    "LINEAR",
+    "OFFSET",
+    "ROTOR",
     "Coupling",
-    "Motion",
+    "FrictionColumn",
+    "JointMotion",
     "add_columns",
     "columns",
     "completed",
@@ -33,6 +38,7 @@ __all__ = [
     "directions",
     "geared",
     "gravity_load",
+    "names_where",
     "renewed_rotor",
     "spread",
     "torque",

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
+from runtime.recording.friction_column import COLUMNS
 from runtime.recording.recording import Recording
 from runtime.recording.settings import Friction
 
 FloatArray = NDArray[np.float64]
-PREFIX = "motor_"
-"""Of the columns that belong to motors."""
 
 
 def directions(gear: ArrayLike) -> FloatArray:
@@ -78,7 +77,7 @@ def has_motors(names: tuple[str, ...]) -> bool:
 
 
 def _of_motors(names: tuple[str, ...]) -> tuple[bool, ...]:
-    return tuple(name.startswith(PREFIX) for name in names)
+    return tuple(name in COLUMNS and COLUMNS[name].of_motors for name in names)
 
 
 def geared(terms: Friction, recording: Recording) -> Friction:

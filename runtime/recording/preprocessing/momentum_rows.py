@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording import Friction, Recording
-from runtime.recording.friction import add_columns
+from runtime.recording.friction import COLUMNS, add_columns
 from runtime.recording.preprocessing.filters import without_short
 from runtime.recording.preprocessing.segments import segments, uniform_step
 from runtime.recording.recording import FloatArray
@@ -27,7 +27,6 @@ HELD = 16_000_000
 """Numbers of the regressor at the full rate that are held at a time, 128 MB."""
 CHUNK = 2048
 """Instants whose whole regressor is evaluated at a time."""
-ROTORS = ("rotor", "motor_rotor")
 
 
 def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
@@ -68,7 +67,7 @@ def balanced(
         speeds = [_speed(data, name) for name in data.column_names]
         columns = [
             _differenced(data, speed * speed / 2 if power else speed)
-            if name in ROTORS
+            if name in COLUMNS and COLUMNS[name].is_inertial
             else _summed(data, data.columns[..., k] * speed if power else data.columns[..., k])
             for k, (name, speed) in enumerate(zip(data.column_names, speeds, strict=True))
         ]
@@ -113,7 +112,7 @@ def _chunk(
 def _speed(recording: Recording, name: str) -> FloatArray:
     """Of what a column belongs to: the joints, or the motors that drive several."""
     assert recording.dq is not None  # noqa: S101  `moved` has filled it
-    if name.startswith("motor_") and recording.motors is not None:
+    if name in COLUMNS and COLUMNS[name].of_motors and recording.motors is not None:
         return np.asarray(recording.dq @ recording.motors.T)
     return recording.dq
 

@@ -8,7 +8,7 @@ import numpy as np
 from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
-from runtime.recording.friction import LINEAR, add_columns, completed, renewed_rotor
+from runtime.recording.friction import add_columns, completed, renewed_rotor
 from runtime.recording.preprocessing.clock_repair import repair_clock
 from runtime.recording.preprocessing.decimated_filter import thinned
 from runtime.recording.preprocessing.filters import (
@@ -68,7 +68,7 @@ def prepare(
     if preparation.derivative == "position" and (data.dq is not None or data.ddq is not None):
         data = data.replace(dq=None, ddq=None).noted("Set measured dq and ddq aside.")
     if wanted and data.dq is not None:
-        data = add_columns(data, *friction, lib=lib, later=LINEAR)
+        data = add_columns(data, *friction, lib=lib, linear_later=True)
         data = completed(_reduced(data, preparation), *friction)
     else:
         missing = wanted and data.columns is None

@@ -10,7 +10,7 @@ from runtime.errors import IdentificationError
 from runtime.inspection.friction_choice import RUNGS, choose_friction
 from runtime.library import Library
 from runtime.recording import Friction, Split
-from runtime.recording.friction import Motion, columns, gravity_load, torque
+from runtime.recording.friction import JointMotion, columns, gravity_load, torque
 
 NOISE = 0.02
 WHOLE = Split((0.0, 0.9), (0.9, 0.95), (0.95, 1.0))
@@ -29,7 +29,7 @@ def _with_friction(
     clean: Recording, lib: Library, terms: Friction, noise: float = NOISE
 ) -> Recording:
     """The exact motion, its rigid torque, friction and white noise."""
-    motion = Motion(clean.dq, clean.q, clean.ddq, lib)
+    motion = JointMotion(clean.dq, clean.q, clean.ddq, lib)
     C = columns(motion, terms)
     phi = np.tile([PHI[name] for name in terms.columns], (lib.n_joints, 1))
     tau = clean.tau + (torque(C, phi) if terms.columns else 0.0)
@@ -93,7 +93,7 @@ def test_dahl_bends_as_the_differential_equation_says():
     """Oracle: dζ/dx = (1 − ζ sgn dx)/z_c integrated in closed form, out and back."""
     z = 2e-3
     q = np.concatenate([np.linspace(0, 0.01, 50), np.linspace(0.01, 0.0, 50)[1:]])[:, None]
-    zeta = columns(Motion(np.zeros_like(q), q), Friction(("dahl",), dahl_stroke=z))[:, 0, 0]
+    zeta = columns(JointMotion(np.zeros_like(q), q), Friction(("dahl",), dahl_stroke=z))[:, 0, 0]
     out = 1 - np.exp(-q[:50, 0] / z)
     back = -1 + (out[-1] + 1) * np.exp(-(0.01 - q[50:, 0]) / z)
     # Sums of 100 rounded exponentials.
@@ -103,7 +103,7 @@ def test_dahl_bends_as_the_differential_equation_says():
 def test_load_and_rotor_columns_are_of_the_arm(lib, ideal_runs):
     """Oracle: |Y(q, 0, 0) π₀|, and ddq."""
     run = ideal_runs[0]
-    motion = Motion(run.dq, run.q, run.ddq, lib)
+    motion = JointMotion(run.dq, run.q, run.ddq, lib)
     C = columns(motion, Friction(("load", "rotor"), 0.05))
     still = np.zeros(7)
     expected = np.abs(lib.regressor(run.q[77], still, still) @ lib.pi0) * np.tanh(run.dq[77] / 0.05)

@@ -13,7 +13,7 @@ from runtime.identification.several_logs.joint_fit import joined
 from runtime.library import Library
 from runtime.outputs.report import write_report
 from runtime.recording import Friction, Preparation, write_recording
-from runtime.recording.friction import Motion, columns
+from runtime.recording.friction import JointMotion, columns
 from runtime.recording.preprocessing import prepare
 from tests.runtime.conftest import Command
 from tests.runtime.motions import COULOMB, VISCOUS, moving
@@ -65,7 +65,7 @@ def test_offsets_friction_and_payload_are_told_apart(lib, answer):
     assert np.abs((result.beta - truth) / result.uncertainty.beta_sigma).max() < 5
     q, dq, ddq = np.random.default_rng(0).uniform(-1, 1, (3, 4, 7))
     rigid = lib.inverse_dynamics(q, dq, ddq, result.pi)
-    told = columns(Motion(dq, q, ddq, lib), FRICTION)
+    told = columns(JointMotion(dq, q, ddq, lib), FRICTION)
     extra = np.einsum("ijk,jk->ij", told, result.usual_phi)
     assert result.predict(q, dq, ddq) == pytest.approx(rigid + extra)
 

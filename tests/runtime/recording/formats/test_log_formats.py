@@ -72,7 +72,7 @@ def test_a_bare_reader_names_what_it_lacks(tmp_path):
     assert reader.arrays() == {}
 
 
-def test_a_format_of_another_package_is_inspected_and_identified(tmp_path):
+def test_a_format_of_another_package_is_inspected_and_identified(tmp_path, lib):
     """Property: a toy format serves two commands; without its package it is one sentence."""
     log = read_recording(REPOSITORY / "runtime/examples/fr3_simulated.npz")
     rows = slice(0, len(log), 2)

@@ -1,5 +1,9 @@
 """Friction columns and the torque they stand for."""
 
+import json
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,13 +12,15 @@ from hypothesis.extra.numpy import arrays
 
 from runtime.errors import RecordingError
 from runtime.recording import Friction, Recording, friction
+from tests.conftest import REPOSITORY
+from tests.plugins import install_toy
 
 NAMES = ("viscous", "coulomb", "offset")
 
 
 def speed_columns(dq, names=NAMES, eps=0.02):
     """Columns that need the speed alone."""
-    return friction.columns(friction.Motion(np.asarray(dq)), Friction(tuple(names), eps))
+    return friction.columns(friction.JointMotion(np.asarray(dq)), Friction(tuple(names), eps))
 
 
 speeds = arrays(np.float64, (5, 3), elements=st.floats(-10, 10))
@@ -70,3 +76,63 @@ def test_wrong_names_speeds_and_shapes_are_told():
         friction.torque(speed_columns(dq, NAMES), np.zeros((3, 2)))
     with pytest.raises(RecordingError, match="expect dq"):
         friction.add_columns(Recording(t=np.arange(4.0), q=dq), Friction(NAMES))
+
+
+TOY = """
+import numpy as np
+from runtime.recording.friction_column import FrictionColumn
+
+
+def drag(motion, terms):
+    return motion.dq * np.abs(motion.dq)
+
+
+TOY = FrictionColumn("toy", "dq |dq|", drag)
+"""
+
+
+def test_records_state_the_properties_of_their_columns():
+    """Oracle: claims about the columns against their equations, on a random motion."""
+    rng = np.random.default_rng(0)
+    motions = [
+        friction.JointMotion(*(rng.normal(size=(20, 2)) for _ in range(3))) for _ in range(2)
+    ]
+    total = friction.JointMotion(*(sum(getattr(m, k) for m in motions) for k in ("dq", "q", "ddq")))
+    terms = Friction(gear=((1.0, 0.0), (0.5, 1.0)))
+    for name in friction.COLUMNS:
+        column = friction.COLUMNS[name]
+        if name == "load":  # needs a robot
+            continue
+        a, b, both = (column.function(m, terms) for m in (*motions, total))
+        if column.is_constant:
+            np.testing.assert_array_equal(a, b)
+        else:
+            assert np.allclose(a + b, both) == column.is_linear
+        assert column.model_term in {"", "damping", "friction", "armature"}
+        if column.secant is not None:
+            speed = motions[0].dq[0]
+            slope, constant = column.secant(speed, terms.coulomb_speed)
+            np.testing.assert_allclose(slope * speed + constant, a[0], rtol=1e-12)
+
+
+def test_a_column_of_another_package_is_identified(tmp_path, lib):
+    """Property: a toy column found by its entry point is fitted and stands in result.json."""
+    (tmp_path / "site").mkdir()
+    environment = install_toy(tmp_path / "site", "symgen.friction_columns", "toy", TOY, "TOY")
+    log = str(REPOSITORY / "runtime/examples/fr3_simulated.npz")
+    options = ["--method", "wls", "--friction", "viscous,toy", "--cutoff", "10", "--out", "out"]
+
+    def identify(path: str) -> subprocess.CompletedProcess:
+        command = [sys.executable, "-m", "runtime", "identify", log, "--robot", "fr3", *options]
+        env = {**environment, "PYTHONPATH": path}
+        return subprocess.run(
+            command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+        )
+
+    run = identify(environment["PYTHONPATH"])
+    assert run.returncode == 0, run.stdout + run.stderr
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert facts["friction"]["columns"] == ["viscous", "toy"]
+    assert np.shape(facts["friction"]["values"]) == (7, 2)
+    bare = identify(str(REPOSITORY))
+    assert "no friction column 'toy'" in bare.stdout + bare.stderr

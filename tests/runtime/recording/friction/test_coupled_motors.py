@@ -14,7 +14,7 @@ from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.identification import metrics
 from runtime.recording import Friction, Recipe, read_recording
 from runtime.recording.friction import (
-    Motion,
+    JointMotion,
     columns,
     coupling_of_terms,
     directions,
@@ -59,7 +59,7 @@ def run(ideal_runs) -> Recording:
 def test_columns_of_motors_are_written_out(run, fr3):
     """Oracle: q_m = R q and τ = Rᵀ τ_m by hand; motors with one joint have no columns."""
     terms = geared(Friction(MOTORS, 0.05), run)
-    C = columns(Motion(run.dq, run.q, run.ddq, fr3), terms)
+    C = columns(JointMotion(run.dq, run.q, run.ddq, fr3), terms)
     assert not C[:, :5].any()
     coupling = coupling_of_terms(terms)
     phi = np.tile(TRUE, (7, 1))

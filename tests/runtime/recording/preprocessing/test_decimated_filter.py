@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from scipy import signal as scipy_signal
 
 from runtime.recording import Friction, Recording
-from runtime.recording.friction import LINEAR, add_columns, columns
-from runtime.recording.friction.columns import Motion
+from runtime.recording.friction import COLUMNS, JointMotion, add_columns, columns
 from runtime.recording.preprocessing import (
     Preparation,
     decimate,
@@ -153,13 +152,13 @@ def test_columns_that_came_with_the_log_stay():
     np.testing.assert_allclose(done.columns, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", sorted(LINEAR))
+@pytest.mark.parametrize("name", sorted(name for name in COLUMNS if COLUMNS[name].is_linear))
 def test_linear_columns_are_linear(name):
     """Property: twice the motion is twice the column, or the column is constant."""
     rng = np.random.default_rng(3)
     q, dq, ddq = rng.normal(size=(3, 20, 2))
     terms = Friction((name,), gear=((1.0, 0.5), (0.5, 1.0)))
-    one, two = (columns(Motion(s * dq, s * q, s * ddq), terms) for s in (1.0, 2.0))
+    one, two = (columns(JointMotion(s * dq, s * q, s * ddq), terms) for s in (1.0, 2.0))
     np.testing.assert_allclose(two, one if name == "offset" else 2 * one)
 
 

@@ -15,7 +15,7 @@ from runtime.identification.long_logs import blocks, blocks_of, identify_streame
 from runtime.identification.several_logs import NamedLog, identify_logs
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
-from runtime.recording.friction import Motion, columns, coupling_of_terms, torque
+from runtime.recording.friction import JointMotion, columns, coupling_of_terms, torque
 from runtime.recording.preprocessing import momentum_rows, prepare, prepare_power
 from runtime.recording.recipes.recipe_file import recipe_from_table
 from runtime.simulation import Plant, ideal
@@ -46,7 +46,9 @@ def rubbing(lib: Library, ideal_runs: tuple[Recording, ...], pi_true: np.ndarray
     """A log without ddq of an arm with friction, rotors and a coupled motor, and its φ."""
     run = ideal_runs[0]
     phi = np.random.default_rng(3).uniform(0.1, 0.5, (lib.n_joints, len(TERMS.columns)))
-    extra = torque(columns(Motion(run.dq, run.q, run.ddq), TERMS), phi, coupling_of_terms(TERMS))
+    extra = torque(
+        columns(JointMotion(run.dq, run.q, run.ddq), TERMS), phi, coupling_of_terms(TERMS)
+    )
     return run.replace(tau=run.tau + extra, ddq=None), phi
 
 

@@ -21,7 +21,7 @@ from runtime.cli import (
     tutorial,
     view,
 )
-from runtime.cli.common import INTERRUPTED, flowing
+from runtime.cli.common import INTERRUPTED, flowing, program
 from runtime.errors import RuntimeFault
 
 app = typer.Typer(
@@ -29,6 +29,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="Find the true inertial parameters of a robot arm from measured motion.",
     epilog="The robot's library comes from: python -m symgen build",
 )
@@ -53,15 +54,16 @@ for command in app.registered_commands:
 
 def main() -> None:
     """Run the command line; a `RuntimeFault` becomes one sentence and exit code 2."""
+    name = program().split()[-1]
     try:
         app()
     except RuntimeFault as error:
-        print(f"runtime: {error}", file=sys.stderr)
+        print(f"{name}: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except SystemExit as end:
         if end.code == INTERRUPTED:
             print(
-                "runtime: interrupted; files that were finished before stay as they are",
+                f"{name}: interrupted; files that were finished before stay as they are",
                 file=sys.stderr,
             )
         raise

@@ -3,6 +3,8 @@
 import dataclasses
 import shlex
 import sys
+
+from pathlib import Path
 from typing import Annotated, Any, Protocol
 
 import typer
@@ -63,9 +65,14 @@ def sentences_of(registry: Registry[Any]) -> str:
     return "; ".join(parts)
 
 
+def program() -> str:
+    """Name by which the user started the program, `symgen` or `python -m runtime`."""
+    return "symgen" if Path(sys.argv[0]).stem == "symgen" else "python -m runtime"
+
+
 def command_line() -> str:
-    """The command as it was typed, for the provenance."""
-    return shlex.join(["python", "-m", "runtime", *sys.argv[1:]])
+    """Command line as it was typed, for the provenance of result files."""
+    return shlex.join([*program().split(), *sys.argv[1:]])
 
 
 def torque_table(facts: dict[str, Any]) -> Table:

@@ -70,7 +70,9 @@ def compare_command(
     ] = None,
     seed: Seed = 0,
 ) -> None:
-    r"""Every method on the same data, split, weights and bandwidth, and which to trust.
+    r"""Compare all identification methods on one log.
+
+    All have the same data, split, weights and bandwidth; rules then say which to trust.
 
     \b
     python -m runtime compare panda_gaz --robot fr3

@@ -46,7 +46,7 @@ def evaluate_command(
     rate: Rate = None,
     as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON.")] = False,
 ) -> None:
-    r"""Torque errors of an identified model on another recording, before and after.
+    r"""Evaluate an identified model on another log.
 
     Percentages compare in one band only: a wider one has more of the noise of the torque.
 
@@ -93,5 +93,8 @@ def evaluate_command(
 def locate_command(
     name: Annotated[str, typer.Argument(help="Name of a known data set, such as panda_gaz.")],
 ) -> None:
-    """Where a known data set lies; downloads it when it is not here."""
+    """Print the folder of a known data set.
+
+    A data set that is not on this machine is downloaded first.
+    """
     say(str(locate(name)))

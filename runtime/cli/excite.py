@@ -144,7 +144,7 @@ def excite_command(
         ),
     ] = False,
 ) -> None:
-    r"""Design a trajectory that makes the base parameters visible (Eqs. 3.24–3.29).
+    r"""Design an excitation motion within all limits of a robot.
 
     All criteria of the motion are told, for the unknowns alone and with friction (viscous,
     Coulomb, offset) estimated beside them, with the errors to be expected of a log.

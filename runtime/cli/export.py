@@ -40,7 +40,7 @@ def export_command(
         typer.Option("--formats", callback=_list_formats, is_eager=True, help="List the formats."),
     ] = False,
 ) -> None:
-    r"""Write an identified model for simulators and controllers.
+    r"""Export an identified model to simulators and controllers.
 
     \b
     python -m runtime export results/log-map

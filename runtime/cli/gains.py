@@ -52,7 +52,7 @@ def gains_command(
         Path | None, typer.Option(help="Write the recipe with these gains, for identify --recipe.")
     ] = None,
 ) -> None:
-    r"""Gain and bias of every torque sensor or drive, from a payload that was weighed.
+    r"""Identify gain and bias of every torque sensor or drive.
 
     \b
     python -m runtime gains empty.csv loaded.csv --robot fr3 --payload 3.021,0,0,0.045

@@ -75,7 +75,9 @@ def identify_command(
     payload_of: PayloadOf = None,
     seed: Seed = 0,
 ) -> None:
-    r"""Identify a robot from logs: result.json, identified.urdf and report.html.
+    r"""Identify the inertial parameters of a robot from logs.
+
+    Written: result.json, identified.urdf and report.html.
 
     \b
     python -m runtime identify panda_gaz --robot fr3

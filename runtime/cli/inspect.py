@@ -43,7 +43,7 @@ def inspect_command(
         bool, typer.Option("--strict", help="Exit code 1 for information, too.")
     ] = False,
 ) -> None:
-    r"""What is wrong with this log, and how is it to be read?
+    r"""Check a log and propose a recipe that reads it.
 
     Units, order and signs of the joints, clock, rest, saturation, corrupt rows, sign and unit of
     the torque, delay between q and τ, gravity, tools, and torques that no sensor has measured:

@@ -55,7 +55,7 @@ def payload_command(
     rate: Rate = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print payload.json only.")] = False,
 ) -> None:
-    r"""Mass, centre of mass and inertia of what the arm carries, with 95 % intervals.
+    r"""Identify mass, centre of mass and inertia of a payload.
 
     \b
     python -m runtime payload loaded.csv --robot fr3 --link fr3_link7 --empty empty.csv

@@ -92,7 +92,7 @@ def predict_command(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON, in SI.")] = False,
 ) -> None:
-    r"""How well a motion will tell the parameters, before the robot moves, or while it does.
+    r"""Predict the accuracy that a motion or a log allows.
 
     Standard deviations by least squares and by MAP with the URDF as prior: base parameters, every
     link's mass, centre of mass and inertia, a payload of 1 kg on a known arm, and the torque of

@@ -30,7 +30,7 @@ def report_command(
         ),
     ] = False,
 ) -> None:
-    r"""One HTML file from results: tables that sort, figures that zoom, no network.
+    r"""Write the results of a folder as one HTML page.
 
     \b
     python -m runtime report results/first-map

@@ -48,7 +48,7 @@ def reproduce_command(
         bool, typer.Option("--fresh", help="Throw the trials away that are there, and start anew.")
     ] = False,
 ) -> None:
-    r"""The tables and figures of the document, beside its numbers and our best method.
+    r"""Reproduce the tables and figures of the document.
 
     \b
     python -m runtime reproduce list

@@ -95,7 +95,7 @@ def simulate_command(
     coulomb: Annotated[float, typer.Option(help="Friction of every joint, N·m.")] = 0.0,
     rotor: Annotated[float, typer.Option(help="Reflected motor inertia, kg·m².")] = 0.1,
 ) -> None:
-    r"""Record a robot whose parameters are known, to try methods on.
+    r"""Simulate the log of a robot with known parameters.
 
     With --engine mujoco the log is like a real one: physics of MuJoCo, a robot that differs from
     its model as manufacturing makes it, friction with memory, quantised sensors with bias, a

@@ -15,7 +15,9 @@ FOLDER = Path(__file__).resolve().parents[1] / "tutorials"
 def tutorial_command(
     name: Annotated[str | None, typer.Argument(help="Which one; without it, their names.")] = None,
 ) -> None:
-    r"""Show a tutorial that comes with the package; into a file or a pipe as Markdown.
+    r"""Show a tutorial.
+
+    In a terminal it is formatted; into a file or a pipe it goes as Markdown.
 
     \b
     python -m runtime tutorial

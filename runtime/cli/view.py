@@ -34,7 +34,7 @@ def view_command(
         Path | None, typer.Option(help="Write the film as one HTML file instead, and end.")
     ] = None,
 ) -> None:
-    r"""The moving robot in the browser: playback, limits of position, velocity and torque.
+    r"""Show the moving robot in a web browser.
 
     \b
     python -m runtime view motion.json --robot fr3

@@ -14,6 +14,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="Write the physics of a robot arm as C and compile it: URDF in, generated/<robot>/ out.",
 )
 console = Console()

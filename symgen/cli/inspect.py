@@ -39,7 +39,7 @@ def inspect_command(
         typer.Option(help="Folder that holds a package:// of the meshes; repeatable."),
     ] = None,
 ) -> None:
-    r"""Is this robot model possible, and is it plausible?
+    r"""Check the inertial parameters of a robot model.
 
     Errors cannot exist: a mass below zero, a principal moment larger than the sum of the other
     two, friction that drives. Warnings can, but are seldom meant: matter denser than osmium or

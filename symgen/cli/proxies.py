@@ -35,7 +35,7 @@ def proxies_command(
     most: Annotated[int, typer.Option(min=1, max=6, help="Capsules per link at most.")] = 3,
     margin: Annotated[float, typer.Option(help="Distance that pairs keep, m.")] = MARGIN,
 ) -> None:
-    r"""Fit capsules to the collision geometry of a robot and choose the pairs to watch.
+    r"""Fit collision capsules to a robot and choose the pairs to check.
 
     \b
     python -m symgen proxies my.urdf --out my_proxies.toml --packages ~/ros/src

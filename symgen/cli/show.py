@@ -22,7 +22,7 @@ _DAMAGE = (
 
 @app.command("list")
 def list_command(out: Root = DEFAULT_ROOT) -> None:
-    """Robots that ship with symgen, and robots that have been generated here."""
+    """List bundled and generated robots."""
     table = Table("robot", "bundled", "generated", "library")
     built = {folder.name for folder in out.glob("*/") if (folder / "manifest.json").exists()}
     for name in sorted(built | set(bundled_robots())):
@@ -45,7 +45,7 @@ def describe(
     as_json: Annotated[bool, typer.Option("--json", help="The facts as JSON.")] = False,
     out: Root = DEFAULT_ROOT,
 ) -> None:
-    """Joints, limits, base parameters, and kernels with shapes and operation counts."""
+    """Show joints, limits, base parameters and kernels of a robot."""
     (folder,) = folders_of(out, robot)
     path = folder / "manifest.json"
     try:

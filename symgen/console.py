@@ -1,0 +1,248 @@
+"""The console command `symgen`: one entry to the commands of both packages.
+
+It holds the names of all commands, each with one sentence, and imports the package of a command
+only when that command runs. `symgen` and `runtime` never import each other, so the packages are
+named as text. `inspect` exists twice: a model file goes to symgen, a log to runtime.
+"""
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from symgen import __version__
+
+BUILD, RUN = "symgen.cli", "runtime.cli"
+"""Packages of commands: one writes the library of a robot, one uses it."""
+
+BUILD_LIBRARIES = frozenset({"casadi", "pinocchio"})
+"""Top-level modules that only `pip install 'symgen[build]'` installs."""
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+
+INSPECT_FLAGS = frozenset({"--json", "--strict", "--overwrite", "--help", "-h"})
+"""Options of either `inspect` that take no value; every other one is followed by its value."""
+
+MODEL_SUFFIXES = frozenset({".urdf", ".xacro", ".mjcf", ".xml"})
+"""Suffixes that decide where a file is missing or empty, so that it has no content."""
+
+_BEFORE_XML = b"\xef\xbb\xbf\xff\xfe\x00 \t\r\n"
+"""Bytes that may precede `<`: byte-order marks, the zero bytes of UTF-16, white space."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One line of the overview.
+
+    Attributes:
+        name: word after `symgen`.
+        package: package whose `main` runs it, `BUILD` or `RUN`.
+        sentence: first sentence of the command's own help.
+        argument: what distinguishes two commands of one name.
+    """
+
+    name: str
+    package: str
+    sentence: str
+    argument: str = ""
+
+
+GROUPS: dict[str, tuple[Command, ...]] = {
+    "Build the library of a robot": (
+        Command("build", BUILD, "Generate and compile the C library of a robot arm."),
+        Command(
+            "check", BUILD, "Compare generated files with the C code that symgen writes today."
+        ),
+        Command("list", BUILD, "List bundled and generated robots."),
+        Command("describe", BUILD, "Show joints, limits, base parameters and kernels of a robot."),
+        Command(
+            "proxies", BUILD, "Fit collision capsules to a robot and choose the pairs to check."
+        ),
+        Command("clean", BUILD, "Delete compiled libraries and generated folders."),
+    ),
+    "Check the input": (
+        Command("inspect", BUILD, "Check the inertial parameters of a robot model.", "MODEL"),
+        Command("inspect", RUN, "Check a log and propose a recipe that reads it.", "LOG"),
+        Command("locate", RUN, "Print the folder of a known data set."),
+    ),
+    "Plan a motion": (
+        Command("excite", RUN, "Design an excitation motion within all limits of a robot."),
+        Command("predict", RUN, "Predict the accuracy that a motion or a log allows."),
+        Command("simulate", RUN, "Simulate the log of a robot with known parameters."),
+    ),
+    "Identify": (
+        Command("identify", RUN, "Identify the inertial parameters of a robot from logs."),
+        Command("payload", RUN, "Identify mass, centre of mass and inertia of a payload."),
+        Command("gains", RUN, "Identify gain and bias of every torque sensor or drive."),
+        Command("compare", RUN, "Compare all identification methods on one log."),
+    ),
+    "Use a result": (
+        Command("evaluate", RUN, "Evaluate an identified model on another log."),
+        Command("export", RUN, "Export an identified model to simulators and controllers."),
+        Command("report", RUN, "Write the results of a folder as one HTML page."),
+        Command("view", RUN, "Show the moving robot in a web browser."),
+    ),
+    "Learn": (
+        Command("tutorial", RUN, "Show a tutorial."),
+        Command("reproduce", RUN, "Reproduce the tables and figures of the document."),
+    ),
+}
+"""All commands in the order of the overview."""
+
+
+def main() -> None:
+    """Run `symgen COMMAND …` on `sys.argv`; an unknown command is one sentence and exit code 2."""
+    words = sys.argv[1:]
+    if not words or words[0] in {"-h", "--help"}:
+        print(overview(shutil.get_terminal_size().columns))
+        return
+    if words[0] == "--version":
+        print(f"symgen {__version__}")
+        return
+    packages = [c.package for group in GROUPS.values() for c in group if c.name == words[0]]
+    if not packages:
+        sys.stderr.write(f"symgen: {_unknown(words[0])}\n")
+        raise SystemExit(2)
+    file = inspected_file(words[1:])
+    if len(packages) > 1 and file is None:
+        _help_of_all(packages)
+        return
+    package = packages[0]
+    if len(packages) > 1 and file is not None:
+        package = BUILD if is_model(Path(file)) else RUN
+    commands_of(package)()
+
+
+def overview(width: int) -> str:
+    """Help of the console command.
+
+    Args:
+        width: columns of the terminal.
+
+    Returns:
+        Usage, all commands in groups with one sentence each, and where to read on.
+    """
+    titles = [f"{c.name} {c.argument}".strip() for group in GROUPS.values() for c in group]
+    indent = max(map(len, titles)) + 4
+    lines = [
+        "Usage: symgen COMMAND [ARGUMENTS]",
+        "",
+        textwrap.fill(
+            "Physically consistent inertial parameters of robot arms, from measured motion.",
+            width,
+        ),
+    ]
+    for head, group in GROUPS.items():
+        lines += ["", f"{head}:"]
+        for command in group:
+            title = f"{command.name} {command.argument}".strip()
+            lines.append(
+                textwrap.fill(
+                    command.sentence,
+                    max(width, indent + 30),
+                    initial_indent=f"  {title}".ljust(indent),
+                    subsequent_indent=" " * indent,
+                )
+            )
+    return "\n".join(
+        [
+            *lines,
+            "",
+            "symgen COMMAND --help describes a command with all its options.",
+            "symgen --version prints the version.",
+        ]
+    )
+
+
+def inspected_file(words: Sequence[str]) -> str | None:
+    """First argument of `inspect` that is no option.
+
+    Args:
+        words: command line after `inspect`.
+
+    Returns:
+        The word, or None where only options are given.
+    """
+    rest = iter(words)
+    for word in rest:
+        if word == "--":
+            return next(rest, None)
+        if not word.startswith("-") or word == "-":
+            return word
+        if word not in INSPECT_FLAGS and "=" not in word:
+            next(rest, None)  # the value of this option
+    return None
+
+
+def is_model(path: Path) -> bool:
+    """Whether a file is a robot model: URDF, xacro and MJCF are XML, and no log is.
+
+    Args:
+        path: a file, a folder, or a word that is neither.
+
+    Returns:
+        True where the first character is `<`; without content the suffix decides.
+    """
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096).lstrip(_BEFORE_XML)
+    except (OSError, ValueError):  # missing, a folder, or a name with a zero byte
+        head = b""
+    if head or path.is_dir():
+        return head.startswith(b"<")
+    return path.suffix.lower() in MODEL_SUFFIXES
+
+
+def commands_of(package: str) -> Callable[[], None]:
+    """Import the commands of a package.
+
+    Args:
+        package: `BUILD` or `RUN`.
+
+    Returns:
+        Function that runs the command of `sys.argv`.
+
+    Raises:
+        SystemExit: a library of the build is missing (2), or Ctrl-C came during the import (130).
+    """
+    try:
+        module: Any = import_module(package)
+    except ModuleNotFoundError as error:
+        if package != BUILD or error.name not in BUILD_LIBRARIES:
+            raise
+        sys.stderr.write(
+            f"symgen: writing the C code of a robot needs the package {error.name}, which is not "
+            "installed; run: pip install 'symgen[build]'\n"
+        )
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:  # the import takes a second or two
+        sys.stderr.write("symgen: interrupted\n")
+        raise SystemExit(INTERRUPTED) from None
+    run: Callable[[], None] = module.main
+    return run
+
+
+def _unknown(name: str) -> str:
+    names = [command.name for group in GROUPS.values() for command in group]
+    near = get_close_matches(name, names, 1, 0.0)
+    return (
+        f"expected a command such as '{near[0] if near else names[0]}', got '{name}'; "
+        "run: symgen --help"
+    )
+
+
+def _help_of_all(packages: Sequence[str]) -> None:
+    """The help of every command of one name, one after another; the first failure ends it last."""
+    code: object = None
+    for package in packages:
+        try:
+            commands_of(package)()
+        except SystemExit as end:
+            code = code or end.code
+    raise SystemExit(code)

@@ -1,0 +1,215 @@
+"""The console command `symgen`: what it imports, what it prints, and which package it runs."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from inspect import getdoc
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import runtime.cli
+import symgen.cli
+from symgen import __version__
+from symgen.console import (
+    BUILD,
+    GROUPS,
+    INSPECT_FLAGS,
+    RUN,
+    Command,
+    inspected_file,
+    is_model,
+    overview,
+)
+from tests.conftest import REPOSITORY, TINY_URDF
+
+SCRIPT = "import sys\nfrom symgen.console import main\nsys.exit(main())\n"
+COMMANDS = [command for group in GROUPS.values() for command in group]
+APPS: dict[str, ModuleType] = {BUILD: symgen.cli, RUN: runtime.cli}
+EXAMPLE = REPOSITORY / "runtime" / "examples" / "fr3_simulated.npz"
+
+
+@pytest.fixture(scope="module")
+def script(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file `symgen` that pip writes for the entry point."""
+    path = tmp_path_factory.mktemp("bin") / "symgen"
+    path.write_text(SCRIPT)
+    return path
+
+
+def run(script: Path, *words: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(script), *map(str, words)],
+        cwd=cwd or script.parent,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "100"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def imported(words: list[str]) -> set[str]:
+    """Top-level modules outside the standard library that a command line imports."""
+    code = (
+        "import sys\nbefore = set(sys.modules)\nfrom symgen.console import main\n"
+        f"sys.argv = ['symgen', *{words!r}]\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "tops = {name.partition('.')[0] for name in set(sys.modules) - before}\n"
+        "print('MODULES', *sorted(tops - set(sys.stdlib_module_names)), sep='\\n')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    return set(done.stdout.split("MODULES\n")[1].split())
+
+
+def first_sentence(doc: str) -> str:
+    paragraph = " ".join(doc.partition("\n\n")[0].split())
+    return re.split(r"(?<=[.?])\s", paragraph)[0]
+
+
+def options_of(package: str, name: str) -> tuple[set[str], set[str]]:
+    """Names of the flags and of the options with a value of a command."""
+    import typer
+
+    group = typer.main.get_command(APPS[package].app)
+    flags: set[str] = set()
+    valued: set[str] = set()
+    for parameter in group.commands[name].params:  # type: ignore[attr-defined]
+        if parameter.param_type_name == "option":
+            names = {*parameter.opts, *parameter.secondary_opts}
+            (flags if parameter.is_flag else valued).update(names)
+    return flags, valued
+
+
+def test_entry_point() -> None:
+    """Property: pip makes the command from this function."""
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+    assert project["project"]["scripts"] == {"symgen": "symgen.console:main"}
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"], ["--version"], ["identfy"]], ids=str)
+def test_overview_imports_only_the_standard_library(words: list[str]) -> None:
+    """Property: neither typer nor numpy nor casadi is imported for the overview."""
+    assert imported(words) == {"symgen"}
+
+
+def test_help_of_a_command_imports_its_side_only() -> None:
+    """Property: the run-time side needs no library of the build, the build side no run time."""
+    used = imported(["locate", "--help"])
+    assert {"typer", "runtime"} <= used
+    assert not used & {"casadi", "pinocchio", "mujoco", "matplotlib", "jinja2"}
+    assert "runtime" not in imported(["build", "--help"])
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda c: f"{c.package}-{c.name}")
+def test_sentences_are_those_of_the_commands(command: Command) -> None:
+    """Property: the overview says what `symgen COMMAND --help` says first."""
+    (callback,) = (
+        c.callback
+        for c in APPS[command.package].app.registered_commands
+        if (c.name or c.callback.__name__) == command.name
+    )
+    assert first_sentence(getdoc(callback) or "") == command.sentence
+
+
+def test_every_command_is_listed() -> None:
+    """Property: both packages' commands are in the overview, each once."""
+    for package, module in APPS.items():
+        listed = [command.name for command in COMMANDS if command.package == package]
+        assert len(set(listed)) == len(listed)
+        assert set(listed) == {
+            c.name or c.callback.__name__ for c in module.app.registered_commands
+        }
+
+
+def test_flags_of_inspect() -> None:
+    """Property: the file among the arguments is found although options precede it."""
+    for package in APPS:
+        flags, valued = options_of(package, "inspect")
+        assert flags - {"--help", "-h"} <= INSPECT_FLAGS
+        assert not valued & INSPECT_FLAGS
+    assert inspected_file(["--json", "--recipe", "r.toml", "log.csv"]) == "log.csv"
+    assert inspected_file(["--repair=b.urdf", "a.urdf", "--strict"]) == "a.urdf"
+    assert inspected_file(["--", "-odd.csv"]) == "-odd.csv"
+    assert inspected_file(["--help"]) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("a.urdf", TINY_URDF.encode(), True),
+        ("a.txt", TINY_URDF.encode(), True),  # the content decides, not the name
+        ("bom.xml", b"\xef\xbb\xbf" + TINY_URDF.encode(), True),
+        ("wide.xml", TINY_URDF.encode("utf-16"), True),
+        ("late.xml", b"\n\n  <?xml version='1.0'?><!-- a comment --><mujoco/>", True),
+        ("log.csv", b"t,q1\n0,1\n", False),
+        ("log.xml", b"t,q1\n0,1\n", False),
+        ("empty.urdf", b"", True),
+        ("empty.csv", b"", False),
+        ("missing.xacro", None, True),
+        ("panda_gaz", None, False),
+    ],
+)
+def test_inspect_decides_by_content(
+    name: str, content: bytes | None, expected: bool, tmp_path: Path
+) -> None:
+    """Property: XML is a model; a log, a folder and the name of a data set are not."""
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    assert is_model(tmp_path / name) is expected
+    (tmp_path / "folder.urdf").mkdir(exist_ok=True)
+    assert not is_model(tmp_path / "folder.urdf")
+
+
+def test_overview_fits_the_terminal() -> None:
+    """Property: no line is wider than 80 columns, and every command stands at the line's start."""
+    lines = overview(80).splitlines()
+    assert max(map(len, lines)) <= 80
+    for command in COMMANDS:
+        assert any(line.startswith(f"  {command.name} ") for line in lines)
+
+
+def test_program_in_a_process(script: Path, tmp_path: Path) -> None:
+    """Property: version, usage lines, unknown commands and both kinds of inspect."""
+    assert run(script, "--version").stdout == f"symgen {__version__}\n"
+    near = run(script, "identfy", "log.csv")
+    assert (near.returncode, near.stdout) == (2, "")
+    assert near.stderr == (
+        "symgen: expected a command such as 'identify', got 'identfy'; run: symgen --help\n"
+    )
+    for name in ("build", "identify"):
+        shown = run(script, name, "-h")
+        assert shown.returncode == 0, shown.stderr
+        assert f"Usage: symgen {name} " in shown.stdout
+    both = run(script, "inspect", "--help")
+    assert both.returncode == 0, both.stderr
+    assert both.stdout.count("Usage: symgen inspect ") == 2
+    model = tmp_path / "model.txt"
+    model.write_text(TINY_URDF)
+    ran = run(script, "inspect", model, "--json")
+    assert json.loads(ran.stdout)["format"] == "URDF", ran.stderr
+    log = run(script, "inspect", "nowhere.csv")
+    assert log.returncode == 2
+    assert log.stderr.startswith("symgen: ")
+    assert "nowhere.csv" in log.stderr
+
+
+def test_working_directory_is_not_imported_from(script: Path, tmp_path: Path) -> None:
+    """Property: a file of the user called numpy.py is not run by the command."""
+    for name in ("numpy", "typer", "runtime", "symgen"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('imported from here')\n")
+    ran = run(script, "locate", "nothing", cwd=tmp_path)
+    assert (ran.returncode, ran.stdout) == (2, "")
+    assert ran.stderr.startswith("symgen: there is no data set 'nothing'")
+
+
+def test_provenance_names_the_program(script: Path, tmp_path: Path) -> None:
+    """Property: result files hold the command line as it was typed."""
+    ran = run(script, "inspect", EXAMPLE, "--json", cwd=tmp_path)
+    assert ran.returncode in {0, 1}, ran.stderr
+    assert json.loads(ran.stdout)["command"] == f"symgen inspect {EXAMPLE} --json"

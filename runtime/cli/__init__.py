@@ -22,6 +22,7 @@ from runtime.cli import (
     view,
 )
 from runtime.cli.common import INTERRUPTED, flowing, program
+from runtime.cli.renamed_options import Command
 from runtime.errors import RuntimeFault
 
 app = typer.Typer(
@@ -33,21 +34,21 @@ app = typer.Typer(
     help="Find the true inertial parameters of a robot arm from measured motion.",
     epilog="The robot's library comes from: python -m symgen build",
 )
-app.command("inspect")(inspect.inspect_command)
-app.command("identify")(identify.identify_command)
-app.command("compare")(compare.compare_command)
-app.command("payload")(payload.payload_command)
-app.command("gains")(gains.gains_command)
-app.command("evaluate")(evaluate.evaluate_command)
-app.command("export")(export.export_command)
-app.command("excite")(excite.excite_command)
-app.command("predict")(predict.predict_command)
-app.command("simulate")(simulate.simulate_command)
-app.command("reproduce")(reproduce.reproduce_command)
-app.command("report")(report.report_command)
-app.command("view")(view.view_command)
-app.command("locate")(evaluate.locate_command)
-app.command("tutorial")(tutorial.tutorial_command)
+app.command("inspect", cls=Command)(inspect.inspect_command)
+app.command("identify", cls=Command)(identify.identify_command)
+app.command("compare", cls=Command)(compare.compare_command)
+app.command("payload", cls=Command)(payload.payload_command)
+app.command("gains", cls=Command)(gains.gains_command)
+app.command("evaluate", cls=Command)(evaluate.evaluate_command)
+app.command("export", cls=Command)(export.export_command)
+app.command("excite", cls=Command)(excite.excite_command)
+app.command("predict", cls=Command)(predict.predict_command)
+app.command("simulate", cls=Command)(simulate.simulate_command)
+app.command("reproduce", cls=Command)(reproduce.reproduce_command)
+app.command("report", cls=Command)(report.report_command)
+app.command("view", cls=Command)(view.view_command)
+app.command("locate", cls=Command)(evaluate.locate_command)
+app.command("tutorial", cls=Command)(tutorial.tutorial_command)
 for command in app.registered_commands:
     command.help = flowing(getdoc(command.callback) or "")
 

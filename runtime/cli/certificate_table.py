@@ -19,23 +19,25 @@ def safety_of(
     clearance: float | None,
     table: float | None,
     box: str | None,
-    friction: str | None,
+    viscous: str | None,
+    coulomb: str | None,
 ) -> Safety:
     """The limits that the options ask for, on top of all that the robot states."""
-    viscous: tuple[float, ...] = ()
-    coulomb: tuple[float, ...] = ()
-    if friction is not None:
-        each = 1 if friction.count(",") == 1 else lib.n_joints
-        values = numbers_option(friction, 2 * each, "--friction")
-        viscous, coulomb = values[:each], values[each:]
     return Safety(
         torque_fraction=torque_fraction,
         clearance=clearance,
         table=table,
         box=None if box is None else numbers_option(box, BOX, "--box"),
-        viscous=viscous,
-        coulomb=coulomb,
+        viscous=_per_joint(lib, viscous, "--viscous"),
+        coulomb=_per_joint(lib, coulomb, "--coulomb"),
     )
+
+
+def _per_joint(lib: Library, text: str | None, option: str) -> tuple[float, ...]:
+    """One number or one per joint; empty where the option is not given."""
+    if text is None:
+        return ()
+    return numbers_option(text, lib.n_joints if "," in text else 1, option)
 
 
 def notes(lib: Library, asked: float, taken: float) -> tuple[str, ...]:

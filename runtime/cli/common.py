@@ -3,7 +3,6 @@
 import dataclasses
 import shlex
 import sys
-
 from pathlib import Path
 from typing import Annotated, Any, Protocol
 

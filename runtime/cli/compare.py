@@ -12,11 +12,11 @@ from runtime.cli.common import Robot, Seed, command_line, console, say
 from runtime.cli.options import (
     AUTO,
     Asked,
+    ControllerFile,
     CoulombSpeed,
     Cutoff,
     FrictionNames,
     Log,
-    LoopFile,
     Parts,
     Rate,
     Recipe,
@@ -60,7 +60,7 @@ def compare_command(
     rate: Rate = None,
     regressor: Regressor = None,
     split: Parts = None,
-    loop: LoopFile = None,
+    controller: ControllerFile = None,
     stream: Stream = None,
     truth: Annotated[
         Path | None,
@@ -77,7 +77,7 @@ def compare_command(
     \b
     python -m runtime compare panda_gaz --robot fr3
     python -m runtime compare log.csv --methods map,pc-ols,ols --friction auto --cutoff 10
-    python -m runtime compare log.csv --loop log.loop.toml --friction viscous,coulomb
+    python -m runtime compare log.csv --controller log.loop.toml --friction viscous,coulomb
 
     Writes compare.json, compare.md and report.html. A method that lacks something or fails is a
     row with its reason; Ctrl-C keeps the rows that are finished. Of a streamed log, methods that
@@ -87,7 +87,7 @@ def compare_command(
     names = listed(methods, tuple(METHODS), "--methods") if methods else None
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None
-    streams = _streams(stream, names, loop, friction)
+    streams = _streams(stream, names, controller, friction)
     asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, streams, regressor)
     data = read_data(lib, log, asked)
     options: dict[str, Any] = {
@@ -99,8 +99,8 @@ def compare_command(
     notes = data.notes
     if data.streamed is None:
         names = names or tuple(METHODS)
-        known_loop = read_controller(loop, lib) if loop else None
-        assembly = assemble(data.recording, lib, controller=known_loop, **options)
+        loop = read_controller(controller, lib) if controller else None
+        assembly = assemble(data.recording, lib, controller=loop, **options)
     else:
         names = names or methods_from_statistics()
         for name in names:
@@ -115,7 +115,7 @@ def compare_command(
     told = {
         "methods": list(names),
         **dataclasses.asdict(asked),
-        "loop": None if loop is None else loop.name,
+        "loop": None if controller is None else controller.name,
         "truth": None if place is None else place.name,
         "seed": seed,
     }
@@ -125,10 +125,10 @@ def compare_command(
 
 
 def _streams(
-    asked: bool | None, names: tuple[str, ...] | None, loop: Path | None, friction: str | None
+    asked: bool | None, names: tuple[str, ...] | None, controller: Path | None, friction: str | None
 ) -> bool | None:
     """Whether the log stays in its file: as asked, or not where something needs the whole of it."""
-    whole = loop or friction == AUTO or not set(names or ()) <= set(methods_from_statistics())
+    whole = controller or friction == AUTO or not set(names or ()) <= set(methods_from_statistics())
     return False if asked is None and whole else asked
 
 

@@ -10,7 +10,7 @@ from rich.progress import Progress
 
 from runtime.cli.certificate_table import certificate_table, notes, safety_of
 from runtime.cli.common import Robot, Seed, console, say, sentences_of
-from runtime.cli.predict_tables import EarlierLogs, PayloadAlone, information_of, tell
+from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, tell
 from runtime.errors import RuntimeFault
 from runtime.excitation import (
     BASES,
@@ -66,7 +66,9 @@ def excite_command(
             "folder by itself.",
         ),
     ] = None,
-    rate: Annotated[float, typer.Option(help="Rate of csv, npz and ros, Hz.")] = 1000.0,
+    export_rate: Annotated[
+        float, typer.Option(help="Rows per second of the exported csv, npz and ros, Hz.")
+    ] = 1000.0,
     seed: Seed = 0,
     out: Annotated[
         Path | None, typer.Option(help="JSON of the trajectory; default results/ROBOT-excite.json")
@@ -106,8 +108,8 @@ def excite_command(
         str, typer.Option(metavar="σ", help="Torque noise, N·m: one number or one per joint.")
     ] = "0.05",
     log_rate: Annotated[float, typer.Option(help="Rate at which the robot will log, Hz.")] = 100.0,
-    prior: EarlierLogs = None,
-    payload: PayloadAlone = False,
+    earlier_log: EarlierLogs = None,
+    payload_only: PayloadOnly = False,
     table: Annotated[
         float | None, typer.Option(metavar="Z", help="Height of a table, m in the base frame.")
     ] = None,
@@ -127,18 +129,26 @@ def excite_command(
     torque_fraction: Annotated[
         float, typer.Option(help="Share of the torque limit that may be used.")
     ] = 0.95,
-    friction: Annotated[
+    viscous: Annotated[
         str | None,
         typer.Option(
-            metavar="FV,FC",
-            help="Viscous and Coulomb friction that count as torque, N·m·s/rad and N·m: two "
-            "numbers, or those of all joints one after another.",
+            metavar="FV",
+            help="Viscous friction that counts as torque, N·m·s/rad: one number, or one per joint "
+            "with commas; default 0.",
         ),
     ] = None,
-    plot: Annotated[
+    coulomb: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FC",
+            help="Coulomb friction that counts as torque, N·m: one number, or one per joint with "
+            "commas; default 0.",
+        ),
+    ] = None,
+    pictures: Annotated[
         bool,
         typer.Option(
-            "--plot",
+            "--pictures",
             help="PNGs beside the JSON: every joint's motion and torque with limits, velocity over "
             "position (-speed), the tip's path and distances (-space).",
         ),
@@ -162,18 +172,18 @@ def excite_command(
     lib = load(robot)
     path = _json(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
-    told = information_of(lib, noise, log_rate, prior, payload)
+    told = information_of(lib, noise, log_rate, earlier_log, payload_only)
     # The document's criterion is a function of the regressor alone.
-    is_informed = criterion_of(wanted).needs_information or bool(prior) or payload
-    sample_times(duration, rate)  # before the search: they may be too many
+    is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or payload_only
+    sample_times(duration, export_rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     if not export:
         _require_no_log(path.with_suffix(".csv"))
-    options = clearance, table, box, friction
+    options = clearance, table, box, viscous, coulomb
     if document and any(option is not None for option in options):
         raise RuntimeFault(
-            "--document knows no --table, --box, --clearance or --friction; take --criterion cond "
-            "instead, which keeps all limits"
+            "--document excludes --table, --box, --clearance, --viscous and --coulomb; give "
+            "--criterion cond instead, which keeps all limits"
         )
     safety = None if document else safety_of(lib, torque_fraction, *options)
     side_by_side = cores() if starts >= WORTH_PROCESSES[document] else 1
@@ -207,9 +217,9 @@ def excite_command(
     write_trajectory(found, lib, path, expected)
     written = [path]
     if not export:
-        written.append(_log(found, lib, rate, path.with_suffix(".csv")))
+        written.append(_log(found, lib, export_rate, path.with_suffix(".csv")))
     motion = certified(lib, found.trajectory, safety)
-    if plot:
+    if pictures:
         from runtime.outputs.report.trajectory import write_pictures  # matplotlib loads slowly
 
         written += write_pictures(profile_of(motion), path.with_suffix(".png"))
@@ -221,7 +231,7 @@ def excite_command(
         console.print(certificate_table(stage.certificate, percent))
     say(f"trajectory: {', '.join(map(str, written))}")
     if export:
-        _export(stages, path.with_suffix(""), formats, rate)
+        _export(stages, path.with_suffix(""), formats, export_rate)
 
 
 def _require_no_log(path: Path) -> None:

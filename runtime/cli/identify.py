@@ -10,11 +10,11 @@ from runtime.cli.common import Robot, Seed, command_line, console, say, torque_t
 from runtime.cli.options import (
     AUTO,
     Asked,
+    ControllerFile,
     CoulombSpeed,
     Cutoff,
     Data,
     FrictionNames,
-    LoopFile,
     Parts,
     Rate,
     Recipe,
@@ -70,7 +70,7 @@ def identify_command(
     rate: Rate = None,
     regressor: Regressor = None,
     split: Parts = None,
-    loop: LoopFile = None,
+    controller: ControllerFile = None,
     stream: Stream = None,
     payload_of: PayloadOf = None,
     seed: Seed = 0,
@@ -86,7 +86,7 @@ def identify_command(
     python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
     python -m runtime identify log.csv --robot my --prior my-arm.toml
     python -m runtime identify log.csv --robot my --regressor momentum --cutoff 2
-    python -m runtime identify log.csv --method didim --loop log.loop.toml --friction viscous
+    python -m runtime identify log.csv --method didim --controller log.loop.toml --friction viscous
     python -m runtime identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
 
     A CSV has the header t,q1…,dq1…,ddq1…,tau1… in SI units (dq and ddq optional); anything else
@@ -95,24 +95,24 @@ def identify_command(
     predict every one of them.
     """
     lib, log = load(robot), logs[0]
-    if stream is None and (loop or friction == AUTO or not _is_streamable(method, preset)):
+    if stream is None and (controller or friction == AUTO or not _is_streamable(method, preset)):
         stream = False  # what only a whole log has
     asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor)
     known = None if prior is None else read_prior(prior, lib)
     settings = Settings(method=method, preset=preset, prior=known, seed=seed)
     runs = runs_of(logs, run)
     if len(runs) > 1 or payload_of:
-        if loop is not None:
-            raise IdentificationError("a loop belongs to one log; leave out --loop")
+        if controller is not None:
+            raise IdentificationError("a closed loop belongs to one log; leave out --controller")
         result, agreement = identify_several(runs, lib, settings, payload_of or (), asked)
         _finish(result, out or _folder(log, f"{len(runs)}-{result.method}"), agreement)
         return
     data = read_data(lib, log, asked)
     if data.streamed is not None:
-        if loop is not None:
+        if controller is not None:
             raise IdentificationError(
-                "a loop is simulated sample by sample, but the log is streamed; leave out --loop, "
-                "or use --no-stream"
+                "a closed loop is simulated sample by sample, but the log is streamed; leave out "
+                "--controller, or give --no-stream"
             )
         result = _streamed(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
@@ -129,7 +129,7 @@ def identify_command(
             preparation=data.preparation,
             splitting=data.splitting,
             friction_columns=terms,
-            controller=read_controller(loop, lib) if loop else None,
+            controller=read_controller(controller, lib) if controller else None,
         ),
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))

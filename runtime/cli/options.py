@@ -102,11 +102,11 @@ Stream = Annotated[
         "Parquet, CSV and bags above 200 MB.",
     ),
 ]
-LoopFile = Annotated[
+ControllerFile = Annotated[
     Path | None,
     typer.Option(
-        help="TOML with the controller's gains and the reference motion, for iv and didim; "
-        "simulate writes one."
+        help="TOML with the controller's gains and the reference motion, which the methods iv and "
+        "didim need; simulate writes one as LOG.loop.toml."
     ),
 ]
 

@@ -1,23 +1,25 @@
 """`python -m runtime predict`."""
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from runtime.cli.common import Robot, console, say
-from runtime.cli.options import Asked, Cutoff, Recipe, Run, read_data
+from runtime.cli.options import Asked, Cutoff, Rate, Recipe, Run, read_data
 from runtime.cli.predict_situation import Situation, situation_of
 from runtime.cli.predict_tables import (
     EarlierLogs,
-    PayloadAlone,
+    PayloadOnly,
     base_table,
     link_table,
     payload_sentence,
     torque_sentence,
     worth_table,
 )
+from runtime.errors import IdentificationError
 from runtime.excitation.search.information import NOISE, RATE, information
 from runtime.excitation.search.prediction import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints
@@ -63,9 +65,11 @@ def predict_command(
     log_rate: Annotated[
         float | None,
         typer.Option(
-            help=f"Rate of the log, Hz; default {RATE:g} for a motion, its own for a log."
+            help="Rate at which the robot will record a planned motion, Hz; default "
+            f"{RATE:g}, after a log the rate of its rows."
         ),
     ] = None,
+    rate: Rate = None,
     friction: Annotated[
         str | None,
         typer.Option(
@@ -74,8 +78,8 @@ def predict_command(
             f"recipe, else {','.join(FRICTION)}.",
         ),
     ] = None,
-    payload: PayloadAlone = False,
-    prior: EarlierLogs = None,
+    payload_only: PayloadOnly = False,
+    earlier_log: EarlierLogs = None,
     more: Annotated[
         str | None,
         typer.Option(
@@ -109,12 +113,17 @@ def predict_command(
     lib = load(robot)
     if log_rate is not None:
         information(lib, rate=log_rate)  # raises where it is none
-    asked = Asked(recipe=recipe, run=run, friction=friction, cutoff=cutoff, rate=log_rate)
-    situation = situation_of(lib, _moved(lib, trajectory, asked), noise, prior, payload)
+    _require_rates_apply(
+        [trajectory, *([] if more in {None, SAME} else [str(more)])], log_rate, rate
+    )
+    asked = Asked(recipe=recipe, run=run, friction=friction, cutoff=cutoff, rate=rate)
+    situation = situation_of(
+        lib, _moved(lib, trajectory, asked, log_rate), noise, earlier_log, payload_only
+    )
     now = situation.expected()
-    worths = () if more is None else _worths(situation, now, more, asked)
+    worths = () if more is None else _worths(situation, now, more, asked, log_rate)
     if plot is not None:
-        _draw(situation, more, asked, plot)
+        _draw(situation, more, asked, log_rate, plot)
     if as_json:
         told = _facts(situation, now, worths)
         print(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
@@ -159,17 +168,42 @@ def _moved(
     lib: Library,
     source: str,
     asked: Asked,
+    log_rate: float | None,
     terms: Friction | None = None,
 ) -> Moved:
     """A trajectory, sampled, or a log, prepared; `terms` are those of the motion before."""
-    if Path(source).suffix == ".json":
+    if _is_motion(source):
         found = read_trajectory(Path(source), lib)
-        t = sample_times(found.duration, asked.rate or RATE)
+        t = sample_times(found.duration, log_rate or RATE)
         recording = planned(found, t, lib, Path(source).stem)
         return moved_of(recording, lib, None, terms or _friction(asked.friction))
     data = read_data(lib, source, asked)
     terms = terms or data.friction or _friction(None)
     return moved_of(data.recording, lib, data.preparation, terms)
+
+
+def _is_motion(source: str) -> bool:
+    return Path(source).suffix == ".json"
+
+
+def _require_rates_apply(
+    sources: Sequence[str], log_rate: float | None, rate: float | None
+) -> None:
+    """Refuse a rate that no motion or no log would take.
+
+    Raises:
+        IdentificationError: --log-rate without a planned motion, or --rate without a log.
+    """
+    if log_rate is not None and not any(map(_is_motion, sources)):
+        raise IdentificationError(
+            "--log-rate is the rate at which a planned motion (.json) will be recorded, but "
+            f"'{sources[0]}' is a log; give --rate to decimate it"
+        )
+    if rate is not None and all(map(_is_motion, sources)):
+        raise IdentificationError(
+            f"--rate is the rate to which a log is decimated, but '{sources[0]}' is a planned "
+            "motion; give --log-rate"
+        )
 
 
 def _friction(text: str | None) -> Friction:
@@ -178,18 +212,15 @@ def _friction(text: str | None) -> Friction:
     return Friction(() if text == "none" else tuple(text.split(",")))
 
 
-def _further(situation: Situation, more: str, asked: Asked) -> Moved:
+def _further(situation: Situation, more: str, asked: Asked, log_rate: float | None) -> Moved:
     """The motion that goes on, with the friction of the one before."""
     moved = situation.moved
     if more == SAME:
         return moved
-    rate = asked.rate
-    if rate is None and Path(more).suffix == ".json":
-        rate = moved.rate
-    own = Asked(cutoff=asked.cutoff, rate=rate)
-    found = _moved(situation.lib, more, own, moved.terms)
-    found.require_columns(moved.columns)
-    return found
+    options = Asked(cutoff=asked.cutoff, rate=asked.rate)
+    further = _moved(situation.lib, more, options, log_rate or moved.rate, moved.terms)
+    further.require_columns(moved.columns)
+    return further
 
 
 def _worths(
@@ -197,8 +228,9 @@ def _worths(
     now: Expected,
     more: str,
     asked: Asked,
+    log_rate: float | None,
 ) -> tuple[Worth, ...]:
-    further, lib = _further(situation, more, asked), situation.lib
+    further, lib = _further(situation, more, asked, log_rate), situation.lib
     name = "the same motion" if more == SAME else further.name
     only = situation.known.payload_only
     before = now.by_name(lib, only)
@@ -207,11 +239,13 @@ def _worths(
     )
 
 
-def _draw(situation: Situation, more: str | None, asked: Asked, path: Path) -> None:
+def _draw(
+    situation: Situation, more: str | None, asked: Asked, log_rate: float | None, path: Path
+) -> None:
     from runtime.outputs.report.growth import draw_growth  # matplotlib loads slowly
 
     lib = situation.lib
-    further = None if more in {None, SAME} else _further(situation, str(more), asked)
+    further = None if more in {None, SAME} else _further(situation, str(more), asked, log_rate)
     until = SECONDS[-1] if more is not None else 0.0
     common = lib, situation.moved, situation.noise, situation.known, situation.unit
     draw_growth(growth(*common, base_names(lib), more=further, until=until), path)

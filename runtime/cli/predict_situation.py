@@ -40,7 +40,7 @@ class Situation:
         if self.known.payload_only and found.payload is None:
             raise IdentificationError(
                 f"'{self.moved.name}' does not tell all ten parameters of a payload; give a motion "
-                "that turns the last link about all axes (excite --payload designs one)"
+                "that turns the last link about all axes (excite --payload-only designs one)"
             )
         return found
 
@@ -76,7 +76,7 @@ class Situation:
 
 
 def situation_of(
-    lib: Library, moved: Moved, noise: str | None, prior: list[str] | None, payload: bool
+    lib: Library, moved: Moved, noise: str | None, earlier: list[str] | None, payload_only: bool
 ) -> Situation:
     """What the options say, and where they say nothing, what the log's residuals do.
 
@@ -84,22 +84,22 @@ def situation_of(
         lib: the robot.
         moved: the motion.
         noise: of the torque, N·m, as --noise.
-        prior: earlier logs.
-        payload: only the last link is unknown.
+        earlier: logs that are recorded already.
+        payload_only: only the last link is unknown.
 
     Raises:
         RuntimeFault: the noise or an earlier log is none.
     """
     given = None if noise is None else information(lib, torque_noise(noise, lib.n_joints)).noise
     own: Noise | None = noise_of(lib, moved)
-    known = replace(Knowledge.of(lib), payload_only=payload)
+    known = replace(Knowledge.of(lib), payload_only=payload_only)
     if own is not None:
         known = replace(known, pi=own.pi)
     sigma = given if given is not None else own.sigma if own is not None else None
     if sigma is None:
         sigma = np.full(lib.n_joints, NOISE)
-    if prior:
-        logs = [read_recording(log, joints=lib.joint_names) for log in prior]
+    if earlier:
+        logs = [read_recording(log, joints=lib.joint_names) for log in earlier]
         known = replace(known, earlier=prior_information(lib, logs, sigma, moved.columns))
     unit = own.inflation if own is not None else 1.0
     return Situation(lib, moved, sigma, unit, given is None and own is not None, known)

@@ -18,12 +18,17 @@ from runtime.recording import read_recording
 
 EarlierLogs = Annotated[
     list[str] | None,
-    typer.Option("--prior", metavar="LOG", help="What this log tells counts already; repeatable."),
+    typer.Option(
+        "--earlier-log",
+        metavar="LOG",
+        help="A log that is recorded already: its information is added; repeatable.",
+    ),
 ]
-PayloadAlone = Annotated[
+PayloadOnly = Annotated[
     bool,
     typer.Option(
-        "--payload", help="Only the last link's ten parameters are unknown, the arm is known."
+        "--payload-only",
+        help="Only the ten parameters of the last link are unknown, the arm is known.",
     ),
 ]
 

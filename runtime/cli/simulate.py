@@ -39,10 +39,10 @@ class Engine(StrEnum):
 
 
 _ONLY_COMPILED = (
-    *("exact", "perturb", "rate", "torque_noise", "position_noise", "velocity_noise"),
+    *("exact", "perturb", "control_rate", "torque_noise", "position_noise", "velocity_noise"),
     *("viscous", "coulomb", "rotor"),
 )
-_ONLY_MUJOCO = ("payload", "config", "truth_seed")
+_ONLY_MUJOCO = ("payload", "settings", "truth_seed")
 
 Made = tuple[Recording, dict[str, Any], ClosedLoop | None]
 """A log, its truth, and the loop it came from."""
@@ -61,7 +61,7 @@ def simulate_command(
         Engine | None,
         typer.Option(
             help="compiled: our own physics, simple friction, white noise. mujoco: like a real "
-            "log, see above; the default with --payload, --config or --truth-seed."
+            "log, see above; the default with --payload, --settings or --truth-seed."
         ),
     ] = None,
     keep_every: Annotated[int, typer.Option(help="Log every n-th sample only.", min=1)] = 1,
@@ -73,7 +73,7 @@ def simulate_command(
             help="mujoco: a box in the hand, kg and m in the frame of the last link; or a TOML.",
         ),
     ] = None,
-    config: Annotated[
+    settings: Annotated[
         Path | None,
         typer.Option(help="mujoco: TOML that replaces entries of the robot's friction, sensors …"),
     ] = None,
@@ -87,7 +87,13 @@ def simulate_command(
     perturb: Annotated[
         float, typer.Option(help="True robot: each lambda of the URDF changed by this fraction.")
     ] = 0.05,
-    rate: Annotated[float | None, typer.Option(help="Hz; default 1000, with --ideal 100.")] = None,
+    control_rate: Annotated[
+        float | None,
+        typer.Option(
+            help="Cycles of the controller per second, each a row of the log, Hz; default 1000, "
+            "with --ideal 100."
+        ),
+    ] = None,
     torque_noise: Annotated[float, typer.Option(help="Standard deviation, N·m.")] = 0.05,
     position_noise: Annotated[float, typer.Option(help="Standard deviation, rad.")] = 1e-5,
     velocity_noise: Annotated[float, typer.Option(help="Standard deviation, rad/s.")] = 1e-3,
@@ -126,7 +132,7 @@ def simulate_command(
             progress.update(task, completed=part)
 
         if virtual:
-            made = _virtual(lib, motion, config, payload, seed, truth_seed, tell)
+            made = _virtual(lib, motion, settings, payload, seed, truth_seed, tell)
         else:
             noise = {
                 "position_noise": position_noise,
@@ -135,7 +141,7 @@ def simulate_command(
             }
             parts = {"viscous": viscous, "coulomb": coulomb, "rotor": rotor}
             usual = 100.0 if exact else 1000.0
-            rate = usual if rate is None else rate
+            rate = usual if control_rate is None else control_rate
             made = _compiled(lib, motion, perturb, parts, noise, rate, exact, seed, tell)
     _write(lib, motion, made, path, keep_every)
 
@@ -167,13 +173,13 @@ def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
 def _virtual(
     lib: Library,
     motion: Trajectory,
-    config: Path | None,
+    settings_file: Path | None,
     payload: str | None,
     seed: int,
     truth_seed: int,
     tell: Callable[[float], None],
 ) -> Made:
-    settings = settings_of(lib, config)
+    settings = settings_of(lib, settings_file)
     box = None if payload is None else read_payload(payload)
     log = record(
         lib,

@@ -30,7 +30,7 @@ def view_command(
     ] = None,
     port: Annotated[int, typer.Option(help="Of the server; the next free one is taken.")] = 8080,
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False,
-    export: Annotated[
+    html: Annotated[
         Path | None, typer.Option(help="Write the film as one HTML file instead, and end.")
     ] = None,
 ) -> None:
@@ -50,12 +50,12 @@ def view_command(
     try:
         scene.trace(played.q)
         say(f"drawn:  {look.told}")
-        if export is not None:
+        if html is not None:
             times = np.arange(0.0, played.duration + FRAME_S / 2, FRAME_S)
             film = scene.film(np.array([played.at(float(t))[0] for t in times]))
-            with replacing(export) as file:
+            with replacing(html) as file:
                 file.write(film.encode())
-            say(f"film:   {export}")
+            say(f"film:   {html}")
             return
         say(f"viewer: {scene.url} (Ctrl-C ends it)")
         if not no_open:

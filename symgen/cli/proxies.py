@@ -24,10 +24,13 @@ if TYPE_CHECKING:
 def proxies_command(
     urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)],
     out: Annotated[Path, typer.Option(help="TOML to write, for build --config.", dir_okay=False)],
-    packages: Annotated[
+    package_dir: Annotated[
         list[Path] | None,
-        typer.Option(metavar="DIR", help="Where package://… meshes lie; repeatable."),
+        typer.Option(
+            metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
+        ),
     ] = None,
+    packages: Annotated[list[Path] | None, typer.Option(hidden=True)] = None,
     base: Base = None,
     tip: Tip = None,
     lock: Lock = None,
@@ -38,7 +41,7 @@ def proxies_command(
     r"""Fit collision capsules to a robot and choose the pairs to check.
 
     \b
-    python -m symgen proxies my.urdf --out my_proxies.toml --packages ~/ros/src
+    python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
     python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
     """
     # scipy's optimisers take a while to load, and no other command needs them
@@ -47,6 +50,8 @@ def proxies_command(
     from symgen.collision.geometry import read_geometry
     from symgen.collision.selection import select_pairs
 
+    if packages:
+        raise BuildError("'proxies' has no option --packages any more; give --package-dir DIR")
     if out.exists():
         raise BuildError(f"'{out}' exists already; choose another --out, or delete it first")
     if not (math.isfinite(margin) and margin >= 0):
@@ -54,7 +59,7 @@ def proxies_command(
     chain = read_chain(read_urdf(urdf), ChainOptions(base, tip, None, read_locks(lock or [])))
     known = read_config(*config) if config else RobotConfig()
     with console.status("fitting capsules"):
-        geometry = read_geometry(chain, packages or [])
+        geometry = read_geometry(chain, package_dir or [])
         fitted = tuple(proxy for part in geometry for proxy in fit_link(part, most))
         covered = [coverage(part, fitted) for part in geometry]
         home = np.array(home_of(chain, known))

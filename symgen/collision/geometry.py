@@ -89,7 +89,7 @@ def _objects(chain: Chain, packages: list[Path]) -> list[Any]:
         raise CollisionError(
             f"the collision geometry of '{chain.name}' cannot be read "
             f"({' '.join(str(error).split())}); name the folders that hold its packages with "
-            "--packages DIR"
+            "--package-dir DIR"
         ) from None
     return list(geometry.geometryObjects)
 

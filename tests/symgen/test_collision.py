@@ -257,7 +257,7 @@ def test_the_command_writes_what_build_reads(
 @pytest.mark.parametrize(
     ("shape", "sentence"),
     [
-        ("mesh", "could not be found.*--packages DIR"),
+        ("mesh", "could not be found.*--package-dir DIR"),
         ("none", "no link of 'arm' has a <collision>"),
     ],
 )

@@ -18,7 +18,7 @@ def _write(motion: CertifiedMotion, rate: float, path: Path) -> None:
     stamps = np.round(sample_times(motion.trajectory.duration, rate) * 1e9).astype(np.int64)
     if len(np.unique(stamps)) < len(stamps):
         raise ExportError(
-            f"ROS stamps whole nanoseconds, too coarse for {rate:g} Hz; lower the --rate"
+            f"ROS stamps whole nanoseconds, too coarse for {rate:g} Hz; lower the --export-rate"
         )
     q, dq, ddq, _ = motion.trajectory.at(motion.lib, stamps.astype(np.float64) * 1e-9)
     with replacing(path) as file:

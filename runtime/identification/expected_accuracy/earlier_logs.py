@@ -45,7 +45,7 @@ def prior_information(
         if not len(samples):
             raise IdentificationError(
                 f"the log '{recording.name}' has no samples left after its preparation; "
-                "leave it out of --prior"
+                "leave out this --earlier-log"
             )
         found = compress(lib, samples, 1 / noise**2)
         size = len(found.target)

@@ -212,8 +212,14 @@ OTHERS: dict[str, tuple[Case, str]] = {
     "excite for 0 s": (lambda d: d.excite("--duration", "0"), "positive duration"),
     "excite for NaN s": (lambda d: d.excite("--duration", "nan"), "positive duration"),
     "excite for a year": (lambda d: d.excite("--duration", "3e7"), "positive duration"),
-    "excite at 0 Hz": (lambda d: d.excite("--rate", "0"), "positive duration and sampling rate"),
-    "excite at -10 Hz": (lambda d: d.excite("--rate", "-10"), "sampling rate .* got 10 s and -10"),
+    "excite at 0 Hz": (
+        lambda d: d.excite("--export-rate", "0"),
+        "positive duration and sampling rate",
+    ),
+    "excite at -10 Hz": (
+        lambda d: d.excite("--export-rate", "-10"),
+        "sampling rate .* got 10 s and -10",
+    ),
     "excite without harmonics": (lambda d: d.excite("--harmonics", "0"), "at least one harmonic"),
     "excite without starts": (lambda d: d.excite("--starts", "0"), "and one start"),
     "excite into a CSV": (lambda d: d.excite("--out", "e.csv"), "ends in .json"),
@@ -221,8 +227,11 @@ OTHERS: dict[str, tuple[Case, str]] = {
         lambda d: d.excite("--harmonics", "2", "--out", "file/e.json"),
         "cannot write 'file/e.json'",
     ),
-    "simulate at -5 Hz": (lambda d: d.simulate("--rate", "-5"), "positive .* sampling rate"),
-    "simulate at 0 Hz": (lambda d: d.simulate("--rate", "0"), "positive .* sampling rate"),
+    "simulate at -5 Hz": (
+        lambda d: d.simulate("--control-rate", "-5"),
+        "positive .* sampling rate",
+    ),
+    "simulate at 0 Hz": (lambda d: d.simulate("--control-rate", "0"), "positive .* sampling rate"),
     "simulate negative noise": (lambda d: d.simulate("--torque-noise", "-1"), "noise cannot be -1"),
     "simulate negative friction": (lambda d: d.simulate("--viscous", "-1"), "viscous cannot be -1"),
     "simulate NaN": (lambda d: d.simulate("--perturb", "nan"), "lower the perturbation"),
@@ -241,7 +250,10 @@ OTHERS: dict[str, tuple[Case, str]] = {
     ),
     "trajectory for ever": (lambda d: d.trajectory(duration=float("inf")), "not finite"),
     "trajectory too long": (lambda d: d.trajectory(duration=1e9), "up to 3600 s"),
-    "too many samples": (lambda d: d.simulate("--rate", "1e9"), "fewer than 10,000,000 samples"),
+    "too many samples": (
+        lambda d: d.simulate("--control-rate", "1e9"),
+        "fewer than 10,000,000 samples",
+    ),
 }
 
 

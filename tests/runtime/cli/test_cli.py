@@ -196,7 +196,16 @@ def test_the_chain_on_a_second_robot(
     assert ran.code == 0, ran.err
     assert "no acceleration limit" in ran.out
     for seed, name in ((1, "first"), (2, "second")):
-        words = ("--coulomb", "0.3", "--viscous", "0.5", "--perturb", "0.1", "--rate", "500")
+        words = (
+            "--coulomb",
+            "0.3",
+            "--viscous",
+            "0.5",
+            "--perturb",
+            "0.1",
+            "--control-rate",
+            "500",
+        )
         ran = command(
             *("simulate", "--robot", folder, "--trajectory", "a.json", "--out", f"{name}.csv"),
             *(*words, "--seed", "1" if name == "first" else seed),
@@ -232,7 +241,7 @@ def test_excite_writes_a_motion_that_identify_could_use(
     command: Command, lib: Library, tmp_path: Path
 ) -> None:
     """Property: JSON and CSV agree; the CSV begins and ends at home."""
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--rate", "100")
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--export-rate", "100")
     ran = command("excite", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     table = runtime.read_recording(tmp_path / "results" / "fr3-excite.csv")

@@ -113,9 +113,9 @@ def test_inconsistent_models_get_no_urdf(
 
 def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_path: Path) -> None:
     """Property: files per kind and stage, a table per stage; the CSV only where asked for."""
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--rate", "100")
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--export-rate", "100")
     stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
-    ran = command("excite", "--robot", lib.folder, *words, *stages, "--plot", "--out", "m.json")
+    ran = command("excite", "--robot", lib.folder, *words, *stages, "--pictures", "--out", "m.json")
     assert ran.code == 0, ran.err
     assert "certificate at 10 % speed: holds at every instant" in ran.out
     assert "certificate at 100 % speed: holds at every instant" in ran.out

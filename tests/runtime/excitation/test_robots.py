@@ -69,8 +69,17 @@ def assert_safe(lib: Library, path: Path, share: float | None) -> None:
 CASES = {
     "xarm7": (),
     "ur5": ("--criterion", "a", "--torque-fraction", 0.4),
-    "iiwa14": ("--criterion", "v", "--payload"),
-    "kinova_gen3": ("--criterion", "d", "--box", "-1,1,-1,1,0.1,2", "--friction", "1,0.5"),
+    "iiwa14": ("--criterion", "v", "--payload-only"),
+    "kinova_gen3": (
+        "--criterion",
+        "d",
+        "--box",
+        "-1,1,-1,1,0.1,2",
+        "--viscous",
+        1,
+        "--coulomb",
+        0.5,
+    ),
     "double": (),
 }
 
@@ -116,7 +125,7 @@ def test_other_bases(command: Command, double: Library, basis: str) -> None:
     [
         (("--table", 0), "'double' has no collision proxies, so a table cannot be checked"),
         (("--clearance", 0.02), "so a clearance between its links cannot be checked"),
-        (("--payload",), "excites 4 of 10 unknown columns"),
+        (("--payload-only",), "excites 4 of 10 unknown columns"),
     ],
 )
 def test_what_cannot_be_is_one_sentence(

@@ -87,9 +87,9 @@ def test_simulate_and_identify_by_the_loop(
         options = ("--method", method, "--cutoff", "20", "--rate", "100", "--out", folder)
         told = command("identify", *common, *options)
         assert told.code == 2
-        assert "give the controller's gains and the reference motion by --loop" in told.err
+        assert "give the controller's gains and the reference motion by --controller" in told.err
         assert not folder.exists()
-        ran = command("identify", *common, *options, "--loop", "log.loop.toml")
+        ran = command("identify", *common, *options, "--controller", "log.loop.toml")
         assert (ran.code, ran.err) == (0, "")
         facts = json.loads((folder / "result.json").read_text())
         # σ_q = 1e-5, σ_τ = 0.05, 48 % of the run: some tenths of a percent.

@@ -165,7 +165,9 @@ def test_simulated_methods_recover_the_truth_exactly(quiet: Bench) -> None:
 def test_methods_that_simulate_ask_for_the_loop(good_q: Bench) -> None:
     """Property: no loop, a foreign reference, friction that cannot be simulated: one sentence."""
     for method in ("iv", "didim"):
-        with pytest.raises(IdentificationError, match=r"its description; give .* --loop FILE"):
+        with pytest.raises(
+            IdentificationError, match=r"its description; give .* --controller FILE"
+        ):
             good_q.identify(method, controller=None)
     late = ClosedLoop(good_q.loop.reference, good_q.loop.controller, 0.1, start=1.0)
     with pytest.raises(

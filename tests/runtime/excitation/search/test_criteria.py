@@ -195,7 +195,7 @@ def test_criteria_that_are_none(lib: Library) -> None:
         (("--noise", "0"), "torque noise above 0"),
         (("--noise", "1,2"), "--noise needs 7 numbers"),
         (("--log-rate", "-1"), "sampling rate above 0 Hz"),
-        (("--prior", "nowhere.csv"), "nowhere.csv"),
+        (("--earlier-log", "nowhere.csv"), "nowhere.csv"),
     ],
 )
 def test_bad_options(

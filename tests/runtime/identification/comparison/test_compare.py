@@ -49,7 +49,7 @@ def facts_of_all(
         app,
         [
             *("compare", str(log), "--robot", lib.folder, *TERMS, "--cutoff", "20"),
-            *("--rate", "100", "--loop", str(log.with_suffix(".loop.toml"))),
+            *("--rate", "100", "--controller", str(log.with_suffix(".loop.toml"))),
             *("--out", str(folder / "out")),
         ],
     )
@@ -140,7 +140,7 @@ def test_what_is_missing_is_a_row(
     outcomes = {name: row["outcome"] for name, row in rows.items() if row["outcome"] != RAN}
     missing = dict.fromkeys(("iv", "didim", "ekf", "ukf", "nn"), NOT_RUN)
     assert outcomes == {**missing, "adam": FAILED}
-    assert "--loop FILE" in rows["iv"]["status"]
+    assert "--controller FILE" in rows["iv"]["status"]
     assert "at 200 Hz or more" in rows["ekf"]["status"]
     assert "--friction" in rows["nn"]["status"]
     assert "broke down on these data (singular)" in rows["adam"]["status"]
@@ -216,7 +216,7 @@ def test_methods_are_given_the_same_fresh_problem(
         (("--methods", "map,magic"), "--methods needs names with commas of map, adam"),
         (("--split", "0.9"), "--split needs 2 numbers"),
         (("--truth", "no.json"), "'no.json' is no truth of 'fr3'; expected JSON with 70"),
-        (("--loop", "no.toml"), "is no TOML file that can be read"),
+        (("--controller", "no.toml"), "is no TOML file that can be read"),
         (("--friction", "treacle"), "treacle"),
     ],
 )

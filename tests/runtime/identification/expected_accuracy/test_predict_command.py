@@ -42,14 +42,14 @@ def test_predict(
     other = json.loads(faster.out)
     assert (other["n_samples"], other["friction"]) == (4001, [])
     write_recording(noisy, tmp_path / "log.npz")
-    words = ("--more", motion, "--prior", "log.npz", "--plot", "sigma.png")
+    words = ("--more", motion, "--earlier-log", "log.npz", "--plot", "sigma.png")
     ran = command("predict", "log.npz", *robot, *words)
     assert ran.code == 0, ran.err
     assert "RMS of the log's residuals" in ran.out
     assert "earlier logs counted" in ran.out
     assert re.search(r"^10 s more of motion improve payload mass by \d+ %.*: go on$", ran.out, re.M)
     assert (tmp_path / "sigma.png").read_bytes()[:4] == b"\x89PNG"
-    ran = command("predict", "log.npz", *robot, "--more", "same", "--payload", "--json")
+    ran = command("predict", "log.npz", *robot, "--more", "same", "--payload-only", "--json")
     told = json.loads(ran.out)
     assert [entry["seconds"] for entry in told["more"]] == [10, 30, 60]
     assert told["more"][0]["gains"].keys() == {"payload mass", "payload CoM", "payload inertia"}
@@ -82,13 +82,15 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: Moved) -> None:
         (("motion.json", "--noise", "0"), "torque noise above 0"),
         (("motion.json", "--noise", "1,2"), "--noise needs 7 numbers"),
         (("motion.json", "--log-rate", "0"), "sampling rate above 0 Hz"),
+        (("motion.json", "--rate", "50"), "is a planned motion; give --log-rate"),
+        (("other.npz", "--log-rate", "50"), "is a log; give --rate to decimate it"),
         (("motion.json", "--friction", "sticky"), "no friction column 'sticky'; choose from"),
         (("other.npz",), "has 6 joints, the robot 'fr3"),
         (("motion.json", "--more", "other.npz"), "has 6 joints, the robot 'fr3"),
         (("foreign.json",), "belongs to another robot"),
-        (("short.json", "--payload"), "does not tell all ten parameters of a payload"),
+        (("short.json", "--payload-only"), "does not tell all ten parameters of a payload"),
         (("motion.json", "--plot", "sigma.txt"), "a picture is expected to end in"),
-        (("motion.json", "--prior", "nowhere.csv"), "nowhere.csv"),
+        (("motion.json", "--earlier-log", "nowhere.csv"), "nowhere.csv"),
     ],
 )
 def test_bad_input(

@@ -227,7 +227,7 @@ def test_the_browser_shows_controls_and_a_canvas(fr3: Library, scene: Scene) -> 
 
 def test_the_film_is_one_file(fr3: Library, tmp_path: Path, command: Command) -> None:
     write_motion(Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 0.2), fr3, tmp_path / "m.json")
-    ran = command("view", "m.json", "--robot", fr3.folder, "--export", "film.html")
+    ran = command("view", "m.json", "--robot", fr3.folder, "--html", "film.html")
     assert ran.code == 0, ran.err
     assert "drawn:  collision capsules" in ran.out
     assert "__VISER_EMBED_DATA__" in (tmp_path / "film.html").read_text(encoding="utf-8")

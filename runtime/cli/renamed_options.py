@@ -1,0 +1,59 @@
+"""Option names of earlier versions, refused with a sentence that names the present option."""
+
+from typing import Any
+
+from typer.core import TyperCommand
+
+from runtime.errors import RuntimeFault
+
+_CONTROLLER = "--controller FILE, the closed-loop description of this log"
+_EARLIER_LOG = "--earlier-log LOG; --prior is the inertial prior of identify"
+_PAYLOAD_ONLY = "--payload-only; --payload is a body"
+
+RENAMED = {
+    "identify": {"--loop": _CONTROLLER},
+    "compare": {"--loop": _CONTROLLER},
+    "excite": {
+        "--friction": "--viscous and --coulomb; --friction is a list of column names",
+        "--payload": _PAYLOAD_ONLY,
+        "--plot": "--pictures; --plot is a file",
+        "--prior": _EARLIER_LOG,
+        "--rate": "--export-rate for exported files, or --log-rate for the log to be recorded",
+    },
+    "predict": {"--payload": _PAYLOAD_ONLY, "--prior": _EARLIER_LOG},
+    "simulate": {
+        "--config": "--settings; --config describes a robot to symgen build",
+        "--rate": "--control-rate; --rate is the rate to which a log is decimated",
+    },
+    "view": {"--export": "--html FILE; --export is a kind of file of excite"},
+}
+"""Command → old option → the option to give instead, and what the old name means now."""
+
+
+class Command(TyperCommand):
+    """A command that refuses the option names of earlier versions."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the command line.
+
+        Args:
+            ctx: context of the command.
+            args: words after the command's name.
+
+        Returns:
+            The words that no option or argument took.
+
+        Raises:
+            RuntimeFault: one of them is an option's earlier name.
+        """
+        renamed = RENAMED.get(self.name or "", {})
+        for word in args:
+            if word == "--":
+                break
+            name = word.partition("=")[0]
+            if name in renamed:
+                raise RuntimeFault(
+                    f"'{self.name}' has no option {name} any more; give {renamed[name]}"
+                )
+        rest: list[str] = super().parse_args(ctx, args)
+        return rest

@@ -135,7 +135,8 @@ def _require_controller(problem: Problem, record: Method) -> None:
     if record.needs_controller and (origin is None or origin.controller is None):
         raise NeedsError(
             f"the method {record.name} simulates the robot under its controller and needs its "
-            "description; give the controller's gains and the reference motion by --loop FILE.toml"
+            "description; give the controller's gains and the reference motion "
+            "by --controller FILE.toml"
         )
 
 

@@ -11,7 +11,8 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.library import Array, Library
-from runtime.library.parameters import links, mass
+from runtime.library.parameters import first_moment, links, mass
+from runtime.notebook import html_table
 from runtime.recording import Friction, Recording, friction
 
 
@@ -96,6 +97,33 @@ class Identification:
         verdict = f"{'' if self.is_consistent else 'NOT '}consistent; {self.status}"
         return f"Identification({self.method!r}, {source}: {verdict})"
 
+    def _repr_html_(self) -> str:
+        """Torque errors and bodies of the links, as tables for notebooks."""
+        before, after = torque_errors(self)
+        verdict = "consistent" if self.is_consistent else "not physically consistent"
+        units = ("N" if j.kind == "prismatic" else "N·m" for j in self.lib.manifest.joints)
+        torque = [
+            (name, f"{old:.2f} %", f"{new:.2f} %", f"{rms:.4f} {unit}")
+            for name, old, new, rms, unit in zip(
+                self.lib.joint_names, before.percent, after.percent, after.rms, units, strict=True
+            )
+        ]
+        torque.append(("all joints", f"{before.overall:.2f} %", f"{after.overall:.2f} %", ""))
+        bodies = [
+            (name, f"{m0:.4f}", f"{m:.4f}", ", ".join(f"{x:.4f}" for x in h / m))
+            for name, m0, m, h in zip(
+                self.lib.link_names,
+                mass(links(self.lib.pi0)),
+                mass(links(self.pi)),
+                first_moment(links(self.pi)),
+                strict=True,
+            )
+        ]
+        title = f"{self.lib.name} by {self.method}: {verdict}; {self.status}"
+        errors = html_table(title, torque, ("joint", "error of URDF", "error", "RMS error"))
+        head = ("link", "mass of URDF [kg]", "mass [kg]", "centre of mass [m]")
+        return errors + html_table("links", bodies, head)
+
     @property
     def usual_phi(self) -> Array:
         """φ of the columns of `friction`, (n, k): the offset is the mean over all logs."""
@@ -159,6 +187,17 @@ class Identification:
         smallest = self.relative_eigenvalues.min()
         masses = mass(links(self.pi))
         return bool(smallest >= -metrics.CONSISTENCY_TOLERANCE and (masses > 0).all())
+
+
+def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.TorqueError]:
+    """Torque errors on the test part of the first guess and of the result."""
+    if result.streamed is not None:
+        return result.streamed.before, result.streamed.after
+    tau = samples_of(result.test, result.lib).tau
+    return (
+        metrics.torque_error(tau, result.before(result.test)),
+        metrics.torque_error(tau, result.predict_recording(result.test)),
+    )
 
 
 def torque_of(

@@ -16,7 +16,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.files import replacing
 from runtime.identification import metrics
-from runtime.identification.identified import Identification
+from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import model_facts
@@ -72,17 +72,6 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
             "seed": result.seed,
         },
     }
-
-
-def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.TorqueError]:
-    """Torque errors on the test part of the first guess and of the result."""
-    if result.streamed is not None:
-        return result.streamed.before, result.streamed.after
-    tau = samples_of(result.test, result.lib).tau
-    return (
-        metrics.torque_error(tau, result.before(result.test)),
-        metrics.torque_error(tau, result.predict_recording(result.test)),
-    )
 
 
 def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict[str, Any]:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.notebook import html_table
+
 ERROR, WARNING, INFO = "error", "warning", "info"
 LEVELS = (ERROR, WARNING, INFO)
 
@@ -30,6 +32,11 @@ class Finding:
     sentence: str
     evidence: dict[str, Any] = field(default_factory=dict)
     trap: int = 0
+
+    def _repr_html_(self) -> str:
+        """The finding with its numbers, as a table for notebooks."""
+        rows = [("sentence", self.sentence), *self.evidence.items()]
+        return html_table(f"{self.level}: {self.kind}", rows)
 
 
 def joints_told(names: tuple[str, ...], index: list[int]) -> str:

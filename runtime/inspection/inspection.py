@@ -26,6 +26,7 @@ from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choo
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.regressor_choice import settled_regressor
 from runtime.library import Library
+from runtime.notebook import html_table
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
 from runtime.recording.friction import ROTOR, names_where
@@ -53,6 +54,12 @@ class Inspection:
     plan: Recipe
     recording: Recording
     rest: tuple[tuple[float, float], ...]
+
+    def _repr_html_(self) -> str:
+        """The findings, errors first, as a table for notebooks."""
+        rows = [(f.level, f.kind, f.sentence) for f in self.findings]
+        title = f"{self.recording.name or 'log'} of {self.robot}: {len(rows)} findings"
+        return html_table(title, rows, ("level", "finding", "what was measured, and what to do"))
 
     def of_level(self, *levels: str) -> tuple[Finding, ...]:
         """The findings of these levels."""

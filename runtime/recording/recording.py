@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
+from runtime.notebook import html_table
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.settings import Preparation
 
@@ -130,6 +131,18 @@ class Recording:
         rate = f" at {self.rate_hz:.6g} Hz" if len(self) > 1 else ""
         size = f"{len(self)} rows of {self.n_joints} joints, {self.duration:.4g} s{rate}"
         return f"Recording({self.name!r}: {size}; {held})"
+
+    def _repr_html_(self) -> str:
+        """Range of every signal over all joints, as a table for notebooks."""
+        units = {"q": "rad, m", "dq": "rad/s, m/s", "ddq": "rad/s², m/s²", "tau": "N·m, N"}
+        rate = f" at {self.rate_hz:.6g} Hz" if len(self) > 1 else ""
+        rows = [
+            (key, unit, f"{values.min():.4g}", f"{values.max():.4g}")
+            for key, unit in units.items()
+            if (values := getattr(self, key)) is not None
+        ]
+        title = f"{self.name or 'recording'}: {len(self)} rows of {self.n_joints} joints{rate}"
+        return html_table(title, rows, ("signal", "unit", "least", "largest"))
 
     @property
     def n_joints(self) -> int:

@@ -78,7 +78,7 @@ def _facts(
         "weights": assembly.problem.weights.tolist(),
         "before_percent": comparison.before,
         "convex_optimum": _finite(comparison.optimum),
-        "rows": [_row_facts(row) for row in comparison.rows],
+        "rows": [row_facts(row) for row in comparison.rows],
         "advice": {"take": advice.take, "sentences": list(advice.sentences)},
         "notes": [*notes, *(flattered if assembly.one_run else ())],
         "provenance": {
@@ -98,7 +98,8 @@ def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
     return sum(count for count, *_ in ends), ends[0][1], ends[-1][2]
 
 
-def _row_facts(row: Row) -> dict[str, Any]:
+def row_facts(row: Row) -> dict[str, Any]:
+    """A row of compare.json."""
     head = {
         "method": row.method,
         "about": METHODS[row.method].sentence,

@@ -23,6 +23,7 @@ from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array
+from runtime.notebook import html_table
 from runtime.parallel import one_blas_thread
 
 UNTOUCHED = "interrupted by the user before its turn"
@@ -47,6 +48,14 @@ class Comparison:
     before: float
     optimum: float
     truth: Truth | None
+
+    def _repr_html_(self) -> str:
+        """One line per method, as a table for notebooks."""
+        from runtime.identification.comparison.output import HEAD, cells, row_facts
+
+        lib = self.assembly.problem.lib
+        rows = [cells(row_facts(row)) for row in self.rows]
+        return html_table(f"{lib.name}: every method on the same data", rows, HEAD)
 
 
 @one_blas_thread

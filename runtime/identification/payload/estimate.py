@@ -23,6 +23,7 @@ from runtime.identification.payload.mount import Mount, mount_of
 from runtime.identification.payload.reading import ArmModel, arm_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
+from runtime.notebook import html_table
 from runtime.parallel import one_blas_thread
 from runtime.recording import Preparation, Recording
 from runtime.recording.plausibility import require_plausible
@@ -77,6 +78,18 @@ class Payload:
     arm: str
     status: str
     notes: tuple[str, ...]
+
+    def _repr_html_(self) -> str:
+        """The ten values with their standard deviations, as a table for notebooks."""
+        units = ("kg", *("m",) * 3, *("kg·m²",) * 6)
+        rows = [
+            (name, f"{value:.6g}", f"{sigma:.2g}", unit)
+            for name, value, sigma, unit in zip(
+                NAMES, self.body.values, self.body.sigma, units, strict=True
+            )
+        ]
+        title = f"payload on {self.mount.link}, frame {self.mount.frame}: {self.status}"
+        return html_table(title, rows, ("parameter", "value", "σ", "unit"))
 
 
 @one_blas_thread

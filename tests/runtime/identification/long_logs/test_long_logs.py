@@ -14,9 +14,9 @@ from runtime import Recording, identify
 from runtime.errors import RecordingError
 from runtime.estimators.regression import Statistics, compress, compress_all
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
 from runtime.identification.long_logs import identify as passes
-from runtime.identification.result_file import torque_errors
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import spool, text_rows

@@ -11,9 +11,9 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.wls import variance_of
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.estimators.regression.samples import thesis_weights
+from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks, identify_streamed
 from runtime.identification.long_logs import identify as passes
-from runtime.identification.result_file import torque_errors
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, open_streamed, write_recording
 from runtime.recording.formats import spool

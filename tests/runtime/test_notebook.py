@@ -1,0 +1,67 @@
+"""Results in a notebook: small HTML tables, well formed and escaped."""
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from runtime import Identification, Recording, identify_payload
+from runtime.identification.comparison import compare
+from runtime.identification.problem_setup import assemble
+from runtime.inspection import Finding, Inspection
+from runtime.library import Library
+from runtime.notebook import html_table
+from runtime.recording import Friction, Recipe
+from tests.runtime.pages import Reader
+
+EVIL = "<script>&\"'"
+
+
+def shown(result: Any) -> Reader:
+    """The tables of a result, read by a parser that raises when tags do not nest."""
+    page = Reader(result._repr_html_())
+    assert "script" not in page.tags
+    assert page.tags[0] == "table"
+    return page
+
+
+def test_texts_are_escaped() -> None:
+    page = Reader(html_table(EVIL, [(EVIL, EVIL)], (EVIL, EVIL)))
+    assert "script" not in page.tags
+    assert page.text.count(EVIL) == 5
+
+
+def test_a_recording_shows_its_signals(noisy: Recording) -> None:
+    page = shown(noisy.replace(name=EVIL))
+    assert f"{EVIL}: {len(noisy)} rows of 7 joints" in page.text
+    assert f"tau N·m, N {noisy.tau.min():.4g} {noisy.tau.max():.4g}" in page.text
+
+
+def test_an_identification_shows_errors_and_bodies(panda_adam: Identification) -> None:
+    page = shown(dataclasses.replace(panda_adam, status=EVIL))
+    assert f"fr3 by adam: consistent; {EVIL}" in page.text
+    assert all(name in page.text for name in (*panda_adam.lib.link_names, "all joints"))
+
+
+def test_a_comparison_shows_its_rows(lib: Library, noisy: Recording) -> None:
+    assembly = assemble(noisy, lib, friction_columns=Friction(("viscous",)))
+    page = shown(compare(assembly, ("ols", "iv")))
+    assert "fr3: every method on the same data" in page.text
+    assert "not run" in page.text
+
+
+def test_a_payload_shows_its_ten_values(lib: Library, noisy: Recording) -> None:
+    payload = identify_payload(noisy, lib)
+    page = shown(payload)
+    assert payload.status in page.text
+    assert page.tags.count("tr") == 11
+
+
+@pytest.mark.parametrize("level", ["error", "info"])
+def test_an_inspection_shows_its_findings(level: str, noisy: Recording) -> None:
+    finding = Finding("clock", level, EVIL, {"rows": 3})
+    page = shown(finding)
+    assert f"{level}: clock" in page.text
+    assert "rows 3" in page.text
+    page = shown(Inspection("fr3", (finding,), Recipe(), noisy, ()))
+    assert f"{level} clock {EVIL}" in page.text

@@ -21,14 +21,15 @@ def report_command(
     figures: Annotated[
         Path | None, typer.Option(help="Folder for all figures of the experiments as PNG.")
     ] = None,
-    readme: Annotated[
-        bool,
+    into: Annotated[
+        Path | None,
         typer.Option(
-            "--readme",
-            help="Write the experiments between the markers <!-- reproduce --> of ./README.md, "
-            "with three pictures in ./.gallery.",
+            metavar="FILE.md",
+            help="Write the tables between the markers <!-- reproduce --> of this Markdown file, "
+            "with three pictures in the folder images beside it.",
         ),
-    ] = False,
+    ] = None,
+    readme: Annotated[bool, typer.Option("--readme", help="The same as --into README.md.")] = False,
 ) -> None:
     r"""Write the results of a folder as one HTML page.
 
@@ -42,7 +43,7 @@ def report_command(
 
     page = out or results / "report.html"
     if is_experiments(results):
-        place = Path("README.md") if readme else None
+        place = Path("README.md") if readme else into
         written = write_experiments(
             results,
             page,
@@ -51,10 +52,10 @@ def report_command(
             readme=place,
             command=command_line(),
         )
-    elif markdown or figures or readme:
+    elif markdown or figures or into or readme:
         raise IdentificationError(
-            f"--markdown, --figures and --readme are for experiments, and '{results}' holds none; "
-            "give the folder that reproduce wrote"
+            "--markdown, --figures, --into and --readme need the folder of experiments, and "
+            f"'{results}' contains none; give the folder that reproduce wrote"
         )
     else:
         written = (write_report(results, page),)

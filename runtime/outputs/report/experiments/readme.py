@@ -20,7 +20,7 @@ from runtime.outputs.report.experiments.words import (
 )
 
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
-GALLERY = ".gallery"
+GALLERY = "images"
 PICTURES = 3
 CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig-A.2")
 """The first of these that there are."""
@@ -30,7 +30,7 @@ _SIZE, _DPI = (5.6, 3.4), 90
 
 
 def write_readme(experiments: tuple[Experiment, ...], path: Path, command: str) -> tuple[Path, ...]:
-    """Replace what stands between the markers; the pictures go beside, into `.gallery`.
+    """Replace what stands between the markers; the pictures go into the folder `images` beside it.
 
     Raises:
         RuntimeFault: no such file, no markers in it, or a picture that grew too large.

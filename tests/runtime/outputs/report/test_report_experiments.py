@@ -156,14 +156,14 @@ def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
         made.append({p.relative_to(home): p.read_bytes() for p in written})
     assert made[0] == made[1]
     assert len(made[0]) == 1 + 3 + 1 + 3
-    assert all(len(made[0][p]) <= 60_000 for p in made[0] if p.parts[0] == ".gallery")
+    assert all(len(made[0][p]) <= 60_000 for p in made[0] if p.parts[0] == "images")
     text = made[0][Path("README.md")].decode()
     assert text.startswith("# x\n<!-- reproduce -->\n`report` wrote")
     assert text.endswith("<!-- /reproduce -->\nend\n")
     assert "old" not in text
     row = "| Table 5.2 | p = 0.15 | AIRM | 0.0402 ± 0.0409 | 0.200 ± 0.100 | 0.0300 ± 0.0265 |"
     assert f"{row} `abababababab` |" in text
-    assert "![Figure 5.8: about fig-5.8](.gallery/fig-5.8.png)" in text
+    assert "![Figure 5.8: about fig-5.8](images/fig-5.8.png)" in text
 
 
 @pytest.mark.parametrize(
@@ -227,6 +227,11 @@ def test_the_command_says_one_sentence_and_writes_nothing(tmp_path: Path, comman
     ran = command("report", tmp_path / "good", "--readme")
     assert "has no place for results" in ran.err
     assert (tmp_path / "README.md").read_text() == "no place"
+    page = tmp_path / "benchmarks.md"
+    page.write_text("<!-- reproduce --><!-- /reproduce -->")
+    ran = command("report", tmp_path / "good", "--into", page)
+    assert ran.code == 0
+    assert "| Table 5.2 |" in page.read_text()
     ran = command("report", tmp_path, "--figures", "figures")
     assert "holds none" in ran.err
 

@@ -55,7 +55,7 @@ def report_command(
     elif markdown or figures or into or readme:
         raise IdentificationError(
             "--markdown, --figures, --into and --readme need the folder of experiments, and "
-            f"'{results}' contains none; give the folder that reproduce wrote"
+            f"'{results}' holds none; give the folder that reproduce wrote"
         )
     else:
         written = (write_report(results, page),)

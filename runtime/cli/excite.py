@@ -220,7 +220,7 @@ def excite_command(
         written.append(_log(found, lib, export_rate, path.with_suffix(".csv")))
     motion = certified(lib, found.trajectory, safety)
     if pictures:
-        from runtime.outputs.report.trajectory import write_pictures  # matplotlib loads slowly
+        from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
 
         written += write_pictures(profile_of(motion), path.with_suffix(".png"))
     tell(found, expected, len(lib.base_columns))

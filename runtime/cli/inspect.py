@@ -64,7 +64,7 @@ def inspect_command(
     if recipe_out is not None:
         _write_recipe(recipe_out, recipe_text(found).encode())
     if plot is not None:
-        from runtime.outputs.report.log import draw_log  # matplotlib is slow to import
+        from runtime.outputs.report.log_figure import draw_log  # matplotlib is slow to import
 
         draw_log(found.recording, plot, found.rest)
     if as_json:

@@ -242,7 +242,7 @@ def _worths(
 def _draw(
     situation: Situation, more: str | None, asked: Asked, log_rate: float | None, path: Path
 ) -> None:
-    from runtime.outputs.report.growth import draw_growth  # matplotlib loads slowly
+    from runtime.outputs.report.accuracy_figure import draw_growth  # matplotlib loads slowly
 
     lib = situation.lib
     further = None if more in {None, SAME} else _further(situation, str(more), asked, log_rate)

@@ -80,7 +80,7 @@ def reproduce_command(
             fresh=fresh,
             command=command_line(),
             progress=reported,
-            tell=say,
+            notify=say,
         )
         try:
             found = [reproduce(lib, study, request) for study in studies]

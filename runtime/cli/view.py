@@ -49,7 +49,7 @@ def view_command(
     scene = Scene(lib, look, port)
     try:
         scene.trace(played.q)
-        say(f"drawn:  {look.told}")
+        say(f"drawn:  {look.sentence}")
         if html is not None:
             times = np.arange(0.0, played.duration + FRAME_S / 2, FRAME_S)
             film = scene.film(np.array([played.at(float(t))[0] for t in times]))

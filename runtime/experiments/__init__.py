@@ -30,9 +30,9 @@ The hash covers config, seed, robot and what was taken from other studies, not t
 trials. Same hash, same digits but for time_s, whatever the chunks, threads or cluster.
 """
 
-from runtime.experiments.registry import IDS, STUDIES, study_of
 from runtime.experiments.runner import DEFAULT_TRIALS, Request, reproduce
 from runtime.experiments.storage.result_files import RESULT, valid_result
+from runtime.experiments.studies_by_name import IDS, STUDIES, study_of
 from runtime.experiments.study import Study, View
 from runtime.experiments.study_state import state_of
 

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import RuntimeFault
-from runtime.experiments.registry import STUDIES
 from runtime.experiments.storage.chunks import Chunks, arrow, missing
 from runtime.experiments.storage.lock import locked
 from runtime.experiments.storage.result_files import (
@@ -24,7 +23,8 @@ from runtime.experiments.storage.result_files import (
     write_json,
     write_outcome,
 )
-from runtime.experiments.study import Arrays, Config, Row, Study, config_facts, config_hash
+from runtime.experiments.studies_by_name import STUDIES
+from runtime.experiments.study import Arrays, Row, Study, StudyConfig, config_facts, config_hash
 from runtime.experiments.workers import on_workers
 from runtime.files import json_of
 from runtime.library import Library
@@ -47,7 +47,7 @@ class Request:
         fresh: throw earlier trials of the study away.
         command: for the provenance.
         progress: called with the study's name, how many trials are done, and of how many.
-        tell: called with sentences.
+        notify: called with sentences.
     """
 
     out: Path
@@ -58,7 +58,7 @@ class Request:
     fresh: bool = False
     command: str = ""
     progress: Callable[[str, int, int], None] = lambda *_: None
-    tell: Callable[[str], None] = lambda _: None
+    notify: Callable[[str], None] = lambda _: None
 
 
 @one_blas_thread
@@ -75,7 +75,7 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
     for name in study.needs:
         reproduce(lib, STUDIES[name], replace(request, fresh=False))
         needed = {**needed, **read_series(request.out / name)}
-    config, trials = asked(study, request)
+    config, trials = requested(study, request)
     facts = config_facts(study, config, lib)
     mark = config_hash(facts, lib.manifest.model_hash, needed)
     folder = request.out / study.name
@@ -88,15 +88,15 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
             return known
         _claim(folder, facts, mark, trials, request)
         if known is None and (folder / RESULT).exists():
-            request.tell(f"'{folder / RESULT}' is not whole; it is made again from the trials")
-        chunks = Chunks(folder, mark, request.tell)
+            request.notify(f"'{folder / RESULT}' is not whole; it is made again from the trials")
+        chunks = Chunks(folder, mark, request.notify)
         chunks.sweep()
         done = chunks.read(trials)
         request.progress(study.name, len(done), trials)
         prepared = study.prepare(lib, config, needed)
         runs = missing(done, trials, study.per_chunk)
-        with closing(_computed(study, lib, config, needed, prepared, runs, request)) as found:
-            for numbers, rows in found:
+        with closing(_computed(study, lib, config, needed, prepared, runs, request)) as computed:
+            for numbers, rows in computed:
                 chunks.write(numbers, rows)
                 for row in rows:
                     done.setdefault(row["trial"], []).append(row)
@@ -106,8 +106,8 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
         return write_outcome(study, folder, lib, facts, mark, trials, rows, end, request.command)
 
 
-def asked(study: Study, request: Request) -> tuple[Config, int]:
-    """Config and number of trials.
+def requested(study: Study, request: Request) -> tuple[StudyConfig, int]:
+    """StudyConfig and number of trials.
 
     Raises:
         RuntimeFault: no trials.
@@ -124,7 +124,7 @@ def asked(study: Study, request: Request) -> tuple[Config, int]:
 def _computed(
     study: Study,
     lib: Library,
-    config: Config,
+    config: StudyConfig,
     needed: Arrays,
     prepared: Any,
     runs: Sequence[range],
@@ -145,14 +145,14 @@ def _claim(
         RuntimeFault: it is.
     """
     path = folder / CONFIG
-    found = folder_hash(folder)
-    if found is not None and found != mark:
+    existing = folder_hash(folder)
+    if existing is not None and existing != mark:
         raise RuntimeFault(
-            f"'{folder}' holds trials of another config (hash {found[:12]}, asked for is "
+            f"'{folder}' holds trials of another config (hash {existing[:12]}, asked for is "
             f"{mark[:12]}); replace them with --fresh, or choose another place with --out"
         )
-    if found is None and path.exists():
-        request.tell(f"'{path}' is not whole; it is written again")
+    if existing is None and path.exists():
+        request.notify(f"'{path}' is not whole; it is written again")
     write_json(path, {"config_hash": mark, "trials": trials, "config": dict(facts)})
 
 

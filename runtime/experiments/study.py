@@ -23,7 +23,7 @@ Row = dict[str, Any]
 Arrays = Mapping[str, Array]
 
 
-class Config(Protocol):
+class StudyConfig(Protocol):
     """A frozen dataclass of plain values, tuples and dataclasses."""
 
     @property
@@ -32,13 +32,13 @@ class Config(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Fixed:
+class FixedConfig:
     """The config of a study in which nothing is random and nothing to be chosen."""
 
     seed: int = 0
 
 
-def library_alone(lib: Library, config: Config, needed: Arrays) -> Library:
+def library_alone(lib: Library, config: StudyConfig, needed: Arrays) -> Library:
     """What trials share that need nothing but the library."""
     del config, needed
     return lib
@@ -70,7 +70,7 @@ class View:
 
 
 @dataclass(frozen=True, slots=True)
-class Finished:
+class StudyOutcome:
     """What all rows together give.
 
     Attributes:
@@ -96,7 +96,7 @@ class Study:
         config: default; its seed may be replaced.
         prepare: (library, config, arrays of `needs`) → what `run` and `finish` are given.
         cases, methods: name → a sentence.
-        told: what else of the library's robot belongs to the config.
+        robot_facts: what else of the library's robot belongs to the config.
         trials: number of them where that is fixed, None where it is asked for.
         takes_seed: False where another seed would be another experiment for the others.
         needs: studies whose series come first.
@@ -106,13 +106,13 @@ class Study:
     name: str
     title: str
     run: Callable[[Any, range, int], list[Row]]
-    finish: Callable[[Any, list[Row]], Finished]
+    finish: Callable[[Any, list[Row]], StudyOutcome]
     views: tuple[View, ...]
-    config: Config = Fixed()
+    config: StudyConfig = FixedConfig()
     prepare: Callable[[Library, Any, Arrays], Any] = library_alone
     cases: Mapping[str, str] = field(default_factory=dict)
     methods: Mapping[str, str] = field(default_factory=dict)
-    told: Callable[[Library], Mapping[str, Any]] | None = None
+    robot_facts: Callable[[Library], Mapping[str, Any]] | None = None
     trials: int | None = None
     takes_seed: bool = True
     needs: tuple[str, ...] = ()
@@ -124,11 +124,11 @@ def canonical(value: object) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
-def config_facts(study: Study, config: Config, lib: Library) -> dict[str, Any]:
+def config_facts(study: Study, config: StudyConfig, lib: Library) -> dict[str, Any]:
     """A config as plain data, with its study and the format."""
     plain = json.loads(canonical(asdict(config)))  # type: ignore[call-overload]
-    told = study.told(lib) if study.told else {}
-    return {"format": FORMAT, "study": study.name, **plain, **told}
+    more = study.robot_facts(lib) if study.robot_facts else {}
+    return {"format": FORMAT, "study": study.name, **plain, **more}
 
 
 def config_hash(facts: Mapping[str, Any], model_hash: str, needed: Arrays) -> str:

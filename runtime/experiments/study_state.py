@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from runtime.experiments.runner import Request, asked, folder_hash
+from runtime.experiments.runner import Request, folder_hash, requested
 from runtime.experiments.storage.chunks import Chunks
 from runtime.experiments.storage.result_files import read_series, valid_result
 from runtime.experiments.study import Arrays, Study, config_facts, config_hash
@@ -34,9 +34,9 @@ class State:
 def state_of(lib: Library, study: Study, request: Request) -> State:
     """What `reproduce` would find."""
     folder = request.out / study.name
-    config, trials = asked(study, request)
-    found = folder_hash(folder)
-    if found is None:
+    config, trials = requested(study, request)
+    existing = folder_hash(folder)
+    if existing is None:
         return State(MISSING, 0, trials)
     needed: Arrays = {}
     for name in study.needs:
@@ -44,7 +44,7 @@ def state_of(lib: Library, study: Study, request: Request) -> State:
             return State(DIFFERS, 0, trials)
         needed = {**needed, **read_series(request.out / name)}
     mark = config_hash(config_facts(study, config, lib), lib.manifest.model_hash, needed)
-    if found != mark:
+    if existing != mark:
         return State(DIFFERS, 0, trials)
     result = valid_result(folder, mark)
     if result is not None and result["trials"] == trials:

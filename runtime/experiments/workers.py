@@ -8,7 +8,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from runtime.experiments.study import Arrays, Config, Row, Study
+from runtime.experiments.study import Arrays, Row, Study, StudyConfig
 from runtime.library import Library, load
 from runtime.parallel import on_cluster
 
@@ -21,7 +21,7 @@ class Sent:
     """A study, small enough to be sent: a worker finds its functions by the name."""
 
     study: str
-    config: Config
+    config: StudyConfig
     needed: Arrays
     folder: Path
     level: str
@@ -30,7 +30,7 @@ class Sent:
 def on_workers(
     study: Study,
     lib: Library,
-    config: Config,
+    config: StudyConfig,
     needed: Arrays,
     runs: Sequence[range],
     scheduler: str,
@@ -45,7 +45,7 @@ def on_workers(
 
 
 def _rows(sent: Sent, key: str, numbers: range) -> tuple[range, list[Row]]:
-    from runtime.experiments.registry import STUDIES
+    from runtime.experiments.studies_by_name import STUDIES
 
     study = STUDIES[sent.study]
     known: tuple[str, Any] | None = getattr(_here, "prepared", None)

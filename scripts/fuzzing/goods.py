@@ -12,7 +12,7 @@ import runtime
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.experiments.storage.result_files import CONFIG, write_json, write_outcome
-from runtime.experiments.study import Finished, Study, View
+from runtime.experiments.study import Study, StudyOutcome, View
 from runtime.identification.result_file import write_result
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, write_recording
@@ -267,5 +267,5 @@ def study(folder: Path, lib: Library) -> None:
     place.mkdir()
     config = {"seed": 5}
     write_json(place / CONFIG, {"config_hash": MARK, "trials": 3, "config": config})
-    finished = Finished(series, {"rate_hz": 100.0})
+    finished = StudyOutcome(series, {"rate_hz": 100.0})
     write_outcome(toy, place, lib, config, MARK, 3, rows, finished, "reproduce")

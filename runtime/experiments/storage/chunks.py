@@ -1,4 +1,4 @@
-"""Finished trials on disk: chunks/00000-00024.parquet, each whole or not there.
+"""StudyOutcome trials on disk: chunks/00000-00024.parquet, each whole or not there.
 
 A chunk carries the hash of its config and checksums of its pages: what is truncated, altered or
 of another config is told and computed again.
@@ -70,29 +70,29 @@ def _type(pa: Any, name: str) -> Any:
 class Chunks:
     """The chunks of one study's folder."""
 
-    def __init__(self, folder: Path, mark: str, tell: Callable[[str], None]) -> None:
+    def __init__(self, folder: Path, mark: str, notify: Callable[[str], None]) -> None:
         """Args:
         folder: of the study.
         mark: hash of its config.
-        tell: called with a sentence about what could not be used.
+        notify: called with a sentence about what could not be used.
         """
-        self._folder, self._mark, self._tell = folder / "chunks", mark, tell
+        self._folder, self._mark, self._notify = folder / "chunks", mark, notify
 
     def read(self, trials: int) -> dict[int, list[Row]]:
         """Rows of every trial below `trials` that is there; the first file that has one counts."""
-        found: dict[int, list[Row]] = {}
+        rows_by_trial: dict[int, list[Row]] = {}
         for path in sorted(self._folder.glob("*.parquet")):
             rows, numbers = read_rows(path, self._mark), _numbers(path)
             if rows is None or {row["trial"] for row in rows} != set(numbers):
-                self._tell(
+                self._notify(
                     f"'{path}' is damaged or of another config; its trials are computed again"
                 )
                 continue
-            new = {number for number in numbers if number < trials and number not in found}
+            new = {number for number in numbers if number < trials and number not in rows_by_trial}
             for row in rows:
                 if row["trial"] in new:
-                    found.setdefault(row["trial"], []).append(row)
-        return found
+                    rows_by_trial.setdefault(row["trial"], []).append(row)
+        return rows_by_trial
 
     def sweep(self) -> None:
         """Remove the drafts of a run that was killed; only for who holds the lock."""

@@ -14,7 +14,7 @@ def document_values(ids: Iterable[str]) -> list[dict[str, Any]]:
     A metric with a list of pairs is one per joint: `tau_error` gives tau_error_1, tau_error_2, …
     """
     tables = tomllib.loads(_FILE.read_text(encoding="utf-8"))
-    found = []
+    lines = []
     for name in dict.fromkeys(ids):
         table = tables.get(name, {})
         for entry in table.get("entries", ()):
@@ -24,8 +24,8 @@ def document_values(ids: Iterable[str]) -> list[dict[str, Any]]:
                     continue
                 for label, mean, std in _pairs(metric, value):
                     line = {"metric": label, "mean": mean, "std": std}
-                    found.append({"id": name, "source": table["source"], **kept, **line})
-    return found
+                    lines.append({"id": name, "source": table["source"], **kept, **line})
+    return lines
 
 
 def _pairs(metric: str, value: Any) -> list[tuple[str, float, float | None]]:

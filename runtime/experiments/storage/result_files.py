@@ -11,7 +11,7 @@ import numpy as np
 
 from runtime.experiments.storage.chunks import write_rows
 from runtime.experiments.storage.document_numbers import document_values
-from runtime.experiments.study import FORMAT, Finished, Row, Study
+from runtime.experiments.study import FORMAT, Row, Study, StudyOutcome
 from runtime.files import json_of, replacing
 from runtime.identification.result_file import versions
 from runtime.library import Array, Library
@@ -28,7 +28,7 @@ def write_outcome(
     mark: str,
     trials: int,
     rows: Sequence[Row],
-    finished: Finished,
+    finished: StudyOutcome,
     command: str,
 ) -> dict[str, Any]:
     """Write the three files and return what result.json says."""
@@ -73,11 +73,11 @@ def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
             "case": case,
             "method": method,
             "metric": metric,
-            "mean": float(np.mean(found)),
-            "std": float(np.std(found, ddof=1)) if len(found) > 1 else None,
-            "n": len(found),
+            "mean": float(np.mean(numbers)),
+            "std": float(np.std(numbers, ddof=1)) if len(numbers) > 1 else None,
+            "n": len(numbers),
         }
-        for (case, method, metric), found in values.items()
+        for (case, method, metric), numbers in values.items()
     ]
 
 
@@ -85,7 +85,7 @@ def valid_result(folder: Path, mark: str | None = None) -> dict[str, Any] | None
     """What result.json says, where it and the files it vouches for are whole and of this hash."""
     try:
         facts = json_of(folder / RESULT)
-        whole = all(sha256(folder / name) == told for name, told in facts["files"].items())
+        whole = all(sha256(folder / name) == digest for name, digest in facts["files"].items())
         right = facts["format"] == FORMAT and mark in {None, facts["config_hash"]}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None

@@ -1,1 +1,1 @@
-"""The studies, one module each; `runtime.experiments.registry` lists them."""
+"""The studies, one module each; `runtime.experiments.studies_by_name` lists them."""

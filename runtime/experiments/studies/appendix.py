@@ -1,6 +1,6 @@
 """Tables B.4 to B.6: π of the document's robot, its λ and its base parameters."""
 
-from runtime.experiments.study import Finished, Row, Study, View
+from runtime.experiments.study import Row, Study, StudyOutcome, View
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.library import Library
 from runtime.library.parameters import LAM_NAMES, PI_NAMES, links
@@ -23,10 +23,10 @@ def run(lib: Library, numbers: range, threads: int) -> list[Row]:
     return [*rows, head | {f"b_{k}": value for k, value in enumerate(beta, start=1)}]
 
 
-def finish(lib: Library, rows: list[Row]) -> Finished:
+def finish(lib: Library, rows: list[Row]) -> StudyOutcome:
     """No curves."""
     del rows
-    return Finished(
+    return StudyOutcome(
         facts={
             "robot": "the URDF's inertials at full precision, link 7 with twice the mass and "
             "I_com = 2 I_com,URDF + 1e-4; Table B.4 is these, rounded twice",

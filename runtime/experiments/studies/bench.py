@@ -13,11 +13,11 @@ from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.experiments.studies.logs import EMPTY, LOADED, PREPARATION, log_of
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.frozen_link import fit_frozen, link_rows
 from runtime.experiments.trials.motions import ROLES, condition
-from runtime.experiments.trials.scores import Judge, judge, torque_rms
+from runtime.experiments.trials.scores import Scorer, scorer_of, torque_rms
 from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
 from runtime.experiments.views import TORQUE, torque_bars, torque_table
 from runtime.identification.payload import identify_payload
@@ -38,7 +38,7 @@ DAHL = Friction(("viscous", "dahl", "offset"), dahl_stroke=4e-3)
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class BenchConfig:
     """Perturbed CAD model, Table 5.8.
 
     Attributes:
@@ -61,21 +61,21 @@ class Part:
     train: Samples
     held: Samples
     test: Samples
-    judge: Judge
+    scorer: Scorer
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class BenchSetup:
     """Both cases, by case and friction columns."""
 
     lib: Library
-    config: Config
+    config: BenchConfig
     lam: Array
     parts: dict[tuple[str, str], Part]
     logs: Arrays
 
 
-def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+def prepare(lib: Library, config: BenchConfig, needed: Arrays) -> BenchSetup:
     """The logs, prepared as in the document, with the columns of every method."""
     parts = {}
     for case, logs in LOGS.items():
@@ -84,29 +84,29 @@ def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
                 samples_of(prepared(log_of(lib, needed, logs, r), PREPARATION, terms, lib=lib), lib)
                 for r in ROLES
             )
-            truth = judge(lib, test, np.array(needed[f"{logs}/pi"]), config.configurations)
+            truth = scorer_of(lib, test, np.array(needed[f"{logs}/pi"]), config.configurations)
             parts[case, name] = Part(train, held, test, truth)
     lam = lib.lam_from_pi(document_robot(lib))
-    return Setting(lib, config, lam, parts, needed)
+    return BenchSetup(lib, config, lam, parts, needed)
 
 
-def _terms(config: Config) -> dict[str, Friction]:
+def _terms(config: BenchConfig) -> dict[str, Friction]:
     return {"map": PLAIN, "map-friction": config.friction, "map-dahl": config.dahl}
 
 
-def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
+def run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
     """All methods of both cases."""
-    lib, config = setting.lib, setting.config
+    lib, config = setup.lib, setup.config
     rows: list[Row] = []
     for case in LOGS:
-        plain = setting.parts[case, "map"]
-        problems = [_problem(setting, plain, number, case) for number in numbers]
+        plain = setup.parts[case, "map"]
+        problems = [_problem(setup, plain, number, case) for number in numbers]
         for number, problem in zip(numbers, problems, strict=True):
             head = {"case": case, "method": "before", "trial": number}
-            rows.append(head | plain.judge.row(lib.pi_from_lam(problem.start)))
+            rows.append(head | plain.scorer.row(lib.pi_from_lam(problem.start)))
         if case == HELD:
             descents = [
-                timed(lambda p: fit_frozen(p, setting.lam, config.adam, []), p) for p in problems
+                timed(lambda p: fit_frozen(p, setup.lam, config.adam, []), p) for p in problems
             ]
         else:
             descents = adam_of_all(problems, config.adam, threads)
@@ -116,42 +116,42 @@ def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
             fit, seconds = timed(fit_pc_ols, problem)
             rows.append(_row(case, "pc-ols", number, plain, problem, fit, seconds))
             for method in _terms(config):
-                part = setting.parts[case, method]
-                own = _problem(setting, part, number, case)
-                fit, seconds = timed(fit_map, own)
-                rows.append(_row(case, method, number, part, own, fit, seconds))
+                part = setup.parts[case, method]
+                problem_of_method = _problem(setup, part, number, case)
+                fit, seconds = timed(fit_map, problem_of_method)
+                rows.append(_row(case, method, number, part, problem_of_method, fit, seconds))
     return rows
 
 
-def _problem(setting: Setting, part: Part, number: int, case: str) -> Problem:
-    config = setting.config
-    guess = stream(config.seed, number, GUESS).normal(size=setting.lam.size)
-    guess[link_rows(setting.lib)] *= case != HELD
-    start = setting.lam * (1 + config.perturbation * guess)
+def _problem(setup: BenchSetup, part: Part, number: int, case: str) -> Problem:
+    config = setup.config
+    guess = stream(config.seed, number, GUESS).normal(size=setup.lam.size)
+    guess[link_rows(setup.lib)] *= case != HELD
+    start = setup.lam * (1 + config.perturbation * guess)
     batches = int(stream(config.seed, number, BATCHES).integers(2**63))
     weights = thesis_weights(part.train.tau)
-    return Problem(setting.lib, part.train, part.held, weights, start, seed=batches)
+    return Problem(setup.lib, part.train, part.held, weights, start, seed=batches)
 
 
 def _row(
     case: str, method: str, number: int, part: Part, problem: Problem, fit: Fit, seconds: float
 ) -> Row:
     row: Row = {"case": case, "method": method, "trial": number, "status": fit.status}
-    row |= part.judge.row(fit.pi, part.test.friction(fit.phi) if fit.phi.size else None)
+    row |= part.scorer.row(fit.pi, part.test.friction(fit.phi) if fit.phi.size else None)
     row |= {"iterations": fit.iterations, "time_s": seconds}
     row |= {"loss": problem.statistics().value(fit.pi, fit.phi)}
     return row | ({} if fit.n_eff is None else {"n_eff": fit.n_eff})
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: BenchSetup, rows: list[Row]) -> StudyOutcome:
     """The payload on the fixed arm, and what must be told of the data."""
     del rows
-    return Finished(facts=_facts(setting), rows=_fixed_arm(setting))
+    return StudyOutcome(facts=_facts(setup), rows=_fixed_arm(setup))
 
 
-def _fixed_arm(setting: Setting) -> list[Row]:
+def _fixed_arm(setup: BenchSetup) -> list[Row]:
     """Ten unknowns against the empty run of the same motion, for every repeat of the training."""
-    lib, logs = setting.lib, setting.logs
+    lib, logs = setup.lib, setup.logs
     names = [name.split("/")[1] for name in logs if name.startswith(f"{LOADED}/")]
     truth = links(logs[f"{LOADED}/pi"] - logs[f"{EMPTY}/pi"])[-1]
     training = [r for r in dict.fromkeys(names) if r.startswith(("training", "repeat"))]
@@ -160,25 +160,25 @@ def _fixed_arm(setting: Setting) -> list[Row]:
         row: Row = {"case": "payload", "method": "fixed-arm", "trial": number}
         loaded, empty = (log_of(lib, logs, part, role) for part in (LOADED, EMPTY))
         try:
-            found = identify_payload(loaded, lib, empty=empty, preparation=PREPARATION)
+            payload = identify_payload(loaded, lib, empty=empty, preparation=PREPARATION)
         except IdentificationError as error:
             rows.append(row | {"status": str(error)})
             continue
-        shift = centre_of_mass(found.pi) - centre_of_mass(truth)
+        shift = centre_of_mass(payload.pi) - centre_of_mass(truth)
         figures = {
-            "mass": mass(found.pi),
-            "mass_error_g": 1000 * (mass(found.pi) - mass(truth)),
-            "mass_sigma_g": 1000 * np.sqrt(found.covariance[MASS, MASS]),
+            "mass": mass(payload.pi),
+            "mass_error_g": 1000 * (mass(payload.pi) - mass(truth)),
+            "mass_sigma_g": 1000 * np.sqrt(payload.covariance[MASS, MASS]),
             "com_error_mm": 1000 * np.linalg.norm(shift),
         }
         figures = {name: float(value) for name, value in figures.items()}
-        rows.append(row | {"status": found.status} | figures)
+        rows.append(row | {"status": payload.status} | figures)
     return rows
 
 
-def _facts(setting: Setting) -> dict[str, Any]:
-    lib, config = setting.lib, setting.config
-    plain = {case: setting.parts[case, "map"] for case in LOGS}
+def _facts(setup: BenchSetup) -> dict[str, Any]:
+    lib, config = setup.lib, setup.config
+    plain = {case: setup.parts[case, "map"] for case in LOGS}
     return {
         "data": "virtual FR3; friction and payload were calibrated once to Tables 5.9 and 5.10, "
         "so the error levels agree by construction, iteration counts and rankings do not",
@@ -205,7 +205,7 @@ _BOTH = tuple(LOGS)
 STUDY = Study(
     name="bench",
     title="Virtual FR3: parameter tuning, payload, PC-IDIM-OLS",
-    config=Config(),
+    config=BenchConfig(),
     prepare=prepare,
     run=run,
     finish=finish,

@@ -8,7 +8,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.excitation import COST_SAMPLES, ConditionCost
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search, SearchProblem
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import ROLES, condition, curves
 from runtime.experiments.views import motion
@@ -17,7 +17,7 @@ from runtime.simulation import Plant, ideal
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class ExcitationConfig:
     """Five harmonics, 10 s, five starts, the limits of joints alone.
 
     The seed was chosen: of 20 it is the one whose designs give the torque errors of the ideal
@@ -32,28 +32,28 @@ class Config:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class ExcitationSetup:
     """The search of all starts."""
 
     lib: Library
-    config: Config
+    config: ExcitationConfig
     search: Search
 
 
-def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+def prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> ExcitationSetup:
     """The search in document mode."""
     del needed
     document_robot(lib)  # no other one
     problem = SearchProblem(
         lib.folder, lib.level, lib.home, config.harmonics, config.duration, config.seed
     )
-    return Setting(lib, config, Search(lib, problem))
+    return ExcitationSetup(lib, config, Search(lib, problem))
 
 
-def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
+def run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
     """One row per start: log cond before and after."""
     del threads
-    search = setting.search
+    search = setup.search
     rows: list[Row] = []
     for number in numbers:
         before = search.value(search.guess(number))
@@ -66,9 +66,9 @@ def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
     return rows
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: ExcitationSetup, rows: list[Row]) -> StudyOutcome:
     """The best three, strictly inside their limits at 1 kHz; the path of the tip."""
-    lib, config, search = setting.lib, setting.config, setting.search
+    lib, config, search = setup.lib, setup.config, setup.search
     ranked = sorted(rows, key=lambda row: (row["cost_after"], row["trial"]))[: len(ROLES)]
     shape = (lib.n_joints, -1)
     starts = [np.array(row["curve"]).reshape(shape) for row in ranked]
@@ -83,8 +83,8 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
         "home": lib.home,
         "path": lib.end_effector(recording.q),
     } | curves("best", recording)
-    own = {"case": "best", "method": "search", "trial": ranked[0]["trial"]}
-    row = own | _costs(_before(ranked[0]), last)
+    head = {"case": "best", "method": "search", "trial": ranked[0]["trial"]}
+    row = head | _costs(_before(ranked[0]), last)
     facts = {
         "motion": "q = home + sum_m a_m (cos 2 pi m s - 1 + 2 pi^2 m^2 s^2 (1-s)^2), s = t/t_f",
         "columns": f"{len(lib.base_columns)} base parameters, columns of unit length",
@@ -98,7 +98,7 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
         "the document does not tell its motions",
         "assumptions": list(search.limits.assumptions),
     }
-    return Finished(series, facts, [row])
+    return StudyOutcome(series, facts, [row])
 
 
 def _costs(before: float, after: float) -> Row:
@@ -117,13 +117,13 @@ def _before(row: Row) -> float:
 STUDY = Study(
     name="excitation",
     title="Exciting trajectories of the FR3",
-    config=Config(),
+    config=ExcitationConfig(),
     prepare=prepare,
     run=run,
     finish=finish,
     cases={"start": "every start of the search", "best": "the best start, inside its limits"},
     methods={"search": "D-optimal descent, then semidefinite programmes for log cond"},
-    trials=Config().starts,
+    trials=ExcitationConfig().starts,
     takes_seed=False,
     per_chunk=1,
     views=(

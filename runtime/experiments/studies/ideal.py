@@ -1,15 +1,15 @@
 """Sec. 5.1.1: noise-free data, three sizes of the first guess's error."""
 
-from runtime.experiments.study import Finished, Row, View
-from runtime.experiments.trials.montecarlo import Case, Setting
+from runtime.experiments.study import Row, StudyOutcome, View
+from runtime.experiments.trials.montecarlo import Case, MonteCarloSetup
 from runtime.experiments.trials.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 
 CASES = {Case(f"p={p:g}", p): f"first guess perturbed by {100 * p:g} %" for p in (0.05, 0.15, 0.25)}
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
     """The mean AIRM over the iterations of Adam."""
-    return Finished(bands(setting, rows), data_facts(setting))
+    return StudyOutcome(bands(setup, rows), data_facts(setup))
 
 
 def figure(name: str, case: Case) -> View:

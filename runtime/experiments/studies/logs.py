@@ -12,7 +12,7 @@ import numpy as np
 from runtime.excitation import Trajectory
 from runtime.excitation.search.finish import repaired
 from runtime.excitation.search.single_start import Search, SearchProblem
-from runtime.experiments.study import Arrays, Finished, Row, Study
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import ROLES, curves, designed
 from runtime.experiments.trials.scores import per_joint, torque_rms
@@ -30,7 +30,7 @@ PREPARATION = replace(DOCUMENT, trim_s=0.15)
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class LogsConfig:
     """Which arm, which noise, what is carried.
 
     Attributes:
@@ -51,27 +51,27 @@ class Config:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class LogsSetup:
     """The arm and its motions."""
 
     lib: Library
-    config: Config
+    config: LogsConfig
     pi: Array
     motions: dict[str, Trajectory]
     box: Box
 
 
-def roles(config: Config) -> tuple[str, ...]:
+def roles(config: LogsConfig) -> tuple[str, ...]:
     """Training, validation, test, and training again."""
     return (*ROLES, *(f"repeat {k}" for k in range(1, config.repeats + 1)))
 
 
-def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+def prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
     """The designed motions."""
     designs = designed(lib, needed)
     designs[2] = _design(lib, designs[0], config.test_seed)
     motions = {role: designs[k if k < len(ROLES) else 0] for k, role in enumerate(roles(config))}
-    return Setting(lib, config, document_robot(lib), motions, read_payload(config.payload))
+    return LogsSetup(lib, config, document_robot(lib), motions, read_payload(config.payload))
 
 
 def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
@@ -83,41 +83,43 @@ def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
     return repaired(lib, search, search.refined(search.start(0)[1])).trajectory
 
 
-def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
+def run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
     """One log per trial: first all empty ones, then all with the payload."""
     del threads
-    names = roles(setting.config)
+    names = roles(setup.config)
     rows: list[Row] = []
     for number in numbers:
         case, role = (EMPTY, LOADED)[number // len(names)], names[number % len(names)]
         log = record(
-            setting.lib,
-            setting.motions[role],
-            seed=1000 * setting.config.seed + number,
-            truth_seed=setting.config.truth_seed,
-            payload=setting.box if case == LOADED else None,
-            pi=setting.pi,
+            setup.lib,
+            setup.motions[role],
+            seed=1000 * setup.config.seed + number,
+            truth_seed=setup.config.truth_seed,
+            payload=setup.box if case == LOADED else None,
+            pi=setup.pi,
         )
-        told = [np.asarray(getattr(log.recording, key)) for key in KEYS]
+        measured = [np.asarray(getattr(log.recording, key)) for key in KEYS]
         row: Row = {"case": case, "method": role, "trial": number}
-        row |= per_joint("measured_rms", torque_rms(told[-1]))
+        row |= per_joint("measured_rms", torque_rms(measured[-1]))
         row |= {"saturated": float(log.truth.saturated.max())}
-        rows.append(row | {"curve": np.concatenate([log.truth.pi, *map(np.ravel, told)]).tolist()})
+        rows.append(
+            row | {"curve": np.concatenate([log.truth.pi, *map(np.ravel, measured)]).tolist()}
+        )
     return rows
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
     """`CASE/ROLE/q`, `…/dq`, `…/tau` as measured, `CASE/pi`, and the training of Figs. A.3, A.4."""
-    lib, config = setting.lib, setting.config
+    lib, config = setup.lib, setup.config
     settings = settings_of(lib)
-    motion = setting.motions["training"]
+    motion = setup.motions["training"]
     series: dict[str, Array] = {"t": sample_times(motion.duration, settings.rate_hz)}
     for row in rows:
         values = np.array(row["curve"])
-        own, parts = np.split(values, [setting.pi.size])[0], values[setting.pi.size :]
+        pi, parts = np.split(values, [setup.pi.size])[0], values[setup.pi.size :]
         shape = (len(KEYS), len(series["t"]), lib.n_joints)
         name = f"{row['case']}/{row['method']}"
-        series[f"{row['case']}/pi"] = own
+        series[f"{row['case']}/pi"] = pi
         series |= {f"{name}/{k}": a for k, a in zip(KEYS, parts.reshape(shape), strict=True)}
     history: tuple[str, ...] = ()
     for case, prefix in ((EMPTY, "tuning"), (LOADED, "loaded")):
@@ -135,9 +137,9 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
         "truth_seed": config.truth_seed,
         "test_motion": f"a design of its own, seed {config.test_seed}, chosen so that the joints "
         "work as hard as in the document",
-        "payload": setting.box.facts(lib),
+        "payload": setup.box.facts(lib),
     }
-    return Finished(series, facts)
+    return StudyOutcome(series, facts)
 
 
 def log_of(lib: Library, series: Arrays, case: str, role: str) -> Recording:
@@ -148,7 +150,7 @@ def log_of(lib: Library, series: Arrays, case: str, role: str) -> Recording:
     )
 
 
-def told(lib: Library) -> dict[str, Any]:
+def robot_facts(lib: Library) -> dict[str, Any]:
     """The virtual robot's settings are part of the config."""
     return {"settings_sha256": settings_of(lib).sha256}
 
@@ -156,15 +158,15 @@ def told(lib: Library) -> dict[str, Any]:
 STUDY = Study(
     name="logs",
     title="Logs of the virtual FR3",
-    config=Config(),
+    config=LogsConfig(),
     prepare=prepare,
     run=run,
     finish=finish,
     cases={EMPTY: "without payload", LOADED: "with a box of 1.8 kg"},
-    methods={role: f"the {role} motion" for role in roles(Config())},
-    trials=2 * len(roles(Config())),
+    methods={role: f"the {role} motion" for role in roles(LogsConfig())},
+    trials=2 * len(roles(LogsConfig())),
     needs=("excitation",),
-    told=told,
+    robot_facts=robot_facts,
     per_chunk=1,
     views=(
         motion_view("fig-A.3", "Measured training trajectory, parameter tuning", "tuning"),

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from runtime.estimators.methods import METHODS
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import designed
 from runtime.experiments.trials.scores import per_joint, torque_rms
@@ -30,7 +30,7 @@ PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, trim_s=0.05, rat
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class MethodsConfig:
     """The common plant.
 
     Attributes:
@@ -54,17 +54,17 @@ class Config:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class MethodsSetup:
     """The problem that all methods share, and the truth."""
 
     lib: Library
-    config: Config
+    config: MethodsConfig
     assembly: Assembly
     truth: Truth
     test: Array
 
 
-def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+def prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetup:
     """Three logs of the plant."""
     pi = document_robot(lib)
     lam = lib.lam_from_pi(pi)
@@ -87,8 +87,8 @@ def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
 
     def log(number: int, plant: Plant) -> Recording:
         rng = stream(config.seed, 0, TRAINING + number)
-        found = closed_loop(lib, designs[number], plant, rng, controller=law)
-        return found.replace(dq=None)
+        recording = closed_loop(lib, designs[number], plant, rng, controller=law)
+        return recording.replace(dq=None)
 
     assembly = assemble(
         log(0, noisy),
@@ -102,30 +102,30 @@ def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
     )
     tau = assembly.parts[2].tau
     assert tau is not None  # noqa: S101  simulated with torque
-    return Setting(lib, config, assembly, Truth(lib.base_matrix @ pi, "plant", ""), tau)
+    return MethodsSetup(lib, config, assembly, Truth(lib.base_matrix @ pi, "plant", ""), tau)
 
 
-def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
+def run(setup: MethodsSetup, numbers: range, threads: int) -> list[Row]:
     """One method per trial.
 
     Raises:
         KeyboardInterrupt: a method was interrupted and has kept its best point.
     """
     del threads
-    return [_row(setting, number) for number in numbers]
+    return [_row(setup, number) for number in numbers]
 
 
-def _row(setting: Setting, number: int) -> Row:
-    method = setting.config.methods[number]
-    found = compare(setting.assembly, [method], truth=setting.truth).rows[0]
-    if "interrupted by the user" in found.status:
+def _row(setup: MethodsSetup, number: int) -> Row:
+    method = setup.config.methods[number]
+    compared = compare(setup.assembly, [method], truth=setup.truth).rows[0]
+    if "interrupted by the user" in compared.status:
         raise KeyboardInterrupt
-    row: Row = {"case": "plant", "method": method, "trial": number, "status": found.status}
-    return row if found.figures is None else row | _figures(setting, found.figures)
+    row: Row = {"case": "plant", "method": method, "trial": number, "status": compared.status}
+    return row if compared.figures is None else row | _figures(setup, compared.figures)
 
 
-def _figures(setting: Setting, f: Figures) -> Row:
-    percent = 100 * f.rms / torque_rms(setting.test)
+def _figures(setup: MethodsSetup, f: Figures) -> Row:
+    percent = 100 * f.rms / torque_rms(setup.test)
     row: Row = {
         "tau_error": f.test_percent,
         "base_error": f.base_error,
@@ -140,10 +140,10 @@ def _figures(setting: Setting, f: Figures) -> Row:
     return row | per_joint("tau_error", percent) | per_joint("tau_rms", f.rms)
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: MethodsSetup, rows: list[Row]) -> StudyOutcome:
     """What must be told of the data; no curves."""
     del rows
-    config, parts = setting.config, setting.assembly.parts
+    config, parts = setup.config, setup.assembly.parts
     facts: dict[str, Any] = {
         "plant": "closed loop of the compiled simulator: rotors, friction, computed torque with "
         f"a CAD model {100 * config.cad:g} % off in lambda",
@@ -153,18 +153,18 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
             for name, part in zip(("train", "validation", "test"), parts, strict=True)
         },
         "friction_columns": config.friction.facts(),
-        "weights": setting.assembly.problem.weights.tolist(),
+        "weights": setup.assembly.problem.weights.tolist(),
         "test": "another motion in closed loop, without noise, filtered alike",
-        "torque_rms": {"test": torque_rms(setting.test).tolist()},
+        "torque_rms": {"test": torque_rms(setup.test).tolist()},
         "seed": config.seed,
     }
-    return Finished(facts=facts)
+    return StudyOutcome(facts=facts)
 
 
 STUDY = Study(
     name="methods",
     title="Every method side by side",
-    config=Config(),
+    config=MethodsConfig(),
     prepare=prepare,
     run=run,
     finish=finish,

@@ -11,7 +11,7 @@ import numpy as np
 
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.regression.torque_objective import TorqueObjective
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import designed
 from runtime.library import Array, Library
@@ -23,7 +23,7 @@ JOINT = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class ModelConfig:
     """Steps of the Taylor test, and where it is made.
 
     Attributes:
@@ -40,29 +40,29 @@ class Config:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class ModelSetup:
     """The best trajectory with the torque of the document's robot."""
 
     lib: Library
-    config: Config
+    config: ModelConfig
     pi: Array
     recording: Recording
     samples: Samples
 
 
-def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+def prepare(lib: Library, config: ModelConfig, needed: Arrays) -> ModelSetup:
     """Exact motion and torque."""
     pi = document_robot(lib)
     recording = ideal(lib, designed(lib, needed)[0], Plant(pi), config.rate_hz)
-    return Setting(lib, config, pi, recording, samples_of(recording, lib))
+    return ModelSetup(lib, config, pi, recording, samples_of(recording, lib))
 
 
-def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
+def run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
     """The largest differences and the slope of the remainder."""
     del numbers, threads
-    tau = _torques(setting)
-    steps, remainders = _taylor(setting)
-    kept = _straight(setting.config, steps)
+    tau = _torques(setup)
+    steps, remainders = _taylor(setup)
+    kept = _straight(setup.config, steps)
     slope = np.polyfit(np.log(steps[kept]), np.log(remainders[kept]), 1)[0]
 
     def row(case: str, **figures: float) -> Row:
@@ -79,14 +79,14 @@ def run(setting: Setting, numbers: range, threads: int) -> list[Row]:
     ]
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: ModelSetup, rows: list[Row]) -> StudyOutcome:
     """The curves of the three figures."""
     del rows
-    tau, (steps, remainders) = _torques(setting), _taylor(setting)
-    middle = int(np.flatnonzero(_straight(setting.config, steps))[0])
+    tau, (steps, remainders) = _torques(setup), _taylor(setup)
+    middle = int(np.flatnonzero(_straight(setup.config, steps))[0])
     reference = remainders[middle] * (steps / steps[middle]) ** 2
     series = {
-        "t": np.asarray(setting.recording.t),
+        "t": np.asarray(setup.recording.t),
         "tau_idm": tau["idm"],
         "tau_regressor": tau["regressor"],
         "tau_5_full": tau["regressor"][:, JOINT],
@@ -96,20 +96,20 @@ def finish(setting: Setting, rows: list[Row]) -> Finished:
         "slope_two": reference,
     }
     facts = {
-        "rate_hz": setting.config.rate_hz,
-        "samples": len(setting.samples),
+        "rate_hz": setup.config.rate_hz,
+        "samples": len(setup.samples),
         "motion": "the best trajectory of the excitation study",
         "compared": "Y pi of the generated regressor against the generated recursive Newton-Euler "
         "torque in pi and in lambda; Y pi against Y_b beta",
         "loss": "Eq. 4.5 on all samples, weights of Eq. 4.8",
-        "seed": setting.config.seed,
+        "seed": setup.config.seed,
     }
-    return Finished(series, facts)
+    return StudyOutcome(series, facts)
 
 
-def _torques(setting: Setting) -> dict[str, Array]:
-    lib, pi = setting.lib, setting.pi
-    motion = setting.samples.q, setting.samples.dq, setting.samples.ddq
+def _torques(setup: ModelSetup) -> dict[str, Array]:
+    lib, pi = setup.lib, setup.pi
+    motion = setup.samples.q, setup.samples.dq, setup.samples.ddq
     return {
         "idm": lib.inverse_dynamics(*motion, pi),
         "lambda": lib.torque(*motion, lib.lam_from_pi(pi)),
@@ -118,11 +118,11 @@ def _torques(setting: Setting) -> dict[str, Array]:
     }
 
 
-def _taylor(setting: Setting) -> tuple[Array, Array]:
+def _taylor(setup: ModelSetup) -> tuple[Array, Array]:
     """ε and |R(ε)| = |L(λ̄ + εΔ) − L(λ̄) − ε ∇Lᵀ Δ|."""
-    lib, config, samples = setting.lib, setting.config, setting.samples
+    lib, config, samples = setup.lib, setup.config, setup.samples
     rng = np.random.default_rng(config.seed)
-    lam = lib.lam_from_pi(setting.pi)
+    lam = lib.lam_from_pi(setup.pi)
     point = lam * (1 + config.perturbation * rng.normal(size=lam.size))
     direction = rng.normal(size=lam.size)
     objective = TorqueObjective(lib, samples, thesis_weights(samples.tau))
@@ -133,7 +133,7 @@ def _taylor(setting: Setting) -> tuple[Array, Array]:
     return steps, np.abs(values - value - steps * (gradient @ direction))
 
 
-def _straight(config: Config, steps: Array) -> Array:
+def _straight(config: ModelConfig, steps: Array) -> Array:
     low, high = config.straight
     return np.asarray((np.log10(steps) >= low - 1e-9) & (np.log10(steps) <= high + 1e-9))
 
@@ -141,7 +141,7 @@ def _straight(config: Config, steps: Array) -> Array:
 STUDY = Study(
     name="model",
     title="The model against itself: regressors and gradient",
-    config=Config(),
+    config=ModelConfig(),
     prepare=prepare,
     run=run,
     finish=finish,

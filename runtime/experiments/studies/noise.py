@@ -1,8 +1,8 @@
 """Sec. 5.1.3: noise on the torque of training and validation, p = 0.15."""
 
-from runtime.experiments.study import Finished, Row, View
+from runtime.experiments.study import Row, StudyOutcome, View
 from runtime.experiments.trials.curves import single
-from runtime.experiments.trials.montecarlo import Case, Setting
+from runtime.experiments.trials.montecarlo import Case, MonteCarloSetup
 from runtime.experiments.trials.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 
 SEVERE, THIRD = 0.1, 2
@@ -20,18 +20,18 @@ def _case(sigma: float) -> Case:
 CASES = {_case(sigma): f"σ = {sigma:g} N·m on the torque" for sigma in (0.01, 0.05, SEVERE)}
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
     """Bands of all cases, and the two ways of one trial."""
-    series = bands(setting, rows)
+    series = bands(setup, rows)
     number = min(THIRD, max(row["trial"] for row in rows))
     for method in BOTH:
-        series |= single(rows, WORST, method, number, setting.config.curve_every)
-    facts = data_facts(setting) | {
+        series |= single(rows, WORST, method, number, setup.config.curve_every)
+    facts = data_facts(setup) | {
         "noise": "on the torque of training and validation; the test torque is exact",
         "frozen": "link 7 of adam-frozen starts at the truth and stays there, w_7 = 0",
         "trial_of_fig_5.4": number + 1,
     }
-    return Finished(series, facts)
+    return StudyOutcome(series, facts)
 
 
 STUDY = monte_carlo(

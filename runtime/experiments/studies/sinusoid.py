@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from runtime.estimators.regression.samples import samples_of
-from runtime.experiments.study import Arrays, Finished, Row
-from runtime.experiments.trials.montecarlo import Case, Config, Setting, setting_of
+from runtime.experiments.study import Arrays, Row, StudyOutcome
+from runtime.experiments.trials.montecarlo import Case, MonteCarloConfig, MonteCarloSetup, setup_of
 from runtime.experiments.trials.montecarlo_study import data_facts, final_tables, monte_carlo
 from runtime.experiments.trials.motions import curves, sinusoidal
 from runtime.experiments.views import motion
@@ -17,37 +17,37 @@ CASES = {
 }
 
 
-def _sines(lib: Library, config: Config, setting: Setting) -> Recording:
-    samples = setting.train["designed"]
+def _sines(lib: Library, config: MonteCarloConfig, setup: MonteCarloSetup) -> Recording:
+    samples = setup.train["designed"]
     duration = (len(samples) - 1) / config.rate_hz
     recording, _ = sinusoidal(lib, duration, config.rate_hz, *config.sinusoid)
-    pi = lib.pi_from_lam(setting.lam)
+    pi = lib.pi_from_lam(setup.lam)
     assert recording.dq is not None  # noqa: S101  all derivatives are given
     assert recording.ddq is not None  # noqa: S101
     tau = lib.inverse_dynamics(recording.q, recording.dq, recording.ddq, pi)
     return recording.replace(tau=tau)
 
 
-def prepare(lib: Library, config: Config, needed: Arrays) -> Setting:
+def prepare(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
     """The sines beside the designed motion."""
-    setting = setting_of(lib, config, needed)
-    sines = samples_of(_sines(lib, config, setting), lib)
-    return replace(setting, train={"sinusoidal": sines, **setting.train})
+    setup = setup_of(lib, config, needed)
+    sines = samples_of(_sines(lib, config, setup), lib)
+    return replace(setup, train={"sinusoidal": sines, **setup.train})
 
 
-def finish(setting: Setting, rows: list[Row]) -> Finished:
+def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
     """The motion of Fig. A.1."""
     del rows
-    lib, config = setting.lib, setting.config
+    lib, config = setup.lib, setup.config
     _, amplitude = sinusoidal(lib, 1.0, config.rate_hz, *config.sinusoid)
-    facts = data_facts(setting) | {
+    facts = data_facts(setup) | {
         "sinusoid": f"q = default pose + b sin(2 t + phase), b = {config.sinusoid[0]:g} of the "
         "largest within the limits, phases from their seed; the document gives neither, so "
         "Table 5.4 need not come out",
         "sinusoid_amplitude": amplitude.tolist(),
         "sinusoid_seed": config.sinusoid[1],
     }
-    return Finished(curves("sine", _sines(lib, config, setting)), facts)
+    return StudyOutcome(curves("sine", _sines(lib, config, setup)), facts)
 
 
 STUDY = monte_carlo(

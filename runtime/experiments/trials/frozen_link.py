@@ -35,9 +35,9 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
         places: every λ on the way is appended.
     """
     lib, batch = problem.lib, preset.batch or len(problem.train)
-    own = link_rows(lib)
+    frozen = link_rows(lib)
     weights = np.where(np.arange(lib.n_joints) == LINK, 0.0, problem.weights)
-    start = np.where(own, truth, problem.start)
+    start = np.where(frozen, truth, problem.start)
     descent = start_of(replace(problem, weights=weights, start=start))
     objective, size = descent.objective, len(problem.train)
     held = TorqueObjective(lib, problem.validation, weights, objective.unit)
@@ -46,7 +46,7 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
     def value_gradient(x: Array) -> tuple[float, Array]:
         places.append(x)
         loss, slope = objective.value_gradient(x, rng.integers(0, size, batch))
-        return loss, np.where(own, 0.0, slope)
+        return loss, np.where(frozen, 0.0, slope)
 
     outcome = minimise(descent.x0, value_gradient, held.value, preset.adam, preset.rule)
     return fit_of(descent, outcome)

@@ -18,7 +18,7 @@ from runtime.experiments.study import Arrays, Row
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.frozen_link import fit_frozen
 from runtime.experiments.trials.motions import designed
-from runtime.experiments.trials.scores import Judge, judge
+from runtime.experiments.trials.scores import Scorer, scorer_of
 from runtime.experiments.trials.timed_fits import adam_of_all, stream, timed
 from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
@@ -54,7 +54,7 @@ class Case:
 
 
 @dataclass(frozen=True, slots=True)
-class Config:
+class MonteCarloConfig:
     """One Monte Carlo.
 
     Attributes:
@@ -76,7 +76,7 @@ class Config:
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class MonteCarloSetup:
     """What all trials share.
 
     Attributes:
@@ -86,61 +86,59 @@ class Setting:
     """
 
     lib: Library
-    config: Config
+    config: MonteCarloConfig
     lam: Array
     train: dict[str, Samples]
     held: Samples
-    judge: Judge
+    scorer: Scorer
 
 
-def setting_of(lib: Library, config: Config, needed: Arrays) -> Setting:
+def setup_of(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
     """The designs of the excitation study, best first: training, validation, test."""
     pi = document_robot(lib)
     runs = [
         samples_of(ideal(lib, motion, Plant(pi), config.rate_hz), lib)
         for motion in designed(lib, needed)
     ]
-    return Setting(
+    return MonteCarloSetup(
         lib=lib,
         config=config,
         lam=lib.lam_from_pi(pi),
         train={"designed": runs[0]},
         held=runs[1],
-        judge=judge(lib, runs[2], pi, config.configurations),
+        scorer=scorer_of(lib, runs[2], pi, config.configurations),
     )
 
 
-def run_cases(setting: Setting, numbers: range, threads: int) -> list[Row]:
+def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]:
     """All cases and methods of some trials, every case's Adam in one call of the C."""
     solvers = {"map": fit_map, "lm": fit_from_map, "pc-ols": fit_pc_ols}
     rows: list[Row] = []
-    for case in setting.config.cases:
-        problems = [problem_of(setting, case, number) for number in numbers]
+    for case in setup.config.cases:
+        problems = [problem_of(setup, case, number) for number in numbers]
         for method in case.methods:
             if method == "adam":
-                found = _adam(setting, problems, threads)
+                fits = _adam(setup, problems, threads)
             elif method == "adam-frozen":
-                found = [_frozen(setting, problem) for problem in problems]
+                fits = [_frozen(setup, problem) for problem in problems]
             else:
-                found = [(*timed(solvers[method], problem), []) for problem in problems]
-            for number, problem, (fit, seconds, curve) in zip(
-                numbers, problems, found, strict=True
-            ):
-                rows.append(_row(setting, case, method, number, problem, fit))
+                fits = [(*timed(solvers[method], problem), []) for problem in problems]
+            for number, problem, (fit, seconds, curve) in zip(numbers, problems, fits, strict=True):
+                rows.append(_row(setup, case, method, number, problem, fit))
                 rows[-1] |= {"time_s": seconds} | ({"curve": curve} if curve else {})
     return rows
 
 
-def problem_of(setting: Setting, case: Case, number: int) -> Problem:
+def problem_of(setup: MonteCarloSetup, case: Case, number: int) -> Problem:
     """One trial of one case."""
-    config, lib = setting.config, setting.lib
-    train, held = setting.train[case.training], setting.held
+    config, lib = setup.config, setup.lib
+    train, held = setup.train[case.training], setup.held
     if case.noise:
         train = _noisy(train, case.noise, config.seed, number, NOISE)
         held = _noisy(held, case.noise, config.seed, number, HELD_NOISE)
-    guess = stream(config.seed, number, GUESS).normal(size=setting.lam.size)
+    guess = stream(config.seed, number, GUESS).normal(size=setup.lam.size)
     batches = int(stream(config.seed, number, BATCHES).integers(2**63))
-    start = setting.lam * (1 + case.perturbation * guess)
+    start = setup.lam * (1 + case.perturbation * guess)
     return Problem(lib, train, held, thesis_weights(train.tau), start, seed=batches)
 
 
@@ -149,12 +147,12 @@ def _noisy(samples: Samples, sigma: float, seed: int, number: int, which: int) -
     return replace(samples, tau=samples.tau + sigma * noise)
 
 
-Found = tuple[Fit, float, list[float]]
+TimedFit = tuple[Fit, float, list[float]]
 """An answer, its seconds, and its AIRM on the way."""
 
 
-def _adam(setting: Setting, problems: Sequence[Problem], threads: int) -> list[Found]:
-    config, lib = setting.config, setting.lib
+def _adam(setup: MonteCarloSetup, problems: Sequence[Problem], threads: int) -> list[TimedFit]:
+    config, lib = setup.config, setup.lib
     places: list[list[Array]] = [[] for _ in problems]
 
     def seen(done: int, points: list[Array]) -> None:
@@ -162,22 +160,22 @@ def _adam(setting: Setting, problems: Sequence[Problem], threads: int) -> list[F
         for place, x in zip(places, points, strict=True):
             place.append(x)
 
-    found = adam_of_all(problems, config.adam, threads, Watch(config.curve_every, seen))
+    fits = adam_of_all(problems, config.adam, threads, Watch(config.curve_every, seen))
     ended = []
-    for problem, (fit, seconds), place in zip(problems, found, places, strict=True):
+    for problem, (fit, seconds), place in zip(problems, fits, places, strict=True):
         points = [problem.start, *place[: (fit.iterations or 0) // config.curve_every]]
-        curve = [setting.judge.airm(lib.pi_from_lam(x)) for x in points]
+        curve = [setup.scorer.airm(lib.pi_from_lam(x)) for x in points]
         ended.append((fit, seconds, curve))
     return ended
 
 
-def _frozen(setting: Setting, problem: Problem) -> Found:
+def _frozen(setup: MonteCarloSetup, problem: Problem) -> TimedFit:
     places: list[Array] = []
     fit, seconds = timed(
-        lambda each: fit_frozen(each, setting.lam, setting.config.adam, places), problem
+        lambda each: fit_frozen(each, setup.lam, setup.config.adam, places), problem
     )
-    seen = places[:: setting.config.curve_every]
-    return fit, seconds, [setting.judge.airm(setting.lib.pi_from_lam(x)) for x in seen]
+    seen = places[:: setup.config.curve_every]
+    return fit, seconds, [setup.scorer.airm(setup.lib.pi_from_lam(x)) for x in seen]
 
 
 def fit_from_map(problem: Problem) -> Fit:
@@ -186,9 +184,11 @@ def fit_from_map(problem: Problem) -> Fit:
     return fit_levenberg(replace(problem, start=near), cholesky=True)
 
 
-def _row(setting: Setting, case: Case, method: str, number: int, problem: Problem, fit: Fit) -> Row:
+def _row(
+    setup: MonteCarloSetup, case: Case, method: str, number: int, problem: Problem, fit: Fit
+) -> Row:
     row: Row = {"case": case.name, "method": method, "trial": number, "status": fit.status}
-    row |= setting.judge.row(fit.pi)
+    row |= setup.scorer.row(fit.pi)
     row |= {"iterations": fit.iterations, "loss": problem.statistics().value(fit.pi, fit.phi)}
     # Without noise the residuals are rounding, which no number of samples describes.
     return row | ({} if fit.n_eff is None or not case.noise else {"n_eff": fit.n_eff})

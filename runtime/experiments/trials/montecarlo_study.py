@@ -3,15 +3,15 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from runtime.experiments.study import Arrays, Finished, Row, Study, View
+from runtime.experiments.study import Arrays, Row, Study, StudyOutcome, View
 from runtime.experiments.trials.curves import band
 from runtime.experiments.trials.montecarlo import (
     METHODS,
     Case,
-    Config,
-    Setting,
+    MonteCarloConfig,
+    MonteCarloSetup,
     run_cases,
-    setting_of,
+    setup_of,
 )
 from runtime.experiments.trials.motions import condition
 from runtime.experiments.trials.scores import torque_rms
@@ -26,9 +26,9 @@ def monte_carlo(
     name: str,
     title: str,
     cases: Mapping[Case, str],
-    finish: Callable[[Setting, list[Row]], Finished],
+    finish: Callable[[MonteCarloSetup, list[Row]], StudyOutcome],
     views: tuple[View, ...],
-    prepare: Callable[[Library, Config, Arrays], Setting] = setting_of,
+    prepare: Callable[[Library, MonteCarloConfig, Arrays], MonteCarloSetup] = setup_of,
 ) -> Study:
     """The methods are those of the cases, the motions those of the excitation study.
 
@@ -36,7 +36,7 @@ def monte_carlo(
         name: of its folder.
         title: for people.
         cases: case → a sentence.
-        finish: (setting, all rows) → curves and facts.
+        finish: (setup, all rows) → curves and facts.
         views: its ids.
         prepare: where more motions than the designed ones are trained on.
     """
@@ -44,12 +44,12 @@ def monte_carlo(
     return Study(
         name=name,
         title=title,
-        config=Config(tuple(cases)),
+        config=MonteCarloConfig(tuple(cases)),
         prepare=prepare,
         run=run_cases,
         finish=finish,
         cases={case.name: sentence for case, sentence in cases.items()},
-        methods={method: told for method, told in METHODS.items() if method in used},
+        methods={method: sentence for method, sentence in METHODS.items() if method in used},
         needs=("excitation",),
         views=views,
     )
@@ -67,19 +67,19 @@ def final_tables(
     )
 
 
-def bands(setting: Setting, rows: list[Row]) -> dict[str, Array]:
+def bands(setup: MonteCarloSetup, rows: list[Row]) -> dict[str, Array]:
     """The mean AIRM over the iterations of Adam, of every case."""
-    config, found = setting.config, dict[str, Array]()
+    config, series = setup.config, dict[str, Array]()
     for case in config.cases:
         last = config.adam.rule.max_iterations
-        found |= band(rows, case.name, "adam", config.curve_every, last)
-    return found
+        series |= band(rows, case.name, "adam", config.curve_every, last)
+    return series
 
 
-def data_facts(setting: Setting) -> dict[str, Any]:
+def data_facts(setup: MonteCarloSetup) -> dict[str, Any]:
     """Rates and counts, filter, friction, weights, torque RMS per joint, condition numbers."""
-    lib, config = setting.lib, setting.config
-    parts = {**setting.train, "validation": setting.held, "test": setting.judge.test}
+    lib, config = setup.lib, setup.config
+    parts = {**setup.train, "validation": setup.held, "test": setup.scorer.test}
     return {
         "rate_hz": config.rate_hz,
         "samples": {name: len(samples) for name, samples in parts.items()},

@@ -12,7 +12,7 @@ from runtime.library.parameters import links, mass
 
 
 @dataclass(frozen=True, slots=True)
-class Judge:
+class Scorer:
     """What answers are held against.
 
     Attributes:
@@ -65,12 +65,12 @@ class Judge:
         return float(metrics.airm(self.mass, mass).mean())
 
 
-def judge(lib: Library, test: Samples, pi: Array | None, configurations: int) -> Judge:
+def scorer_of(lib: Library, test: Samples, pi: Array | None, configurations: int) -> Scorer:
     """Equally spaced configurations of the test trajectory."""
     rows = np.linspace(0, len(test) - 1, configurations).round().astype(int)
     q = np.ascontiguousarray(test.q[rows])
     mass = np.zeros((0, lib.n_joints, lib.n_joints)) if pi is None else lib.mass_matrix(q, pi)
-    return Judge(lib, test, pi, q, mass)
+    return Scorer(lib, test, pi, q, mass)
 
 
 def per_joint(name: str, values: Array) -> Row:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from runtime.errors import RuntimeFault
 from runtime.files import json_of
 from runtime.outputs.report import figures
-from runtime.outputs.report.layout import Page, Section, Table, Tile
+from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 
 NAME = "compare.json"
 FORMAT = 1
@@ -31,7 +31,7 @@ GLOSSARY = (
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class MethodEntry:
     """One method; what was not measured is NaN or None, rms (n,) is None where it did not run."""
 
     method: str
@@ -50,7 +50,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class Methods:
+class MethodComparison:
     """A comparison as its file tells it."""
 
     robot: str
@@ -58,14 +58,14 @@ class Methods:
     joints: tuple[str, ...]
     units: tuple[str, ...]
     before: float
-    entries: tuple[Entry, ...]
+    entries: tuple[MethodEntry, ...]
     take: str | None
     sentences: tuple[str, ...]
     notes: tuple[str, ...]
     provenance: tuple[tuple[str, str], ...]
 
 
-def read_methods(folder: Path) -> Methods | None:
+def read_methods(folder: Path) -> MethodComparison | None:
     """The comparison of a folder; None where there is none.
 
     Raises:
@@ -85,7 +85,7 @@ def read_methods(folder: Path) -> Methods | None:
         raise RuntimeFault(f"'{path}' is damaged (no valid {error}); {_AGAIN}") from None
 
 
-def _methods(raw: Mapping[str, Any]) -> Methods:
+def _methods(raw: Mapping[str, Any]) -> MethodComparison:
     joints = tuple(map(str, raw["joints"]))
     units = tuple(str(unit).replace("*", "·") for unit in raw["units"])
     entries = tuple(_entry(row, len(joints)) for row in raw["rows"])
@@ -96,7 +96,7 @@ def _methods(raw: Mapping[str, Any]) -> Methods:
     facts += [("model hash", source["model_hash"])]
     facts += [(f"version of {tool}", text) for tool, text in sorted(source["versions"].items())]
     facts += [(f"SHA-256 of {name}", text) for name, text in sorted(source["files"].items())]
-    return Methods(
+    return MethodComparison(
         robot=str(raw["robot"]),
         recording=str(raw["recording"]["name"]),
         joints=joints,
@@ -110,14 +110,14 @@ def _methods(raw: Mapping[str, Any]) -> Methods:
     )
 
 
-def _entry(row: Mapping[str, Any], n: int) -> Entry:
+def _entry(row: Mapping[str, Any], n: int) -> MethodEntry:
     head = (str(row["method"]), str(row["outcome"]), str(row["status"]))
     if "rms" not in row:
-        return Entry(*head)
+        return MethodEntry(*head)
     rms = np.array(row["rms"], dtype=float)
     if rms.shape != (n,) or not (np.abs(rms) < LARGEST).all():
         raise ValueError(f"'rms': expected {n} numbers, got {rms.tolist()!r:.60}")
-    return Entry(
+    return MethodEntry(
         *head,
         rms=rms,
         test=_number(row["test_percent"]),
@@ -132,9 +132,9 @@ def _entry(row: Mapping[str, Any], n: int) -> Entry:
     )
 
 
-def comparison_page(methods: Methods) -> Page:
+def comparison_page(methods: MethodComparison) -> Page:
     """What is shown where a folder holds nothing but a comparison."""
-    facts = Table(("what", "value"), methods.provenance, kind="facts")
+    facts = ReportTable(("what", "value"), methods.provenance, kind="facts")
     return Page(
         title=f"{methods.robot}: comparison of methods",
         subtitle=f"{methods.robot} · every method on the same data · {methods.recording}",
@@ -147,7 +147,7 @@ def comparison_page(methods: Methods) -> Page:
     )
 
 
-def _tiles(methods: Methods) -> tuple[Tile, ...]:
+def _tiles(methods: MethodComparison) -> tuple[Tile, ...]:
     ran = [entry for entry in methods.entries if entry.rms is not None]
     good = [entry for entry in ran if entry.consistent]
     taken = next((entry for entry in ran if entry.method == methods.take), None)
@@ -156,11 +156,15 @@ def _tiles(methods: Methods) -> tuple[Tile, ...]:
         Tile("Take", methods.take or "none", "by the rules below", "good" if taken else "bad"),
         Tile("Its torque error", error, "test split, URDF → identified"),
         Tile("Consistent answers", f"{len(good)} of {len(ran)}", "every link can exist"),
-        Tile("Methods that ran", f"{len(ran)} of {len(methods.entries)}", "reasons are below"),
+        Tile(
+            "Methods that ran",
+            f"{len(ran)} of {len(methods.entries)}",
+            "reasons are below",
+        ),
     )
 
 
-def method_sections(methods: Methods) -> tuple[Section, ...]:
+def method_sections(methods: MethodComparison) -> tuple[Section, ...]:
     """Advice, table, bars, and what every method says of itself."""
     ran = [entry for entry in methods.entries if entry.rms is not None]
     rows = tuple(_cells(entry) for entry in methods.entries)
@@ -174,7 +178,7 @@ def method_sections(methods: Methods) -> tuple[Section, ...]:
         "Methods side by side",
         f"Same samples, weights and bandwidth. The URDF without friction has "
         f"{_percent(methods.before)} on test.",
-        Table(header, rows, flagged=frozenset(bad), row_methods=names),
+        ReportTable(header, rows, flagged=frozenset(bad), row_methods=names),
     )
     said = Section(
         "What every method says",
@@ -199,7 +203,7 @@ def method_sections(methods: Methods) -> tuple[Section, ...]:
     return (why, table, bars, said)
 
 
-def _cells(entry: Entry) -> tuple[str, ...]:
+def _cells(entry: MethodEntry) -> tuple[str, ...]:
     if entry.rms is None:
         return (entry.method, *(NOTHING,) * 7, entry.outcome)
     verdict = "consistent" if entry.consistent else "cannot exist"

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class ReportTable:
     """Header and rows of text.
 
     Attributes:
@@ -39,7 +39,7 @@ class Section:
 
     title: str
     lead: str = ""
-    table: Table | None = None
+    table: ReportTable | None = None
     figure: str = ""
     items: tuple[str, ...] = ()
     group: str = ""

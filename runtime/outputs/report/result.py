@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.files import require_file, values_of
 from runtime.identification.result_schema import read_facts
-from runtime.outputs.report.sessions import Sessions, read_sessions
-from runtime.outputs.report.sureness import Sureness, read_sureness
+from runtime.outputs.report.several_logs import SeveralLogs, read_several_logs
+from runtime.outputs.report.uncertainty import ResultUncertainty, read_uncertainty
 from runtime.recording.formats.npz import open_npz
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Friction:
+class IdentifiedFriction:
     """Identified friction coefficients, one row per joint."""
 
     columns: tuple[str, ...]
@@ -65,7 +65,7 @@ class Convergence:
 
 
 @dataclass(frozen=True, slots=True)
-class Prediction:
+class PredictedTorques:
     """Torques over the test split: t (N,) [s] and measured, before, after (N, n)."""
 
     t: Array
@@ -75,7 +75,7 @@ class Prediction:
 
 
 @dataclass(frozen=True, slots=True)
-class Recording:
+class RecordingSummary:
     """What was measured and how it was prepared."""
 
     name: str
@@ -105,23 +105,23 @@ class Result:
     status: str
     joints: tuple[str, ...]
     units: tuple[str, ...]
-    recording: Recording
+    recording: RecordingSummary
     before: Errors
     after: Errors
     links: tuple[Link, ...]
     consistent: bool
     gap: float | None
     weights: Array
-    friction: Friction | None
+    friction: IdentifiedFriction | None
     convergence: Convergence | None
     iterations: int | None
     seconds: float | None
     condition_number: float | None
     warnings: tuple[str, ...]
-    sureness: Sureness | None
-    sessions: Sessions | None
+    uncertainty: ResultUncertainty | None
+    several_logs: SeveralLogs | None
     provenance: Provenance
-    prediction: Prediction
+    prediction: PredictedTorques
 
 
 def read_result(folder: Path) -> Result:
@@ -173,15 +173,15 @@ def _result(raw: Mapping[str, Any], folder: Path) -> Result:
         seconds=_optional(raw, "seconds"),
         condition_number=_optional(raw, "condition_number"),
         warnings=_texts(raw, "warnings"),
-        sureness=read_sureness(raw["uncertainty"], n, len(raw["links"])),
-        sessions=read_sessions(raw["sessions"], len(raw["links"])),
+        uncertainty=read_uncertainty(raw["uncertainty"], n, len(raw["links"])),
+        several_logs=read_several_logs(raw["sessions"], len(raw["links"])),
         provenance=_provenance(raw["provenance"] or {}),
         prediction=_prediction(folder / "predictions.npz", n),
     )
 
 
-def _recording(raw: Mapping[str, Any]) -> Recording:
-    return Recording(
+def _recording(raw: Mapping[str, Any]) -> RecordingSummary:
+    return RecordingSummary(
         name=str(raw.get("name") or "unnamed recording"),
         duration=_optional(raw, "duration"),
         samples={str(key): int(value) for key, value in (raw.get("samples") or {}).items()},
@@ -209,12 +209,12 @@ def _link(raw: Mapping[str, Any]) -> Link:
     )
 
 
-def _friction(raw: Mapping[str, Any] | None, n: int) -> Friction | None:
+def _friction(raw: Mapping[str, Any] | None, n: int) -> IdentifiedFriction | None:
     if not raw:
         return None
     columns = _texts(raw, "columns")
     values = _array(raw, "values", (n, len(columns)))
-    return Friction(columns, _number(raw, "coulomb_speed"), values)
+    return IdentifiedFriction(columns, _number(raw, "coulomb_speed"), values)
 
 
 def _convergence(raw: Mapping[str, Any] | None) -> Convergence | None:
@@ -239,7 +239,7 @@ def _provenance(raw: Mapping[str, Any]) -> Provenance:
     )
 
 
-def _prediction(path: Path, n: int) -> Prediction:
+def _prediction(path: Path, n: int) -> PredictedTorques:
     fault = f"{_AGAIN}; expected t (N,) and measured, before, after (N, {n})"
     try:
         file = open_npz(require_file(path).read_bytes(), path.name)
@@ -255,7 +255,7 @@ def _prediction(path: Path, n: int) -> Prediction:
         raise RuntimeFault(f"'{path}' holds {shapes}; {fault}")
     if not all((np.abs(values) <= LARGEST).all() for values in (t, *arrays.values())):
         raise RuntimeFault(f"'{path}' holds NaN or more than {LARGEST:g}, as no arm has; {fault}")
-    return Prediction(t, **arrays)
+    return PredictedTorques(t, **arrays)
 
 
 def _texts(raw: Mapping[str, Any], key: str) -> tuple[str, ...]:

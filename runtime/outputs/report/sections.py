@@ -10,10 +10,10 @@ import numpy as np
 
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.outputs.report import figures
-from runtime.outputs.report.layout import Section, Table, Tile
+from runtime.outputs.report.layout import ReportTable, Section, Tile
 from runtime.outputs.report.result import Link, Result
-from runtime.outputs.report.sessions import session_sections
-from runtime.outputs.report.sureness import sureness_sections
+from runtime.outputs.report.several_logs import several_logs_sections
+from runtime.outputs.report.uncertainty import uncertainty_sections
 from runtime.recording.friction import COLUMNS
 
 NOTHING = "–"
@@ -82,10 +82,16 @@ def tiles(result: Result) -> tuple[Tile, ...]:
 def sections(result: Result) -> tuple[Section, ...]:
     """What the page shows below the summary, in its order."""
     made = [section for make in _ORDER if (section := make(result)) is not None]
-    sure = () if result.sureness is None else sureness_sections(result.sureness, result.joints)
+    sure = (
+        ()
+        if result.uncertainty is None
+        else uncertainty_sections(result.uncertainty, result.joints)
+    )
     links = [link.name for link in result.links]
-    told = () if result.sessions is None else session_sections(result.sessions, links)
-    return (*made[:AHEAD], *told, *sure, *made[AHEAD:])
+    several = (
+        () if result.several_logs is None else several_logs_sections(result.several_logs, links)
+    )
+    return (*made[:AHEAD], *several, *sure, *made[AHEAD:])
 
 
 # --- sections -------------------------------------------------------------------------------
@@ -115,7 +121,7 @@ def _errors(result: Result) -> Section:
     return Section(
         "Torque error per joint",
         "On the test split, before (URDF, no friction) and after (identified).",
-        Table(header, rows, total),
+        ReportTable(header, rows, total),
     )
 
 
@@ -157,7 +163,7 @@ def _consistency(result: Result) -> Section:
         "Physical consistency per link",
         "Link by link, a mass or centre of mass may be undetermined by the motion; "
         "torques are predicted by all links together.",
-        Table(header, rows, flagged=flagged),
+        ReportTable(header, rows, flagged=flagged),
     )
 
 
@@ -186,7 +192,7 @@ def _friction(result: Result) -> Section | None:
         "Friction",
         "Coefficients in the unit of the joint, viscous ones per rad/s (m/s); the smooth sign of "
         f"the speed is tanh(speed / {friction.coulomb_speed:g}).{motors if coupled else ''}",
-        Table(("joint", *map(_unit, friction.columns)), rows),
+        ReportTable(("joint", *map(_unit, friction.columns)), rows),
     )
 
 
@@ -218,7 +224,7 @@ def _provenance(result: Result) -> Section:
         ("condition number, columns normalised", condition),
         ("weights per joint", weights),
     )
-    table = Table(("what", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts")
+    table = ReportTable(("what", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts")
     return Section("Provenance", table=table)
 
 

@@ -1,8 +1,8 @@
 """The moving robot in a browser, with viser; nothing here is needed to compute."""
 
-from runtime.outputs.viewer.motion import Motion, read_motion
+from runtime.outputs.viewer.motion import PlayedMotion, read_motion
 from runtime.outputs.viewer.player import Player
 from runtime.outputs.viewer.scene import Scene
 from runtime.outputs.viewer.shapes import Look, look_of
 
-__all__ = ["Look", "Motion", "Player", "Scene", "look_of", "read_motion"]
+__all__ = ["Look", "PlayedMotion", "Player", "Scene", "look_of", "read_motion"]

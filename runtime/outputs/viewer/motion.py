@@ -16,7 +16,7 @@ TRAJECTORY = ".json"
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class PlayedMotion:
     """q, dq and τ (N, n) at t (N,) from 0 on; dq or τ is None where nobody knows it."""
 
     name: str
@@ -49,7 +49,7 @@ class Motion:
 
 def read_motion(
     source: str, lib: Library, recipe: str | None = None, run: str | None = None
-) -> Motion:
+) -> PlayedMotion:
     """A trajectory of `excite` (.json; torque by the URDF's inertia), else a recording.
 
     Raises:
@@ -60,7 +60,7 @@ def read_motion(
         trajectory = read_trajectory(path, lib)
         t = np.linspace(0, trajectory.duration, 1 + round(trajectory.duration * RATE_HZ))
         q, dq, ddq, _ = trajectory.at(lib, t)
-        return Motion(path.name, t, q, dq, lib.inverse_dynamics(q, dq, ddq, lib.pi0))
+        return PlayedMotion(path.name, t, q, dq, lib.inverse_dynamics(q, dq, ddq, lib.pi0))
     log = read_recording(source, recipe, run)
     if log.q.shape[1] != lib.n_joints:
         raise RecordingError(
@@ -69,4 +69,4 @@ def read_motion(
         )
     if not np.isfinite(log.q).all():
         raise RecordingError(f"'{source}' holds positions that are not finite; mend the log")
-    return Motion(log.name or path.name, log.t - log.t[0], log.q, log.dq, log.tau)
+    return PlayedMotion(log.name or path.name, log.t - log.t[0], log.q, log.dq, log.tau)

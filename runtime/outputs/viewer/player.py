@@ -6,7 +6,7 @@ from html import escape
 import numpy as np
 
 from runtime.library import Array, Library
-from runtime.outputs.viewer.motion import Motion
+from runtime.outputs.viewer.motion import PlayedMotion
 from runtime.outputs.viewer.scene import Scene
 
 TICK_S = 1 / 30
@@ -20,7 +20,7 @@ NEAR = 0.95
 class Player:
     """Controls in the browser, and the clock that moves the robot."""
 
-    def __init__(self, lib: Library, scene: Scene, motion: Motion) -> None:
+    def __init__(self, lib: Library, scene: Scene, motion: PlayedMotion) -> None:
         self._lib, self._scene, self._motion = lib, scene, motion
         gui = scene.server.gui
         gui.add_markdown(f"**{lib.name}** · {motion.name} · {motion.duration:.1f} s")

@@ -45,7 +45,7 @@ class Look:
     """Shapes, and a sentence about what they are."""
 
     shapes: tuple[Shape, ...]
-    told: str
+    sentence: str
 
 
 def geometry_library() -> Any:
@@ -172,7 +172,7 @@ def _shape(
         raise ValueError("no geometry")
     trimesh = geometry_library()
     if kind.tag == "mesh":
-        path = _found(str(kind.get("filename")), places, home)
+        path = _resolved(str(kind.get("filename")), places, home)
         mesh = trimesh.load(path, force="scene")
         pose = pose @ np.diag([*_numbers(kind.get("scale", "1 1 1"), 3), 1.0])
         return Shape(link, f"visual{number}", mesh, pose)
@@ -187,7 +187,7 @@ def _shape(
     return Shape(link, f"visual{number}", mesh, pose)
 
 
-def _found(name: str, places: Iterable[Path], home: Path) -> Path:
+def _resolved(name: str, places: Iterable[Path], home: Path) -> Path:
     scheme, _, rest = name.rpartition("://")
     if scheme not in {"package", "model"}:
         candidates = [home / rest]

@@ -15,7 +15,7 @@ from runtime.experiments.study import Row
 from runtime.experiments.trials.curves import band
 from runtime.experiments.trials.document_robot import document_robot
 from runtime.experiments.trials.motions import sinusoidal
-from runtime.experiments.trials.scores import judge
+from runtime.experiments.trials.scores import scorer_of
 from runtime.library import Library
 from runtime.recording import Recording
 
@@ -27,7 +27,7 @@ def test_the_judge_measures_by_the_book(
 ) -> None:
     """Oracle: generalised eigenvalues by SciPy, Eq. 5.1 by hand; 1e-9 is their rounding."""
     test = samples_of(ideal_runs[2], lib)
-    ours = judge(lib, test, pi_true, 5)
+    ours = scorer_of(lib, test, pi_true, 5)
     row = ours.row(lib.pi0)
     q = test.q[[0, 250, 500, 750, 1000]]
     pairs = [(lib.mass_matrix(x, pi_true), lib.mass_matrix(x, lib.pi0)) for x in q]

@@ -66,7 +66,7 @@ def test_a_file_of_format_1_is_read_as_before(tmp_path: Path) -> None:
         assert saved.phi.tolist() == facts["friction"]["values"]
         assert saved.history == tuple(facts["recording"]["history"])
         assert report.warnings == ("rail is hardly excited",)
-        assert report.sureness is None
+        assert report.uncertainty is None
 
 
 def test_migration_adds_what_format_2_has(tmp_path: Path) -> None:

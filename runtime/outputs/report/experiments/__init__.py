@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from runtime.files import replacing
+from runtime.outputs.report.experiments.labels import short_hash
 from runtime.outputs.report.experiments.page import caption, experiments_page, headline
 from runtime.outputs.report.experiments.pictures import write_pictures
 from runtime.outputs.report.experiments.reading import Experiment, is_experiments, read_experiments
 from runtime.outputs.report.experiments.readme import write_readme
 from runtime.outputs.report.experiments.tables import markdown, tables
-from runtime.outputs.report.experiments.words import short_hash
 from runtime.outputs.report.page import write_page
 
 
@@ -45,10 +45,10 @@ def all_tables(experiments: tuple[Experiment, ...]) -> str:
     for experiment in experiments:
         parts.append(f"## {experiment.title}")
         for view in experiment.views:
-            found = [markdown(table) for table in tables(experiment, view)]
-            if found:
+            shown = [markdown(table) for table in tables(experiment, view)]
+            if shown:
                 parts.append(f"### {caption(view)}: {view.title} [^{experiment.name}]")
-                parts += found
+                parts += shown
     parts += [
         f"[^{e.name}]: {e.name}/result.json, config {short_hash(e)}, {e.trials} trials"
         for e in experiments

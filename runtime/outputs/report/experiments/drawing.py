@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
-from runtime.outputs.report.experiments.reading import Array, Experiment, Key, Value, View
+from runtime.outputs.report.experiments.labels import DOCUMENT, case_name, curve_name, method_name
+from runtime.outputs.report.experiments.reading import Array, Experiment, Key, SavedView, Value
 from runtime.outputs.report.experiments.tables import cases_of
-from runtime.outputs.report.experiments.words import DOCUMENT, case_name, curve_name, method_name
 from runtime.outputs.report.figures import thinned
 from runtime.outputs.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION
 from runtime.outputs.report.svg import OWNER, page_figure, svg
@@ -35,12 +35,12 @@ _ENTRY = 1.85
 """Width of an entry of a legend, inches."""
 
 
-def has_figure(view: View) -> bool:
+def has_figure(view: SavedView) -> bool:
     """Whether a view is more than a table."""
     return view.kind != "table"
 
 
-def height(experiment: Experiment, view: View) -> float:
+def height(experiment: Experiment, view: SavedView) -> float:
     """Inches, for a figure of the page's width."""
     if view.kind == "lines" and _is_per_joint(experiment, view):
         return 5.0
@@ -48,19 +48,19 @@ def height(experiment: Experiment, view: View) -> float:
     return {"path": 5.0, "motion": 5.2, "bars": per_case}.get(view.kind, 3.4)
 
 
-def inline(experiment: Experiment, view: View) -> Markup:
+def inline(experiment: Experiment, view: SavedView) -> Markup:
     """SVG for the page."""
     with page_figure(height(experiment, view)) as figure:
         draw(figure, experiment, view)
         return svg(figure, view.id)
 
 
-def draw(figure: Figure, experiment: Experiment, view: View) -> None:
+def draw(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     """The view, into a blank figure."""
     _KINDS[view.kind](figure, experiment, view)
 
 
-def _band(figure: Figure, experiment: Experiment, view: View) -> None:
+def _band(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     iteration, mean, std = (experiment.series[name] for name in view.series)
     name = curve_name(view.series[1])
     axis = figure.subplots()
@@ -73,7 +73,7 @@ def _band(figure: Figure, experiment: Experiment, view: View) -> None:
     _finish(axis, view)
 
 
-def _lines(figure: Figure, experiment: Experiment, view: View) -> None:
+def _lines(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     if _is_per_joint(experiment, view):
         _joints(figure, experiment, view)
         return
@@ -89,7 +89,7 @@ def _lines(figure: Figure, experiment: Experiment, view: View) -> None:
     _finish(axis, view)
 
 
-def _curves(experiment: Experiment, view: View) -> list[tuple[str, Array, Array]]:
+def _curves(experiment: Experiment, view: SavedView) -> list[tuple[str, Array, Array]]:
     """Name, x and y: curves of one x, or each with an iteration of its own."""
     names, series = view.series, experiment.series
     if all(name.endswith("iteration") for name in names[::2]):
@@ -98,11 +98,11 @@ def _curves(experiment: Experiment, view: View) -> list[tuple[str, Array, Array]
     return [(curve_name(name), series[names[0]], series[name]) for name in names[1:]]
 
 
-def _is_per_joint(experiment: Experiment, view: View) -> bool:
+def _is_per_joint(experiment: Experiment, view: SavedView) -> bool:
     return any(experiment.series[name].ndim == 2 for name in view.series)
 
 
-def _joints(figure: Figure, experiment: Experiment, view: View) -> None:
+def _joints(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     """A panel per joint, the curves one over the other."""
     across = 4
     down = -(-len(experiment.joints) // across)
@@ -120,7 +120,7 @@ def _joints(figure: Figure, experiment: Experiment, view: View) -> None:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
 
 
-def _path(figure: Figure, experiment: Experiment, view: View) -> None:
+def _path(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     path = experiment.series[view.series[0]]
     if path.ndim == 3:  # poses of the tip
         path = path[:, :3, 3]
@@ -137,7 +137,7 @@ def _path(figure: Figure, experiment: Experiment, view: View) -> None:
     axis.legend(loc="upper right")
 
 
-def _motion(figure: Figure, experiment: Experiment, view: View) -> None:
+def _motion(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     t, *motion = (experiment.series[name] for name in view.series)
     axes = figure.subplots(2, 2, sharex=True).ravel()
     for axis, values, name, unit in zip(axes, motion, MOTION, UNITS, strict=True):
@@ -152,7 +152,7 @@ def _motion(figure: Figure, experiment: Experiment, view: View) -> None:
     figure.legend(*handles, loc="outside lower center", ncols=len(experiment.joints))
 
 
-def _loglog(figure: Figure, experiment: Experiment, view: View) -> None:
+def _loglog(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     x, curve, reference = (experiment.series[name] for name in view.series)
     axis = figure.subplots()
     name, other = (curve_name(key) for key in view.series[1:])
@@ -165,17 +165,17 @@ def _loglog(figure: Figure, experiment: Experiment, view: View) -> None:
     _finish(axis, view)
 
 
-def _bars(figure: Figure, experiment: Experiment, view: View) -> None:
+def _bars(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     """A panel per case, a group per figure, a bar per method, the document's beside ours."""
     cases = cases_of(experiment, view)
-    told = experiment.document.get(view.document, {})
+    document = experiment.document.get(view.document, {})
     axes = figure.subplots(len(cases), 1, squeeze=False).ravel()
     colours = dict(zip(experiment.methods, (c for c, _ in LINES), strict=False))
     for axis, case in zip(axes, cases, strict=True):
         bars = [
-            (method, known is told, heights)
+            (method, known is document, heights)
             for method in experiment.methods
-            for known in (told, experiment.values)
+            for known in (document, experiment.values)
             if not np.isnan(heights := _heights(known, case, method, view.metrics)).all()
         ]
         wide = _BAR / max(len(bars), 1)
@@ -211,14 +211,14 @@ def _joint(metric: str) -> str:
     return f"joint {metric.rpartition('_')[2]}"
 
 
-def _finish(axis: Axes, view: View) -> None:
+def _finish(axis: Axes, view: SavedView) -> None:
     axis.margins(x=0.01)
     axis.set_xlabel(view.axes[0])
     axis.set_ylabel(view.axes[1])
     axis.legend()
 
 
-_KINDS: dict[str, Callable[[Figure, Experiment, View], None]] = {
+_KINDS: dict[str, Callable[[Figure, Experiment, SavedView], None]] = {
     "band": _band,
     "lines": _lines,
     "path": _path,

@@ -8,10 +8,10 @@ import re
 from collections.abc import Iterator
 
 from runtime.outputs.report.experiments.drawing import has_figure, inline
-from runtime.outputs.report.experiments.reading import WANTED, Experiment, View
+from runtime.outputs.report.experiments.labels import AIRM, best_method, case_name, short_hash
+from runtime.outputs.report.experiments.reading import WANTED, Experiment, SavedView
 from runtime.outputs.report.experiments.tables import tables
-from runtime.outputs.report.experiments.words import AIRM, best_method, case_name, short_hash
-from runtime.outputs.report.layout import Page, Section, Table, Tile
+from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 
 DOCUMENT_TRIALS = 150
 GLOSSARY = (
@@ -45,18 +45,18 @@ def headline(experiments: tuple[Experiment, ...]) -> str:
     pairs = list(_airms(experiments))
     if not pairs:
         return "The document's experiments, with where every number comes from."
-    ratios = [max(ours / told, told / ours) for told, ours, _ in pairs]
+    ratios = [max(ours / document, document / ours) for document, ours, _ in pairs]
     near = f"The document's final AIRM is met within a factor {max(ratios):.2g} in every case"
-    best = [(ours, own) for _, ours, own in pairs if own is not None]
-    won = sum(own < ours for ours, own in best)
+    best = [(ours, other) for _, ours, other in pairs if other is not None]
+    won = sum(other < ours for ours, other in best)
     return f"{near}; our method on the same data is nearer to the truth in {won} of {len(best)}."
 
 
 def _airms(experiments: tuple[Experiment, ...]) -> Iterator[tuple[float, float, float | None]]:
     """The document's mean AIRM, ours by its method, and that of ours, of every case."""
     for experiment in experiments:
-        for told in experiment.document.values():
-            for (case, method, metric), value in told.items():
+        for document in experiment.document.values():
+            for (case, method, metric), value in document.items():
                 ours = experiment.values.get((case, method, metric))
                 if metric == AIRM and ours is not None:
                     best = experiment.values.get((case, best_method(experiment), AIRM))
@@ -84,7 +84,9 @@ def _warnings(experiments: tuple[Experiment, ...]) -> Iterator[str]:
 
 
 def _is_monte_carlo(experiment: Experiment) -> bool:
-    return any(v.std is not None for told in experiment.document.values() for v in told.values())
+    return any(
+        v.std is not None for document in experiment.document.values() for v in document.values()
+    )
 
 
 def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
@@ -113,14 +115,14 @@ def _sections(experiment: Experiment) -> Iterator[Section]:
         f"from {experiment.name}, config {short_hash(experiment)}",
     )
     for view in experiment.views:
-        told = experiment.source.get(view.document, "")
+        document = experiment.source.get(view.document, "")
         lead = f"{view.title}. {_cases(experiment, view)}".strip()
-        found = list(tables(experiment, view))
+        shown = list(tables(experiment, view))
         figure = inline(experiment, view) if has_figure(view) else ""
         title = caption(view)
-        note = f" · document: {told}" if told and told not in title else ""
+        note = f" · document: {document}" if document and document not in title else ""
         link = ((source[0], f"{source[1]}{note}"),)
-        for number, table in enumerate(found or [None]):
+        for number, table in enumerate(shown or [None]):
             yield Section(
                 title if not number else f"{title}, continued",
                 "" if number else lead,
@@ -131,19 +133,21 @@ def _sections(experiment: Experiment) -> Iterator[Section]:
             )
 
 
-def caption(view: View) -> str:
+def caption(view: SavedView) -> str:
     """`table-5.2` → Table 5.2."""
-    found = re.fullmatch(r"(table|fig)-(.+)", view.id)
-    if found is None:
+    match = re.fullmatch(r"(table|fig)-(.+)", view.id)
+    if match is None:
         return view.title if not view.id.startswith("tables-") else f"Tables {view.id[7:]}"
-    return f"{ {'table': 'Table', 'fig': 'Figure'}[found[1]] } {found[2]}"
+    return f"{ {'table': 'Table', 'fig': 'Figure'}[match[1]] } {match[2]}"
 
 
-def _cases(experiment: Experiment, view: View) -> str:
+def _cases(experiment: Experiment, view: SavedView) -> str:
     if not view.metrics:
         return ""
-    told = [f"{case_name(c)}: {experiment.cases[c]}" for c in view.cases if c in experiment.cases]
-    plain = [text for text in told if len(set(text.split(": "))) > 1]
+    sentences = [
+        f"{case_name(c)}: {experiment.cases[c]}" for c in view.cases if c in experiment.cases
+    ]
+    plain = [text for text in sentences if len(set(text.split(": "))) > 1]
     return f"{'; '.join(plain)}." if plain else ""
 
 
@@ -153,7 +157,7 @@ def _origin(experiment: Experiment) -> Section:
     rows = (*experiment.provenance, *methods, *facts)
     return Section(
         f"Data of {experiment.name}",
-        table=Table(
+        table=ReportTable(
             ("what", "value"),
             rows,
             kind="facts",

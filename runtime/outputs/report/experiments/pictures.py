@@ -4,7 +4,7 @@ from pathlib import Path
 
 from runtime.files import replacing
 from runtime.outputs.report.experiments.drawing import draw, has_figure, height
-from runtime.outputs.report.experiments.reading import Experiment, View
+from runtime.outputs.report.experiments.reading import Experiment, SavedView
 from runtime.outputs.report.style import blank, settings
 
 DPI = 130
@@ -27,7 +27,7 @@ def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[P
 
 
 def write_picture(
-    experiment: Experiment, view: View, path: Path, size: tuple[float, float], dpi: float
+    experiment: Experiment, view: SavedView, path: Path, size: tuple[float, float], dpi: float
 ) -> None:
     """One figure of `size` inches."""
     with blank(size, settings(), dpi) as figure:

@@ -2,7 +2,7 @@
 
 `result.json` names the sha256 of `trials.parquet` and `series.npz`; its config hash must be that
 of `config.json` and of the trials, and its summary must be what the trials say. A study that has
-not finished is told, one that is damaged is an error: a table never shows half of the truth.
+not finished is listed, one that is damaged is an error: a table never shows half of the truth.
 """
 
 import hashlib
@@ -53,7 +53,7 @@ Key = tuple[str, str, str]
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class SavedView:
     """One table or figure of the document, see `runtime.experiments.study.View`."""
 
     id: str
@@ -84,7 +84,7 @@ class Experiment:
     joints: tuple[str, ...]
     cases: Mapping[str, str]
     methods: Mapping[str, str]
-    views: tuple[View, ...]
+    views: tuple[SavedView, ...]
     series: Mapping[str, Array]
     values: Mapping[Key, Value]
     document: Mapping[str, Mapping[Key, Value]]
@@ -104,15 +104,15 @@ def read_experiments(folder: Path) -> tuple[tuple[Experiment, ...], tuple[str, .
     Raises:
         RuntimeFault: a study is damaged or not what its config says, or none is finished.
     """
-    found, notes = [], []
+    finished, notes = [], []
     for place in _places(folder):
         if (place / RESULT).exists():
-            found.append(read_experiment(place))
+            finished.append(read_experiment(place))
         else:
             notes.append(f"{place.name} is not finished and is left out; {_AGAIN}")
-    if not found:
+    if not finished:
         raise RuntimeFault(f"'{folder}' holds no finished experiment; {_AGAIN}")
-    return tuple(sorted(found, key=_first)), tuple(notes)
+    return tuple(sorted(finished, key=_first)), tuple(notes)
 
 
 def _first(experiment: Experiment) -> tuple[int, str]:
@@ -153,8 +153,8 @@ def read_experiment(folder: Path) -> Experiment:
 
 def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     for name in (TRIALS, SERIES):
-        found = hashlib.sha256(require_file(folder / name).read_bytes()).hexdigest()
-        if found != raw["files"][name]:
+        digest = hashlib.sha256(require_file(folder / name).read_bytes()).hexdigest()
+        if digest != raw["files"][name]:
             raise RuntimeFault(
                 f"'{folder / name}' is not the file that {RESULT} vouches for; {_AGAIN}"
             )
@@ -166,9 +166,11 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
         for name, value in row.items():
             if name not in {"case", "method", "trial", "status"} and value is not None:
                 counted.setdefault((row["case"], row["method"], name), []).append(float(value))
-    told = {(e["case"], e["method"], e["metric"]): e for e in raw["summary"]}
-    both = counted.keys() & told.keys()
-    wrong = (counted.keys() ^ told.keys()) | {k for k in both if not _agrees(told[k], counted[k])}
+    stated = {(e["case"], e["method"], e["metric"]): e for e in raw["summary"]}
+    both = counted.keys() & stated.keys()
+    wrong = (counted.keys() ^ stated.keys()) | {
+        k for k in both if not _agrees(stated[k], counted[k])
+    }
     if wrong:
         words = " ".join(min(wrong))
         raise RuntimeFault(
@@ -176,15 +178,15 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
         )
 
 
-def _agrees(told: Mapping[str, Any], values: list[float]) -> bool:
+def _agrees(stated: Mapping[str, Any], values: list[float]) -> bool:
     with np.errstate(all="ignore"):  # what overflows agrees with nothing
         std = float(np.std(values, ddof=1)) if len(values) > 1 else None
-        pairs = [(told["mean"], float(np.mean(values)))]
-    if std is not None and told["std"] is not None:
-        pairs.append((told["std"], std))
+        pairs = [(stated["mean"], float(np.mean(values)))]
+    if std is not None and stated["std"] is not None:
+        pairs.append((stated["std"], std))
     scale = max(map(abs, values))
     near = all(math.isclose(a, b, rel_tol=AGREEMENT, abs_tol=AGREEMENT * scale) for a, b in pairs)
-    return told["n"] == len(values) and near and (std is None) == (told["std"] is None)
+    return stated["n"] == len(values) and near and (std is None) == (stated["std"] is None)
 
 
 def _trials(path: Path) -> tuple[str, list[dict[str, Any]]]:
@@ -207,8 +209,8 @@ def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
     }
     document: dict[str, dict[Key, Value]] = {}
     for e in raw["document"]:
-        own = document.setdefault(e["id"], {})
-        own[e["case"], e["method"], e["metric"]] = Value(e["mean"], e["std"])
+        values_of_id = document.setdefault(e["id"], {})
+        values_of_id[e["case"], e["method"], e["metric"]] = Value(e["mean"], e["std"])
     views = tuple(_view(entry, series) for entry in raw["views"])
     views = tuple(_with_document(view, views, document) for view in views)
     return Experiment(
@@ -229,9 +231,9 @@ def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
     )
 
 
-def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
+def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> SavedView:
     x, y = raw["axes"]
-    view = View(
+    view = SavedView(
         id=str(raw["id"]),
         kind=str(raw["kind"]),
         title=str(raw["title"]),
@@ -251,14 +253,14 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> View:
 
 
 def _with_document(
-    view: View, views: tuple[View, ...], document: Mapping[str, Mapping[Key, Value]]
-) -> View:
+    view: SavedView, views: tuple[SavedView, ...], document: Mapping[str, Mapping[Key, Value]]
+) -> SavedView:
     """Bars stand beside the document's numbers of the first table of the same cases and figures."""
     if view.kind != "bars" or view.document in document:
         return view
     for other in views:
-        told = {metric for _, _, metric in document.get(other.document, {})}
-        if other.cases == view.cases and told & set(view.metrics):
+        available = {metric for _, _, metric in document.get(other.document, {})}
+        if other.cases == view.cases and available & set(view.metrics):
             return replace(view, document=other.document)
     return view
 

@@ -7,10 +7,7 @@ from pathlib import Path
 
 from runtime.errors import RuntimeFault
 from runtime.files import replacing
-from runtime.outputs.report.experiments.page import caption
-from runtime.outputs.report.experiments.pictures import write_picture
-from runtime.outputs.report.experiments.reading import Experiment, View
-from runtime.outputs.report.experiments.words import (
+from runtime.outputs.report.experiments.labels import (
     AIRM,
     best_method,
     case_name,
@@ -18,6 +15,9 @@ from runtime.outputs.report.experiments.words import (
     printed,
     short_hash,
 )
+from runtime.outputs.report.experiments.page import caption
+from runtime.outputs.report.experiments.pictures import write_picture
+from runtime.outputs.report.experiments.reading import Experiment, SavedView
 
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
 GALLERY = "images"
@@ -82,22 +82,22 @@ def _table(experiments: tuple[Experiment, ...]) -> list[str]:
     return lines
 
 
-def _airm(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | None:
-    told = experiment.document.get(view.document, {}).get((case, "adam", AIRM))
+def _airm(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...] | None:
+    document = experiment.document.get(view.document, {}).get((case, "adam", AIRM))
     ours = experiment.values.get((case, "adam", AIRM))
-    if told is None or ours is None:
+    if document is None or ours is None:
         return None
     best = experiment.values.get((case, best_method(experiment), AIRM))
-    return "AIRM", printed(told, AIRM), measured(ours, AIRM), measured(best, AIRM)
+    return "AIRM", printed(document, AIRM), measured(ours, AIRM), measured(best, AIRM)
 
 
-def _torque(experiment: Experiment, view: View, case: str) -> tuple[str, ...] | None:
+def _torque(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...] | None:
     """The mean over the joints of the mean errors."""
-    told = experiment.document.get(view.document, {})
-    names = [m for m in view.metrics if (case, "adam", m) in told]
+    document = experiment.document.get(view.document, {})
+    names = [m for m in view.metrics if (case, "adam", m) in document]
     names = [m for m in names if m.startswith("tau_error_")]
     sources = (
-        (told, "adam"),
+        (document, "adam"),
         (experiment.values, "adam"),
         (experiment.values, best_method(experiment)),
     )

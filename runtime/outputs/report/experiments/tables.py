@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator
 
-from runtime.outputs.report.experiments.reading import Experiment, View
-from runtime.outputs.report.experiments.words import (
+from runtime.outputs.report.experiments.labels import (
     DOCUMENT,
     NOTHING,
     case_name,
@@ -12,7 +11,8 @@ from runtime.outputs.report.experiments.words import (
     metric_name,
     printed,
 )
-from runtime.outputs.report.layout import Table
+from runtime.outputs.report.experiments.reading import Experiment, SavedView
+from runtime.outputs.report.layout import ReportTable
 
 MANY = 7
 """Methods beside each other; more of them become lines."""
@@ -20,7 +20,7 @@ Column = tuple[str, str, bool]
 """Case, method, and whether the number is the document's."""
 
 
-def tables(experiment: Experiment, view: View) -> Iterator[Table]:
+def tables(experiment: Experiment, view: SavedView) -> Iterator[ReportTable]:
     """One table; several where its methods have no figure in common, as π, λ and β have none.
 
     Bars are drawn from a table that stands elsewhere.
@@ -40,27 +40,30 @@ def tables(experiment: Experiment, view: View) -> Iterator[Table]:
         yield _turned(made) if len(methods) > MANY and not made.groups else made
 
 
-def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> Table:
-    told = {column[1] for column in columns if column[2]}
-    names = [_head(column, told) for column in columns]
+def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> ReportTable:
+    of_document = {column[1] for column in columns if column[2]}
+    names = [_head(column, of_document) for column in columns]
     cases = list(dict.fromkeys(case for case, _, _ in columns))
     groups = [("", 1), *((case_name(c), sum(k[0] == c for k in columns)) for c in cases)]
-    return Table(
+    return ReportTable(
         ("figure", *names),
         tuple(rows),
         kind="numbers paired",
         groups=tuple(groups) if len(cases) > 1 else (),
         column_methods=(
             "",
-            *(DOCUMENT if own else method_name(method) for _, method, own in columns),
+            *(
+                DOCUMENT if is_document else method_name(method)
+                for _, method, is_document in columns
+            ),
         ),
     )
 
 
-def _turned(table: Table) -> Table:
+def _turned(table: ReportTable) -> ReportTable:
     """A line per method, so that methods can be sorted by any figure."""
     lines = tuple(zip(table.header, *table.rows, strict=True))
-    return Table(
+    return ReportTable(
         ("method", *lines[0][1:]),
         lines[1:],
         kind=table.kind,
@@ -68,42 +71,42 @@ def _turned(table: Table) -> Table:
     )
 
 
-def _head(column: Column, told: set[str]) -> str:
+def _head(column: Column, of_document: set[str]) -> str:
     _, method, is_document = column
     if not is_document:
         return method_name(method)
-    return f"{DOCUMENT}, {method_name(method)}" if len(told) > 1 else DOCUMENT
+    return f"{DOCUMENT}, {method_name(method)}" if len(of_document) > 1 else DOCUMENT
 
 
-def _families(experiment: Experiment, view: View) -> list[list[str]]:
+def _families(experiment: Experiment, view: SavedView) -> list[list[str]]:
     """Methods that share figures, in their order."""
     families: list[tuple[list[str], set[str]]] = []
     for method in experiment.methods:
-        own = {
+        metrics = {
             metric
             for case in cases_of(experiment, view)
             for metric in view.metrics
             if (case, method, metric) in experiment.values
         }
-        near = next((f for f in families if f[1] & own), None)
+        near = next((f for f in families if f[1] & metrics), None)
         if near is not None:
             near[0].append(method)
-            near[1].update(own)
-        elif own:
-            families.append(([method], own))
+            near[1].update(metrics)
+        elif metrics:
+            families.append(([method], metrics))
     return [methods for methods, _ in families]
 
 
-def _columns(experiment: Experiment, view: View, methods: list[str]) -> Iterator[Column]:
-    told = experiment.document.get(view.document, {})
+def _columns(experiment: Experiment, view: SavedView, methods: list[str]) -> Iterator[Column]:
+    document = experiment.document.get(view.document, {})
     for case in cases_of(experiment, view):
         for method in methods:
-            for is_document, known in ((True, told), (False, experiment.values)):
+            for is_document, known in ((True, document), (False, experiment.values)):
                 if any((case, method, metric) in known for metric in view.metrics):
                     yield case, method, is_document
 
 
-def _cell(experiment: Experiment, view: View, column: Column, metric: str) -> str:
+def _cell(experiment: Experiment, view: SavedView, column: Column, metric: str) -> str:
     case, method, is_document = column
     key = (case, method, metric)
     if is_document:
@@ -111,12 +114,12 @@ def _cell(experiment: Experiment, view: View, column: Column, metric: str) -> st
     return measured(experiment.values.get(key), metric)
 
 
-def cases_of(experiment: Experiment, view: View) -> tuple[str, ...]:
+def cases_of(experiment: Experiment, view: SavedView) -> tuple[str, ...]:
     """Those of the view, or all."""
     return view.cases or tuple(experiment.cases)
 
 
-def markdown(table: Table) -> str:
+def markdown(table: ReportTable) -> str:
     """A table as Markdown; what groups its columns stands in their heads."""
     head = list(table.header)
     if table.groups:

@@ -140,9 +140,9 @@ def test_numbers_that_are_not_finite_are_refused(
 ) -> None:
     pi = fr3.pi0.copy()
     pi[21] = value
-    with pytest.raises(ExportError, match="fr3_link3 are not finite"):
+    with pytest.raises(ExportError, match="expected finite parameters, got others for fr3_link3"):
         write_urdf(fr3, pi, tmp_path / "robot.urdf")
-    with pytest.raises(ExportError, match="fr3_link3 are not finite"):
+    with pytest.raises(ExportError, match="expected finite parameters, got others for fr3_link3"):
         identified_urdf(fr3, pi)
     assert not list(tmp_path.iterdir())
 
@@ -150,12 +150,14 @@ def test_numbers_that_are_not_finite_are_refused(
 def test_a_massless_link_has_no_centre_of_mass(fr3: Library) -> None:
     pi = fr3.pi0.copy()
     pi[0] = 0.0
-    with pytest.raises(ExportError, match="'fr3_link1' has the mass 0 kg"):
+    with pytest.raises(
+        ExportError, match="expected a positive mass of the link 'fr3_link1', got 0 kg"
+    ):
         identified_urdf(fr3, pi)
 
 
 def test_a_wrong_shape_is_named(fr3: Library, tmp_path: Path) -> None:
-    with pytest.raises(ShapeError, match=r"pi needs the shape \(70,\), got \(7, 10\)"):
+    with pytest.raises(ShapeError, match=r"expected pi of the shape \(70,\), got \(7, 10\)"):
         write_urdf(fr3, fr3.pi0.reshape(7, 10), tmp_path / "robot.urdf")
 
 
@@ -168,7 +170,7 @@ def test_a_wrong_shape_is_named(fr3: Library, tmp_path: Path) -> None:
         ("</robot>", "", "is damaged"),
         ('type="continuous"', 'type="nonsense"', "cannot reload"),
         ('"slider"', '"other"', "lacks the link 'slider'"),
-        ('<parent link="base" />', '<parent link="tool" />', "is no tree of links"),
+        ('<parent link="base" />', '<parent link="tool" />', "is not a tree of links"),
     ],
 )
 def test_the_reload_check_catches_a_urdf_that_is_not_the_robot(

@@ -16,7 +16,7 @@ from runtime.errors import LibraryError, RecordingError
 from runtime.excitation import Trajectory
 from runtime.excitation.trajectory_file import write_motion
 from runtime.library import Library
-from runtime.outputs.viewer import Motion, Player, Scene, look_of, read_motion
+from runtime.outputs.viewer import PlayedMotion, Player, Scene, look_of, read_motion
 from runtime.outputs.viewer.player import bars
 from runtime.outputs.viewer.shapes import BASE
 from tests.browser import chromium
@@ -53,11 +53,11 @@ def matrix(position: np.ndarray, wxyz: np.ndarray) -> np.ndarray:
     return pose
 
 
-def motion(fr3: Library) -> Motion:
+def motion(fr3: Library) -> PlayedMotion:
     """Two seconds from home, one radian per second in every joint."""
     t = np.linspace(0, 2, 21)
     q = fr3.home + t[:, None] * np.ones(7)
-    return Motion("m", t, q, np.ones_like(q), None)
+    return PlayedMotion("m", t, q, np.ones_like(q), None)
 
 
 def test_links_and_capsules_are_where_pinocchio_has_them(fr3: Library, scene: Scene) -> None:
@@ -107,11 +107,11 @@ def test_meshes_are_found_where_they_may_lie(
     (share / "pack" / "a.stl").write_text(TRIANGLE)
     missing = look_of(fr3, urdf)
     assert [shape.link for shape in missing.shapes] == ["fr3_link7"]
-    assert "not drawn: package://pack/a.stl (not found; name the folder" in missing.told
+    assert "not drawn: package://pack/a.stl (not found; name the folder" in missing.sentence
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "prefix"))
     for packages in ((), (share,), (share / "pack",)):
         look = look_of(fr3, urdf, packages)
-        assert look.told == "2 visual shapes"
+        assert look.sentence == "2 visual shapes"
         monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{share}")
     mesh, box = look_of(fr3, urdf).shapes
@@ -126,7 +126,7 @@ def test_without_shapes_there_are_lines(fr3: Library, monkeypatch: pytest.Monkey
     """Property: each line ends at the next frame, the last one at the tip."""
     monkeypatch.setattr(fr3, "manifest", replace(fr3.manifest, proxies=()))
     look = look_of(fr3)
-    assert look.told == "plain lines, for the URDF has no visual shapes"
+    assert look.sentence == "plain lines, for the URDF has no visual shapes"
     frames = dict(zip(fr3.link_names, fr3.link_poses(fr3.home), strict=True)) | {BASE: np.eye(4)}
     ends = [*fr3.link_poses(fr3.home)[:, :3, 3], fr3.end_effector(fr3.home)[:3, 3]]
     for shape, end in zip(look.shapes, ends, strict=True):
@@ -151,7 +151,7 @@ def test_a_motion_is_straight_between_samples(fr3: Library) -> None:
         np.testing.assert_allclose(q - fr3.home, expected, rtol=0, atol=ROUNDING)
         assert dq is not None
         assert tau is None
-    one = Motion("one", m.t[:1], m.q[:1], None, None)
+    one = PlayedMotion("one", m.t[:1], m.q[:1], None, None)
     np.testing.assert_array_equal(one.at(3.0)[0], m.q[0])
 
 

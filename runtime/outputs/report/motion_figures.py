@@ -2,7 +2,7 @@
 
 `NAME.png`: every joint's q, dq, ddq and torque inside their limits (the document's Fig. A.2), and
 the shares of all limits. `NAME-speed.png`: every joint in the plane of q and dq, where velocity
-limits fall towards the ends of the range. `NAME-space.png`: `runtime.outputs.report.space`.
+limits fall towards the ends of the range. `NAME-space.png`: see `tip_path_figure`.
 """
 
 from pathlib import Path
@@ -13,7 +13,6 @@ from matplotlib.figure import Figure
 
 from runtime.excitation.motion_profile import Band, MotionProfile
 from runtime.files import replacing
-from runtime.outputs.report.space import draw_space
 from runtime.outputs.report.style import (
     BLUE,
     GREEN,
@@ -26,6 +25,7 @@ from runtime.outputs.report.style import (
     blank,
     settings,
 )
+from runtime.outputs.report.tip_path_figure import draw_space
 
 LINES = {
     "position": (BLUE, "-"),
@@ -74,9 +74,9 @@ def draw_motion(figure: Figure, profile: MotionProfile) -> None:
         for kind, axis in zip(kinds, row, strict=False):
             colour, _ = LINES[kind]
             axis.plot(profile.t, profile.motion[kind][:, j], color=colour)
-            told = _limits(axis, profile.bands[kind], j)
+            note = _limits(axis, profile.bands[kind], j)
             name = f"{profile.joints[j]}   " if kind == "position" else ""
-            axis.set_title(name + told, color=INK if name else VERMILION)
+            axis.set_title(name + note, color=INK if name else VERMILION)
             axis.set_ylabel(_unit(profile, kind, j))
         row[0].axhline(profile.motion["position"][0, j], color=GREY, linewidth=0.8, zorder=1)
         _shares(row[-1], profile, j)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.outputs.report.layout import Section, Table
+from runtime.outputs.report.layout import ReportTable, Section
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class LinkSureness:
+class LinkUncertainty:
     """σ of a link's mass [kg] and centre of mass (3,) [m], and its parameters by verdict."""
 
     mass_sigma: float
@@ -22,7 +22,7 @@ class LinkSureness:
 
 
 @dataclass(frozen=True, slots=True)
-class Sureness:
+class ResultUncertainty:
     """What result.json says of uncertainty.
 
     Attributes:
@@ -34,13 +34,15 @@ class Sureness:
     n_eff: float
     inflation: float
     boundary: bool
-    links: tuple[LinkSureness, ...]
+    links: tuple[LinkUncertainty, ...]
     noise: Array
     model_band: Array
     white: Array
 
 
-def read_sureness(raw: Mapping[str, Any] | None, joints: int, links: int) -> Sureness | None:
+def read_uncertainty(
+    raw: Mapping[str, Any] | None, joints: int, links: int
+) -> ResultUncertainty | None:
     """The entry `uncertainty`; None in results without it.
 
     Raises:
@@ -51,7 +53,7 @@ def read_sureness(raw: Mapping[str, Any] | None, joints: int, links: int) -> Sur
     per_joint = [np.array(raw[key], dtype=float) for key in ("noise", "model_band", "white")]
     if any(a.shape != (joints,) for a in per_joint) or len(raw["links"]) != links:
         raise ValueError("'uncertainty': its lists do not have one entry per joint or link")
-    return Sureness(
+    return ResultUncertainty(
         str(raw["advice"]),
         float(raw["n_eff"]),
         float(raw["inflation"]),
@@ -61,13 +63,13 @@ def read_sureness(raw: Mapping[str, Any] | None, joints: int, links: int) -> Sur
     )
 
 
-def _link(raw: Mapping[str, Any]) -> LinkSureness:
+def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
     com = raw["com_sigma"]
     spread = None if com is None else np.array(com, dtype=float)
-    return LinkSureness(float(raw["mass_sigma"]), spread, tuple(map(str, raw["verdicts"])))
+    return LinkUncertainty(float(raw["mass_sigma"]), spread, tuple(map(str, raw["verdicts"])))
 
 
-def sureness_sections(s: Sureness, joints: tuple[str, ...]) -> tuple[Section, ...]:
+def uncertainty_sections(s: ResultUncertainty, joints: tuple[str, ...]) -> tuple[Section, ...]:
     """Two tables: what is known of the links, and how the residual looks."""
     words = ("identified", "prior-dominated", "unobservable")
     known = tuple(
@@ -89,12 +91,12 @@ def sureness_sections(s: Sureness, joints: tuple[str, ...]) -> tuple[Section, ..
             "What the data determine",
             f"{s.advice[:1].upper()}{s.advice[1:]}.{edge} σ with the URDF as a prior; a parameter "
             "is identified when the data shrink its variance tenfold.",
-            Table(("link", "σ mass [kg]", "σ CoM [mm]", *words), known),
+            ReportTable(("link", "σ mass [kg]", "σ CoM [mm]", *words), known),
         ),
         Section(
             "Residuals",
             f"The training samples are worth {s.n_eff:.0f} independent ones (variance inflation "
             f"{s.inflation:.1f}). Model σ is what uncertain parameters add to a torque.",
-            Table(("joint", "residual RMS", "model σ", "lags like white noise"), rest),
+            ReportTable(("joint", "residual RMS", "model σ", "lags like white noise"), rest),
         ),
     )

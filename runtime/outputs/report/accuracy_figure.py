@@ -6,7 +6,7 @@ import numpy as np
 
 from runtime.files import replacing
 from runtime.identification.expected_accuracy import Growth
-from runtime.outputs.report.log import picture_format
+from runtime.outputs.report.log_figure import picture_format
 from runtime.outputs.report.style import CYCLE, GREY, INK, blank, settings
 
 _DASHES = ("-", "--", ":")
@@ -29,11 +29,11 @@ def draw_growth(growth: Growth, path: Path) -> None:
             style = _DASHES[k // len(CYCLE) % len(_DASHES)]
             colour = CYCLE[k % len(CYCLE)]
             masses.plot(growth.seconds, 1e3 * sigma, color=colour, linestyle=style, label=name)
-        told = np.isfinite(growth.payload)
-        if told.any():
+        is_known = np.isfinite(growth.payload)
+        if is_known.any():
             masses.plot(
-                growth.seconds[told],
-                1e3 * growth.payload[told],
+                growth.seconds[is_known],
+                1e3 * growth.payload[is_known],
                 color=INK,
                 linewidth=2.0,
                 label="payload of 1 kg on a known arm",

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.outputs.report.layout import Section, Table
+from runtime.outputs.report.layout import ReportTable, Section
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
-class Sessions:
+class SeveralLogs:
     """What several logs say about each other.
 
     Attributes:
@@ -33,7 +33,7 @@ class Sessions:
     sentence: str
 
 
-def read_sessions(raw: Mapping[str, Any] | None, n_links: int) -> Sessions | None:
+def read_several_logs(raw: Mapping[str, Any] | None, n_links: int) -> SeveralLogs | None:
     """The part `sessions` of result.json, where there is one.
 
     Raises:
@@ -51,21 +51,25 @@ def read_sessions(raw: Mapping[str, Any] | None, n_links: int) -> Sessions | Non
     masses = tuple(tuple(float(x) for x in row) for row in rows)
     if len(masses) != len(left_out) + 1 or any(len(row) != n_links for row in masses):
         raise ValueError("'sessions': expected one mass per link and log")
-    return Sessions(tuple(left_out), masses[:-1], masses[-1], str(repeated["sentence"]))
+    return SeveralLogs(tuple(left_out), masses[:-1], masses[-1], str(repeated["sentence"]))
 
 
-def session_sections(sessions: Sessions, links: Sequence[str]) -> tuple[Section, ...]:
+def several_logs_sections(several_logs: SeveralLogs, links: Sequence[str]) -> tuple[Section, ...]:
     """Leave one log out, and repeatability."""
-    held = Table(
+    held = ReportTable(
         ("log", "payload [kg]", "URDF", "the others", "with its own offset", "its own fit"),
         tuple(
             (each.name, f"{each.payload:.3g}", *(f"{error:.3f} %" for error in each.errors))
-            for each in sessions.left_out
+            for each in several_logs.left_out
         ),
     )
-    names = tuple(each.name for each in sessions.left_out)
+    names = tuple(each.name for each in several_logs.left_out)
     rows = tuple(
-        (link, *(f"{masses[k]:.4f}" for masses in sessions.masses), f"{sessions.spread[k]:.4f}")
+        (
+            link,
+            *(f"{masses[k]:.4f}" for masses in several_logs.masses),
+            f"{several_logs.spread[k]:.4f}",
+        )
         for k, link in enumerate(links)
     )
     return (
@@ -77,8 +81,8 @@ def session_sections(sessions: Sessions, links: Sequence[str]) -> tuple[Section,
         ),
         Section(
             "Repeatability",
-            f"Masses [kg] by every log alone. {sessions.sentence[:1].upper()}"
-            f"{sessions.sentence[1:]}.",
-            Table(("link", *names, "spread"), rows),
+            f"Masses [kg] by every log alone. {several_logs.sentence[:1].upper()}"
+            f"{several_logs.sentence[1:]}.",
+            ReportTable(("link", *names, "spread"), rows),
         ),
     )

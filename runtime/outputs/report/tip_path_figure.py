@@ -33,8 +33,8 @@ def draw_space(figure: Figure, profile: MotionProfile) -> None:
     panels = right.subplots(len(kinds), 1, sharex=True, squeeze=False).ravel()
     for kind, axis in zip(kinds, panels, strict=True):
         _distances(axis, profile, [gap for gap in profile.gaps if gap.kind == kind])
-        asked = "" if kind not in profile.certificate.unchecked else ": NOT checked"
-        axis.set_title(TITLES[kind] + asked)
+        note = "" if kind not in profile.certificate.unchecked else ": NOT checked"
+        axis.set_title(TITLES[kind] + note)
     panels[-1].set_xlabel("time [s]")
     figure.suptitle(
         f"{profile.robot}, {profile.t[-1]:g} s: path of the tip and distances",

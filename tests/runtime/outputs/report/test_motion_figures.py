@@ -1,4 +1,4 @@
-"""runtime.outputs.report.trajectory: the panels show the profile, and they can be written."""
+"""runtime.outputs.report.motion_figures: the panels show the profile, and they can be written."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,9 +16,9 @@ from runtime.excitation import Safety, Trajectory
 from runtime.excitation.motion_profile import MotionProfile, profile_of
 from runtime.excitation.proof.certified_motion import certified
 from runtime.library import Library
-from runtime.outputs.report.space import draw_space
+from runtime.outputs.report.motion_figures import draw_motion, draw_speed, write_pictures
 from runtime.outputs.report.style import VERMILION, blank, settings
-from runtime.outputs.report.trajectory import draw_motion, draw_speed, write_pictures
+from runtime.outputs.report.tip_path_figure import draw_space
 
 SAFETY = Safety(table=0.0, box=(-1.0, 1.0, -1.0, 1.0, 0.1, np.inf), viscous=(0.5,))
 NAMES = ["a.png", "a-speed.png", "a-space.png"]

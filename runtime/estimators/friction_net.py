@@ -7,18 +7,23 @@ net at all is one of the choices. Inputs are the joint's own motion only: torque
 input would learn one run by heart.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.estimators.optimizers import Status, run
 from runtime.library import Array
 
 UNITS = 4
+"""Hidden units per joint."""
 DECAYS = (1e-4, 1e-3, 1e-2)
-"""α, from which validation chooses."""
+"""Candidates of α; validation chooses among them."""
 STEPS = 60
+"""Limit of steps per net, accepted or not."""
 _FLAT = 1e-6
 """Relative decrease of the loss below which training stops."""
+_FIRST_DAMPING, _LARGEST_DAMPING = 1e-2, 1e10
+"""Damping at the start and the one beyond which no step is tried, relative to diag(JᵀJ)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +32,14 @@ class FrictionNet:
 
     Attributes:
         theta: (n, UNITS (k + 2) + 1), per joint [W, c, v, b].
-        scale: of the k inputs, (n, k).
+        scale: RMS of the k inputs, (n, k).
     """
 
     theta: Array
     scale: Array
 
     def torque(self, columns: Array) -> Array:
-        """(N, n) N·m from friction columns (N, n, k)."""
+        """Friction torque (N, n), N·m, from friction columns (N, n, k)."""
         parts = [
             _forward(theta, columns[:, j] / self.scale[j])[0] for j, theta in enumerate(self.theta)
         ]
@@ -44,24 +49,35 @@ class FrictionNet:
 def train(
     columns: Array,
     target: Array,
-    held_columns: Array,
-    held_target: Array,
+    validation_columns: Array,
+    validation_target: Array,
     rng: np.random.Generator,
 ) -> FrictionNet:
-    """Nets for target (N, n) from columns (N, n, k), weighed on held-out samples."""
+    """Train a net per joint and decay, and keep the one with the least validation error.
+
+    Args:
+        columns: friction columns of the training samples, (N, n, k).
+        target: torque that the nets shall explain, (N, n) [N·m].
+        validation_columns: the same of the validation samples, (M, n, k).
+        validation_target: the same of the validation samples, (M, n) [N·m].
+        rng: source of the first weights.
+
+    Returns:
+        Nets of all joints; θ = 0 where no net lowers the validation error.
+    """
     n, k = columns.shape[1:]
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale = np.where(scale > 0, scale, 1.0)
     theta = np.zeros((n, UNITS * (k + 2) + 1))
     for j in range(n):
-        x, held = columns[:, j] / scale[j], held_columns[:, j] / scale[j]
-        best = float(np.mean(held_target[:, j] ** 2))
+        x, unseen = columns[:, j] / scale[j], validation_columns[:, j] / scale[j]
+        best = float(np.mean(validation_target[:, j] ** 2))
         start = rng.normal(size=theta.shape[1]) / np.sqrt(k)
         for decay in DECAYS:
-            found = _descend(start, x, target[:, j], decay)
-            error = float(np.mean((_forward(found, held)[0] - held_target[:, j]) ** 2))
+            trained = _trained(start, x, target[:, j], decay)
+            error = float(np.mean((_forward(trained, unseen)[0] - validation_target[:, j]) ** 2))
             if error < best:
-                best, theta[j] = error, found
+                best, theta[j] = error, trained
     return FrictionNet(theta, scale)
 
 
@@ -73,6 +89,7 @@ def _forward(theta: Array, x: Array) -> tuple[Array, Array]:
 
 
 def _parts(theta: Array, k: int) -> tuple[Array, Array, Array, Array]:
+    """W (UNITS, k), c, v (UNITS,) and b (1,) of θ."""
     w, c, v, b = np.split(theta, np.cumsum([UNITS * k, UNITS, UNITS]))
     return w.reshape(UNITS, k), c, v, b
 
@@ -85,34 +102,75 @@ def _slopes(theta: Array, x: Array, hidden: Array) -> Array:
     return np.concatenate([deep, bent, hidden, np.ones((len(x), 1))], axis=1)
 
 
-def _descend(theta: Array, x: Array, target: Array, decay: float) -> Array:
-    """Levenberg–Marquardt from θ; a silent target has the zero net."""
+def _trained(theta: Array, x: Array, target: Array, decay: float) -> Array:
+    """θ after the descent; zero for a target that is zero.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C, which the loop has caught: a net half trained is of no use.
+    """
     size = float(np.mean(target**2))
     if size == 0:
         return np.zeros_like(theta)
-    shrink = decay * size * len(x)
+    state, _, status = run(_NetDescent(x, target, decay * size * len(x)), theta, STEPS)
+    if status is Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return state.x
 
-    def loss(at: Array) -> tuple[float, Array, Array]:
-        y, hidden = _forward(at, x)
-        rest = y - target
-        return float(rest @ rest + shrink * (at @ at)), rest, hidden
 
-    damping = 1e-2
-    now, rest, hidden = loss(theta)
-    for _ in range(STEPS):
-        slopes = _slopes(theta, x, hidden)
-        gram = slopes.T @ slopes + shrink * np.eye(theta.size)
-        gradient = slopes.T @ rest + shrink * theta
-        step = np.linalg.solve(gram + damping * np.diag(np.diag(gram)), -gradient)
-        after = loss(theta + step)
-        if after[0] < now:
-            fall = (now - after[0]) / now
-            theta, damping = theta + step, damping / 5
-            now, rest, hidden = after
-            if fall < _FLAT:
-                break
-        else:
-            damping *= 4
-            if damping > 1e10:
-                break
-    return theta
+@dataclass(frozen=True, slots=True)
+class _NetState:
+    """θ with its loss, residual (N,) and activations (N, UNITS), and the damping."""
+
+    x: Array
+    loss: float
+    rest: Array
+    hidden: Array
+    damping: float
+    ended: Status | None = None
+    is_new: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _NetDescent:
+    """Levenberg–Marquardt with Marquardt's scaling, (G + μ diag G) δ = −g, as an `Optimiser`.
+
+    Attributes:
+        inputs: scaled friction columns, (N, k).
+        target: torque, (N,).
+        shrink: weight of ‖θ‖² in the loss.
+    """
+
+    inputs: Array
+    target: Array
+    shrink: float
+
+    def init(self, x: Array) -> _NetState:
+        """The first θ with its loss."""
+        return _NetState(x, *self._loss(x), _FIRST_DAMPING)
+
+    def step(self, state: _NetState) -> _NetState:
+        """Try one step; a rejected one raises the damping only."""
+        theta = state.x
+        slopes = _slopes(theta, self.inputs, state.hidden)
+        gram = slopes.T @ slopes + self.shrink * np.eye(theta.size)
+        gradient = slopes.T @ state.rest + self.shrink * theta
+        scaled = gram + state.damping * np.diag(np.diag(gram))
+        tried = theta + np.linalg.solve(scaled, -gradient)
+        loss, rest, hidden = self._loss(tried)
+        if loss < state.loss:
+            flat = (state.loss - loss) / state.loss < _FLAT
+            ended = Status.CONVERGED if flat else None
+            return _NetState(tried, loss, rest, hidden, state.damping / 5, ended, is_new=True)
+        damping = state.damping * 4
+        ended = Status.STALLED if damping > _LARGEST_DAMPING else None
+        return replace(state, damping=damping, ended=ended, is_new=False)
+
+    def status(self, state: _NetState) -> Status | None:
+        """Why to stop; None to go on."""
+        return state.ended
+
+    def _loss(self, theta: Array) -> tuple[float, Array, Array]:
+        """Loss, residual (N,) and activations (N, UNITS) at θ."""
+        y, hidden = _forward(theta, self.inputs)
+        rest = y - self.target
+        return float(rest @ rest + self.shrink * (theta @ theta)), rest, hidden

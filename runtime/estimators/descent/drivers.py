@@ -11,14 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.estimators.optimizers import (
+    Adam,
     AdamOptions,
+    LevenbergMarquardt,
     LevenbergOptions,
     Outcome,
     Status,
     StoppingRule,
     Trace,
-    levenberg,
-    minimise,
+    descend_traced,
+    descend_validated,
+    trace_of,
 )
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import CompressedObjective, Statistics
@@ -175,9 +178,8 @@ def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
         def value_gradient(x: Array) -> tuple[float, Array]:
             return objective.value_gradient(x, rng.integers(0, size, batch))
 
-    return minimise(
-        descent.x0, value_gradient, held.value, preset.adam, preset.rule, problem.progress
-    )
+    adam = Adam(value_gradient, preset.adam)
+    return descend_validated(adam, descent.x0, held.value, preset.rule, problem.progress)
 
 
 def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
@@ -207,10 +209,8 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
         interrupted = True
     x = jobs.x(0)
     status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
-    columns = zip(*trace, strict=True) if trace else ((), (), ())
-    traces = Trace(*(tuple(c) for c in columns))
     held = descent.held_loss(x) if np.isfinite(job.loss) else np.inf
-    return Outcome(x, held, job.step, status, traces)
+    return Outcome(x, held, job.step, status, trace_of(trace))
 
 
 def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
@@ -230,14 +230,9 @@ def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
         jacobian = np.hstack([squares.factor[:, :base] @ by_lam, squares.factor[:, base:]])
         return squares.factor @ y - squares.target, jacobian
 
-    return levenberg(
-        descent.x0,
-        residual_jacobian,
-        descent.held_loss,
-        options,
-        squares.rest,
-        squares.scale,
-        problem.progress,
+    optimiser = LevenbergMarquardt(residual_jacobian, options, squares.rest, squares.scale)
+    return descend_traced(
+        optimiser, descent.x0, descent.held_loss, options.max_iterations, problem.progress
     )
 
 

@@ -6,19 +6,19 @@ non-linear least squares problems*, 2004, algorithm 3.16.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.estimators.optimizers.adam import Array
-from runtime.estimators.optimizers.loop import Outcome, Status, Trace
+from runtime.estimators.optimizers.loop import Array, Status
 
-_HOPELESS = 1e200
+_LARGEST_DAMPING = 1e200
+"""μ beyond which no step is tried any more."""
 
 
 @dataclass(frozen=True, slots=True)
 class LevenbergOptions:
-    """Settings of the loop.
+    """Settings of the descent.
 
     Attributes:
         max_iterations: steps tried, accepted or not.
@@ -33,9 +33,20 @@ class LevenbergOptions:
     decrease_tolerance: float = 1e-12
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class LevenbergState:
-    """Where a descent stands."""
+    """A point with its residual and damping.
+
+    Attributes:
+        x: (size,).
+        residual: r, (m,).
+        jacobian: J = ∂r/∂x, (m, size).
+        loss: L.
+        damping: μ of the next step.
+        growth: factor on μ where the next step is rejected.
+        ended: why to stop; None to go on.
+        is_new: whether the last step was accepted.
+    """
 
     x: Array
     residual: Array
@@ -43,103 +54,78 @@ class LevenbergState:
     loss: float
     damping: float
     growth: float = 2.0
-    status: Status | None = None
+    ended: Status | None = None
+    is_new: bool = False
 
 
-def levenberg_start(
-    x: Array,
-    residual_jacobian: Callable[[Array], tuple[Array, Array]],
-    rest: float,
-    scale: float,
-    options: LevenbergOptions,
-) -> LevenbergState:
-    """First point with its damping."""
-    residual, jacobian = residual_jacobian(x)
-    loss = float(residual @ residual + rest) * scale
-    damping = options.first_damping * float(np.max(np.sum(jacobian**2, axis=0)))
-    state = LevenbergState(np.array(x, dtype=float), residual, jacobian, loss, damping)
-    if not np.isfinite(loss):
-        state.status = Status.DIVERGED
-    return state
+@dataclass(frozen=True, slots=True)
+class LevenbergMarquardt:
+    """Levenberg–Marquardt as an `Optimiser`.
 
-
-def levenberg_step(
-    state: LevenbergState,
-    residual_jacobian: Callable[[Array], tuple[Array, Array]],
-    rest: float,
-    scale: float,
-    options: LevenbergOptions,
-) -> bool:
-    """Try one step; True when it was accepted. `state.status` says when to stop."""
-    x, residual, jacobian = state.x, state.residual, state.jacobian
-    normal = jacobian @ jacobian.T + state.damping * np.eye(len(residual))
-    try:
-        factor = np.linalg.cholesky(normal)
-    except np.linalg.LinAlgError:
-        _reject(state)
-        return False
-    step = -jacobian.T @ np.linalg.solve(factor.T, np.linalg.solve(factor, residual))
-    if np.linalg.norm(step) <= options.step_tolerance * (
-        np.linalg.norm(x) + options.step_tolerance
-    ):
-        state.status = Status.CONVERGED
-        return False
-    predicted = float(step @ (state.damping * step - jacobian.T @ residual)) * scale
-    new_residual, new_jacobian = residual_jacobian(x + step)
-    loss = float(new_residual @ new_residual + rest) * scale
-    if not (loss < state.loss and predicted > 0):
-        _reject(state)
-        return False
-    gain, decrease = (state.loss - loss) / predicted, state.loss - loss
-    if max(decrease, predicted) <= options.decrease_tolerance * state.loss:
-        state.status = Status.CONVERGED
-    state.x, state.residual, state.jacobian, state.loss = x + step, new_residual, new_jacobian, loss
-    state.damping *= max(1 / 3, 1 - (2 * gain - 1) ** 3)
-    state.growth = 2.0
-    return True
-
-
-def levenberg(
-    start: Array,
-    residual_jacobian: Callable[[Array], tuple[Array, Array]],
-    validation: Callable[[Array], float],
-    options: LevenbergOptions,
-    rest: float = 0.0,
-    scale: float = 0.5,
-    progress: Callable[[int, float], None] | None = None,
-) -> Outcome:
-    """Descend until no step lowers L any more.
-
-    Args:
-        start: first point.
+    Attributes:
         residual_jacobian: r (m,) and J (m, size) at x.
-        validation: loss that is recorded beside L; it does not stop the descent.
-        options: of the loop.
+        options: damping and tolerances.
         rest: ρ.
-        scale: of the loss.
-        progress: called with iteration and L.
+        scale: factor of the loss.
     """
-    state = levenberg_start(start, residual_jacobian, rest, scale, options)
-    trace: list[tuple[int, float, float]] = []
-    status, iteration = state.status or Status.MAX_ITERATIONS, 0
-    try:
-        while state.status is None and iteration < options.max_iterations:
-            iteration += 1
-            if levenberg_step(state, residual_jacobian, rest, scale, options):
-                trace.append((iteration, state.loss, validation(state.x)))
-            if progress is not None:
-                progress(iteration, state.loss)
-        status = state.status or status
-    except KeyboardInterrupt:
-        status = Status.INTERRUPTED
-    columns = zip(*trace, strict=True) if trace else ((), (), ())
-    traces = Trace(*(tuple(c) for c in columns))
-    held = validation(state.x) if np.isfinite(state.loss) else np.inf
-    return Outcome(state.x, held, iteration, status, traces)
+
+    residual_jacobian: Callable[[Array], tuple[Array, Array]]
+    options: LevenbergOptions
+    rest: float = 0.0
+    scale: float = 0.5
+
+    def init(self, x: Array) -> LevenbergState:
+        """First point, (size,), with a damping relative to the largest column of J."""
+        residual, jacobian = self.residual_jacobian(x)
+        loss = self._loss(residual)
+        damping = self.options.first_damping * float(np.max(np.sum(jacobian**2, axis=0)))
+        ended = None if np.isfinite(loss) else Status.DIVERGED
+        return LevenbergState(
+            np.array(x, dtype=float), residual, jacobian, loss, damping, ended=ended
+        )
+
+    def step(self, state: LevenbergState) -> LevenbergState:
+        """Try one step; a rejected one changes the damping only."""
+        x, residual, jacobian = state.x, state.residual, state.jacobian
+        # δ = −Jᵀ (JJᵀ + μI)⁻¹ r by a Cholesky factor of JJᵀ + μI.
+        normal = jacobian @ jacobian.T + state.damping * np.eye(len(residual))
+        try:
+            factor = np.linalg.cholesky(normal)
+        except np.linalg.LinAlgError:
+            return _rejected(state)
+        step = -jacobian.T @ np.linalg.solve(factor.T, np.linalg.solve(factor, residual))
+        tolerance = self.options.step_tolerance
+        if np.linalg.norm(step) <= tolerance * (np.linalg.norm(x) + tolerance):
+            return replace(state, ended=Status.CONVERGED, is_new=False)
+        # Decrease that the linear model of r predicts, and the one that comes.
+        predicted = float(step @ (state.damping * step - jacobian.T @ residual)) * self.scale
+        new_residual, new_jacobian = self.residual_jacobian(x + step)
+        loss = self._loss(new_residual)
+        if not (loss < state.loss and predicted > 0):
+            return _rejected(state)
+        # Their ratio near one: the model holds, μ falls by up to 3; near zero: μ grows.
+        gain, decrease = (state.loss - loss) / predicted, state.loss - loss
+        flat = max(decrease, predicted) <= self.options.decrease_tolerance * state.loss
+        return LevenbergState(
+            x + step,
+            new_residual,
+            new_jacobian,
+            loss,
+            state.damping * max(1 / 3, 1 - (2 * gain - 1) ** 3),
+            ended=Status.CONVERGED if flat else None,
+            is_new=True,
+        )
+
+    def status(self, state: LevenbergState) -> Status | None:
+        """Why to stop; None to go on."""
+        return state.ended
+
+    def _loss(self, residual: Array) -> float:
+        return float(residual @ residual + self.rest) * self.scale
 
 
-def _reject(state: LevenbergState) -> None:
-    state.damping *= state.growth
-    state.growth *= 2
-    if not state.damping < _HOPELESS:
-        state.status = Status.STALLED
+def _rejected(state: LevenbergState) -> LevenbergState:
+    """The same point with more damping; STALLED where no damping helps."""
+    damping = state.damping * state.growth
+    ended = None if damping < _LARGEST_DAMPING else Status.STALLED
+    return replace(state, damping=damping, growth=state.growth * 2, ended=ended, is_new=False)

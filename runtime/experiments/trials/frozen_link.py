@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.estimators.descent.drivers import Preset
 from runtime.estimators.descent.fit import fit_of, start_of
-from runtime.estimators.optimizers import minimise
+from runtime.estimators.optimizers import Adam, descend_validated
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, Library
@@ -48,5 +48,7 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
         loss, slope = objective.value_gradient(x, rng.integers(0, size, batch))
         return loss, np.where(frozen, 0.0, slope)
 
-    outcome = minimise(descent.x0, value_gradient, held.value, preset.adam, preset.rule)
+    outcome = descend_validated(
+        Adam(value_gradient, preset.adam), descent.x0, held.value, preset.rule
+    )
     return fit_of(descent, outcome)

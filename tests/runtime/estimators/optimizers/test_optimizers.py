@@ -1,19 +1,25 @@
 """optimizers: Adam step by step, and the loop that stops in time and keeps the best."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from runtime.estimators.optimizers import (
+    Adam,
     AdamOptions,
+    LevenbergMarquardt,
+    LevenbergOptions,
     Outcome,
     Status,
     StoppingRule,
     adam_start,
     adam_step,
-    minimise,
+    descend_traced,
+    descend_validated,
 )
+from runtime.estimators.optimizers import run as run_loop
 
 Loss = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
@@ -36,11 +42,10 @@ def run(
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
     """The loop with the loss as its own validation."""
-    return minimise(
+    return descend_validated(
+        Adam(loss, options or AdamOptions()),
         np.array(start),
-        loss,
         validation or (lambda x: loss(x)[0]),
-        options or AdamOptions(),
         rule,
         progress,
     )
@@ -220,3 +225,54 @@ def test_interrupting_keeps_the_best() -> None:
     assert told == [(5 * (k + 1), loss) for k, loss in enumerate(found.trace.validation)]
     assert len(told) == 8
     assert found.validation == told[-1][1] == quadratic(found.x)[0] < 4.5
+
+
+@dataclass(frozen=True, slots=True)
+class _Halving:
+    """State of an optimiser that halves x."""
+
+    x: np.ndarray
+    loss: float
+    is_new: bool = True
+
+
+class _Halve:
+    """An optimiser of ten lines: x ← x/2, until |x| < 0.1."""
+
+    def init(self, x: np.ndarray) -> _Halving:
+        return _Halving(x, float(x @ x))
+
+    def step(self, state: _Halving) -> _Halving:
+        return self.init(state.x / 2)
+
+    def status(self, state: _Halving) -> Status | None:
+        return Status.CONVERGED if abs(state.x[0]) < 0.1 else None
+
+
+def test_the_loop_runs_any_optimiser() -> None:
+    """Property: init, step and status are all that the loop needs; each of them can end it."""
+    state, iterations, status = run_loop(_Halve(), np.ones(1), 100)
+    assert (state.x.tolist(), iterations, status) == ([0.0625], 4, Status.CONVERGED)
+    assert run_loop(_Halve(), np.ones(1), 2)[1:] == (2, Status.MAX_ITERATIONS)
+    assert run_loop(_Halve(), np.zeros(1), 2)[1:] == (0, Status.CONVERGED)
+    stopped = run_loop(_Halve(), np.ones(1), 9, lambda i, _: Status.PATIENCE if i == 3 else None)
+    assert stopped[1:] == (3, Status.PATIENCE)
+    traced = descend_traced(_Halve(), np.ones(1), lambda x: x[0], 3)
+    assert traced.trace.validation == (0.5, 0.25, 0.125)
+    assert traced.trace.training == (0.25, 0.0625, 0.015625)
+
+
+def test_levenberg_marquardt_solves_rosenbrock_in_residuals() -> None:
+    """Oracle: the minimum of r = (1 − a, 10 (b − a²)); each accepted step lowers the loss."""
+
+    def residual_jacobian(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        a, b = x
+        return np.array([1 - a, 10 * (b - a * a)]), np.array([[-1.0, 0.0], [-20 * a, 10.0]])
+
+    optimiser = LevenbergMarquardt(residual_jacobian, LevenbergOptions())
+    found = descend_traced(optimiser, np.array([-1.2, 1.0]), lambda _: 0.0, 200)
+    assert found.status is Status.CONVERGED
+    # Quadratic convergence to a zero residual leaves rounding.
+    assert found.x == pytest.approx([1.0, 1.0], abs=1e-10)
+    assert np.all(np.diff(found.trace.training) < 0)
+    assert found.iterations < 40

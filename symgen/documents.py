@@ -1,4 +1,4 @@
-"""Files that others wrote, read within bounds: regular, of a size, UTF-8."""
+"""Bounded reading of files from outside: regular files of limited size, UTF-8 text, JSON."""
 
 import errno
 import json
@@ -7,26 +7,33 @@ from pathlib import Path
 from typing import Any
 
 LARGEST = 50 * 2**20
-"""Bytes; robots are described in thousands of lines, not in millions."""
+"""Largest file that is read, bytes. Robot descriptions have thousands of lines, not millions."""
 
 
 def text_of(path: Path) -> str:
-    """A text; a pipe would be waited for, and a device never ends.
+    """Return the text of a UTF-8 file, without its byte order mark.
+
+    Pipes and devices are refused: reading them could block or never end.
 
     Raises:
-        OSError: it cannot be read, or is no regular file.
-        ValueError: it is larger than any description of a robot, or no UTF-8.
+        OSError: the file cannot be read, or is not a regular file.
+        ValueError: the file is larger than `LARGEST`, or is not UTF-8.
     """
-    found = path.stat()
-    if not stat.S_ISREG(found.st_mode):
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
-    if found.st_size > LARGEST:
+    if status.st_size > LARGEST:
         raise ValueError(f"it has more than {LARGEST >> 20} MiB")
     return path.read_bytes().decode("utf-8-sig")
 
 
 def json_of(path: Path) -> Any:
-    """The value of a JSON document; errors as for `text_of`."""
+    """Return the value of a JSON file.
+
+    Raises:
+        OSError: as for `text_of`.
+        ValueError: as for `text_of`, or the text is not JSON.
+    """
     try:
         return json.loads(text_of(path))
     except RecursionError:

@@ -1,8 +1,8 @@
-"""The errors of the build-time tool: each message says what was expected, what came, what to do."""
+"""Exceptions of the build tool. A message says what was expected, what came, and what to do."""
 
 
 class SymgenError(Exception):
-    """Base of every error that a user of symgen can cause; the CLI prints it as one sentence."""
+    """Base of every error that a user of symgen can cause; the command line prints its message."""
 
 
 class UrdfError(SymgenError):
@@ -10,20 +10,20 @@ class UrdfError(SymgenError):
 
 
 class InertiaError(SymgenError):
-    """Inertial parameters that no body of positive density can have."""
+    """Inertial parameters that are not physically consistent."""
 
 
 class RankError(SymgenError):
-    """The sampled regressor shows no clear gap between excited and silent directions."""
+    """The singular values of the sampled regressor decrease without a clear gap."""
 
 
 class CompilerError(SymgenError):
-    """No C compiler was found, or it refused the generated code."""
+    """No C compiler is available, or it rejected the generated code."""
 
 
 class BuildError(SymgenError):
-    """The generated folder could not be written, or does not match its inputs."""
+    """The generated folder cannot be written, or does not match its inputs."""
 
 
 class CollisionError(SymgenError):
-    """Proxies that do not fit the robot, or geometry to which none can be fitted."""
+    """Collision proxies that do not fit the robot, or geometry that no proxy can be fitted to."""

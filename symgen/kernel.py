@@ -1,7 +1,7 @@
-"""Named, dense, row-major CasADi functions: what a C kernel takes, returns and means.
+"""Named, dense, row-major CasADi functions: the inputs, outputs and meaning of a C kernel.
 
-CasADi stores column-major and drops structural zeros; both are settled here and nowhere else:
-every output of a `Kernel` is a dense vector in row-major order of its declared shape.
+CasADi stores matrices column by column and drops structural zeros. `make_kernel` is the only place
+that converts: every output of a `Kernel` is a dense vector in row-major order of its shape.
 """
 
 import math
@@ -19,11 +19,15 @@ Matrix = Any
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """One input or output: name, shape, unit.
+    """One input or output of a kernel: name, shape, unit.
 
     Attributes:
-        shared: of an input only: one value usually serves all samples of a batch.
-        summed: of an output only: a batch adds it up over its samples.
+        name: C name of the argument.
+        shape: dimensions; the array is dense and row-major.
+        unit: text such as "rad/s" or "rad|m"; "|" separates the units of revolute and prismatic
+            joints.
+        summed: True for an output that a batch adds up over its samples.
+        shared: True for an input of which one value usually serves all samples of a batch.
     """
 
     name: str
@@ -38,15 +42,18 @@ class Argument:
         return math.prod(self.shape)
 
     def symbol(self) -> Matrix:
-        """A fresh SX vector of this size."""
+        """A new SX vector of this size."""
         return ca.SX.sym(self.name, self.size)
 
 
 class Instruction(NamedTuple):
-    """One step of a CasADi function: its code, what it reads and writes.
+    """One instruction of a CasADi function.
 
-    Of an input and an output one side is (argument, entry); all else are places that are used
-    again. `constant` is 0 except for OP_CONST.
+    Attributes:
+        op: CasADi operation code.
+        reads: work-vector indices of the operands; of an input (argument, entry).
+        writes: work-vector indices of the results; of an output (argument, entry).
+        constant: value for OP_CONST, else 0.
     """
 
     op: int
@@ -60,16 +67,21 @@ class Kernel:
     """One generated function.
 
     Attributes:
-        per: "sample" when a batch runs over instants, "link" when it runs over bodies,
-            "point" when it runs over anything else.
-        equation: one line that says what is computed, with its source.
-        function: dense and row-major, inputs and outputs in the declared order.
-        rare: needed so seldom that a batch goes one by one, and vectors are not worth compiling.
-        factors: names of a regressor and of a map's Jacobian, link by link, whose product this is:
-            C multiplies what they return. Empty for all others.
-        through: names of kernels that C calls one after the other instead: maps of the last input,
-            then the kernel that takes their image for its own last input, and zeros for inputs
-            that this one has not. Empty for all others.
+        name: C name without the prefix of the robot.
+        inputs: arguments in the order of the C function.
+        outputs: results in the order of the C function.
+        equation: one line that states what is computed, with its source.
+        per: "sample" if a batch runs over time samples, "link" over bodies, "point" over anything
+            else.
+        function: CasADi function, dense and row-major, inputs and outputs in the declared order.
+        rare: True for kernels that are called seldom: a batch calls them sample by sample, and no
+            vector code is compiled.
+        factors: names of a regressor kernel and of a Jacobian kernel of a map of link parameters.
+            The kernel is their product, link by link, and its C code multiplies their results. Else
+            empty.
+        through: names of kernels that the C code calls one after the other: maps of the last input,
+            then a kernel that takes the mapped value as its last input. Inputs that this kernel
+            does not have are passed as zeros. Else empty.
     """
 
     name: str
@@ -84,17 +96,17 @@ class Kernel:
 
     @cached_property
     def instructions(self) -> list[Instruction]:
-        """The function step by step; to ask CasADi takes longer than to write C."""
-        f, found = self.function, []
+        """Instructions of the function. Cached, since reading them from CasADi is slow."""
+        f, steps = self.function, []
         for k in range(f.n_instructions()):
             op = f.instruction_id(k)
             constant = f.instruction_constant(k) if op == ca.OP_CONST else 0.0
-            found.append(Instruction(op, f.instruction_input(k), f.instruction_output(k), constant))
-        return found
+            steps.append(Instruction(op, f.instruction_input(k), f.instruction_output(k), constant))
+        return steps
 
     @cached_property
     def operations(self) -> int:
-        """Arithmetic instructions of one evaluation; loads, stores and constants not counted."""
+        """Arithmetic instructions of one evaluation, without loads, stores and constants."""
         idle = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
         return sum(step.op not in idle for step in self.instructions)
 
@@ -109,29 +121,33 @@ def make_kernel(
     factors: tuple[str, ...] = (),
     through: tuple[str, ...] = (),
 ) -> Kernel:
-    """Freeze expressions into a kernel with common subexpressions shared.
+    """Return a kernel of symbolic expressions, with common subexpressions shared.
 
     Args:
         name: C name of the kernel without the robot's prefix.
         inputs: argument → its symbol.
         outputs: argument → expression of its shape; vectors are columns.
-        equation: what is computed.
-        per: what a batch runs over.
-        rare: no vector form.
-        factors: of a product.
-        through: of a composition.
+        equation: one line that states what is computed.
+        per: what a batch runs over: "sample", "link" or "point".
+        rare: True for a kernel without vector code.
+        factors: kernels of a product, see `Kernel`.
+        through: kernels of a composition, see `Kernel`.
+
+    Returns:
+        The kernel; its outputs are dense vectors in row-major order.
 
     Raises:
         BuildError: an expression does not have the declared shape.
     """
     rows = []
     for argument, expression in outputs.items():
-        wanted = (*argument.shape, 1)[:2] if argument.shape else (1, 1)
-        if tuple(expression.shape) != wanted:
+        declared = (*argument.shape, 1)[:2] if argument.shape else (1, 1)
+        if tuple(expression.shape) != declared:
             raise BuildError(
-                f"kernel '{name}': output '{argument.name}' is declared {wanted}, "
+                f"kernel '{name}': output '{argument.name}' is declared {declared}, "
                 f"its expression is {tuple(expression.shape)}"
             )
+        # Transposed, because CasADi's vec goes column by column and C arrays are row-major.
         rows.append(ca.densify(ca.vec(ca.SX(expression).T)))
     function = ca.Function(
         name,
@@ -141,5 +157,6 @@ def make_kernel(
         [a.name for a in outputs],
         {"cse": True},
     )
-    given, made = tuple(inputs), tuple(outputs)
-    return Kernel(name, given, made, equation, per, function, rare, factors, through)
+    return Kernel(
+        name, tuple(inputs), tuple(outputs), equation, per, function, rare, factors, through
+    )

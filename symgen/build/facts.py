@@ -13,7 +13,7 @@ from symgen.chain import Chain, Joint
 from symgen.collision.distance import moving
 from symgen.collision.tables import tables_from_collision
 from symgen.errors import BuildError, InertiaError
-from symgen.mechanics import inertia
+from symgen.mechanics import consistency, inertia
 from symgen.mechanics.base_parameters import Array, BaseParameters
 
 PROJECTION_FLOOR = 1e-4
@@ -26,11 +26,11 @@ def initial_parameters(chain: Chain, project: bool) -> tuple[Array, dict[str, fl
     for joint in chain.joints:
         pi = ca.DM(inertia.pi_from_com(joint.mass, ca.DM(joint.com), ca.DM(joint.inertia)))
         try:
-            inertia.require_realisable(pi, joint.link)
+            consistency.require_realisable(pi, joint.link)
         except InertiaError:
             if not project or not joint.mass > 0:
                 raise
-            repaired = ca.DM(inertia.nearest_realisable(pi, PROJECTION_FLOOR))
+            repaired = ca.DM(consistency.nearest_realisable(pi, PROJECTION_FLOOR))
             projected[joint.link] = float(ca.mmax(ca.fabs(repaired - pi)))
             pi = repaired
         blocks.append(np.asarray(pi).ravel())

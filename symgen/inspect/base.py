@@ -14,7 +14,7 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.document import MOVING, Document, numbers
 from symgen.errors import UrdfError
 from symgen.inspect.model import Array, Model
-from symgen.mechanics import inertia
+from symgen.mechanics import consistency, inertia
 from symgen.mechanics.base_parameters import BaseParameters, describe_combination, numeric_base
 from symgen.mechanics.dynamics import sampled_regressor
 
@@ -151,7 +151,7 @@ def _moved(pose: Array) -> Array:
 
 def pseudo_of(pi: Array) -> Array:
     """P of π, (4, 4)."""
-    return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(pi))))
+    return np.array(ca.DM(consistency.pseudo_inertia(ca.DM(pi))))
 
 
 def pi_of(pseudo: Array) -> Array:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.mechanics import inertia
+from symgen.mechanics import consistency, inertia
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ class Body:
     @property
     def pseudo_inertia(self) -> Array:
         """P = [[Σ, mc], [mcᵀ, m]] about the link origin, (4, 4)."""
-        return np.array(ca.DM(inertia.pseudo_inertia(ca.DM(self.pi))))
+        return np.array(ca.DM(consistency.pseudo_inertia(ca.DM(self.pi))))
 
     @property
     def sigma(self) -> Array:

@@ -1,1 +1,1 @@
-"""Rigid-body mechanics on CasADi symbols and numbers."""
+"""Rigid-body mechanics of a kinematic chain, on CasADi symbols and numbers."""

@@ -1,8 +1,8 @@
-"""Base parameters: the combinations β = K π that motion can reveal, τ = Y π = Y_b β.
+"""Base parameters: the identifiable combinations β = K π, τ = Y π = Y_b β.
 
-`numeric_base` samples the regressor and decides its rank by a gap in the singular values;
-`regrouped_base` is the symbolic recursion of Gautier & Khalil (Table 3.2 with Rules 1 and 2),
-an independent check for serial arms with revolute joints in modified DH form.
+`numeric_base` samples the regressor and decides its rank by a gap in the singular values.
+`regrouped_base` is the symbolic recursion of Gautier & Khalil (Table 3.2 with Rules 1 and 2), an
+independent check for serial arms with revolute joints in modified DH form.
 Source: document Sec. 3.2; Gautier & Khalil, IEEE T-RA 6(3), 1990.
 """
 
@@ -19,25 +19,31 @@ from symgen.mechanics.inertia import N_PARAMETERS, PI_NAMES
 Array = NDArray[np.float64]
 
 SILENT_COLUMN = 1e-11
-"""Columns this much smaller than the largest are round-off; normalising them would invent one."""
+"""Norm of a column of W, relative to the largest, below which it is rounding error.
+
+Such columns count as zero: scaling them to length one would invent a direction.
+"""
 CLEAR_GAP = 1e3
-"""Ratio of neighbouring singular values that counts as the edge of the row space."""
+"""Least ratio of neighbouring singular values that marks the rank."""
 ROUNDING = 1e-13
-"""Singular values relative to the largest below which geometry leaves nothing, only arithmetic."""
+"""Singular value, relative to the largest, below which only rounding error is left."""
 _SAMPLES_PER_COLUMN = 4
+"""Random states per column of Y."""
 _SNAP_DIGITS = 12
+"""Decimals to which an entry of K is rounded."""
 _SNAP_WITHIN = 2e-14
+"""Relative distance within which an entry of K is replaced by the rounded one."""
 
 
 @dataclass(frozen=True, slots=True)
 class BaseParameters:
-    """β = K π and how sure the rank decision was.
+    """β = K π and the evidence of the rank decision.
 
     Attributes:
         columns: indices into π of the independent columns; Y_b = Y[:, columns].
-        matrix: K, (n_b, 10 n), identity on `columns`.
+        matrix: (n_b, 10 n) K, identity on `columns`.
         smallest_kept: last singular value inside the row space, relative to the largest.
-        largest_dropped: first one outside, relative to the largest.
+        largest_dropped: first singular value outside, relative to the largest.
     """
 
     columns: tuple[int, ...]
@@ -47,12 +53,12 @@ class BaseParameters:
 
     @property
     def lossless(self) -> bool:
-        """What was dropped is rounding: Y_b β is Y π to the last digits."""
+        """True if the dropped directions are rounding error: Y_b β is Y π to the last digits."""
         return self.largest_dropped < ROUNDING
 
     @property
     def gap(self) -> float:
-        """How many times the last kept singular value exceeds the first dropped one."""
+        """Ratio of the last kept to the first dropped singular value."""
         return self.smallest_kept / self.largest_dropped
 
 
@@ -67,11 +73,14 @@ def numeric_base(
 
     Args:
         chain: n joints.
-        regressor: (q, dq, ddq), each (N, n), → (N, n, 10 n).
-        seed: of the random states.
+        regressor: function of q, dq, ddq, each (N, n), that returns Y as (N, n, 10 n).
+        seed: seed of the random states.
+
+    Returns:
+        Independent columns, K and the singular values at the gap.
 
     Raises:
-        RankError: the singular values fall without a clear gap.
+        RankError: the singular values decrease without a clear gap.
     """
     n = len(chain.joints)
     rng = np.random.default_rng(seed)
@@ -79,34 +88,37 @@ def numeric_base(
     # Turns and travels of order one: revolute states in rad, prismatic ones in m.
     q = rng.uniform(-np.pi, np.pi, (samples, n))
     dq, ddq = rng.normal(0, 2, (2, samples, n))
+    # Columns of unit length: parameters of different units and sizes become comparable.
     w = regressor(q, dq, ddq).reshape(-1, N_PARAMETERS * n)
     norms = np.linalg.norm(w, axis=0)
-    heard = np.flatnonzero(norms > SILENT_COLUMN * norms.max())
-    unit = w[:, heard] / norms[heard]
+    nonzero = np.flatnonzero(norms > SILENT_COLUMN * norms.max())
+    unit = w[:, nonzero] / norms[nonzero]
+    # The rank is where σ_k / σ_{k+1} first exceeds CLEAR_GAP; ε is appended for a full-rank W.
     sigma = np.linalg.svd(unit, compute_uv=False)
     sigma = np.append(sigma / sigma[0], np.finfo(float).eps)
     falls = np.flatnonzero(sigma[:-1] > CLEAR_GAP * sigma[1:])
     if falls.size == 0:
         raise RankError(
-            "the singular values of the regressor fall without a gap of "
-            f"{CLEAR_GAP:g} (smallest {sigma[-2]:.1e}), so the number of base parameters is "
-            "undecided; if the URDF rounds its angles, state it with --snap 1e-4"
+            f"expected a gap of {CLEAR_GAP:g} between neighbouring singular values of the "
+            f"regressor, they decrease without one (smallest {sigma[-2]:.1e}), so the number of "
+            "base parameters is undecided; if the URDF rounds its angles, use --snap 1e-4"
         )
     rank = int(falls[0]) + 1
-    order = sorted(range(len(heard)), key=lambda k: _preference(chain, int(heard[k])))
+    # Independent columns in the order of the regrouping rules, then W_b K = W by least squares.
+    order = sorted(range(len(nonzero)), key=lambda k: _preference(chain, int(nonzero[k])))
     chosen = _independent(unit, order, rank)
-    columns = tuple(sorted(int(heard[k]) for k in chosen))
-    k_heard = np.linalg.lstsq(w[:, columns], w[:, heard], rcond=None)[0]
+    columns = tuple(sorted(int(nonzero[k]) for k in chosen))
+    k_nonzero = np.linalg.lstsq(w[:, columns], w[:, nonzero], rcond=None)[0]
     matrix = np.zeros((rank, N_PARAMETERS * n))
-    matrix[:, heard] = _tidied(np.asarray(k_heard, dtype=float))
+    matrix[:, nonzero] = _tidied(np.asarray(k_nonzero, dtype=float))
     matrix[:, columns] = np.eye(rank)
     return BaseParameters(columns, matrix, float(sigma[rank - 1]), float(sigma[rank]))
 
 
 def _preference(chain: Chain, column: int) -> tuple[int, int]:
-    """Sort key: columns that the regrouping rules keep come first, then m, m·c_axis and one moment.
+    """Sort key of a column: those that the regrouping rules keep come first.
 
-    About a joint axis z, Table 3.2 moves m, mZ and YY into the parent; x and y go cyclically.
+    About a joint axis z, Table 3.2 moves m, mZ and YY into the parent; x and y follow cyclically.
     """
     link, parameter = divmod(column, N_PARAMETERS)
     axis = int(np.argmax(np.abs(chain.joints[link].axis)))
@@ -115,7 +127,7 @@ def _preference(chain: Chain, column: int) -> tuple[int, int]:
 
 
 def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
-    """First `rank` columns in the given order that none of their predecessors span."""
+    """First `rank` columns in the given order outside the span of their predecessors."""
     basis = np.zeros((unit.shape[0], 0))
     residuals: list[tuple[float, int]] = []
     for k in order:
@@ -128,14 +140,14 @@ def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
             residuals.append((length, k))
     if len(residuals) < rank:
         raise RankError(
-            f"found {len(residuals)} independent columns where the singular values promise {rank}; "
-            "if the URDF rounds its angles, state it with --snap 1e-4"
+            f"expected {rank} independent columns by the singular values, got {len(residuals)}; "
+            "if the URDF rounds its angles, use --snap 1e-4"
         )
     return [k for _, k in residuals]
 
 
 def _tidied(matrix: Array) -> Array:
-    """Zeros and short decimals (products of the URDF's lengths) freed from rounding.
+    """K with zeros and short decimals (products of the URDF's lengths) freed from rounding error.
 
     Makes K the same on every machine where the geometry is given in decimals.
     """
@@ -145,7 +157,15 @@ def _tidied(matrix: Array) -> Array:
 
 
 def describe_combination(names: list[str], row: list[float]) -> str:
-    """One row of K in words: `link1.ZZ + link2.YY - 0.3 link3.m`."""
+    """Return one row of K as text: `link1.ZZ + link2.YY - 0.3 link3.m`.
+
+    Args:
+        names: (10 n) names of the entries of π.
+        row: (10 n) coefficients.
+
+    Returns:
+        Terms with coefficient 1 first; entries that are zero are left out.
+    """
     terms = [(x, name) for x, name in zip(row, names, strict=True) if x]
     terms.sort(key=lambda term: term[0] != 1.0)
     text = " ".join(
@@ -158,6 +178,12 @@ def describe_combination(names: list[str], row: list[float]) -> str:
 def regrouped_base(chain: Chain) -> tuple[tuple[int, ...], Array]:
     """Columns and K by the recursion of Table 3.2 with Rules 1 and 2.
 
+    Args:
+        chain: serial arm of n revolute joints in modified DH form.
+
+    Returns:
+        Indices of the n_b independent columns and (n_b, 10 n) K.
+
     Raises:
         RankError: the chain is not a serial arm of revolute joints in modified DH form.
     """
@@ -168,10 +194,12 @@ def regrouped_base(chain: Chain) -> tuple[tuple[int, ...], Array]:
         for i in range(n)
         for k, name in enumerate(PI_NAMES)
     }
+    # rows[i, name] is the coefficient vector of an entry of link i; link n − 1 moves first, so that
+    # each link has received the entries of its child before its own are moved to its parent.
     for i in range(n - 1, 0, -1):
         c, s, a, d = _modified_dh(chain.joints[i], i - 1)
         yy, mz, m = rows[i, "YY"], rows[i, "mZ"], rows[i, "m"]
-        moved = {
+        moved = {  # Table 3.2: what the parent's entries gain
             "XX": yy + 2 * d * mz + d**2 * m,
             "YY": c**2 * yy + 2 * d * c**2 * mz + (a**2 + d**2 * c**2) * m,
             "ZZ": s**2 * yy + 2 * d * s**2 * mz + (a**2 + d**2 * s**2) * m,
@@ -185,7 +213,7 @@ def regrouped_base(chain: Chain) -> tuple[tuple[int, ...], Array]:
         }
         for name, extra in moved.items():
             rows[i - 1, name] = rows[i - 1, name] + extra
-        rows[i, "XX"] = rows[i, "XX"] - yy
+        rows[i, "XX"] = rows[i, "XX"] - yy  # XX − YY stays; YY, mZ and m have left the link
         for name in ("YY", "mZ", "m"):
             del rows[i, name]
     _modified_dh(chain.joints[0], -1)
@@ -217,7 +245,7 @@ def _modified_dh(joint: Joint, parent: int) -> tuple[float, float, float, float]
     )
     if not in_form:
         raise RankError(
-            f"joint '{joint.name}' is not a revolute joint in modified DH form, which the "
-            "symbolic regrouping of Table 3.2 needs; use the numeric one"
+            f"joint '{joint.name}' is not a revolute joint in modified DH form, which the symbolic "
+            "regrouping of Table 3.2 needs; use numeric_base"
         )
     return float(c), float(s), float(p[0]), float(d)

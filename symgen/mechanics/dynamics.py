@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """R and p of one frame in its parent's frame, and the joint axis in its own frame."""
+    """R and p of a frame in its parent's frame, and the joint axis in the frame itself."""
 
     rotation: Matrix
     translation: Matrix
@@ -31,7 +31,15 @@ class Pose:
 
 
 def joint_pose(joint: Joint, q: Matrix) -> Pose:
-    """Pose of a joint's frame in its parent's frame at position q."""
+    """Pose of a joint's frame in its parent's frame.
+
+    Args:
+        joint: revolute, continuous or prismatic joint.
+        q: joint position, rad or m.
+
+    Returns:
+        Rotation, translation (m) and joint axis.
+    """
     rotation, translation = ca.SX(ca.DM(joint.rotation)), ca.SX(ca.DM(joint.translation))
     axis = ca.DM(joint.axis)
     if joint.kind == "prismatic":
@@ -42,20 +50,18 @@ def joint_pose(joint: Joint, q: Matrix) -> Pose:
 def inverse_dynamics(
     chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, pi: Matrix, gravity: bool = True
 ) -> Matrix:
-    """τ(q, dq, ddq, π).
+    """τ(q, dq, ddq, π) (Eqs. 2.34, 4.3, 4.4).
 
     Args:
         chain: n joints, one body each.
-        q: (n,) rad or m.
-        dq: (n,) rad/s or m/s.
-        ddq: (n,) rad/s² or m/s².
-        pi: (10 n,) link by link.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        ddq: (n,) joint accelerations [rad/s², m/s²].
+        pi: (10 n,) inertial parameters, link by link.
         gravity: False leaves gravity out.
 
     Returns:
-        (n,) N·m or N.
-
-    Source: Eqs. 2.34, 4.3, 4.4.
+        (n,) joint torques or forces [N·m, N].
     """
     n = len(chain.joints)
     poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
@@ -65,6 +71,7 @@ def inverse_dynamics(
     spread: list[Matrix] = []  # [α×] + [ω×]²: acceleration of a point = a + spread · offset
     zero = ca.SX(3, 1)
     base_accel = ca.SX(-ca.DM(chain.gravity)) if gravity else zero
+    # Outward sweep: ω, α and the acceleration a of each frame's origin, in the frame itself.
     for i, joint in enumerate(chain.joints):
         pose = poses[i]
         root = joint.parent < 0
@@ -74,7 +81,7 @@ def inverse_dynamics(
         w_here = ca.mtimes(back, w)
         a_here = ca.mtimes(back, a if root else a + ca.mtimes(spread[joint.parent], p))
         al_here = ca.mtimes(back, al)
-        if joint.kind == "prismatic":
+        if joint.kind == "prismatic":  # Coriolis term 2 ω × (axis dq)
             slide = pose.axis * dq[i]
             a_here = a_here + pose.axis * ddq[i] + 2 * ca.cross(w_here, slide)
         else:
@@ -86,6 +93,7 @@ def inverse_dynamics(
         accel.append(a_here)
         spread.append(_spread(w_here, al_here))
 
+    # Inward sweep: f = m a + ([α×] + [ω×]²) m c and its moment, plus those of the children.
     bodies = bodies_of(pi)
     force, moment = [zero] * n, [zero] * n
     tau: list[Matrix] = [0] * n
@@ -121,10 +129,10 @@ def _spread(w: Matrix, al: Matrix) -> Matrix:
 
 
 def _euler_moment(inertia: Matrix, w: Matrix, al: Matrix, u: Matrix) -> Matrix:
-    """I α + ω × I ω, written with the entries of u = `_spread` that the forces need anyway.
+    """I α + ω × I ω from the entries of u = `_spread`, which the forces need as well.
 
-    Component x is XX α_x + (ZZ − YY) ω_y ω_z − XY u_zx + XZ u_yx + YZ (ω_y² − ω_z²); y and z
-    follow cyclically. A third fewer operations than the two products.
+    Component x is XX α_x + (ZZ − YY) ω_y ω_z − XY u_zx + XZ u_yx + YZ (ω_y² − ω_z²); y and z follow
+    cyclically. This takes a third fewer operations than the two products.
     """
     parts = []
     for k in range(3):
@@ -142,9 +150,19 @@ def _euler_moment(inertia: Matrix, w: Matrix, al: Matrix, u: Matrix) -> Matrix:
 def regressor(
     chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, columns: tuple[int, ...] | None = None
 ) -> Matrix:
-    """Y = ∂τ/∂π with τ = Y π (Eq. 3.1), all columns or the chosen ones.
+    """Y = ∂τ/∂π with τ = Y π (Eq. 3.1).
 
-    Differentiating the linear function costs no more than the best hand-written regressor.
+    Differentiating the linear function costs no more operations than a hand-written regressor.
+
+    Args:
+        chain: n joints.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        ddq: (n,) joint accelerations [rad/s², m/s²].
+        columns: indices into π of the columns to compute; None: all.
+
+    Returns:
+        (n, 10 n) regressor, or (n, len(columns)).
     """
     return by_parameters(chain, lambda pi: inverse_dynamics(chain, q, dq, ddq, pi), columns)
 
@@ -152,7 +170,18 @@ def regressor(
 def by_parameters(
     chain: Chain, linear: Callable[[Matrix], Matrix], columns: tuple[int, ...] | None = None
 ) -> Matrix:
-    """∂f/∂π of a linear f(π), all columns or the chosen ones; the other entries of π are zeros."""
+    """∂f/∂π of a function that is linear in π.
+
+    Entries of π outside `columns` are structural zeros, so they cost no operations.
+
+    Args:
+        chain: n joints.
+        linear: f, from (10 n,) π to a vector of m entries.
+        columns: indices into π of the columns to compute; None: all.
+
+    Returns:
+        (m, 10 n) Jacobian, or (m, len(columns)).
+    """
     pi = ca.SX.sym("pi", N_PARAMETERS * len(chain.joints))
     if columns is None:
         return ca.jacobian(linear(pi), pi)
@@ -163,7 +192,14 @@ def by_parameters(
 
 
 def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
-    """Y of many states at once: (q, dq, ddq), each (N, n) → (N, n, 10 n), on numbers."""
+    """Return a numeric function of the regressor at many states.
+
+    Args:
+        chain: n joints.
+
+    Returns:
+        Function of q, dq and ddq, each (N, n), that returns Y as (N, n, 10 n).
+    """
     n = len(chain.joints)
     q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
     rows = ca.densify(ca.vec(regressor(chain, q, dq, ddq).T))
@@ -177,13 +213,31 @@ def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
 
 
 def pi_from_lam_all(lam: Matrix) -> Matrix:
-    """π of all links from λ of all links, block by block."""
+    """π of all links from λ of all links.
+
+    Args:
+        lam: (10 n,) λ, link by link.
+
+    Returns:
+        (10 n,) π, link by link.
+    """
     blocks = range(0, lam.numel(), N_PARAMETERS)
     return ca.vertcat(*(pi_from_lam(lam[k : k + N_PARAMETERS]) for k in blocks))
 
 
 def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matrix) -> Matrix:
-    """∂τ/∂λ = Y · blockdiag(∂π_k/∂λ_k), n × 10 n (Eqs. 4.34–4.36)."""
+    """∂τ/∂λ = Y blockdiag(∂π_k/∂λ_k) (Eqs. 4.34–4.36).
+
+    Args:
+        chain: n joints.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        ddq: (n,) joint accelerations [rad/s², m/s²].
+        lam: (10 n,) λ, link by link.
+
+    Returns:
+        (n, 10 n) Jacobian.
+    """
     one = ca.SX.sym("lam", N_PARAMETERS)
     block = ca.Function("block", [one], [ca.jacobian(pi_from_lam(one), one)])
     y = regressor(chain, q, dq, ddq)
@@ -192,12 +246,30 @@ def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matri
 
 
 def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
-    """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms."""
+    """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms.
+
+    Args:
+        chain: n joints.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        pi: (10 n,) inertial parameters.
+
+    Returns:
+        (n,) joint torques or forces [N·m, N].
+    """
     return inverse_dynamics(chain, q, dq, ca.SX(len(chain.joints), 1), pi)
 
 
 def end_effector(chain: Chain, q: Matrix) -> Matrix:
-    """[R p; 0 1], 4×4, pose of the tip frame in the base frame."""
+    """Pose of the tip frame in the base frame.
+
+    Args:
+        chain: n joints and the tip frame.
+        q: (n,) joint positions [rad, m].
+
+    Returns:
+        (4, 4) homogeneous matrix [R p; 0 1].
+    """
     rotation = ca.SX(ca.DM(chain.tip.rotation))
     translation = ca.SX(ca.DM(chain.tip.translation))
     index = chain.tip.joint
@@ -211,11 +283,19 @@ def end_effector(chain: Chain, q: Matrix) -> Matrix:
 
 
 def link_poses(chain: Chain, q: Matrix) -> Matrix:
-    """[R p; 0 1] of every joint's frame in the base frame, one below the other, 4n×4."""
+    """Poses of all joint frames in the base frame.
+
+    Args:
+        chain: n joints.
+        q: (n,) joint positions [rad, m].
+
+    Returns:
+        (4 n, 4) homogeneous matrices [R p; 0 1], one below the other.
+    """
     poses: list[Matrix] = []
     bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
     for i, joint in enumerate(chain.joints):
         pose = joint_pose(joint, q[i])
-        own = ca.vertcat(ca.horzcat(pose.rotation, pose.translation), bottom)
-        poses.append(own if joint.parent < 0 else ca.mtimes(poses[joint.parent], own))
+        step = ca.vertcat(ca.horzcat(pose.rotation, pose.translation), bottom)
+        poses.append(step if joint.parent < 0 else ca.mtimes(poses[joint.parent], step))
     return ca.vertcat(*poses)

@@ -1,10 +1,10 @@
 """Excitation trajectories: the Fourier + quintic basis and the adjoint of the regressor.
 
 q(t) = q0 + (q1 − q0) S(s) + Σ_m a_m φ_m(s), s = t/t_f, with the boundary quintic of Eqs. 3.24–3.27
-folded into the basis: S = 10s³ − 15s⁴ + 6s⁵ carries the joint from q0 to q1 at rest, and
+folded into the basis: S = 10s³ − 15s⁴ + 6s⁵ moves the joint from q0 to q1 at rest, and
 φ_m = cos 2πms − 1 + 2π²m² s²(1−s)² vanishes at both ends with two derivatives.
-A criterion J(Σ YᵀY) then has the exact gradient Σ_k (∂q_k/∂θ)ᵀ ∂⟨S_k, Y_b⟩/∂q_k: one sample and
-its adjoint are generated, never the whole trajectory.
+A criterion J(Σ YᵀY) has the exact gradient Σ_k (∂q_k/∂θ)ᵀ ∂⟨S_k, Y_b⟩/∂q_k: code is generated for
+one sample and its adjoint, never for the whole trajectory.
 """
 
 import math
@@ -24,14 +24,31 @@ def _with_derivatives(value: Matrix, t: Matrix) -> Matrix:
 
 
 def harmonic_basis(m: Matrix, t: Matrix, t_f: Matrix) -> Matrix:
-    """φ_m(t/t_f) and its first three time derivatives, (4,) [1, 1/s, 1/s², 1/s³]."""
+    """φ_m(t/t_f) and its first three time derivatives.
+
+    Args:
+        m: number of the harmonic.
+        t: time, s.
+        t_f: duration, s.
+
+    Returns:
+        (4,) [1, 1/s, 1/s², 1/s³].
+    """
     s = t / t_f
     value = ca.cos(2 * math.pi * m * s) - 1 + 2 * math.pi**2 * m**2 * s**2 * (1 - s) ** 2
     return _with_derivatives(value, t)
 
 
 def transfer_basis(t: Matrix, t_f: Matrix) -> Matrix:
-    """S(t/t_f) and its first three time derivatives, (4,) [1, 1/s, 1/s², 1/s³]."""
+    """S(t/t_f) and its first three time derivatives.
+
+    Args:
+        t: time, s.
+        t_f: duration, s.
+
+    Returns:
+        (4,) [1, 1/s, 1/s², 1/s³].
+    """
     s = t / t_f
     return _with_derivatives(s**3 * (10 - 15 * s + 6 * s**2), t)
 
@@ -39,15 +56,18 @@ def transfer_basis(t: Matrix, t_f: Matrix) -> Matrix:
 def regressor_adjoint(
     chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, columns: tuple[int, ...], seed: Matrix
 ) -> Matrix:
-    """∂⟨S, Y_b⟩/∂(q, dq, ddq) as a 3×n matrix.
+    """∂⟨S, Y_b⟩/∂(q, dq, ddq).
 
     Args:
         chain: n joints.
-        q: (n,) rad or m.
-        dq: (n,) rad/s or m/s.
-        ddq: (n,) rad/s² or m/s².
-        columns: the base columns.
-        seed: (n·n_b,) S row by row, the sensitivity of the cost to Y_b.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        ddq: (n,) joint accelerations [rad/s², m/s²].
+        columns: indices into π of the n_b base columns.
+        seed: (n·n_b,) S row by row, the derivative of the cost by Y_b.
+
+    Returns:
+        (3, n) derivatives by q, dq and ddq, one row each.
     """
     y = ca.densify(ca.vec(regressor(chain, q, dq, ddq, columns).T))
     return ca.horzcat(*(ca.jtimes(y, x, seed, True) for x in (q, dq, ddq))).T

@@ -1,14 +1,13 @@
-"""Inertial parameters of one body: π, λ, M(λ), the pseudo-inertia P, and the maps between them.
+"""Inertial parameters of one body: π, λ, M(λ), and the maps between them.
 
 π = [m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ], inertia about the *link origin* (Eq. 3.3);
-λ = [μ, x, y, z, ω1, ω2, ω3, a, b, c] (Eq. 4.13). This is the one place that knows both orders.
-Every λ is a body that can exist: m = e^μ > 0 and Σ_com = R diag(a², b², c²) Rᵀ ⪰ 0.
+λ = [μ, x, y, z, ω1, ω2, ω3, a, b, c] (Eq. 4.13). Both orders are defined here and nowhere else.
+Every λ is physically consistent: m = e^μ > 0 and Σ_com = R diag(a², b², c²) Rᵀ ⪰ 0.
 Source: document Sec. 3.3 and 4.3 with the errata to Eqs. 2.27, 2.28, 4.14, 4.20.
 """
 
 import casadi as ca
 
-from symgen.errors import InertiaError
 from symgen.kernel import Matrix
 from symgen.mechanics.spatial import (
     exp_so3,
@@ -25,53 +24,104 @@ LAM_UNITS = ("ln(kg)", *("m",) * 3, *("rad",) * 3, *("kg^0.5*m",) * 3)
 N_PARAMETERS = len(PI_NAMES)
 
 REALISABLE_TOLERANCE = 1e-12
-"""Rounding of the triangle inequality, relative to the trace: inside it a² etc. count as zero."""
+"""Rounding error of the triangle inequality, relative to the trace of I_com.
+
+Eigenvalues of Σ_com between minus this and zero count as zero.
+"""
 
 SHIFT_TOLERANCE = 16 * 2.0**-52
-"""Rounding left in I_com after subtracting m|c|², which may exceed a thin body's own inertia."""
+"""Rounding error of I_com after m|c|² is subtracted, relative to m|c|².
 
-THINNEST = 1e-3
-"""Standard deviation of mass along an axis, m, below which no projected body is thin."""
+m|c|² may exceed the inertia of a thin body by orders of magnitude.
+"""
 
 
 Body = tuple[Matrix, Matrix, Matrix]
-"""m (1), m·c (3) and I about the origin of a frame (3×3)."""
+"""(m, m·c, I): () kg, (3,) kg·m, (3, 3) kg·m² about the origin of a frame."""
 
 
 def mass_moment_inertia(pi: Matrix) -> Body:
-    """m (1), m·c (3) and I about the link origin (3×3) of one body."""
+    """m, m·c and I about the link origin of one body.
+
+    Args:
+        pi: (10,) inertial parameters [kg, kg·m ×3, kg·m² ×6].
+
+    Returns:
+        m, (3,) m·c and (3, 3) I.
+    """
     xx, yy, zz, xy, xz, yz = (pi[i] for i in range(4, 10))
     inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
     return pi[0], pi[1:4], inertia
 
 
 def bodies_of(pi: Matrix) -> list[Body]:
-    """The bodies of π of all links, link by link."""
+    """Return the bodies of all links.
+
+    Args:
+        pi: (10 n,) inertial parameters, link by link.
+
+    Returns:
+        n bodies.
+    """
     links = range(0, pi.numel(), N_PARAMETERS)
     return [mass_moment_inertia(pi[k : k + N_PARAMETERS]) for k in links]
 
 
 def joined(a: Body, b: Body) -> Body:
-    """Two bodies, seen from the same frame, as one."""
+    """Return the sum of two bodies given in the same frame.
+
+    Args:
+        a: one body.
+        b: the other body.
+
+    Returns:
+        One body with m, m·c and I added.
+    """
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 def pi_of_body(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
-    """π of m, m·c and I about the link origin."""
+    """π of m, m·c and I about the link origin.
+
+    Args:
+        mass: m, kg.
+        moment: (3,) m·c, kg·m.
+        inertia: (3, 3) symmetric, kg·m².
+
+    Returns:
+        (10,) inertial parameters.
+    """
     i = inertia
     return ca.vertcat(mass, moment, i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2])
 
 
 def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
-    """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30)."""
+    """π of a body given at its centre of mass: I = I_com − m [c×]² (Eq. 4.30).
+
+    Args:
+        mass: m, kg.
+        com: (3,) c in the link frame, m.
+        inertia_com: (3, 3) I_com about the centre of mass in the link frame's axes, kg·m².
+
+    Returns:
+        (10,) inertial parameters, inertia about the link origin.
+    """
     return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
 
 
 def seen_from(rotation: Matrix, translation: Matrix, body: Body) -> Body:
-    """The same body in the frame in which its own has this pose.
+    """Return a body in the frame in which its present frame has the pose (R, p).
 
-    With h = R m c: m c' = h + m p and I' = R I Rᵀ + (2 p·h + m p·p) 1 − p s' − s p', s = h + m p/2
-    (Steiner, Eq. 4.30, without c, which a body without mass has not).
+    With h = R m c: m c' = h + m p and I' = R I Rᵀ + (2 p·h + m p·p) 1 − p s' − s p', s = h + m p/2.
+    This is Steiner's theorem, Eq. 4.30, without c, which a body of zero mass does not have.
+
+    Args:
+        rotation: (3, 3) R.
+        translation: (3,) p, m.
+        body: m, m·c and I in the present frame.
+
+    Returns:
+        The same body in the other frame.
     """
     mass, moment, inertia = body
     h, p = ca.mtimes(rotation, moment), translation
@@ -87,7 +137,14 @@ def seen_from(rotation: Matrix, translation: Matrix, body: Body) -> Body:
 
 
 def com_inertia(pi: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    """m, c and I_com = I + m [c×]² (Eq. 4.20, errata)."""
+    """m, c and I_com = I + m [c×]² (Eq. 4.20, errata).
+
+    Args:
+        pi: (10,) inertial parameters, m ≠ 0.
+
+    Returns:
+        m [kg], (3,) c [m] and (3, 3) I_com [kg·m²].
+    """
     mass, moment, inertia = mass_moment_inertia(pi)
     com = moment / mass
     return mass, com, inertia + mass * ca.mtimes(skew(com), skew(com))
@@ -111,13 +168,20 @@ def pi_from_lam(lam: Matrix) -> Matrix:
 
 
 def lam_frame(lam: Matrix) -> Matrix:
-    """What `pi_adjoint` needs of λ besides λ itself: m, R by columns, B and C of `exp_so3`."""
+    """Intermediate values of `pi_from_lam` that `pi_adjoint` takes: m, R by columns, B and C.
+
+    Args:
+        lam: (10,) λ of one body.
+
+    Returns:
+        (12,) m, the columns of R, and B and C of `so3_coefficients`.
+    """
     _, b, c = so3_coefficients(lam[4:7])
     return ca.vertcat(ca.exp(lam[0]), ca.vec(exp_so3(lam[4:7])), b, c)
 
 
 def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
-    """(∂π/∂λ)ᵀ slope in closed form, a third of what differentiation in reverse costs.
+    """(∂π/∂λ)ᵀ slope in closed form, at a third of the cost of reverse differentiation.
 
     With S the symmetric matrix for which slope[4:] · π[4:] = tr(S I) and T = Rᵀ S R:
     ∂a = 2a (T₂₂ + T₃₃), ∂c = m (slope[1:4] + 2 (tr(S) 1 − S) c), and a turn δφ in the frame of
@@ -125,8 +189,8 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
     where δφ = (1 − B [ω×] + C [ω×]²) δω.
 
     Args:
-        lam: (10,).
-        frame: (12,), of `lam_frame`.
+        lam: (10,) λ.
+        frame: (12,) from `lam_frame`.
         slope: (10,) ∂cost/∂π.
 
     Returns:
@@ -137,6 +201,7 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
     xx, yy, zz = (slope[i] for i in (4, 5, 6))
     xy, xz, yz = (slope[i] / 2 for i in (7, 8, 9))
     s = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    # I = R I_p Rᵀ − m [c×]²: ∂tr(S I)/∂c = 2 m (tr(S) 1 − S) c, and T = Rᵀ S R gives the rest.
     shift = ca.trace(s) * com - ca.mtimes(s, com)
     turned = ca.mtimes(s, rotation)
     t = [[ca.dot(rotation[:, i], turned[:, j]) for j in range(3)] for i in range(3)]
@@ -146,6 +211,7 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
         2 * (squares[0] - squares[2]) * t[0][2],
         2 * (squares[1] - squares[0]) * t[0][1],
     )
+    # Transpose of the right Jacobian: (1 + B [ω×] + C [ω×]²) torque.
     once = ca.cross(omega, torque)
     return ca.vertcat(
         mass * (slope[0] + ca.dot(com, slope[1:4] + shift)),
@@ -157,8 +223,15 @@ def pi_adjoint(lam: Matrix, frame: Matrix, slope: Matrix) -> Matrix:
     )
 
 
-def _principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
-    """m, c, R and (a², b², c²), the eigenvalues of Σ_com = ½ tr(I_com) 1 − I_com, and tr(I_com)."""
+def principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix]:
+    """m, c, R, the eigenvalues (a², b², c²) of Σ_com = ½ tr(I_com) 1 − I_com, and tr(I_com).
+
+    Args:
+        pi: (10,) inertial parameters, m ≠ 0.
+
+    Returns:
+        m [kg], (3,) c [m], (3, 3) R, (3,) eigenvalues [kg·m²] and the trace [kg·m²].
+    """
     mass, com, inertia = com_inertia(pi)
     moments, rotation = symmetric_eigen(inertia)
     j1, j2, j3 = moments[0], moments[1], moments[2]
@@ -169,12 +242,18 @@ def _principal_sigma(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix
 def lam_from_pi(pi: Matrix) -> Matrix:
     """λ from π; eigenvalues of I_com ascending, so a ≥ b ≥ c ≥ 0.
 
-    A body that is not density realisable has no λ: the affected entries come out as NaN,
-    which the callers turn into a named error that offers `nearest_realisable`.
+    A body that is not density realisable has no λ: the affected entries are NaN. Callers turn them
+    into an error that offers `nearest_realisable`.
+
+    Args:
+        pi: (10,) [kg, kg·m ×3, kg·m² ×6].
+
+    Returns:
+        (10,) [ln kg, m ×3, rad ×3, kg^½·m ×3].
 
     Source: Eqs. 4.18–4.23 with the rule of Table B.5 (errata).
     """
-    mass, com, rotation, sigma, trace = _principal_sigma(pi)
+    mass, com, rotation, sigma, trace = principal_sigma(pi)
     rounding = REALISABLE_TOLERANCE * trace + SHIFT_TOLERANCE * mass * ca.sumsqr(com)
     clipped = [
         ca.if_else(ca.logic_and(sigma[i] < 0, sigma[i] > -rounding), 0.0, sigma[i])
@@ -183,121 +262,8 @@ def lam_from_pi(pi: Matrix) -> Matrix:
     return ca.vertcat(ca.log(mass), com, log_so3(rotation), *(ca.sqrt(s) for s in clipped))
 
 
-def nearest_realisable(pi: Matrix, floor: Matrix) -> Matrix:
-    """π with the eigenvalues of Σ_com raised to a floor: the nearest such matrix (Frobenius).
-
-    Mass and centre of mass are kept; the caller reports the change.
-
-    Args:
-        pi: (10,) with m > 0.
-        floor: smallest allowed eigenvalue of Σ_com, relative to the sum of its positive ones;
-            on top of it no body is thinner than `THINNEST`, which also repairs zero inertias.
-    """
-    mass, com, rotation, sigma, _ = _principal_sigma(pi)
-    least = floor * sum(ca.fmax(sigma[i], 0) for i in range(3)) + mass * THINNEST**2
-    s = [ca.fmax(sigma[i], least) for i in range(3)]
-    moments = ca.diag(ca.vertcat(s[1] + s[2], s[2] + s[0], s[0] + s[1]))
-    return pi_from_com(mass, com, ca.mtimes([rotation, moments, rotation.T]))
-
-
 def spatial_inertia(lam: Matrix) -> Matrix:
     """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], 6×6, linear part first (Eq. 4.14, errata)."""
     mass, moment, inertia = mass_moment_inertia(pi_from_lam(lam))
     h = skew(moment)
     return ca.vertcat(ca.horzcat(mass * ca.DM.eye(3), h.T), ca.horzcat(h, inertia))
-
-
-def pseudo_inertia(pi: Matrix) -> Matrix:
-    """P = [[Σ, mc], [mcᵀ, m]] with Σ = ½ tr(I) 1 − I; P ⪰ 0 is full physical consistency.
-
-    Source: Eqs. 3.9, 3.10.
-    """
-    mass, moment, inertia = mass_moment_inertia(pi)
-    sigma = ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia
-    return ca.vertcat(ca.horzcat(sigma, moment), ca.horzcat(moment.T, mass))
-
-
-def barrier(pi: Matrix) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """Smallest pivot of P = L D Lᵀ, log det P, tr(P⁻¹ B_i) and tr(P⁻¹ B_i P⁻¹ B_j), B_i = ∂P/∂π_i.
-
-    P is positive definite where the pivot is above 0; elsewhere the rest means nothing. P is linear
-    in π, so these are the derivatives of log det P, the second with the opposite sign.
-    """
-    p = pseudo_inertia(pi)
-    size = p.shape[0]
-    lower = ca.SX.eye(size)
-    pivots: list[Matrix] = []
-    for j in range(size):
-        pivots.append(p[j, j] - sum(lower[j, k] ** 2 * pivots[k] for k in range(j)))
-        for i in range(j + 1, size):
-            inner = sum(lower[i, k] * lower[j, k] * pivots[k] for k in range(j))
-            lower[i, j] = (p[i, j] - inner) / pivots[j]
-    left = ca.SX.eye(size)  # L⁻¹
-    for j in range(size):
-        for i in range(j + 1, size):
-            left[i, j] = -sum(lower[i, k] * left[k, j] for k in range(j, i))
-    inverse = ca.mtimes([left.T, ca.diag(ca.vertcat(*(1 / d for d in pivots))), left])
-    basis = [ca.reshape(column, size, size) for column in ca.horzsplit(ca.jacobian(ca.vec(p), pi))]
-    moved = [ca.mtimes(inverse, b) for b in basis]
-    traces = ca.vertcat(*(ca.trace(m) for m in moved))
-    curvature = ca.SX(N_PARAMETERS, N_PARAMETERS)
-    for i, first in enumerate(moved):
-        for j, second in enumerate(moved[: i + 1]):
-            curvature[i, j] = curvature[j, i] = ca.dot(first, second.T)
-    smallest = ca.fmin(ca.fmin(pivots[0], pivots[1]), ca.fmin(pivots[2], pivots[3]))
-    return smallest, ca.log(pivots[0] * pivots[1] * pivots[2] * pivots[3]), traces, curvature
-
-
-def pi_from_cholesky(theta: Matrix) -> Matrix:
-    """π from log-Cholesky θ = (α, d1, d2, d3, s12, s23, s13, t1, t2, t3): P = U Uᵀ, P ≻ 0 always.
-
-    U = e^α [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]].
-    Source: Rucker & Wensing, Smooth parameterization of rigid-body inertia, 2022.
-    """
-    d1, d2, d3 = (ca.exp(theta[i]) for i in (1, 2, 3))
-    s12, s23, s13, t = theta[4], theta[5], theta[6], theta[7:10]
-    upper = ca.vertcat(
-        ca.horzcat(d1, s12, s13, t[0]),
-        ca.horzcat(0, d2, s23, t[1]),
-        ca.horzcat(0, 0, d3, t[2]),
-    )
-    mass = ca.exp(2 * theta[0])
-    sigma = ca.mtimes(upper, upper.T)
-    return pi_of_body(mass, mass * t, mass * (ca.trace(sigma) * ca.DM.eye(3) - sigma))
-
-
-def cholesky_from_pi(pi: Matrix) -> Matrix:
-    """θ of `pi_from_cholesky` from π; NaN where P is not positive definite."""
-    mass, com, inertia = com_inertia(pi)
-    sigma = (ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia) / mass
-    u33 = ca.sqrt(sigma[2, 2])
-    u23, u13 = sigma[1, 2] / u33, sigma[0, 2] / u33
-    u22 = ca.sqrt(sigma[1, 1] - u23**2)
-    u12 = (sigma[0, 1] - u13 * u23) / u22
-    u11 = ca.sqrt(sigma[0, 0] - u12**2 - u13**2)
-    return ca.vertcat(ca.log(mass) / 2, ca.log(u11), ca.log(u22), ca.log(u33), u12, u23, u13, com)
-
-
-def require_realisable(pi: Matrix, link: str) -> None:
-    """Raise `InertiaError` unless the numeric π is a body that can exist.
-
-    Raises:
-        InertiaError: m ≤ 0, or a principal moment exceeds the sum of the other two.
-    """
-    mass = float(pi[0])
-    if not mass > 0:
-        raise InertiaError(f"link '{link}' needs a positive mass, its inertial says {mass:g} kg")
-    _, com, _, sigma, trace = _principal_sigma(ca.DM(pi))
-    slack = 2 * min(float(sigma[i]) for i in range(3))
-    shift = SHIFT_TOLERANCE * mass * float(ca.sumsqr(com))
-    if not float(trace) > shift:
-        raise InertiaError(
-            f"link '{link}' has mass but no inertia, which no body has; correct the URDF, or "
-            "accept the smallest realisable inertia with --project"
-        )
-    if not slack >= -(REALISABLE_TOLERANCE * float(trace) + shift):
-        raise InertiaError(
-            f"the inertia of link '{link}' cannot belong to a body of positive density: a "
-            f"principal moment exceeds the sum of the other two by {-slack:.3g} kg*m^2; correct "
-            "the URDF, or accept the nearest realisable inertia with --project"
-        )

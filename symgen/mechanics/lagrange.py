@@ -2,9 +2,8 @@
 
     τ = dp/dt − r,   p = M(q) dq,   r = ∂(T − U)/∂q        dq·τ = d(T + U)/dt
 
-All are linear in π. Where a filter F is linear and does not change in time, F τ = d(F p)/dt − F r:
-nothing has to be differentiated but what F has smoothed. Source: Slotine & Li 1987 (momentum),
-Gautier & Khalil 1988 (energy).
+All are linear in π. A linear, time-invariant filter F gives F τ = d(F p)/dt − F r: only what F has
+smoothed is differentiated. Source: Slotine & Li 1987 (momentum), Gautier & Khalil 1988 (energy).
 """
 
 import casadi as ca
@@ -16,21 +15,35 @@ from symgen.mechanics.inertia import bodies_of
 
 
 def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
-    """p = ∂T/∂dq = M(q) dq, (n,): the torque that gives a robot at rest the acceleration dq."""
+    """p = ∂T/∂dq = M(q) dq: the torque that gives a robot at rest the acceleration dq.
+
+    Args:
+        chain: n joints.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        pi: (10 n,) inertial parameters.
+
+    Returns:
+        (n,) momenta [kg·m²/s, kg·m/s].
+    """
     return inverse_dynamics(chain, q, ca.SX(len(chain.joints), 1), dq, pi, gravity=False)
 
 
 def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, Matrix]:
-    """T and U of T = Σ_k m v·v/2 + h·(v × ω) + ω·I ω/2, U = −Σ_k g·(m p + R h), both linear in π.
+    """T = Σ_k m v·v/2 + h·(v × ω) + ω·I ω/2 and U = −Σ_k g·(m p + R h), both linear in π.
 
-    v and ω are of the link frame, p and R its pose in the base, h = m c. U is 0 where every frame
-    is at the base. Lagrange's equations of T − U are those of `inverse_dynamics`.
+    v and ω are the velocities of the link frame, p and R its pose in the base frame, h = m c. U is
+    zero where every frame is at the base. Lagrange's equations of T − U are those of
+    `inverse_dynamics`.
 
     Args:
         chain: n joints.
-        q: (n,) rad or m.
-        dq: (n,) rad/s or m/s.
-        pi: (10 n,).
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        pi: (10 n,) inertial parameters.
+
+    Returns:
+        Kinetic energy T and potential energy U, J.
     """
     omega: list[Matrix] = []
     speed: list[Matrix] = []
@@ -62,6 +75,16 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
 
 
 def lagrange_force(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
-    """r = ∂(T − U)/∂q, (n,), so that τ = dp/dt − r."""
+    """r = ∂(T − U)/∂q, so that τ = dp/dt − r.
+
+    Args:
+        chain: n joints.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        pi: (10 n,) inertial parameters.
+
+    Returns:
+        (n,) generalised forces [N·m, N].
+    """
     kinetic, potential = energies(chain, q, dq, pi)
     return ca.gradient(kinetic - potential, q)

@@ -1,7 +1,7 @@
-"""M(q) and the motion that torques cause, written once on a `Chain`.
+"""M(q) and forward dynamics of a `Chain`.
 
-Column i of M is the wrench that a unit acceleration of joint i asks of everything beyond it, taken
-up by the joints towards the base: the composite-rigid-body method, in link frames.
+Composite-rigid-body method in link frames: column i of M is the wrench for a unit acceleration of
+joint i with all bodies beyond it as one rigid body, projected on the joints towards the base.
 Source: Walker & Orin, J. Dyn. Sys. Meas. Control 104(3), 1982; Featherstone, Rigid Body Dynamics
 Algorithms, 2008, Table 6.2.
 """
@@ -15,29 +15,30 @@ from symgen.mechanics.inertia import bodies_of, joined, seen_from
 
 
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
-    """M(q) = ∂τ/∂ddq, n × n, M = Mᵀ to the bit (Eq. 2.34).
+    """M(q) = ∂τ/∂ddq, M = Mᵀ to the bit (Eq. 2.34).
 
     Args:
         chain: n joints, one body each.
-        q: (n,) rad or m.
-        pi: (10 n,) link by link.
+        q: (n,) joint positions [rad, m].
+        pi: (10 n,) inertial parameters, link by link.
 
     Returns:
-        (n, n) kg·m², kg·m or kg.
+        (n, n) mass matrix [kg·m², kg·m, kg].
     """
     n = len(chain.joints)
     poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
     beyond = bodies_of(pi)
     m = ca.SX(n, n)
-    for i in reversed(range(n)):
+    for i in reversed(range(n)):  # from the tip inwards: `beyond[i]` is complete when i is reached
         joint, pose = chain.joints[i], poses[i]
+        # Wrench on the composite body for ddq_i = 1, about the origin of frame i.
         mass, moment, inertia = beyond[i]
         axis = ca.SX(pose.axis)
         if joint.kind == "prismatic":
             force, couple = mass * axis, ca.cross(moment, axis)
         else:
             force, couple = ca.cross(axis, moment), ca.mtimes(inertia, axis)
-        k = i
+        k = i  # carry the wrench towards the base and project it on each joint's axis
         while k >= 0:
             at = poses[k]
             slides = chain.joints[k].kind == "prismatic"
@@ -58,26 +59,29 @@ def forward_dynamics(
 
     Args:
         chain: n joints.
-        q: (n,) rad or m.
-        dq: (n,) rad/s or m/s.
-        tau: (n,) N·m or N.
-        pi: (10 n,).
-        rotor: J, (n,) inertia of the motors, reflected to the joints, kg·m² or kg.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        tau: (n,) joint torques or forces [N·m, N].
+        pi: (10 n,) inertial parameters.
+        rotor: (n,) J, inertia of the motors reflected to the joints [kg·m², kg].
+
+    Returns:
+        (n,) joint accelerations [rad/s², m/s²].
     """
     n = len(chain.joints)
     m = mass_matrix(chain, q, pi) + ca.diag(rotor)
     x = tau - bias_forces(chain, q, dq, pi)
     rows: list[list[Matrix]] = [[0] * n for _ in range(n)]
     d: list[Matrix] = [0] * n
-    for j in range(n):
+    for j in range(n):  # M + diag(J) = L D Lᵀ, L with a unit diagonal
         v = [rows[j][k] * d[k] for k in range(j)]
         d[j] = m[j, j] - sum(rows[j][k] * v[k] for k in range(j))
         for i in range(j + 1, n):
             rows[i][j] = (m[i, j] - sum(rows[i][k] * v[k] for k in range(j))) / d[j]
     y: list[Matrix] = [0] * n
-    for i in range(n):
+    for i in range(n):  # L y = τ − h
         y[i] = x[i] - sum(rows[i][k] * y[k] for k in range(i))
     z: list[Matrix] = [0] * n
-    for i in reversed(range(n)):
+    for i in reversed(range(n)):  # Lᵀ z = D⁻¹ y
         z[i] = y[i] / d[i] - sum(rows[k][i] * z[k] for k in range(i + 1, n))
     return ca.vertcat(*z)

@@ -1,6 +1,6 @@
-"""Rotations and 3-vectors on CasADi `SX | DM`: no links, no parameters.
+"""Rotations and 3-vectors on CasADi `SX | DM`, independent of links and parameters.
 
-Every function is a plain expression, so one definition serves symbols and numbers.
+Every function is an expression, so one definition serves symbols and numbers.
 Source: document Sec. 2.1–2.2 with its errata (logarithm through the quaternion, 0 ≤ θ ≤ π).
 """
 
@@ -9,8 +9,11 @@ import casadi as ca
 from symgen.kernel import Matrix
 
 _LEAST_ANGLE = 1e-100
+"""rad; keeps 1/θ finite at θ = 0 and changes nothing else."""
 _HALF_TURN = 1e-15
+"""Magnitude of the quaternion's scalar (or vector) part that counts as zero."""
 _JACOBI_SWEEPS = 6
+"""Sweeps after which cyclic Jacobi has converged for every 3×3 matrix, by its quadratic rate."""
 
 
 def skew(v: Matrix) -> Matrix:
@@ -43,9 +46,16 @@ def so3_coefficients(omega: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """A = sin θ / θ, B = (1 − cos θ)/θ² and C = (1 − A)/θ², θ = |ω|.
 
     B and C are those of the right Jacobian 1 − B [ω×] + C [ω×]² of the exponential (Solà, Deray,
-    Atchuthan, A micro Lie theory, 2018, Appendix B). The chord 2 sin(θ/2)/θ cancels nothing, so A
-    and B are exact to rounding. C and the slopes of A and B lose digits as 1/θ² and 1/θ, but
-    always multiply θ² and θ; the least θ keeps them finite at 0, where others take a series.
+    Atchuthan, A micro Lie theory, 2018, Appendix B). The chord 2 sin(θ/2)/θ is computed without
+    cancellation, so A and B are exact to rounding. C and the derivatives of A and B lose digits as
+    1/θ² and 1/θ, but they are always multiplied by θ² and θ. `_LEAST_ANGLE` keeps them finite at 0,
+    where other implementations use a series.
+
+    Args:
+        omega: (3,) rotation vector, rad.
+
+    Returns:
+        A, B and C.
     """
     theta = ca.sqrt(ca.dot(omega, omega) + _LEAST_ANGLE**2)
     share = 1 / theta
@@ -100,7 +110,17 @@ def log_so3(rotation: Matrix) -> Matrix:
 
 
 def axis_rotation(axis: Matrix, angle: Matrix) -> Matrix:
-    """Rotation by an angle about a constant unit axis; zeros of the axis stay structural zeros."""
+    """Rotation matrix by an angle about a constant unit axis (Rodrigues).
+
+    Zeros of the axis stay structural zeros of the matrix.
+
+    Args:
+        axis: (3,) constant unit vector.
+        angle: rotation angle, rad.
+
+    Returns:
+        (3, 3) rotation matrix.
+    """
     s, c = ca.sin(angle), ca.cos(angle)
     return ca.DM.eye(3) * c + skew(axis) * s + ca.mtimes(axis, axis.T) * (1 - c)
 
@@ -108,8 +128,8 @@ def axis_rotation(axis: Matrix, angle: Matrix) -> Matrix:
 def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:
     """S = R diag(J) Rᵀ of a symmetric 3×3 matrix, J ascending, det R = +1.
 
-    Cyclic Jacobi with a fixed number of sweeps: no iteration count depends on data, equal
-    eigenvalues need no care, and the small eigenvalues keep their digits.
+    Cyclic Jacobi with a fixed number of sweeps: the iteration count does not depend on the data,
+    equal eigenvalues need no special case, and small eigenvalues keep their digits.
     Columns 1 and 2 are signed so that their entry of largest magnitude is positive;
     column 3 = column 1 × column 2 (errata, rule of Table B.5).
 
@@ -121,11 +141,13 @@ def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:
     """
     a = [[matrix[i, j] for j in range(3)] for i in range(3)]
     columns = [ca.DM.eye(3)[:, i] for i in range(3)]
+    # Each rotation in the plane (p, q) makes a[p][q] zero (Golub & Van Loan, Sec. 8.5.2).
     for _ in range(_JACOBI_SWEEPS):
         for p, q in ((0, 1), (0, 2), (1, 2)):
             k = 3 - p - q
-            zero = a[p][q] == 0
+            zero = a[p][q] == 0  # guards the division; the rotation is then the identity
             tau = (a[q][q] - a[p][p]) / (2 * ca.if_else(zero, 1.0, a[p][q]))
+            # t = tan of the smaller angle, the root of t² + 2 τ t − 1 = 0 without cancellation
             t = ca.if_else(tau < 0, -1.0, 1.0) / (ca.fabs(tau) + ca.sqrt(1 + tau * tau))
             t = ca.if_else(zero, 0.0, t)
             c = 1 / ca.sqrt(1 + t * t)
@@ -140,7 +162,7 @@ def symmetric_eigen(matrix: Matrix) -> tuple[Matrix, Matrix]:
                 s * columns[p] + c * columns[q],
             )
     values = [a[i][i] for i in range(3)]
-    for i, j in ((0, 1), (1, 2), (0, 1)):
+    for i, j in ((0, 1), (1, 2), (0, 1)):  # sort ascending: a network of three comparisons
         swap = values[j] < values[i]
         values[i], values[j] = (
             ca.if_else(swap, values[j], values[i]),

@@ -260,12 +260,12 @@ def test_options_that_do_not_fit(options: dict, message: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('izz="0.01"', 'izz="0.5"', "inertia of link 'rod' cannot belong to a body"),
-        ('iyy="0.02"', 'iyy="-0.02"', "inertia of link 'rod' cannot belong to a body"),
+        ('izz="0.01"', 'izz="0.5"', "inertia of link 'rod' is not physically consistent"),
+        ('iyy="0.02"', 'iyy="-0.02"', "inertia of link 'rod' is not physically consistent"),
         (
             'ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"',
             'ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"',
-            "link 'rod' has mass but no inertia",
+            "link 'rod' has a mass but zero inertia",
         ),
     ],
 )

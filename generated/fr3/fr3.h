@@ -114,7 +114,7 @@ void fr3_barrier(const double pi[10], double pivot[1], double log_det[1], double
  * pi [SI] -> theta [log-Cholesky] */
 void fr3_cholesky_from_pi(const double pi[10], double theta[10]);
 
-/* Eqs. 4.18-4.23. 1489 operations, at most 16104 bytes of stack.
+/* Eqs. 4.18-4.23. 1491 operations, at most 16120 bytes of stack.
  * pi [SI] -> lam [lambda] */
 void fr3_lam_from_pi(const double pi[10], double lam[10]);
 

@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model d3db9af8162fd8e02dc6a661fd2baa5acfcca932161064ee2ca14e0df921bd5b.
+ * Model 580d3f27bd388788961114acb604c34a2838a869a9405b7efd8fc30e78ceabd5.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "d3db9af8162fd8e02dc6a661fd2baa5acfcca932161064ee2ca14e0df921bd5b";
+    return "580d3f27bd388788961114acb604c34a2838a869a9405b7efd8fc30e78ceabd5";
 }
 
 const char *fr3_level(void)
@@ -12998,7 +12998,7 @@ void fr3_cholesky_from_pi_batch(long n, const double *pi, long pi_step, double *
     }
 }
 
-/* Eqs. 4.18-4.23. 1489 operations. */
+/* Eqs. 4.18-4.23. 1491 operations. */
 void fr3_lam_from_pi(const double pi[10], double lam[10])
 {
     const double t1 = log(pi[0]);
@@ -14488,18 +14488,20 @@ void fr3_lam_from_pi(const double pi[10], double lam[10])
     const double t1501 = (double)(t1499 != 0.0 && t1500 != 0.0);
     const double t1502 = (double)(t1501 == 0.0);
     const double t1503 = t1502 != 0.0 ? t1498 : 0.0;
-    const double t1504 = sqrt(t1503);
-    lam[8] = t1504;
-    const double t1506 = t1468 - t1475;
-    const double t1507 = t1471 + t1506;
-    const double t1508 = t1507 / 2.0;
-    const double t1509 = (double)(t1508 < 0.0);
-    const double t1510 = (double)(t1489 < t1508);
-    const double t1511 = (double)(t1509 != 0.0 && t1510 != 0.0);
-    const double t1512 = (double)(t1511 == 0.0);
-    const double t1513 = t1512 != 0.0 ? t1508 : 0.0;
-    const double t1514 = sqrt(t1513);
-    lam[9] = t1514;
+    const double t1504 = fmin(t1503, t1493);
+    const double t1505 = sqrt(t1504);
+    lam[8] = t1505;
+    const double t1507 = t1468 - t1475;
+    const double t1508 = t1471 + t1507;
+    const double t1509 = t1508 / 2.0;
+    const double t1510 = (double)(t1509 < 0.0);
+    const double t1511 = (double)(t1489 < t1509);
+    const double t1512 = (double)(t1510 != 0.0 && t1511 != 0.0);
+    const double t1513 = (double)(t1512 == 0.0);
+    const double t1514 = t1513 != 0.0 ? t1509 : 0.0;
+    const double t1515 = fmin(t1514, t1504);
+    const double t1516 = sqrt(t1515);
+    lam[9] = t1516;
 }
 
 /* The same for n of them; each input with its step in doubles from one to the next. */

@@ -1,4 +1,4 @@
-"""C sources → shared library: finds a compiler, shows its complaint, records the exact command."""
+"""C sources → shared library: choice of the compiler, its error messages, the exact commands."""
 
 import hashlib
 import importlib.util
@@ -22,13 +22,15 @@ FLAGS = (
     "-fno-math-errno",
     "-fno-trapping-math",
 )
-"""Never -ffast-math: it breaks range reduction and the handling of NaN.
+"""Flags of all sources. -ffast-math would break range reduction and the handling of NaN.
 
-No warnings: the tests compile with all of them, and looking for them takes GCC a second."""
+Warnings are off: the tests compile with all of them, and they cost GCC a second.
+"""
 
 PLAIN = ("-O1",)
-"""Straight-line code for one number or two at a time gains nothing from more, measured."""
+"""Level for code on one or two numbers at a time, which gains nothing from more (measured)."""
 WIDE = ("-O2",)
+"""Level for code on wide vectors."""
 VECTOR_FLAGS = (
     "-ffp-contract=fast",  # fused multiply-add, which ISO C turns off by itself
     "-fno-tree-vectorize",  # the vectors are there already; looking for more costs compile time
@@ -36,6 +38,7 @@ VECTOR_FLAGS = (
 )
 
 GCC_PLAIN = ("-fno-tree-dse", "--param=lra-max-considered-reload-pseudos=20")
+"""Passes that GCC skips at -O1, see `GCC_WIDE`."""
 GCC_WIDE = (
     *GCC_PLAIN,
     "-fno-tree-vrp",
@@ -46,27 +49,30 @@ GCC_WIDE = (
     "-fno-rerun-cse-after-loop",
     "-fno-ree",
 )
-"""What GCC is spared at either level: passes that find nothing in straight-line code of single
-assignments and take a tenth of the time. Functions keep their speed, within 4 % in both directions;
-without -fdse, too, tiles are stored a quarter slower, without -fipa-cp loaded a tenth slower, and
--O1 without the others makes portable functions 10 % slower."""
+"""Passes that GCC skips at -O2.
+
+They change nothing in straight-line code of single assignments and take a tenth of the time.
+Functions keep their speed within 4 %. Two passes must stay: without -fdse at -O2 tiles are stored a
+quarter slower, without -fipa-cp they are loaded a tenth slower.
+"""
 
 PORTABLE = {"portable": (1, "")}
+"""Level that every machine has: one lane, no instruction set."""
 LEVELS = {
     "x86_64": {"v4": (8, "x86-64-v4"), "v3": (4, "x86-64-v3"), "v2": (2, "x86-64-v2"), **PORTABLE},
     "aarch64": {"neon": (2, ""), **PORTABLE},
 }
-"""Per machine: level → lanes and instruction set. A vector wider than the set is slow."""
+"""Machine → level → (lanes, -march). A vector wider than the instruction set is slow."""
 
 LINK = ("-shared", "-lm")
 
 REFERENCE = "casadi"
-"""Level of the code that nobody waits for."""
+"""Level of the code that CasADi generates, compiled without optimisation for comparison."""
 
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """What was run and what came out."""
+    """Commands that were run, version of the compiler, and hash of the library."""
 
     commands: tuple[tuple[str, ...], ...]
     version: str
@@ -74,19 +80,19 @@ class Compiled:
 
 
 def find_compiler() -> tuple[str, ...]:
-    """$CC, else cc, gcc or clang of the PATH, else the ziglang wheel.
+    """Command of the C compiler: $CC, else cc, gcc or clang of the PATH, else the ziglang wheel.
 
     Raises:
-        CompilerError: none of them is there.
+        CompilerError: none of them is available.
     """
-    asked = shlex.split(os.environ.get("CC", ""))
-    if asked:
-        if shutil.which(asked[0]) is None:
+    variable = shlex.split(os.environ.get("CC", ""))
+    if variable:
+        if shutil.which(variable[0]) is None:
             raise CompilerError(
-                f"$CC asks for the compiler '{asked[0]}', which is not on the PATH; "
+                f"$CC names the compiler '{variable[0]}', which is not on the PATH; "
                 "install it or unset CC"
             )
-        return tuple(asked)
+        return tuple(variable)
     for name in ("cc", "gcc", "clang"):
         if shutil.which(name):
             return (name,)
@@ -112,11 +118,14 @@ def compile_library(
         target: the library.
         per_level: compiled once per vector level.
         unhurried: compiled once, without optimisation: the level `REFERENCE`.
-        wanted: levels to compile, of `level_names()`; empty: every one that the compiler knows.
+        wanted: levels to compile, of `level_names()`; empty: every one that the compiler supports.
+
+    Returns:
+        Commands, compiler version and hash.
 
     Raises:
-        CompilerError: the compiler failed; its message is part of the sentence; a wanted level is
-            none of this machine or compiler.
+        CompilerError: the compiler failed (its message is included), or this machine or compiler
+            does not support a requested level.
     """
     kinds = [[path.name for path in paths] for paths in (sources, per_level, unhurried)]
     with Compilation(target.parent, how_to_compile(*kinds), wanted) as compilation:
@@ -124,15 +133,17 @@ def compile_library(
 
 
 class Compilation:
-    """Compiles files of a folder on all cores, each from when it is there; leaving it stops it.
+    """Compilation of the files of a folder on all cores, each as soon as it is written.
+
+    Leaving the context waits for running commands and cancels the others.
 
     Args:
-        folder: where the files lie or will lie, and where objects come and go.
-        how: of `how_to_compile`.
+        folder: where the sources are or will be, and where objects are written.
+        how: from `how_to_compile`.
         wanted: as in `compile_library`.
 
     Raises:
-        CompilerError: no compiler; a wanted level is none of this machine or compiler.
+        CompilerError: no compiler, or an unsupported level is requested.
     """
 
     def __init__(self, folder: Path, how: dict[str, Any], wanted: Sequence[str] = ()) -> None:
@@ -140,17 +151,19 @@ class Compilation:
         _require_levels(wanted)
         self._units: dict[str, list[tuple[str, list[str]]]] = {}
         spared = {tuple(group["gcc"]) for group in how["groups"]}
-        spared = {flags for flags in spared if _accepts(self._compiler, flags)}  # none but by GCC
+        spared = {
+            flags for flags in spared if _accepts(self._compiler, flags)
+        }  # only GCC accepts them
         for group in how["groups"]:
-            level, own = group["level"], group["machine"] in {"", machine()}
-            if not own or (wanted and level and level not in wanted):
+            level, is_here = group["level"], group["machine"] in {"", machine()}
+            if not is_here or (wanted and level and level not in wanted):
                 continue
             flags = [_spelled(flag, self._compiler) for flag in group["flags"]]
             if not _accepts(self._compiler, [f for f in flags if f.startswith("-march=")]):
                 if wanted:
                     raise CompilerError(
                         f"'{shlex.join(self._compiler)}' cannot compile for the level '{level}'; "
-                        "leave it out or take a newer compiler"
+                        "leave it out or install a newer compiler"
                     )
                 continue  # an older compiler; the loader takes the best of the others
             flags += group["gcc"] if tuple(group["gcc"]) in spared else []
@@ -167,17 +180,24 @@ class Compilation:
         self._pool.shutdown(cancel_futures=True)
 
     def start(self, name: str) -> None:
-        """Compile a file that is complete, for every level it is for, in the background."""
+        """Compile a complete file in the background, for every level that it belongs to."""
         for unit, flags in self._units.get(name, []):
             command = (*self._compiler, *FLAGS, *flags, "-c", name, "-o", unit)
             if command not in self._running:
                 self._running[command] = self._pool.submit(_run, command, self._folder)
 
     def finish(self, names: Sequence[str], target: Path) -> Compiled:
-        """Compile whichever of these files are not yet, the longest first, and link them.
+        """Compile the remaining files, the longest first, and link them.
+
+        Args:
+            names: files of the folder.
+            target: the library.
+
+        Returns:
+            Commands, compiler version and hash.
 
         Raises:
-            CompilerError: the compiler failed; its message is part of the sentence.
+            CompilerError: the compiler failed; its message is included.
         """
         for name in sorted(names, key=lambda name: -(self._folder / name).stat().st_size):
             self.start(name)
@@ -195,10 +215,18 @@ class Compilation:
 def how_to_compile(
     once: Sequence[str], per_level: Sequence[str] = (), unhurried: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Flags of every file, groups of files with flags of their own, flags of the link; JSON-ready.
+    """Flags of all files, groups of files with further flags, and flags of the link; JSON-ready.
 
-    A group has the level that it belongs to and the machine that it is for, "" meaning all, and
-    flags for compilers that know every one of them. Arguments as in `compile_library`.
+    A group has the level that it belongs to, the machine that it is for ("" means all), and flags
+    that only GCC takes.
+
+    Args:
+        once: files compiled once.
+        per_level: files compiled once per vector level.
+        unhurried: files compiled once, without optimisation.
+
+    Returns:
+        Keys "flags", "groups" and "link" of compile.json.
     """
 
     def group(sources: Sequence[str], flags: Sequence[str], level: str = "", of: str = "") -> Any:
@@ -231,17 +259,18 @@ def _require_levels(wanted: Sequence[str]) -> None:
     for name in wanted:
         if name not in level_names():
             raise CompilerError(
-                f"there is no level '{name}' on {machine()}, which knows {', '.join(level_names())}"
+                f"there is no level '{name}' on {machine()}; its levels are "
+                f"{', '.join(level_names())}"
             )
     if wanted and not set(wanted) - {REFERENCE}:
         raise CompilerError(
-            f"'{REFERENCE}' is what the other levels are compared with and serves nobody alone; "
+            f"'{REFERENCE}' is only the reference of the other levels; "
             f"add one of {', '.join(level_names()[:-1])}"
         )
 
 
 def machine() -> str:
-    """x86_64, aarch64, or whatever else the machine calls itself."""
+    """Architecture of this machine: x86_64, aarch64, or the name that the system gives."""
     name = platform.machine().lower()
     return {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
 
@@ -254,25 +283,25 @@ def _spelled(flag: str, compiler: tuple[str, ...]) -> str:
 
 
 def _accepts(compiler: tuple[str, ...], flags: Sequence[str]) -> bool:
-    """Does the compiler know all these flags, such as an instruction set?"""
+    """True if the compiler supports all these flags."""
     probe = [*compiler, "-Werror", *flags, "-x", "c", "-E", os.devnull]
     return not flags or subprocess.run(probe, capture_output=True, check=False).returncode == 0
 
 
 def _run(command: tuple[str, ...], folder: Path) -> None:
-    made = folder / command[command.index("-o") + 1]
+    target = folder / command[command.index("-o") + 1]
     run = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if run.returncode != 0 or not made.exists():
-        complaint = "\n".join(run.stderr.strip().splitlines()[:20])
-        raise CompilerError(f"'{shlex.join(command)}' failed:\n{complaint}")
+    if run.returncode != 0 or not target.exists():
+        message = "\n".join(run.stderr.strip().splitlines()[:20])
+        raise CompilerError(f"'{shlex.join(command)}' failed:\n{message}")
 
 
 def compiler_version(compiler: tuple[str, ...]) -> str:
-    """First line of `--version`."""
+    """First line of the compiler's `--version`."""
     run = subprocess.run([*compiler, "--version"], capture_output=True, text=True, check=False)
     return run.stdout.strip().splitlines()[0] if run.stdout.strip() else "unknown"
 
 
 def sha256_of(path: Path) -> str:
-    """Hash of a file's bytes."""
+    """SHA-256 of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

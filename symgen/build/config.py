@@ -1,6 +1,6 @@
-"""What a URDF cannot say: home, limits of the drives and of the controller, collision proxies.
+"""Configuration of a robot beyond its URDF: home, limits of drives and controller, proxies.
 
-Read from a TOML beside the URDF and written into the manifest.
+It is read from a TOML file beside the URDF and written into the manifest.
 """
 
 import sys
@@ -20,15 +20,15 @@ Vector = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class Braking:
-    """Velocity limits that shrink towards the ends of the range, per joint.
+    """Velocity limits that decrease towards the ends of the position range, per joint.
 
-    max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower): what is left of the range
+    max(0, dq + c)² ≤ k (upper − q) and max(0, c − dq)² ≤ k (q − lower): the remaining range
     suffices to brake. Convex in (q, dq).
 
     Attributes:
         k: rad/s² or m/s².
         c: rad/s or m/s.
-        upper, lower: rad or m, a little outside the position limits.
+        upper, lower: rad or m, slightly outside the position limits.
     """
 
     k: Vector
@@ -39,7 +39,7 @@ class Braking:
 
 @dataclass(frozen=True, slots=True)
 class RobotConfig:
-    """What a URDF cannot say; None where it is not known.
+    """Facts that a URDF does not contain; None where unknown.
 
     Attributes:
         home: rad or m, per joint.
@@ -60,25 +60,25 @@ class RobotConfig:
     collision: CollisionModel = field(default_factory=CollisionModel)
 
     def vectors(self) -> dict[str, Vector]:
-        """What has one value per joint, by its name in the TOML."""
-        found = {key: getattr(self, key) for key in _VECTORS}
+        """Quantities with one value per joint, by their name in the TOML file."""
+        vectors = {key: getattr(self, key) for key in _VECTORS}
         if self.braking is not None:
-            found |= {f"braking.{key}": value for key, value in asdict(self.braking).items()}
-        return {key: value for key, value in found.items() if value is not None}
+            vectors |= {f"braking.{key}": value for key, value in asdict(self.braking).items()}
+        return {key: value for key, value in vectors.items() if value is not None}
 
 
 _VECTORS = ("home", "acceleration", "jerk", "torque_rate")
 _COLLISION = ("proxy", "pair")
 CONFIG_KEYS = (*_VECTORS, "tip_speed", "braking", *_COLLISION)
-"""Keys of the TOML; the manifest has the same ones, None where nothing is known."""
+"""Keys of the TOML file; the manifest has the same keys, None where unknown."""
 
 
 def read_config(*paths: Path) -> RobotConfig:
-    """The configuration of one TOML, or of several with different keys.
+    """Read the configuration of one TOML file, or of several with different keys.
 
     Raises:
-        BuildError: unknown key, the same key twice, or a value that is not what it must be.
-        CollisionError: the proxies or pairs contradict each other.
+        BuildError: unknown key, a key that occurs twice, or a value of the wrong kind.
+        CollisionError: the proxies or pairs are inconsistent.
     """
     joined: dict[str, Any] = {}
     for path in paths:
@@ -95,11 +95,18 @@ def read_config(*paths: Path) -> RobotConfig:
 
 
 def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
-    """The configuration of a table with the keys of the TOML, all of them optional.
+    """Return the configuration of a parsed TOML table.
+
+    Args:
+        table: keys of `CONFIG_KEYS`, all of them optional.
+        where: name of the source, for messages.
+
+    Returns:
+        The configuration; what the table does not give is None.
 
     Raises:
-        BuildError: unknown key, or a value that is not what it must be.
-        CollisionError: the proxies or pairs contradict each other.
+        BuildError: unknown key, or a value of the wrong kind.
+        CollisionError: the proxies or pairs are inconsistent.
     """
     for key in table:
         if key not in CONFIG_KEYS:
@@ -119,7 +126,15 @@ def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
 
 
 def home_of(chain: Chain, config: RobotConfig) -> Vector:
-    """The home of the configuration, else zero or the middle of the range of each joint."""
+    """Home position of a robot.
+
+    Args:
+        chain: n joints.
+        config: its home is taken if it has one.
+
+    Returns:
+        (n,) rad or m; without a home each joint is at zero or in the middle of its range.
+    """
     return config.home or tuple(_middle(joint) for joint in chain.joints)
 
 
@@ -138,10 +153,10 @@ def _braking(table: Any, where: str) -> Braking | None:
     keys = tuple(Braking.__dataclass_fields__)
     if not isinstance(table, dict) or set(table) != set(keys):
         raise BuildError(f"{where}: braking needs exactly the lists {', '.join(keys)}")
-    found = Braking(**{key: _vector(table[key], f"braking.{key}", where) for key in keys})
-    if min(found.k) <= 0 or min(found.c) < 0:
+    braking = Braking(**{key: _vector(table[key], f"braking.{key}", where) for key in keys})
+    if min(braking.k) <= 0 or min(braking.c) < 0:
         raise BuildError(f"{where}: braking needs k above 0 and c not below 0 for every joint")
-    return found
+    return braking
 
 
 def _vector(value: Any, key: str, where: str) -> Vector:

@@ -1,4 +1,4 @@
-"""Replace a folder by another in one step that a reader never sees half done."""
+"""Replacement of a folder in one atomic step, so that readers never see half of it."""
 
 import ctypes
 import os
@@ -10,10 +10,14 @@ _RENAME_EXCHANGE = 2
 
 
 def replace_folder(new: Path, old: Path) -> None:
-    """Put folder `new` in the place of `old`, which may not exist; files only `old` has are kept.
+    """Put a folder in the place of another; files that only the old one has are kept.
 
-    On Linux the two names are exchanged atomically (renameat2); elsewhere, or on a file system
+    On Linux the two names are exchanged atomically (renameat2). Elsewhere, or on a file system
     without it, two renames follow each other, and the first is undone if the second fails.
+
+    Args:
+        new: the complete folder.
+        old: the folder to replace; it need not exist.
 
     Raises:
         OSError: nothing was replaced.
@@ -37,7 +41,7 @@ def replace_folder(new: Path, old: Path) -> None:
 
 
 def _exchange(a: Path, b: Path) -> bool:
-    """Atomic exchange of two names; False where the system cannot do it."""
+    """Exchange two names atomically; False where the system does not support it."""
     rename = getattr(ctypes.CDLL(None), "renameat2", None)
     if rename is None:
         return False

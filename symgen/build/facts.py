@@ -1,4 +1,4 @@
-"""The model's own part of the manifest: everything that run time may ask about the robot."""
+"""The robot's part of the manifest: all that run time needs to know about the robot."""
 
 import hashlib
 from dataclasses import asdict
@@ -21,7 +21,19 @@ PROJECTION_FLOOR = 1e-4
 
 
 def initial_parameters(chain: Chain, project: bool) -> tuple[Array, dict[str, float]]:
-    """π0 of all links, and for each projected link the largest change of an entry."""
+    """π0 of all links from the URDF.
+
+    Args:
+        chain: n joints.
+        project: True replaces inertias that are not physically consistent by the nearest consistent
+            ones.
+
+    Returns:
+        (10 n,) π0, and for each projected link the largest change of an entry of π.
+
+    Raises:
+        InertiaError: an inertia is not physically consistent and `project` is False.
+    """
     blocks, projected = [], {}
     for joint in chain.joints:
         pi = ca.DM(inertia.pi_from_com(joint.mass, ca.DM(joint.com), ca.DM(joint.inertia)))
@@ -45,6 +57,16 @@ def model_facts(
     projected: dict[str, float],
 ) -> dict[str, Any]:
     """JSON-ready facts of one robot.
+
+    Args:
+        chain: n joints.
+        request: options and configuration of the build.
+        base: n_b base parameters.
+        pi0: (10 n,) inertial parameters of the URDF.
+        projected: link → largest change of an entry of π by the projection.
+
+    Returns:
+        Keys of the manifest.
 
     Raises:
         BuildError: the robot configuration does not fit the chain.

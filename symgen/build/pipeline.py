@@ -1,7 +1,7 @@
-"""The pipeline: request → chain → catalogue → files → compiled library → generated/<robot>/.
+"""The stages of a build: request → chain → catalogue → files → library → generated/<robot>/.
 
-The folder is replaced as a whole by one atomic exchange, so that two builds at once, a killed
-build and a full disk leave either the old library or the new one.
+The folder is replaced as a whole by one atomic exchange, so that concurrent builds, a killed build
+and a full disk leave either the old library or the new one.
 """
 
 import fcntl
@@ -30,17 +30,23 @@ from symgen.errors import BuildError
 from symgen.kernel import Kernel
 
 ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
-"""Sources of plain C."""
+"""Sources compiled once."""
 PER_LEVEL = ("tiles.c", "statistics.c", "descent.c", "convex.c", "excitation.c")
-"""Sources that are compiled once per instruction set."""
+"""Sources compiled once per instruction set."""
 UNHURRIED = ("reference.c",)
-"""Sources that nobody waits for: compiled without optimisation, which saves build time."""
+"""Sources compiled without optimisation, to save build time: their speed does not matter."""
 _KINDS = (ONCE, PER_LEVEL, UNHURRIED)
 
 
 @dataclass(frozen=True, slots=True)
 class BuildResult:
-    """Where the library lies, whether anything had to be done, and what to tell the user."""
+    """Outcome of a build.
+
+    Attributes:
+        folder: generated folder.
+        rebuilt: False if it was up to date.
+        notes: sentences for the user.
+    """
 
     folder: Path
     rebuilt: bool
@@ -50,21 +56,24 @@ class BuildResult:
 def build(
     request: BuildRequest, root: Path, force: bool = False, levels: Sequence[str] = ()
 ) -> BuildResult:
-    """Generate and compile unless nothing changed.
+    """Generate and compile the library of a robot unless it is up to date.
 
     Args:
         request: what to build.
         root: the folder that holds one folder per robot.
-        force: rebuild although nothing changed.
+        force: True rebuilds although nothing changed.
         levels: instruction sets to compile for (`compiler.level_names`); empty: all.
 
+    Returns:
+        The folder, whether it was rebuilt, and notes.
+
     Raises:
-        SymgenError: the URDF, the compiler or the file system refused; nothing was changed.
+        SymgenError: the URDF, the compiler or the file system failed; nothing was changed.
     """
     folder = root / request.name
     if not force and is_current(request, folder, levels):
         return BuildResult(folder, False, ())
-    draft = _draft(request)  # a refused robot leaves no trace on disk
+    draft = _draft(request)  # before any write: a robot that fails here leaves no trace on disk
     with _write_errors(folder):
         root.mkdir(parents=True, exist_ok=True)
         with _lock(root, request.name):
@@ -81,14 +90,14 @@ def build(
 
 
 def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
-    """All committed files of a robot as text, and notes for the user."""
+    """Return all committed files of a robot as text, and notes for the user."""
     draft = _draft(request)
     return _emitted(request, draft), draft.notes
 
 
 @dataclass(frozen=True, slots=True)
 class _Draft:
-    """A robot that was read and not refused."""
+    """A robot whose model and configuration were read and checked."""
 
     chain: Chain
     kernels: tuple[Kernel, ...]
@@ -113,9 +122,15 @@ def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> Em
 
 
 def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
-    """The folder was built from exactly this request and its library is intact.
+    """Check that a folder was built from exactly this request and its library is intact.
 
-    `levels` as in `build`; None: whichever it was compiled for.
+    Args:
+        request: what should have been built.
+        folder: generated folder of the robot.
+        levels: as in `build`; None accepts any.
+
+    Returns:
+        True if there is nothing to build.
     """
     try:
         record = json_of(folder / "build.json")
@@ -132,11 +147,11 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
 
 
 ROUNDED = 1e-4
-"""What a rotation misses a right angle by where a URDF writes its angles with four digits."""
+"""Error of a right angle, rad, that a URDF with four decimals makes; the notes report it."""
 
 
 def _compile_facts(files: dict[str, str]) -> str:
-    """How the folder becomes a library on a machine without symgen, and what its files are."""
+    """Commands that compile the folder on a machine without symgen, and hashes of its files."""
     digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     how = how_to_compile(*([name for name in kind if name in files] for kind in _KINDS))
     return json.dumps({"files": digests, **how}, indent=1) + "\n"
@@ -144,34 +159,35 @@ def _compile_facts(files: dict[str, str]) -> str:
 
 def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
     notes = [
-        f"link '{body.name}' ({body.mass:g} kg) is fixed and counts into '{body.onto}'"
+        f"link '{body.name}' ({body.mass:g} kg) is fixed to '{body.onto}' and counts into it"
         for body in chain.lumped
     ]
     if chain.removed:
         notes.append(f"cut off by --base/--tip: {', '.join(chain.removed)}")
     notes += [
-        f"the inertia of '{link}' cannot exist and was projected (largest change {change:.2g})"
+        f"the inertia of '{link}' is not physically consistent and was projected "
+        f"(largest change {change:.2g})"
         for link, change in projected.items()
     ]
     rounded = [j.name for j in chain.joints if _is_almost_square(j)]
     if rounded:
         notes.append(
-            f"the angles of {', '.join(rounded)} are right ones but for {ROUNDED:g}; if the URDF "
-            f"rounds them, --snap {ROUNDED:g} saves operations and base parameters that only "
-            "rounding makes"
+            f"the angles of {', '.join(rounded)} differ from right angles by less than {ROUNDED:g} "
+            f"rad; if the URDF rounds them, --snap {ROUNDED:g} makes them exact, which saves "
+            "operations and spurious base parameters"
         )
     return tuple(notes)
 
 
 def _is_almost_square(joint: Joint) -> bool:
-    """Some entry of the joint's rotation is almost, but not, 0."""
+    """True if an entry of the joint's rotation is almost, but not exactly, 0."""
     return any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)
 
 
 def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> None:
-    """Write and compile everything; what is written early is compiled meanwhile."""
+    """Write and compile all files; the compilation of a file starts as soon as it is written."""
     with Compilation(staging, how_to_compile(*_KINDS), levels) as compilation:
-        started = set[str]()  # and not written again: a compiler reads them
+        started = set[str]()  # not written again: the compiler may be reading them
 
         def early(name: str, text: str) -> None:
             _write_files(staging, {name: text})
@@ -203,7 +219,7 @@ def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) 
 
 @contextmanager
 def _lock(root: Path, name: str) -> Iterator[None]:
-    """One build per robot at a time; the kernel drops the lock when a build is killed."""
+    """One build per robot at a time; the operating system drops the lock of a killed build."""
     with (root / f".{name}.lock").open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         for stale in root.glob(f".{name}.*/"):
@@ -217,6 +233,6 @@ def _write_errors(folder: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise BuildError(
-            f"cannot write '{folder}': {error.strerror or error}; free space or permissions, "
+            f"cannot write '{folder}': {error.strerror or error}; check space and permissions, "
             "then build again (the previous library, if any, is unchanged)"
         ) from error

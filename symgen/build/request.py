@@ -1,4 +1,4 @@
-"""What is to be built: a URDF, what the user asks of it, and what a URDF cannot say."""
+"""What to build: a URDF, changes to it, and the configuration of the robot."""
 
 import hashlib
 import json
@@ -15,11 +15,23 @@ from symgen.documents import json_of, text_of
 from symgen.errors import BuildError
 
 ROBOTS = Path(__file__).parents[1] / "robots"
+"""Folder of the robots that ship with symgen."""
 
 
 @dataclass(frozen=True, slots=True)
 class BuildRequest:
-    """Everything that decides the bytes of a generated folder."""
+    """Everything that decides the bytes of a generated folder.
+
+    Attributes:
+        name: folder and prefix of the C functions: a-z, 0-9, _.
+        urdf: text of the URDF.
+        options: changes to the URDF.
+        config: what a URDF does not contain: home, further limits, proxies.
+        project: True replaces inconsistent inertias by the nearest consistent ones.
+
+    Raises:
+        BuildError: the name is not a C prefix.
+    """
 
     name: str
     urdf: str
@@ -31,7 +43,7 @@ class BuildRequest:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise BuildError(
                 f"the robot's name becomes a C prefix and a folder: expected lower-case letters, "
-                f"digits and _, got '{self.name}'"
+                f"digits and _, got '{self.name}'; choose another --name"
             )
 
     @property
@@ -50,24 +62,32 @@ class BuildRequest:
 
 
 def bundled_request(name: str) -> BuildRequest:
-    """Request for a robot that ships with symgen."""
+    """Return the request for a robot that ships with symgen.
+
+    Raises:
+        BuildError: there is no such robot.
+    """
     urdf = ROBOTS / f"{name}.urdf"
     if not urdf.exists():
         known = ", ".join(bundled_robots())
         raise BuildError(
-            f"no bundled robot is called '{name}' (there is {known}); "
+            f"no bundled robot is called '{name}' (there are {known}); "
             "build your own with --urdf FILE --name NAME"
         )
     return BuildRequest(name, urdf.read_text(), config=read_config(ROBOTS / f"{name}.toml"))
 
 
 def bundled_robots() -> list[str]:
-    """Names of the robots in symgen/robots."""
+    """Names of the robots that ship with symgen."""
     return sorted(path.stem for path in ROBOTS.glob("*.urdf"))
 
 
 def request_from_folder(folder: Path) -> BuildRequest:
-    """The request that regenerates a folder from its own URDF and manifest."""
+    """Return the request that regenerates a folder from its URDF and manifest.
+
+    Raises:
+        BuildError: files are missing or damaged.
+    """
     name = folder.name
     try:
         manifest = json_of(folder / "manifest.json")

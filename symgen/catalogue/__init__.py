@@ -1,6 +1,6 @@
-"""The kernels that every robot ships: each one line of algebra and one sentence.
+"""The kernels of every robot, each with one line of algebra and one sentence.
 
-Batches run over samples, over links (maps of one body) or over points of a time grid.
+Batches run over time samples, over links (maps of one body) or over points of a time grid.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,25 @@ from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 
 @dataclass(frozen=True, slots=True)
 class Catalogue:
-    """All kernels of one robot and the base parameters that shaped some of them."""
+    """All kernels of one robot, and the base parameters that some of them use."""
 
     kernels: tuple[Kernel, ...]
     base: BaseParameters
 
 
 def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Catalogue:
-    """Write every kernel of a chain; distances only where there are proxies."""
+    """Return all kernels of a chain.
+
+    Args:
+        chain: n joints.
+        collision: proxies and pairs; the kernels of distances exist only where there are any.
+
+    Returns:
+        Kernels in the order of the generated files.
+
+    Raises:
+        RankError: the number of base parameters cannot be decided.
+    """
     base = numeric_base(chain, dynamics.sampled_regressor(chain))
     kernels = (
         *motion_kernels(chain, base),

@@ -1,4 +1,4 @@
-"""Kernels of the robot's motion: torques, regressors, masses, base parameters."""
+"""Kernels of the robot's motion: torques, regressors, mass matrix, base parameters."""
 
 from typing import Any
 
@@ -14,7 +14,15 @@ from symgen.mechanics.regrouping import regrouped
 
 
 def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
-    """Everything about τ(q, dq, ddq) and its parameters."""
+    """Return the kernels of τ(q, dq, ddq) and its parameters.
+
+    Args:
+        chain: n joints.
+        base: n_b base parameters.
+
+    Returns:
+        Kernels whose batches run over time samples.
+    """
     n, b = len(chain.joints), len(base.columns)
     effort = effort_unit(chain)
     q_, dq_, ddq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3))
@@ -27,14 +35,16 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     q, dq, ddq, tau, pi, beta, lam, weight, rotor = s.values()
     motion = {a: s[a] for a in (q_, dq_, ddq_)}
     with_pi, with_lam = motion | {pi_: pi}, motion | {lam_: lam}
+    # τ(π) = τ(β(π)): through β where the regrouping loses nothing, else from regrouped π.
     grouped = regrouped(chain, pi)
     predicted = dynamics.inverse_dynamics(chain, q, dq, ddq, grouped)
     from_base = dynamics.inverse_dynamics(chain, q, dq, ddq, _expanded(base, beta))
     to_base = ("base_parameters", "base_inverse_dynamics")
     torque = ca.substitute(from_base, beta, _times(base.matrix, dynamics.pi_from_lam_all(lam)))
-    pi_own_, beta_own_ = Argument("pi", (P * n,), "SI"), Argument("beta", (b,), "SI")
+    # `base_parameters` and `base_adjoint` run per parameter vector: nothing is shared by samples.
+    pi_once_, beta_once_ = Argument("pi", (P * n,), "SI"), Argument("beta", (b,), "SI")
     slope_ = Argument("slope", (b,), "d cost / d beta")
-    pi_own, slope_of_beta = pi_own_.symbol(), slope_.symbol()
+    pi_once, slope_of_beta = pi_once_.symbol(), slope_.symbol()
     residual = from_base - tau
     loss = ca.dot(residual, weight * residual) / 2
     slope = ca.jtimes(from_base, beta, weight * residual, True)
@@ -112,8 +122,8 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         ),
         make_kernel(
             "base_parameters",
-            {pi_own_: pi_own},
-            {beta_own_: _times(base.matrix, pi_own)},
+            {pi_once_: pi_once},
+            {beta_once_: _times(base.matrix, pi_once)},
             "beta = K pi, Eq. 3.11",
         ),
         make_kernel(

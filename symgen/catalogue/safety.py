@@ -1,7 +1,7 @@
-"""Kernels that keep a designed motion safe: torque and its rate, tip, distances, all exact.
+"""Kernels for the limits of a motion: torque and its rate, tip, distances, with derivatives.
 
-Distances exist only where a robot has proxies. A design spends its time elsewhere, so that most
-of these kernels go sample by sample: their vectors would double the time of a build.
+Distance kernels exist only where a robot has proxies. A design spends its time in other kernels, so
+most of these run sample by sample: vector code for them would double the build time.
 """
 
 from typing import Any
@@ -19,7 +19,15 @@ from symgen.mechanics.regrouping import regrouped
 
 
 def safety_kernels(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
-    """Everything that limits of a motion ask for beyond positions and their derivatives."""
+    """Return the kernels of all limits of a motion beyond those of q and its derivatives.
+
+    Args:
+        chain: n joints.
+        collision: proxies and pairs.
+
+    Returns:
+        Kernels of torques, tip and distances.
+    """
     return (*_torques(chain), _tip(chain), *_distances(chain, collision))
 
 

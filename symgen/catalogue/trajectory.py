@@ -1,4 +1,4 @@
-"""Kernels that design a motion: bases of trajectories, the adjoint of the regressor."""
+"""Kernels for the design of a motion: bases of trajectories and the adjoint of the regressor."""
 
 import casadi as ca
 
@@ -10,7 +10,15 @@ from symgen.mechanics.base_parameters import BaseParameters
 
 
 def trajectory_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
-    """Everything that the design of a motion needs beside its limits."""
+    """Return the kernels that the design of a motion needs beside those of its limits.
+
+    Args:
+        chain: n joints.
+        base: n_b base parameters.
+
+    Returns:
+        Kernels of bases and of the regressor's adjoint.
+    """
     n, b = len(chain.joints), len(base.columns)
     m_, t_, tf_ = (
         Argument("m", (1,), "1"),

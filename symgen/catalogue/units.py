@@ -1,4 +1,4 @@
-"""Units of whatever all joints have together, turning or sliding."""
+"""Units of joint quantities of a chain with revolute and prismatic joints."""
 
 from symgen.chain import Chain
 
@@ -7,18 +7,26 @@ STATE = ("q", "dq", "ddq", "dddq", "ddddq")
 
 
 def state_unit(chain: Chain, power: int) -> str:
-    """Unit of q (0) and its time derivatives dq (1), …, ddddq (4) of all joints."""
+    """Unit of a time derivative of q of all joints.
+
+    Args:
+        chain: n joints.
+        power: order of the derivative, 0 (q) to 4 (ddddq).
+
+    Returns:
+        Text such as "rad/s", or "m/s|rad/s" where both kinds of joints occur.
+    """
     kinds = {"m" if j.kind == "prismatic" else "rad" for j in chain.joints}
     return "|".join(sorted(kinds)) + ("", "/s", "/s^2", "/s^3", "/s^4")[power]
 
 
 def effort_unit(chain: Chain) -> str:
-    """Unit of τ of all joints."""
+    """Unit of τ of all joints: "N*m", "N" or both."""
     return "|".join({True: "N", False: "N*m"}[s] for s in _slides(chain))
 
 
 def inertia_unit(chain: Chain) -> str:
-    """Unit of a rotor's inertia of all joints."""
+    """Unit of the inertia of the rotors of all joints: "kg*m^2", "kg" or both."""
     return "|".join({True: "kg", False: "kg*m^2"}[s] for s in _slides(chain))
 
 

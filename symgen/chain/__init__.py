@@ -1,8 +1,7 @@
 """URDF → frozen `Chain`: joints, placements, limits, inertials, gravity, lumped fixed bodies.
 
-`document` parses the XML, `normalise` locks, cuts and snaps it, pinocchio reads the result,
-`model` reads pinocchio's answer.
-Nothing here knows CasADi or an equation of motion.
+`document` parses the XML, `normalise` locks, cuts and snaps it, and `model` reads the result with
+pinocchio. CasADi and equations of motion are left to `symgen.mechanics`.
 """
 
 from symgen.chain.model import Chain, Joint, LumpedBody, Tip, read_chain

@@ -1,4 +1,4 @@
-"""The URDF as a document: parsed without entities, one tree of named links and joints.
+"""The XML of a URDF: parsed without entities, as one tree of named links and joints.
 
 Cutting, locking and snapping are left to `normalise`, kinematics and inertias to pinocchio.
 """
@@ -14,10 +14,22 @@ from defusedxml.ElementTree import fromstring
 from symgen.errors import UrdfError
 
 MOVING = ("revolute", "continuous", "prismatic")
+"""Types of joints that can be modelled as moving."""
 
 
 class Document:
-    """A URDF tree with the look-ups that cutting and locking need."""
+    """A URDF tree with the look-ups that cutting and locking need.
+
+    Attributes:
+        root: the <robot> element.
+        links: name → element.
+        joints: name → element.
+        parent_joint: child link → the joint that carries it.
+        root_link: the only link without a parent joint.
+
+    Raises:
+        UrdfError: the joints do not form one tree of named links.
+    """
 
     def __init__(self, text: str) -> None:
         self.root = parse(text)
@@ -45,25 +57,25 @@ class Document:
                 f"{listing(roots)}; connect the others with joints or delete them"
             )
         self.root_link = roots[0]
-        hanging = set(self.subtree(self.root_link))
-        adrift = [link for link in self.links if link not in hanging]
+        reached = set(self.subtree(self.root_link))
+        adrift = [link for link in self.links if link not in reached]
         if adrift:
             raise UrdfError(
-                f"the joints of {listing(adrift)} form a loop that does not hang on the root link "
-                f"'{self.root_link}'; closed chains cannot be read"
+                f"the joints of {listing(adrift)} form a loop without connection to the root link "
+                f"'{self.root_link}'; closed chains are not supported, remove one joint"
             )
 
     @property
     def name(self) -> str:
-        """The robot's name as the URDF gives it."""
+        """Name of the robot in the URDF."""
         return self.root.get("name") or "robot"
 
     def parent_link(self, joint: str) -> str:
-        """Link that carries the joint."""
+        """Name of the link that carries a joint."""
         return self._end(joint, "parent")
 
     def child_link(self, joint: str) -> str:
-        """Link that the joint moves."""
+        """Name of the link that a joint moves."""
         return self._end(joint, "child")
 
     def _end(self, joint: str, which: str) -> str:
@@ -74,11 +86,11 @@ class Document:
         return link
 
     def kind(self, joint: str) -> str:
-        """revolute, continuous, prismatic, fixed, floating, planar, …"""
+        """Type of a joint: revolute, continuous, prismatic, fixed, floating, planar, …"""
         return self.joints[joint].get("type", "")
 
     def children(self, link: str) -> list[str]:
-        """Joints that hang on a link, in document order."""
+        """Joints whose parent is a link, in document order."""
         return [j for j in self.joints if self.parent_link(j) == link]
 
     def path(self, link: str) -> list[str]:
@@ -90,7 +102,7 @@ class Document:
         return joints[::-1]
 
     def subtree(self, link: str) -> Iterator[str]:
-        """A link and everything that hangs on it."""
+        """Yield a link and all links beyond it."""
         pending = [link]
         while pending:
             link = pending.pop()
@@ -98,16 +110,24 @@ class Document:
             pending += [self.child_link(joint) for joint in self.children(link)]
 
     def remove(self, links: set[str]) -> None:
-        """Delete links and the joints that move or carry them."""
-        gone = [j for j in self.joints if {self.parent_link(j), self.child_link(j)} & links]
-        for joint in gone:
+        """Delete links and all joints whose parent or child they are."""
+        removed = [j for j in self.joints if {self.parent_link(j), self.child_link(j)} & links]
+        for joint in removed:
             self.parent_joint.pop(self.child_link(joint), None)
             self.root.remove(self.joints.pop(joint))
         for link in links:
             self.root.remove(self.links.pop(link))
 
     def require_link(self, link: str, option: str) -> None:
-        """Raise when an option names a link that does not exist."""
+        """Check that a link exists.
+
+        Args:
+            link: name of the link.
+            option: command-line option that names it, for the message.
+
+        Raises:
+            UrdfError: the URDF has no such link.
+        """
         if link not in self.links:
             raise UrdfError(
                 f"{option} names the link '{link}', which the URDF does not define; "
@@ -115,13 +135,24 @@ class Document:
             )
 
     def text(self) -> str:
-        """The document as UTF-8 text, the same for the same tree."""
+        """The document as UTF-8 text; equal trees give equal text."""
         indent(self.root, space="  ")
         return '<?xml version="1.0" encoding="utf-8"?>\n' + tostring(self.root, "unicode") + "\n"
 
 
 def origin(element: Element, owner: str) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and translation of an <origin>, identity when it is absent."""
+    """Rotation and translation of the <origin> of an element, the identity if it has none.
+
+    Args:
+        element: joint, inertial or shape.
+        owner: name of the element, for the message.
+
+    Returns:
+        (3, 3) rotation and (3,) translation, m.
+
+    Raises:
+        UrdfError: rpy or xyz are not three finite numbers.
+    """
     node = element.find("origin")
     if node is None:
         return np.eye(3), np.zeros(3)
@@ -132,7 +163,19 @@ def origin(element: Element, owner: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def numbers(text: str, count: int, what: str) -> np.ndarray:
-    """`count` finite numbers of an attribute."""
+    """Finite numbers of an attribute.
+
+    Args:
+        text: value of the attribute, numbers separated by white space.
+        count: how many numbers are expected.
+        what: name of the attribute, for the message.
+
+    Returns:
+        (count,) numbers.
+
+    Raises:
+        UrdfError: another count, or a word that is not a finite number.
+    """
     try:
         values = np.array([float(word) for word in text.split()])
     except ValueError:
@@ -143,10 +186,10 @@ def numbers(text: str, count: int, what: str) -> np.ndarray:
 
 
 def parse(text: str) -> Element:
-    """The <robot> element of a URDF without DTD, entities or xacro instructions.
+    """Return the <robot> element of a URDF without DTD, entities or xacro instructions.
 
     Raises:
-        UrdfError: one sentence that says what to mend.
+        UrdfError: the text is not such a URDF; the message says what to correct.
     """
     try:
         root = fromstring(text, forbid_dtd=True)
@@ -156,33 +199,41 @@ def parse(text: str) -> Element:
             "remove the <!DOCTYPE …> block"
         ) from None
     except (ParseError, ValueError) as error:
-        raise UrdfError(f"the URDF is not well-formed XML ({error}); mend the file") from None
+        raise UrdfError(f"the URDF is not well-formed XML ({error}); correct the file") from None
     if root.tag != "robot":
         raise UrdfError(f"expected a URDF whose first element is <robot>, got <{root.tag}>")
     for element in root.iter():
         if isinstance(element.tag, str) and "xacro}" in element.tag:
             raise UrdfError(
-                f"the file still holds the xacro instruction <{element.tag.split('}')[1]}>; "
+                f"the file contains the xacro instruction <{element.tag.split('}')[1]}>; "
                 "expand it first: xacro in.xacro > out.urdf"
             )
     return root
 
 
 def _named(root: Element, tag: str) -> dict[str, Element]:
-    found: dict[str, Element] = {}
+    elements: dict[str, Element] = {}
     for element in root.findall(tag):
         name = element.get("name")
         if not name:
             raise UrdfError(f"a <{tag}> has no name; give it one")
-        if name in found:
+        if name in elements:
             raise UrdfError(f"two {tag}s are called '{name}'; names must be unique")
-        found[name] = element
-    if tag == "link" and not found:
-        raise UrdfError("the URDF defines no link")
-    return found
+        elements[name] = element
+    if tag == "link" and not elements:
+        raise UrdfError("the URDF defines no link; a robot needs at least one")
+    return elements
 
 
 def listing(names: dict[str, Element] | list[str], most: int = 12) -> str:
-    """The first names, comma by comma."""
+    """The first names, separated by commas.
+
+    Args:
+        names: list of names, or table by name.
+        most: largest number of names that are shown.
+
+    Returns:
+        Text that ends with "…" if names were left out.
+    """
     shown = list(names)
     return ", ".join(shown[:most]) + (", …" if len(shown) > most else "")

@@ -1,7 +1,7 @@
-"""Pinocchio's parse of the normalised URDF → frozen `Chain` with exact structural zeros.
+"""Frozen `Chain` of a normalised URDF, parsed by pinocchio, with exact structural zeros.
 
-The order of joints is pinocchio's. Rounded zeros such as cos(π/2) = 6e-17 are snapped to 0 and
-±1 here, in one place: every one that slips through becomes live code in all kernels.
+The order of joints is pinocchio's. Rounded zeros such as cos(π/2) = 6e-17 are snapped to 0 and ±1
+here and nowhere else: every one that remains becomes code in all kernels.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Rows = tuple[tuple[float, ...], ...]
 Vector = tuple[float, ...]
 
 ROUNDING = 1e-12
-"""Entries of rotations, axes and translations this close to 0 or ±1 are meant exactly."""
+"""Distance from 0 or ±1 within which entries of rotations, axes and translations are snapped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +32,10 @@ class Joint:
         translation: origin of this joint in the parent's frame, m.
         axis: unit vector in the joint frame.
         lower, upper: position limits, rad or m; None without limit.
-        velocity, effort: limits, rad/s or m/s, N·m or N; None when the URDF gives none.
+        velocity, effort: limits, rad/s or m/s, N·m or N; None if the URDF gives none.
         link: name of the moved link.
-        mass, com, inertia: of the moved link with all bodies fixed to it; inertia about the
-            centre of mass, axes of the link frame.
+        mass, com, inertia: of the moved link with all bodies fixed to it [kg, m, kg·m²]; inertia
+            about the centre of mass, axes of the link frame.
     """
 
     name: str
@@ -56,7 +56,13 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class LumpedBody:
-    """A link without a joint of its own, counted into the link that carries it."""
+    """A link fixed to a moving link, whose mass counts into it.
+
+    Attributes:
+        name: the fixed link.
+        onto: the moving link.
+        mass: kg.
+    """
 
     name: str
     onto: str
@@ -65,7 +71,14 @@ class LumpedBody:
 
 @dataclass(frozen=True, slots=True)
 class Tip:
-    """The frame that `end_effector` reports, rigid in the frame of joint `joint`."""
+    """The frame of the `end_effector` kernel, fixed in the frame of joint `joint`.
+
+    Attributes:
+        link: name of the tip link.
+        joint: index of the joint that moves it.
+        rotation: R from the tip frame to the joint's frame.
+        translation: origin of the tip frame in the joint's frame, m.
+    """
 
     link: str
     joint: int
@@ -78,8 +91,11 @@ class Chain:
     """A fixed-base kinematic tree with the inertias of its moving bodies.
 
     Attributes:
+        name: name of the robot in the URDF.
         base: name of the fixed base link.
+        joints: the moving joints, parents before children.
         gravity: m/s², in the frame of the base link.
+        tip: the frame of the end effector.
         lumped: fixed bodies counted into moving links.
         removed: links cut off by --base and --tip.
         urdf: the normalised document that the chain describes.
@@ -98,8 +114,15 @@ class Chain:
 def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
     """Read a URDF given as text.
 
+    Args:
+        text: the URDF, without DTD and xacro instructions.
+        options: base, tip, locked joints, gravity and snapping of angles.
+
+    Returns:
+        The chain of all moving joints.
+
     Raises:
-        UrdfError: one sentence that names the joint or link and what to do.
+        UrdfError: the message names the joint or link and what to do.
     """
     options = options or ChainOptions()
     document, gravity, removed = normalise(text, options)
@@ -127,9 +150,9 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
 
 
 def _parse_with_pinocchio(document: Document) -> pinocchio.Model:
-    """Pinocchio's model; `continuous` is handed over as unlimited revolute so that nq = nv."""
+    """Pinocchio's model; a continuous joint is passed as a revolute one, so that nq = nv."""
     copy = Document(document.text())
-    for link in copy.links.values():  # shapes play no part, and a faulty one stops the parser
+    for link in copy.links.values():  # shapes are not needed, and a faulty one stops the parser
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(shape)
     for name, element in copy.joints.items():
@@ -157,8 +180,8 @@ def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
     link = document.child_link(name)
     if not inertia.mass > 0:
         raise UrdfError(
-            f"link '{link}' moves with joint '{name}' but has no mass (neither has anything fixed "
-            "to it); give it an <inertial>, lock the joint with --lock or cut it off with --tip"
+            f"link '{link}' moves with joint '{name}' but has no mass, nor do links fixed to it; "
+            "give it an <inertial>, lock the joint with --lock or cut it off with --tip"
         )
     lower, upper, velocity, effort = _limits(document, name)
     return Joint(
@@ -186,7 +209,10 @@ def _axis(model: pinocchio.Model, index: int) -> Vector:
         return aligned[short[-1]]
     if short in {"JointModelRevoluteUnaligned", "JointModelPrismaticUnaligned"}:
         return _snapped(model.joints[index].extract().axis)
-    raise UrdfError(f"joint '{model.names[index]}' became pinocchio's {short}, which is not known")
+    raise UrdfError(
+        f"joint '{model.names[index]}' became pinocchio's {short}, which is not supported; "
+        "give it one axis of rotation or translation"
+    )
 
 
 def _limits(
@@ -203,17 +229,19 @@ def _limits(
     if document.kind(name) == "continuous":
         lower = upper = None
     if lower is not None and upper is not None and lower > upper:
-        raise UrdfError(f"joint '{name}' has lower limit {lower:g} above upper limit {upper:g}")
+        raise UrdfError(
+            f"joint '{name}' has lower limit {lower:g} above upper limit {upper:g}; correct <limit>"
+        )
     for key in ("velocity", "effort"):
         value = values[key]
         if value is not None and value < 0:
-            raise UrdfError(f"joint '{name}' has the negative {key} limit {value:g}")
+            raise UrdfError(f"joint '{name}' has the negative {key} limit {value:g}; correct it")
         values[key] = value or None  # 0 is how exporters write "not given"
     return lower, upper, values["velocity"], values["effort"]
 
 
 def _check_inertial(document: Document, link: str) -> None:
-    """Numbers of an <inertial> are finite and its mass is not negative."""
+    """Check that the numbers of an <inertial> are finite and its mass is not negative."""
     inertial = document.links[link].find("inertial")
     if inertial is None:
         return
@@ -232,7 +260,7 @@ def _check_inertial(document: Document, link: str) -> None:
 
 
 def _carrier(document: Document, link: str) -> str | None:
-    """The moving link that a link is rigidly part of; None for the base."""
+    """The moving link that a link is fixed to, directly or not; None for the base."""
     while link in document.parent_joint:
         joint = document.parent_joint[link]
         if document.kind(joint) in MOVING:
@@ -254,10 +282,10 @@ def _lumped(document: Document) -> tuple[LumpedBody, ...]:
 
 
 def _tip(
-    document: Document, model: pinocchio.Model, joints: tuple[Joint, ...], asked: str | None
+    document: Document, model: pinocchio.Model, joints: tuple[Joint, ...], requested: str | None
 ) -> Tip:
-    """The asked tip link, else the last fixed link behind the last joint."""
-    link = asked
+    """The requested tip link, or the last link fixed beyond the last joint."""
+    link = requested
     if link is None:
         link = joints[-1].link
         while children := [j for j in document.children(link) if document.kind(j) == "fixed"]:

@@ -1,7 +1,7 @@
-"""Lock, cut and snap: the URDF that the user means, again as a URDF.
+"""Lock, cut and snap a URDF; the result is again a URDF.
 
-It is the one that the kernels describe, the manifest's hash covers and runtime fills
-with identified numbers.
+The kernels are derived from the result, the manifest holds its hash, and run time fills it with
+identified numbers.
 """
 
 import math
@@ -20,14 +20,14 @@ _HALF_PI = math.pi / 2
 
 @dataclass(frozen=True, slots=True)
 class ChainOptions:
-    """What the user asks of the URDF beyond reading it.
+    """Changes to a URDF that the user requests.
 
     Attributes:
         base: link that becomes the fixed base; None keeps the root.
-        tip: link that ends the chain; what lies beyond is cut off, not lumped.
+        tip: link that ends the chain; links beyond it are cut off, not lumped.
         gravity: m/s² in the frame of the base link; None takes (0, 0, −9.81) in the root frame.
         locks: joint name → value (rad, m) at which the joint becomes part of its parent.
-        snap: rad; rpy angles within this of a multiple of π/2 are taken as meant exactly.
+        snap: rad; rpy angles within this of a multiple of π/2 are replaced by the multiple.
         removed: links that an earlier cut has taken from this URDF, to be reported with the rest.
     """
 
@@ -40,10 +40,17 @@ class ChainOptions:
 
 
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:
-    """Lock, cut and snap; returns the document, gravity in the base frame, and the cut links.
+    """Lock, cut and snap a URDF.
+
+    Args:
+        text: the URDF.
+        options: requested changes.
+
+    Returns:
+        The document, (3,) gravity in the base frame [m/s²], and the names of all links cut off.
 
     Raises:
-        UrdfError: one sentence that names the joint, the link or the option.
+        UrdfError: the message names the joint, the link or the option.
     """
     document = Document(text)
     for joint, value in options.locks.items():
@@ -59,14 +66,14 @@ def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, t
 def _require_supported(document: Document) -> None:
     for name, element in document.joints.items():
         kind = document.kind(name)
-        way_out = "lock it with --lock JOINT=VALUE or cut it off with --tip LINK"
+        remedy = "lock it with --lock JOINT=VALUE or cut it off with --tip LINK"
         if kind not in {*MOVING, "fixed"}:
             raise UrdfError(
                 f"joint '{name}' has the type '{kind}'; revolute, continuous, prismatic and fixed "
-                f"joints can be modelled, so {way_out}"
+                f"joints can be modelled, so {remedy}"
             )
         if element.find("mimic") is not None and kind != "fixed":
-            raise UrdfError(f"joint '{name}' mimics another joint; {way_out}")
+            raise UrdfError(f"joint '{name}' mimics another joint; {remedy}")
         origin(element, f"joint '{name}'")
 
 
@@ -78,7 +85,10 @@ def _lock(document: Document, joint: str, value: float) -> None:
         )
     kind = document.kind(joint)
     if kind not in MOVING:
-        raise UrdfError(f"--lock names the joint '{joint}', which is {kind} and does not move")
+        raise UrdfError(
+            f"--lock names the joint '{joint}', which is {kind} and does not move; "
+            "name a joint that moves"
+        )
     if not math.isfinite(value):
         raise UrdfError(f"--lock {joint}={value}: expected a finite value in rad or m")
     element = document.joints[joint]
@@ -126,7 +136,7 @@ def _gravity(document: Document, options: ChainOptions) -> np.ndarray:
         if document.kind(joint) != "fixed":
             raise UrdfError(
                 f"joint '{joint}' moves between the root link and --base {base}, so the direction "
-                "of gravity in the base frame is unknown; state it with --gravity X,Y,Z"
+                "of gravity in the base frame is unknown; give it with --gravity X,Y,Z"
             )
         rotation = rotation @ origin(document.joints[joint], f"joint '{joint}'")[0]
     return rotation.T @ np.array([0.0, 0.0, -9.81])
@@ -140,7 +150,9 @@ def _cut(document: Document, options: ChainOptions) -> tuple[str, ...]:
         tip = options.tip
         document.require_link(tip, "--tip")
         if tip not in keep:
-            raise UrdfError(f"--tip {tip} does not hang on --base {base}; choose a tip below it")
+            raise UrdfError(
+                f"--tip {tip} is not reached from --base {base}; choose a link beyond the base"
+            )
         on_path = {base, *(document.child_link(j) for j in document.path(tip))} & keep
         keep = set(on_path)
         for link in on_path - {tip}:
@@ -152,7 +164,7 @@ def _cut(document: Document, options: ChainOptions) -> tuple[str, ...]:
 
 
 def _rigid(document: Document, link: str, on_path: set[str]) -> Iterator[str]:
-    """Links fixed to `link` off the path: brackets and cameras that belong to it."""
+    """Links fixed to `link` off the path, such as brackets and cameras, which belong to it."""
     for joint in document.children(link):
         child = document.child_link(joint)
         if document.kind(joint) == "fixed" and child not in on_path:

@@ -259,6 +259,8 @@ def lam_from_pi(pi: Matrix) -> Matrix:
         ca.if_else(ca.logic_and(sigma[i] < 0, sigma[i] > -rounding), 0.0, sigma[i])
         for i in range(3)
     ]
+    for i in (1, 2):  # equal moments: rounding of the sums above may turn the order around
+        clipped[i] = ca.fmin(clipped[i], clipped[i - 1])
     return ca.vertcat(ca.log(mass), com, log_so3(rotation), *(ca.sqrt(s) for s in clipped))
 
 

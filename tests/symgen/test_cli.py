@@ -167,7 +167,7 @@ def test_build_notes(tmp_path: Path, urdf: Path, capsys: pytest.CaptureFixture[s
     build = ("build", "--urdf", urdf, "--name", "own", "--project", *QUICKLY)
     code, out, _ = run(capsys, *build, "--out", tmp_path / "out")
     assert code == 0
-    assert "note: the inertia of 'rod' cannot exist and was projected" in out
+    assert "note: the inertia of 'rod' is not physically consistent and was projected" in out
 
 
 def test_check(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -115,23 +115,26 @@ def test_committed_fr3_is_in_sync() -> None:
         )
 
 
-def test_notes_tell_what_was_done() -> None:
+def test_notes_report_what_was_done() -> None:
     """Property: lumped, cut and projected bodies are reported to the user."""
     text = (DATA / "tree.urdf").read_text()
     options = ChainOptions(tip="left_arm")
     notes = generate(BuildRequest("t", text, options))[1]
-    assert "link 'camera' (0.2 kg) is fixed and counts into 'trunk'" in notes
+    assert "link 'camera' (0.2 kg) is fixed to 'trunk' and counts into it" in notes
     assert "cut off by --base/--tip: left_hand, right_arm" in notes
     impossible = TINY_URDF.replace('izz="0.01"', 'izz="0.5"')
     notes = generate(BuildRequest("t", impossible, project=True))[1]
-    assert any("the inertia of 'rod' cannot exist and was projected" in note for note in notes)
+    assert any(
+        "the inertia of 'rod' is not physically consistent and was projected" in note
+        for note in notes
+    )
 
 
-def test_rounded_angles_are_told() -> None:
+def test_rounded_angles_are_reported() -> None:
     """Property: 3.1416 hides a right angle that --snap finds; 0.5 and π hide none."""
     tilted = TINY_URDF.replace('<origin xyz="0 0 0.5"/>', '<origin xyz="0 0 0.5" rpy="ANGLE 0 0"/>')
     assert tilted != TINY_URDF
-    for angle, snap, is_told in (
+    for angle, snap, is_reported in (
         ("3.1416", 0.0, True),
         ("3.1416", 1e-4, False),
         ("3.141592653589793", 0.0, False),
@@ -140,7 +143,8 @@ def test_rounded_angles_are_told() -> None:
         chain = read_chain(tilted.replace("ANGLE", angle), ChainOptions(snap=snap))
         notes = symgen.build.pipeline._notes(chain, {})
         assert (
-            any("angles of swing" in note and "--snap 0.0001" in note for note in notes) == is_told
+            any("angles of swing" in note and "--snap 0.0001" in note for note in notes)
+            == is_reported
         )
 
 

@@ -73,7 +73,7 @@ def test_bad_names(name: str) -> None:
 
 def test_unknown_bundled_robot() -> None:
     """Property: lists what there is."""
-    with pytest.raises(BuildError, match=r"called 'r2d2' \(there is fr3, ur5e\)"):
+    with pytest.raises(BuildError, match=r"called 'r2d2' \(there are fr3, ur5e\)"):
         bundled_request("r2d2")
 
 

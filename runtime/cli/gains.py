@@ -103,8 +103,7 @@ def _factors(plan: Plan, found: Gains) -> tuple[float, ...]:
 
 
 def _recipe(plan: Plan, found: Gains, factors: tuple[float, ...]) -> str:
-    assert plan.torque is not None  # noqa: S101  `_factors` has seen to it
-    torque = dataclasses.replace(plan.torque, gain=factors)
+    torque = dataclasses.replace(plan.signals()["torque"], gain=factors)
     biases = [", ".join(f"{x:.4g}" for x in row) for row in found.bias]
     return recipe_text(
         dataclasses.replace(plan, torque=torque),
@@ -115,8 +114,7 @@ def _recipe(plan: Plan, found: Gains, factors: tuple[float, ...]) -> str:
 
 
 def _table(found: Gains, plan: Plan, factors: tuple[float, ...]) -> Table:
-    assert plan.torque is not None  # noqa: S101  `_factors` has seen to it
-    units = plan.torque.unit
+    units = plan.signals()["torque"].unit
     units = (units,) * len(factors) if isinstance(units, str) else units
     table = Table(Column("joint", overflow="fold"), title="Torque read over true torque")
     for head in ("gain ± 95 %", "bias empty", "bias loaded"):

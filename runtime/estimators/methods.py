@@ -131,13 +131,8 @@ def _require_rows(problem: Problem, record: Method, preset: Any) -> None:
 
 def _require_controller(problem: Problem, record: Method) -> None:
     """Refuse a recording whose controller is unknown where it is to be simulated."""
-    origin = problem.origin
-    if record.needs_controller and (origin is None or origin.controller is None):
-        raise NeedsError(
-            f"the method {record.name} simulates the robot under its controller and needs its "
-            "description; give the controller's gains and the reference motion "
-            "by --controller FILE.toml"
-        )
+    if record.needs_controller:
+        problem.controlled(record.name)
 
 
 def _require_columns(problem: Problem, record: Method) -> None:

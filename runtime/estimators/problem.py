@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from runtime.errors import IdentificationError, NeedsError
 from runtime.estimators.friction_net import FrictionNet
 from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression import Statistics, compress_all
@@ -84,6 +85,26 @@ class Problem:
             return self.pieces(part)
         return (self.train if part == "train" else self.validation,)
 
+    def controlled(self, method: str) -> tuple[Origin, ClosedLoop]:
+        """Origin of the samples, and the closed loop under which they were recorded.
+
+        Args:
+            method: its name, for the message.
+
+        Returns:
+            Both, where the controller is known.
+
+        Raises:
+            NeedsError: the controller is unknown.
+        """
+        if self.origin is None or self.origin.controller is None:
+            raise NeedsError(
+                f"the method {method} simulates the robot under its controller and needs its "
+                "description; give the controller's gains and the reference motion "
+                "by --controller FILE.toml"
+            )
+        return self.origin, self.origin.controller
+
     @property
     def friction_names(self) -> tuple[str, ...]:
         """Names of the friction columns; empty where they are unknown."""
@@ -120,6 +141,18 @@ class Fit:
     statistics: Statistics | None = None
     colour: Colour | None = None
     net: FrictionNet | None = None
+
+    def noise(self) -> tuple[Array, Colour]:
+        """Diagonal of W (n,) and noise of the weighted rows, of a method that estimates both.
+
+        Raises:
+            IdentificationError: the method estimates no noise.
+        """
+        if self.weights is None or self.colour is None:
+            raise IdentificationError(
+                f"expected an estimate of the noise, got none ({self.status}); use the method map"
+            )
+        return self.weights, self.colour
 
     @property
     def n_eff(self) -> float | None:

@@ -202,8 +202,7 @@ class _Bench:
                 f"the training part gives {equations} equations for {unknowns} unknowns, too few "
                 "to choose a cut-off by cross-validation; record for longer, or give --cutoff in Hz"
             )
-        tau = self._raw.tau
-        assert tau is not None  # noqa: S101  samples_of has checked it
+        tau = self._raw.required("tau")
         self._tau = np.stack([np.interp(middle.t, self._raw.t, row) for row in tau.T], axis=1)
 
     def fitted(self, cutoff_hz: float, derivative: str) -> _Fit:

@@ -231,8 +231,7 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
             asked.plan = asked.plan.replace(preparation=shifted)
             bench = asked.bench(lib, terms)
             matrix = model_fit.fit_rows(bench)
-        tau = asked.recording.tau
-        assert tau is not None  # noqa: S101  asked for by the caller
+        tau = asked.recording.required("tau")
         strange = model_fit.unexplained(bench, matrix)
         asked.findings += late + strange + model_fit.too_good(bench, matrix, tau)
         torque = asked.plan.torque

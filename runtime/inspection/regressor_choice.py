@@ -19,6 +19,7 @@ from scipy import signal as scipy_signal
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
 from runtime.recording import Preparation, Recording
+from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import momentum_torque, prepare, segments
 
 NOISY, BENT = 0.01, 0.005
@@ -78,24 +79,23 @@ def judged(recording: Recording, lib: Library, preparation: Preparation) -> Diff
     )
     full = replace(preparation, rate_hz=None, rest_speed=None)
     try:
-        done = prepare(head, full)
+        done = DifferentiatedRecording.of(prepare(head, full))
         smooth = momentum_torque(head, full, lib, lib.base_matrix @ lib.pi0)
         bare = prepare(head, replace(full, filter="none", cutoff_hz=None, trim_s=None))
+        torque, speeds = smooth.required("tau"), bare.required("dq")
     except RuntimeFault:  # whoever prepares the whole log will say why
         return None
-    assert done.dq is not None and done.ddq is not None  # noqa: S101, PT018  just derived
-    assert smooth.tau is not None and bare.dq is not None  # noqa: S101, PT018  as well
     rigid = lib.inverse_dynamics(done.q, done.dq, done.ddq, lib.pi0)
     common, mine, theirs = np.intersect1d(done.t, smooth.t, return_indices=True)
     if len(common) <= _ORDER:
         return None
-    whole = smooth.tau[theirs]
+    whole = torque[theirs]
     bent = float(np.linalg.norm(rigid[mine] - whole) / max(float(np.linalg.norm(whole)), 1e-300))
     if preparation.cutoff_hz is None:
         bent = 0.0  # without a filter there is nothing but noise between the two
     derivatives = 2 if from_q else 1
     gain = _noise_gain(preparation, 1.0 / bare.rate_hz, derivatives)
-    noise = _white_variance(bare.t, bare.q if from_q else bare.dq) * gain
+    noise = _white_variance(bare.t, bare.q if from_q else speeds) * gain
     power, speed = (np.mean(a**2, axis=0) for a in (done.ddq, done.dq))
     share = np.where(speed > STILL**2, np.minimum(noise / np.maximum(power, 1e-300), 1.0), 0.0)
     return Differentiation(share, bent, preparation.cutoff_hz or bare.rate_hz / 4, derivatives)

@@ -77,13 +77,13 @@ def require_joints(recording: Recording, lib: Library) -> None:
 
 def _require_sign(recording: Recording, lib: Library) -> None:
     """Measured torque that correlates with minus the model's gravity torque is negated."""
-    assert recording.tau is not None  # noqa: S101  checked by the caller
+    tau = recording.required("tau")
     still = np.zeros_like(recording.q)
     gravity = lib.inverse_dynamics(recording.q, still, still, lib.pi0)
-    size = np.linalg.norm(gravity) * np.linalg.norm(recording.tau)
+    size = np.linalg.norm(gravity) * np.linalg.norm(tau)
     if size == 0:
         return
-    alike = float(np.sum(gravity * recording.tau) / size)
+    alike = float(np.sum(gravity * tau) / size)
     if alike < -0.5:
         raise IdentificationError(
             f"the measured torque runs against the model's gravity torque (correlation "

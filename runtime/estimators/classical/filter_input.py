@@ -27,6 +27,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import lam_from_parts, link_columns, links
 from runtime.recording import Friction, Recording
 from runtime.recording.friction import COLUMNS, names_where
+from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import differentiate, low_pass
 from runtime.recording.preprocessing.segments import segments, uniform_step
 
@@ -149,21 +150,19 @@ def stream_of(problem: Problem, method: str) -> Stream:
 
 def stream_from(part: Recording, dt: float, terms: Friction) -> Stream:
     """A recording with torque and a uniform clock, its noise and what is smooth of it."""
-    assert part.tau is not None  # noqa: S101  the caller has checked it
+    tau = part.required("tau")
     bare = part.replace(dq=None, ddq=None, columns=None, column_names=())
-    smooth = differentiate(low_pass(bare, min(SMOOTH_HZ, 0.2 / dt)))
-    assert smooth.dq is not None  # noqa: S101  just filled
-    assert smooth.ddq is not None  # noqa: S101
-    assert smooth.tau is not None  # noqa: S101
+    low_passed = low_pass(bare, min(SMOOTH_HZ, 0.2 / dt))
+    smooth = DifferentiatedRecording.of(differentiate(low_passed))
     return Stream(
         dt=dt,
         q=part.q,
-        tau=part.tau,
+        tau=tau,
         speed=(smooth.dq[1:] + smooth.dq[:-1]) / 2,
         push=(smooth.ddq[1:] + smooth.ddq[:-1]) / 2,
         drift=np.diff(smooth.tau, axis=0) / dt,
         sigma_q=np.maximum(noise_of(part.q), LEAST_NOISE[0]),
-        sigma_tau=np.maximum(noise_of(part.tau), LEAST_NOISE[1]),
+        sigma_tau=np.maximum(noise_of(tau), LEAST_NOISE[1]),
         names=terms.columns,
         width=terms.coulomb_speed,
     )

@@ -18,7 +18,7 @@ from runtime.estimators.classical.ols import (
 )
 from runtime.estimators.classical.wls import residual, reweighted, weights_of, with_torque
 from runtime.estimators.method import Method
-from runtime.estimators.problem import Fit, Origin, Problem
+from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
@@ -42,12 +42,12 @@ def fit_iv(problem: Problem) -> Fit:
         IdentificationError: the loop is unknown, or the motion does not excite all parameters.
     """
     lib, train = problem.lib, problem.train
-    origin = _origin(problem)
+    origin = problem.controlled("iv")[0]
     kept, weights, _ = reweighted(lib, train, origin.friction.columns)
     now, why = _first(problem), f"the estimate still moves after {IV_ITERATIONS} simulations"
     for iteration in range(1, IV_ITERATIONS + 1):
         try:
-            instruments = _along(problem, origin, now)
+            instruments = _along(problem, now, "iv")
             found, deviation = _instrumental(lib, instruments, train, weights)
         except SimulationError as error:
             why = str(error)
@@ -79,7 +79,7 @@ def fit_didim(problem: Problem) -> Fit:
             does not excite all parameters.
     """
     lib, train = problem.lib, problem.train
-    origin = _origin(problem)
+    origin = problem.controlled("didim")[0]
     now, weights = _first(problem), np.ones(lib.n_joints)
     status = (
         f"not converged after {DIDIM_ITERATIONS} simulations; check gains, rotors and reference "
@@ -87,7 +87,7 @@ def fit_didim(problem: Problem) -> Fit:
     )
     for iteration in range(1, DIDIM_ITERATIONS + 1):
         try:
-            motion = with_torque(_along(problem, origin, now), train.tau)
+            motion = with_torque(_along(problem, now, "didim"), train.tau)
         except SimulationError as error:
             if iteration == 1:
                 raise
@@ -109,15 +109,9 @@ def _first(problem: Problem) -> Solution:
     return Solution(beta, np.zeros(problem.train.columns.shape[1:]), np.nan)
 
 
-def _origin(problem: Problem) -> Origin:
-    """Origin of the samples."""
-    assert problem.origin is not None  # noqa: S101  `Method.needs_controller` has checked it
-    return problem.origin
-
-
-def _along(problem: Problem, origin: Origin, now: Solution) -> Samples:
-    """The training samples as the robot of the last estimate would have made them."""
-    assert origin.controller is not None  # noqa: S101  `Method.needs_controller` has checked it
+def _along(problem: Problem, now: Solution, method: str) -> Samples:
+    """Training samples of the simulated robot with the parameters of the last estimate."""
+    origin, controller = problem.controlled(method)
     names = origin.friction.columns
     # Negative friction drives the joints; the next estimate is free to have it again.
     found = {
@@ -126,7 +120,7 @@ def _along(problem: Problem, origin: Origin, now: Solution) -> Samples:
     }
     speed = {"coulomb_speed": origin.friction.coulomb_speed} if "coulomb" in names else {}
     pi = pi_of_beta(problem, now.beta)
-    motion = origin.controller.simulate(problem.lib, pi, found | speed, origin.recording.t)
+    motion = controller.simulate(problem.lib, pi, found | speed, origin.recording.t)
     return origin.aligned(motion)
 
 

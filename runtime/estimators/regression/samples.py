@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from runtime.errors import IdentificationError, NeedsError
 from runtime.library import Array, Library
 from runtime.recording import Recording, friction
+from runtime.recording.prepared import DifferentiatedRecording, prepared_of
 
 THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
@@ -119,35 +120,16 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
         IdentificationError: something is missing, and the message says what to do.
     """
     n = lib.n_joints
-    made = recording.rows is not None
-    needed = ("dq", "tau") if made else ("dq", "ddq", "tau")
-    missing = [key for key in needed if getattr(recording, key) is None]
-    if missing:
-        raise IdentificationError(
-            f"identification needs q, dq, ddq and tau, the recording '{recording.name}' has no "
-            f"{', '.join(missing)}; let preprocessing.prepare differentiate it"
-        )
-    if recording.q.shape[1] != n:
+    data = prepared_of(recording)
+    if data.q.shape[1] != n:
         raise IdentificationError(
             f"the recording '{recording.name}' has {recording.q.shape[1]} joints, the robot "
             f"'{lib.name}' has {n}: {', '.join(lib.joint_names)}"
         )
-    columns = recording.columns
-    if columns is None:
-        columns = np.zeros((len(recording), n, 0))
-    values = (recording.q, recording.dq, recording.ddq, recording.tau, columns, recording.rows)
-    arrays = [None if a is None else np.ascontiguousarray(a, dtype=float) for a in values]
-    if not all(a is None or np.isfinite(a).all() for a in arrays):
-        raise IdentificationError(
-            f"the recording '{recording.name}' holds NaN or infinite values; "
-            "drop those rows before identifying"
-        )
-    q, dq, ddq, tau, columns, base = arrays
-    assert q is not None and dq is not None and tau is not None  # noqa: S101, PT018  checked above
-    assert columns is not None  # noqa: S101  just made
     coupling = friction.coupling_of(recording)
-    if base is not None:
-        ddq = None
-        if base.shape[1] == 1:  # each column is scaled with the speed of what it belongs to
-            tau, coupling = tau.sum(axis=1, keepdims=True), None
-    return Samples(q, dq, ddq, tau, columns, coupling=coupling, base=base)
+    if isinstance(data, DifferentiatedRecording):
+        return Samples(data.q, data.dq, data.ddq, data.tau, data.columns, coupling=coupling)
+    tau = data.tau
+    if data.rows.shape[1] == 1:  # each column is scaled with the speed of what it belongs to
+        tau, coupling = tau.sum(axis=1, keepdims=True), None
+    return Samples(data.q, data.dq, None, tau, data.columns, coupling=coupling, base=data.rows)

@@ -100,8 +100,7 @@ def prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetup
         lam0=cad,
         controller=ClosedLoop(designs[0], law, np.array(config.rotor)),
     )
-    tau = assembly.parts[2].tau
-    assert tau is not None  # noqa: S101  simulated with torque
+    tau = assembly.parts[2].required("tau")
     return MethodsSetup(lib, config, assembly, Truth(lib.base_matrix @ pi, "plant", ""), tau)
 
 

@@ -22,9 +22,8 @@ def _sines(lib: Library, config: MonteCarloConfig, setup: MonteCarloSetup) -> Re
     duration = (len(samples) - 1) / config.rate_hz
     recording, _ = sinusoidal(lib, duration, config.rate_hz, *config.sinusoid)
     pi = lib.pi_from_lam(setup.lam)
-    assert recording.dq is not None  # noqa: S101  all derivatives are given
-    assert recording.ddq is not None  # noqa: S101
-    tau = lib.inverse_dynamics(recording.q, recording.dq, recording.ddq, pi)
+    motion = (recording.q, recording.required("dq"), recording.required("ddq"))
+    tau = lib.inverse_dynamics(*motion, pi)
     return recording.replace(tau=tau)
 
 

@@ -127,6 +127,5 @@ def noise_of(lib: Library, moved: Moved, kappa: float = CAD) -> Noise | None:
         return None
     weights = thesis_weights(samples.tau)
     fit = fit_map(Problem(lib, samples, samples.rows(slice(0, 1)), weights, lib.lam0), kappa)
-    assert fit.weights is not None and fit.colour is not None  # noqa: S101, PT018  it is a MAP
-    sigma = np.sqrt(fit.colour.variance / fit.weights)
-    return Noise(sigma, fit.colour.inflation, fit.pi)
+    row_weights, noise = fit.noise()
+    return Noise(np.sqrt(noise.variance / row_weights), noise.inflation, fit.pi)

@@ -63,11 +63,11 @@ class Solution:
 
 def reduced(blocks: Iterable[Array]) -> Array:
     """The triangle of each channel's rows, (n, w, w)."""
-    triangle: Array | None = None
-    for block in blocks:
-        rows = block if triangle is None else np.concatenate([triangle, block], axis=1)
+    pending = iter(blocks)
+    triangle = np.asarray(np.linalg.qr(next(pending), mode="r"))
+    for block in pending:
+        rows = np.concatenate([triangle, block], axis=1)
         triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-    assert triangle is not None  # noqa: S101  the caller has counted the rows
     return triangle
 
 

@@ -199,9 +199,9 @@ def _fit_of_clocks(recording: Recording, tick: float) -> tuple[float, float, int
 
 
 def _misfit(recording: Recording) -> float:
-    assert recording.dq is not None  # noqa: S101  a tick needs dq
+    dq = recording.required("dq")
     moved: FloatArray = np.diff(recording.q, axis=0)
-    mean = 0.5 * (recording.dq[1:] + recording.dq[:-1])
+    mean = 0.5 * (dq[1:] + dq[:-1])
     told = mean * np.diff(recording.t)[:, None]
     return float(np.linalg.norm(moved - told) / max(float(np.linalg.norm(moved)), 1e-300))
 

@@ -50,8 +50,7 @@ def delay(bench: Bench, matrix: Array, plan: Recipe) -> list[Finding]:
         matrix / np.where(lengths > 0, lengths, 1.0), full_matrices=False
     )
     left = left[:, sigma > 1e-9 * sigma[0]]
-    tau = whole.tau
-    assert tau is not None  # noqa: S101  samples_of has checked it
+    tau = whole.required("tau")
     inside = (t + grid[0] > whole.t[0]) & (t + grid[-1] < whole.t[-1])
     keep = np.repeat(inside, bench.lib.n_joints)
     left = np.linalg.qr(left[keep])[0]

@@ -44,8 +44,7 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
         findings.append(_out_of_reach(recording.q, plan, lib, doubt))
         factor = 1.0
     if abs(factor - 1.0) > 1e-9:
-        assert plan.position is not None  # noqa: S101  a plan has one
-        position = _rescaled("position", plan.position, factor)
+        position = _rescaled("position", plan.signals()["position"], factor)
         plan = plan.replace(position=position)
         span = np.ptp(recording.q, axis=0).max()
         findings.append(
@@ -74,7 +73,6 @@ def _velocity_and_time(
     seen: float, slopes: Array, recording: Recording, plan: Recipe, findings: list[Finding]
 ) -> tuple[Recipe, list[Finding]]:
     """s = 1 in the right units; the pair of units nearest to the recipe's that makes it so."""
-    assert plan.velocity is not None  # noqa: S101  asked for by the caller
     if abs(seen - 1.0) < SLOPE:
         return plan, findings
     clocks = UNITS["time"].values() if plan.time and plan.time.unit else (1.0,)
@@ -119,7 +117,6 @@ def _velocity_and_time(
 def _in_units(
     seen: float, clock: float, speed: float, plan: Recipe, findings: list[Finding], rate: float
 ) -> tuple[Recipe, list[Finding]]:
-    assert plan.velocity is not None  # noqa: S101  asked for by the caller
     if clock != 1.0 and plan.time is not None:
         factor = UNITS["time"][plan.time.unit] * clock
         unit = min(UNITS["time"], key=lambda u: abs(np.log(UNITS["time"][u] / factor)))

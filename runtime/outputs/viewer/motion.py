@@ -36,15 +36,13 @@ class PlayedMotion:
         step = self.t[k + 1] - self.t[k] if len(self.t) > 1 else 1.0
         share = float(np.clip((t - self.t[k]) / step, 0.0, 1.0))
 
-        def between(values: Array | None) -> Array | None:
-            if values is None:
-                return None
+        def between(values: Array) -> Array:
             following = values[min(k + 1, len(values) - 1)]
             return np.asarray((1 - share) * values[k] + share * following)
 
-        q = between(self.q)
-        assert q is not None  # noqa: S101  positions are always there
-        return q, between(self.dq), between(self.tau)
+        dq = None if self.dq is None else between(self.dq)
+        tau = None if self.tau is None else between(self.tau)
+        return between(self.q), dq, tau
 
 
 def read_motion(

@@ -39,10 +39,9 @@ def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recor
     fresh = np.concatenate([[True], np.any(np.diff(recording.q, axis=0) != 0.0, axis=1)])
     count = int(np.sum(~fresh))
     kept = recording.take(fresh, f"Dropped {count} rows that repeat the positions before them.")
-    assert kept.dq is not None  # noqa: S101  (take keeps what is there)
     if len(kept) < 2:
         raise RecordingError("the robot never moves, so its clock cannot be rebuilt; leave it out")
-    ticks = _ticks(kept.t, kept.q, kept.dq, tick, slow)
+    ticks = _ticks(kept.t, kept.q, recording.dq[fresh], tick, slow)
     t = kept.t[0] + tick * np.concatenate([[0], np.cumsum(ticks)])
     duration, logged = float(t[-1] - t[0]), kept.duration
     if abs(duration - logged) > MAX_DRIFT * logged:

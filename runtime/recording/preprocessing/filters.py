@@ -180,8 +180,7 @@ def differentiate(recording: Recording, from_position: bool = False) -> Recordin
         )
     if from_position or recording.ddq is None:
         result = without_short(result, 3)
-        assert result.dq is not None  # noqa: S101  (just filled)
-        result = result.replace(ddq=_gradient(result.t, result.dq)).noted(
+        result = result.replace(ddq=_gradient(result.t, result.required("dq"))).noted(
             "Differentiated dq to ddq by central differences."
         )
     return result

@@ -60,8 +60,7 @@ def balanced(
     data = recording
     if any(terms.columns for terms in friction):
         data = add_columns(data, *friction, lib=lib)
-    assert data.dq is not None and data.tau is not None  # noqa: S101, PT018  `moved` has filled it
-    tau = data.dq * data.tau if power else data.tau
+    tau = data.required("dq") * recording.tau if power else recording.tau
     changes = {"tau": _summed(data, tau)}
     if data.columns is not None:
         speeds = [_speed(data, name) for name in data.column_names]
@@ -100,8 +99,7 @@ def _chunk(
     recording: Recording, part: slice, group: slice, lib: Library, power: bool
 ) -> FloatArray:
     """The rows between the ends of a stretch without a hole."""
-    assert recording.dq is not None  # noqa: S101  `moved` has filled it
-    q, dq = recording.q[part], recording.dq[part]
+    q, dq = recording.q[part], recording.required("dq")[part]
     step = 1.0 / recording.rate_hz
     if power:
         return _difference(lib.energy_regressor(q, dq)[:, None, group], step)
@@ -111,10 +109,10 @@ def _chunk(
 
 def _speed(recording: Recording, name: str) -> FloatArray:
     """Of what a column belongs to: the joints, or the motors that drive several."""
-    assert recording.dq is not None  # noqa: S101  `moved` has filled it
+    dq = recording.required("dq")
     if name in COLUMNS and COLUMNS[name].of_motors and recording.motors is not None:
-        return np.asarray(recording.dq @ recording.motors.T)
-    return recording.dq
+        return np.asarray(dq @ recording.motors.T)
+    return dq
 
 
 def _inner(recording: Recording) -> FloatArray:

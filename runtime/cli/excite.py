@@ -100,7 +100,9 @@ def excite_command(
         str | None,
         typer.Option(help=f"Quantity to minimise; default mixed. {sentences_of(CRITERIA)}."),
     ] = None,
-    basis: Annotated[str, typer.Option(help=" | ".join(BASES))] = "cosine",
+    basis: Annotated[
+        str, typer.Option(help=f"Functions of the motion. {sentences_of(BASES)}.")
+    ] = "cosine",
     zero_jerk: Annotated[
         bool, typer.Option("--zero-jerk", help="Begin and end without jerk, too.")
     ] = False,

@@ -79,7 +79,7 @@ def tell(found: Design, expected: Prediction, columns: int) -> None:
 def criteria_table(prediction: Prediction) -> Table:
     """All criteria, for every set of columns and number of samples."""
     unknowns = "payload" if prediction.payload_only else "base"
-    prior = ", with earlier logs" if prediction.has_prior else ""
+    prior = ", with earlier logs" if prediction.has_earlier_logs else ""
     sigma = prediction.noise
     noise = f"{sigma.min():g}" + ("" if np.ptp(sigma) == 0 else f"–{sigma.max():g}")
     table = Table(

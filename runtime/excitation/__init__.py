@@ -13,7 +13,9 @@ from runtime.excitation.limits.joint_limits import (
     whitening,
 )
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion.basis import BASES, COSINE, Basis, basis_of, fourier_basis
+from runtime.excitation.motion.basis import BASES, COSINE, basis_of
+from runtime.excitation.motion.family import Basis
+from runtime.excitation.motion.fourier import fourier_basis
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES, ConditionCost
 from runtime.excitation.search.criteria import CRITERIA, Criterion

@@ -1,8 +1,8 @@
-"""The profile of a motion beside its limits, as plain arrays: all that a picture of it shows.
+"""Profile of a motion beside its limits, as plain arrays: everything that pictures of it show.
 
-Values come from the robot's kernels and from the `constraints` that the design keeps, at equally
-spaced times. The certificate states what holds between them. In document mode, torque and
-distances are not limited: they are included, and the certificate lists them as unchecked.
+Values come from the robot's kernels and from the `constraints` of the design, at equally spaced
+times. The certificate states what holds between them. In document mode, torque and distances are
+not limited: they are included, and the certificate lists them as unchecked.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from runtime.excitation.proof.certified_motion import CertifiedMotion
 from runtime.library import Array, Library
 
 SAMPLES = 1001
-"""Over the motion; with the ends and the middle."""
+"""Number of times over the motion; with the ends and the middle."""
 _EDGE = 201
-"""Points of the bound of velocity over a range."""
+"""Number of points of the velocity bound over a range."""
 
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Lower and upper ends per joint, (n,); ±inf where there is none."""
+    """Lower and upper ends per joint, (n,); ±inf without a limit."""
 
     lower: Array
     upper: Array
@@ -42,12 +42,12 @@ class Gap:
 
     @property
     def least(self) -> float:
-        """The smallest distance, m."""
+        """Smallest distance, m."""
         return float(self.values.min())
 
     @property
     def left(self) -> float:
-        """The smallest distance − margin, m."""
+        """Smallest distance − margin, m."""
         return self.least - self.margin
 
 
@@ -62,24 +62,24 @@ class Envelope:
 
 @dataclass(frozen=True, slots=True)
 class MotionProfile:
-    """A motion at N times.
+    """A motion at N times, beside its limits.
 
     Attributes:
-        robot: its name.
+        robot: name of the robot.
         joints: n names.
         units: rad or m per joint.
         t: (N,) s, from 0 to t_f.
-        motion: q, dq, ddq, dddq and the torque, viscous friction counted where it is known,
-            each (N, n).
+        motion: q, dq, ddq, dddq and the torque, with viscous friction where it is known, each
+            (N, n).
         bands: their limits, under the same names; that of the torque is the share that may be
             used, less Coulomb friction.
         shares: use of the limits per kind that the robot limits, (N, n) each.
         tip: (N, 3) m in the base frame.
         table: height of a plane, m; None without.
         box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m; None without.
-        gaps: between links and above the table.
+        gaps: distances between links and above the table.
         envelopes: one per joint.
-        has_friction: the torque counts it.
+        has_friction: friction is part of the torque.
         certificate: bounds over all t.
     """
 
@@ -150,7 +150,7 @@ def _bands(lib: Library) -> dict[str, Band]:
 
 
 def _shares(values: dict[str, Array], bands: dict[str, Band], home: Array) -> dict[str, Array]:
-    """|value| / limit per kind that the robot limits; the position counts from home, as proven."""
+    """Uses |value| / limit per kind that the robot limits; the position counts from home."""
     shares = {}
     for kind, value in values.items():
         start = home if kind == "position" else 0.0
@@ -161,21 +161,21 @@ def _shares(values: dict[str, Array], bands: dict[str, Band], home: Array) -> di
 
 
 def _envelopes(lib: Library, bands: dict[str, Band]) -> tuple[Envelope, ...]:
-    """dq ≤ min(limit, √(k (q̂ − q)) − c), and the same downwards; the limit alone without braking.
+    """Bounds dq ≤ min(limit, √(k (q̂ − q)) − c), and likewise downwards; or the limit alone.
 
     Source: `runtime.library.manifest.BrakingFacts`.
     """
-    found = []
+    envelopes = []
     for j in range(lib.n_joints):
         low, high = bands["position"].lower[j], bands["position"].upper[j]
         fast = bands["velocity"].upper[j]
         facts = lib.braking
         if facts is None or not np.isfinite([low, high]).all():
             q = np.array([low, high])
-            found.append(Envelope(q, np.full(2, -fast), np.full(2, fast)))
+            envelopes.append(Envelope(q, np.full(2, -fast), np.full(2, fast)))
             continue
         q = np.linspace(max(low, facts.lower[j]), min(high, facts.upper[j]), _EDGE)
         up = np.sqrt(facts.k[j] * (facts.upper[j] - q)) - facts.c[j]
         down = np.sqrt(facts.k[j] * (q - facts.lower[j])) - facts.c[j]
-        found.append(Envelope(q, -np.minimum(fast, down), np.minimum(fast, up)))
-    return tuple(found)
+        envelopes.append(Envelope(q, -np.minimum(fast, down), np.minimum(fast, up)))
+    return tuple(envelopes)

@@ -13,31 +13,45 @@ from runtime.files import json_of, replacing
 from runtime.library import Library
 
 LARGEST = 1e6
-"""SI units; no robot moves like that."""
+"""Largest number of a trajectory that is read, in SI units."""
 
 
 def write_trajectory(
-    found: Design, lib: Library, path: Path, prediction: Prediction | None = None
+    designed: Design, lib: Library, path: Path, prediction: Prediction | None = None
 ) -> None:
-    """Write a design and what it will tell, atomically."""
+    """Write a design and its predicted accuracy, atomically.
+
+    Args:
+        designed: the design.
+        lib: its robot.
+        path: JSON file.
+        prediction: expected standard deviations, or None.
+    """
     known = {
-        "condition_number": found.condition,
-        "condition_numbers_of_starts": list(found.conditions),
-        "condition_numbers_of_relatives": list(found.variations),
-        "criterion": found.criterion,
-        "criterion_of_starts": list(found.values),
-        "use_of_limits": found.use,
-        "assumptions": list(found.assumptions),
+        "condition_number": designed.condition,
+        "condition_numbers_of_starts": list(designed.conditions),
+        "condition_numbers_of_relatives": list(designed.variations),
+        "criterion": designed.criterion,
+        "criterion_of_starts": list(designed.values),
+        "use_of_limits": designed.use,
+        "assumptions": list(designed.assumptions),
     }
     if prediction is not None:
         known["prediction"] = facts_of(prediction)
-    write_motion(found.trajectory, lib, path, known)
+    write_motion(designed.trajectory, lib, path, known)
 
 
 def write_motion(
     trajectory: Trajectory, lib: Library, path: Path, known: dict[str, Any] | None = None
 ) -> None:
-    """Write a trajectory and what is known of it, atomically."""
+    """Write a trajectory and further facts, atomically.
+
+    Args:
+        trajectory: the motion.
+        lib: its robot.
+        path: JSON file.
+        known: further keys of the file.
+    """
     basis = trajectory.basis
     facts = {
         "robot": lib.name,
@@ -55,10 +69,17 @@ def write_motion(
 
 
 def read_trajectory(path: Path, lib: Library) -> Trajectory:
-    """Read a trajectory of this robot; without the name of a basis it is one of cosines.
+    """Read a trajectory of this robot; a file without the name of a basis has cosines.
+
+    Args:
+        path: JSON file of `write_trajectory` or `write_motion`.
+        lib: the robot.
+
+    Returns:
+        The trajectory.
 
     Raises:
-        RecordingError: not such a file, or of another robot.
+        RecordingError: another kind of file, or a trajectory of another robot.
     """
     try:
         facts = json_of(path)
@@ -73,7 +94,7 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
         raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise RecordingError(
-            f"'{path}' is no trajectory ({type(error).__name__}); make one with: "
+            f"'{path}' is not a trajectory ({type(error).__name__}); make one with: "
             "python -m runtime excite"
         ) from None
     n = lib.n_joints

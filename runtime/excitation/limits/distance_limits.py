@@ -1,4 +1,4 @@
-"""Limits of places and distances as `constraints`: g ≤ 0 in units of 0.1 m, with exact slopes.
+"""Limits of places and distances as constraints: g ≤ 0 in units of 0.1 m, with exact slopes.
 
 | constraint | row | g |
 |---|---|---|
@@ -18,12 +18,12 @@ from runtime.excitation.limits.sampled_motion import SampledMotion, times
 from runtime.library import Array, Library
 
 LENGTH = 0.1
-"""m: a distance that is missing or left by this counts as one whole limit."""
+"""Unit of distances in constraints, m: what is missing or left by this is one whole limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class TipBox:
-    """The tip stays in lower ≤ p ≤ upper, (3,) m in the base frame; ±inf leaves a side open."""
+    """Box of the tip, lower ≤ p ≤ upper, (3,) m in the base frame; ±inf leaves a side open."""
 
     kind: ClassVar[str] = "tip box"
     orders: ClassVar[int] = 1
@@ -34,30 +34,38 @@ class TipBox:
     upper: Array
 
     def values(self, motion: Array) -> Array:
-        """(p − upper) and (lower − p), in 0.1 m."""
+        """Values p − upper and lower − p, in 0.1 m."""
         p = self.lib.tip_motion(motion[0], motion[1])[0]
         return np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
 
     def slopes(self, motion: Array) -> Array:
-        """±∂p/∂q."""
+        """Slopes ±∂p/∂q."""
         slope = self.lib.tip_motion(motion[0], motion[1])[2][:, :, None] / LENGTH
         return np.concatenate([slope, -slope], axis=1)
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """With ±v."""
+        """Values, and rates from ±v."""
         p, v, _ = sampled.tip()
         g = np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
         return g, np.concatenate([v, -v], axis=1) / LENGTH
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """The coordinate in m."""
+        """Coordinate of the tip at a value of the constraint.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            Coordinate and limit [m] and their unit.
+        """
         end = float(np.concatenate([self.upper, self.lower])[row])
         return end + g * (LENGTH if row < 3 else -LENGTH), end, "m"
 
 
 @dataclass(frozen=True, slots=True)
 class TipSpeed:
-    """v ≤ limit, m/s; squared, because the speed itself has no slope at rest."""
+    """Speed of the tip, v ≤ limit [m/s]; squared, because v itself has no slope at rest."""
 
     kind: ClassVar[str] = "tip speed"
     orders: ClassVar[int] = 2
@@ -78,19 +86,27 @@ class TipSpeed:
         return np.einsum("ni,nidj->ndj", v, slope)[:, None] / self.limit**2
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """With v · dv/dt / v_max²."""
+        """Values, and rates v · dv/dt / v_max²."""
         _, v, dv = sampled.tip()
         square, rate = (np.einsum("ni,ni->n", v, x)[:, None] / self.limit**2 for x in (v, dv))
         return (square - 1) / 2, rate
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """v in m/s."""
+        """Speed of the tip at a value of the constraint.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            Speed and limit [m/s] and their unit.
+        """
         return self.limit * float(np.sqrt(max(0.0, 1 + 2 * g))), self.limit, "m/s"
 
 
 @dataclass(frozen=True, slots=True)
 class LinkClearance:
-    """Every pair of links stays apart by its own margin, m."""
+    """Distances between links, each pair with its margin [m]."""
 
     kind: ClassVar[str] = "self-collision"
     orders: ClassVar[int] = 1
@@ -101,35 +117,43 @@ class LinkClearance:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Both links."""
+        """Both links of every pair."""
         return self.pairs
 
     def distances(self, motion: Array) -> Array:
-        """Of every pair, (N, R) m."""
+        """Distance of every pair, (N, R) m."""
         return self.lib.clearance(motion[0])[0]
 
     def values(self, motion: Array) -> Array:
-        """margin − distance, in 0.1 m."""
+        """Values margin − distance, in 0.1 m."""
         return (self.margin - self.distances(motion)) / LENGTH
 
     def slopes(self, motion: Array) -> Array:
-        """−∂distance/∂q."""
+        """Slopes −∂distance/∂q."""
         return -self.lib.clearance(motion[0])[1][:, :, None] / LENGTH
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """With −∂distance/∂q dq."""
+        """Values, and rates −∂distance/∂q dq."""
         distance, slope = self.lib.clearance(sampled.motion[0])
         return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """The distance in m."""
+        """Distance of a pair at a value of the constraint.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            Distance and margin [m] and their unit.
+        """
         margin = float(self.margin[row])
         return margin - g * LENGTH, margin, "m"
 
 
 @dataclass(frozen=True, slots=True)
 class TableClearance:
-    """Proxies stay above the plane z = height of the base frame by a margin, m."""
+    """Heights of proxies above the plane z = height of the base frame, with a margin [m]."""
 
     kind: ClassVar[str] = "table"
     orders: ClassVar[int] = 1
@@ -139,27 +163,27 @@ class TableClearance:
     margin: float
     proxies: tuple[str, ...]
     rows: NDArray[np.intp]
-    """Of those proxies among the moving ones."""
+    """Indices of those proxies among the moving ones."""
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Proxies."""
+        """Names of the proxies."""
         return self.proxies
 
     def distances(self, motion: Array) -> Array:
-        """Of every proxy above the table, (N, R) m."""
+        """Height of every proxy above the table, (N, R) m."""
         return self._heights(motion)[0]
 
     def values(self, motion: Array) -> Array:
-        """margin − height, in 0.1 m."""
+        """Values margin − height, in 0.1 m."""
         return (self.margin - self.distances(motion)) / LENGTH
 
     def slopes(self, motion: Array) -> Array:
-        """−∂height/∂q."""
+        """Slopes −∂height/∂q."""
         return -self._heights(motion)[1][:, :, None] / LENGTH
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """With −∂height/∂q dq."""
+        """Values, and rates −∂height/∂q dq."""
         height, slope = self.lib.plane_clearance(sampled.motion[0], self._plane)
         rate = times(slope, sampled.motion[1])[:, self.rows]
         return (self.margin - height[:, self.rows]) / LENGTH, rate / -LENGTH
@@ -173,5 +197,13 @@ class TableClearance:
         return heights[:, self.rows], slopes[:, self.rows]
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """The height above the table in m."""
+        """Height of a proxy at a value of the constraint.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            Height and margin [m] and their unit.
+        """
         return self.margin - g * LENGTH, self.margin, "m"

@@ -3,15 +3,16 @@
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.motion.basis import COSINE, Basis
+from runtime.excitation.motion.basis import COSINE
+from runtime.excitation.motion.family import Basis
 from runtime.library import Array, Library
 
 LIMIT_STEP = 0.1
-"""Grid of the limits during the descent, s (Sec. 3.4.2); the result is pulled inside at 1 kHz."""
+"""Step of the grid of limits in the descent, s (Sec. 3.4.2); the result is checked at 1 kHz."""
 DEFAULT_ACCELERATION = 10.0
-"""Used where the robot states none, rad/s² or m/s²."""
+"""Acceleration limit of joints for which the robot states none, rad/s² or m/s²."""
 DEFAULT_RANGE = np.pi
-"""A joint without position limits moves this far to both sides of its home, rad or m."""
+"""Range on both sides of home of a joint without position limits, rad or m."""
 
 
 class Limits:
@@ -49,25 +50,25 @@ class Limits:
         self._bounds = {"velocity": speed, "acceleration": accel}
 
     def _or(
-        self, values: Array, missing: float | Array, what: str, lib: Library, told: str = ""
+        self, values: Array, missing: float | Array, what: str, lib: Library, described: str = ""
     ) -> Array:
         unknown = ~np.isfinite(values)
         if unknown.any():
             names = ", ".join(np.array(lib.joint_names)[unknown])
-            text = told or f"{missing:.4g}"
+            text = described or f"{missing:.4g}"
             self.assumptions.append(f"no {what} limit for {names}: {text} assumed")
         return np.where(unknown, missing, values)
 
     def use(self, a: Array) -> dict[str, Array]:
-        """Largest |value| / limit per joint, for each kind of limit."""
+        """Largest |value| / limit per joint, (n,), for each kind of limit."""
         q = self._rows["position"] @ a.T
-        found = {"position": np.maximum((q / self._up).max(0), (-q / self._down).max(0))}
+        shares = {"position": np.maximum((q / self._up).max(0), (-q / self._down).max(0))}
         for kind, bound in self._bounds.items():
-            found[kind] = np.abs(self._rows[kind] @ a.T).max(0) / bound
-        return found
+            shares[kind] = np.abs(self._rows[kind] @ a.T).max(0) / bound
+        return shares
 
     def inequalities(self) -> tuple[Array, Array]:
-        """A and b of all limits as A vec(a) ≤ b, rows of unit bound."""
+        """All limits as A vec(a) ≤ b: A (rows, n M) and b of ones."""
         blocks, n = [], len(self._up)
         for kind, rows in self._rows.items():
             pairs = [(self._up, rows), (self._down, -rows)]
@@ -84,10 +85,17 @@ class Limits:
 
 
 def whitening(matrix: Array, n: int) -> Array:
-    """S with a = S x: the limits A a ≤ 1 look alike in all directions of x.
+    """Linear change of coordinates in which the limits look alike in all directions.
 
-    S Sᵀ is, joint by joint, the inverse Hessian of −Σ ln(1 − A a) at rest; the raw coefficients
-    differ in scale by three orders of magnitude, which a quasi-Newton method would have to learn.
+    With a = S x, S Sᵀ is, joint by joint, the inverse Hessian of −Σ ln(1 − A a) at rest. The raw
+    coefficients differ in scale by three orders of magnitude, which slows a quasi-Newton method.
+
+    Args:
+        matrix: A of the limits, (rows, n M).
+        n: number of joints.
+
+    Returns:
+        S, (n M, n M), with one block per joint.
     """
     width = matrix.shape[1] // n
     result = np.zeros((matrix.shape[1], matrix.shape[1]))
@@ -99,6 +107,14 @@ def whitening(matrix: Array, n: int) -> Array:
 
 
 def inside(limits: Limits, a: Array) -> Array:
-    """Each joint scaled back until no limit is exceeded."""
+    """Scale the coefficients of each joint back until no limit is exceeded.
+
+    Args:
+        limits: limits on a grid.
+        a: coefficients, (n, M).
+
+    Returns:
+        Coefficients within the limits on that grid, (n, M).
+    """
     rho = np.maximum(1.0, np.max(list(limits.use(a).values()), axis=0))
     return a / rho[:, None]

@@ -1,6 +1,7 @@
-"""Laws at the samples of a grid, as g(a) ≤ 0 of the coefficients with Jacobian rows on demand.
+"""Constraints at the samples of a grid, as g(a) ≤ 0 of the coefficients.
 
-Every derivative of the motion is linear in a: ∂g/∂a_jm = Σ_d ∂g/∂q_j^(d) φ_m^(d)(t).
+Jacobian rows are computed on demand. Every derivative of the motion is linear in a:
+∂g/∂a_jm = Σ_d ∂g/∂q_j^(d) φ_m^(d)(t).
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from runtime.excitation.limits.nonlinear_limits import Constraint
 from runtime.library import Array
 
 NEAR = -0.35
-"""Rows above are linearised: what lies lower stays below 0 within a step."""
+"""Rows above this value are linearised; what lies lower stays below 0 within a step."""
 
 
 class LimitRows:
@@ -26,30 +27,32 @@ class LimitRows:
         half: bool,
         tightened: float = 0.0,
     ) -> None:
-        """Args:
-        constraints: the limits.
-        home: (n,) rad or m.
-        basis: φ_m and three derivatives at times over the whole duration, (N, M, 4).
-        half: the motion is its own mirror image; even constraints look at its first half.
-        tightened: added to every g.
+        """Rows of constraints on a grid.
+
+        Args:
+            constraints: the limits.
+            home: (n,) rad or m.
+            basis: φ_m and three derivatives at times over the whole duration, (N, M, 4).
+            half: the motion is its own mirror image, so that even constraints use its first half.
+            tightened: added to every g.
         """
         self._constraints, self._home, self._basis = tuple(constraints), home, basis
         self._tightened = tightened
         middle = (len(basis) + 1) // 2
-        # A merit is asked first, the rows of the same point after it.
+        # The merit comes first and the rows of the same point after it: values are computed once.
         self._seen: tuple[Array, list[Array]] = np.zeros(0), []
         self._counts = [
             middle if half and constraint.even else len(basis) for constraint in self._constraints
         ]
 
     def motion(self, a: Array) -> Array:
-        """Q, dq, ddq, dddq on the grid, (4, N, n)."""
+        """Values q, dq, ddq, dddq on the grid, (4, N, n)."""
         motion = np.einsum("jm,tmd->dtj", a, self._basis, optimize=True)
         motion[0] += self._home
         return motion
 
     def by_constraint(self, a: Array) -> list[Array]:
-        """G per constraint, (R, N) each."""
+        """Values g per constraint, (R, N) each."""
         if not np.array_equal(self._seen[0], a):
             motion = self.motion(a)
             parts = [
@@ -60,24 +63,40 @@ class LimitRows:
         return list(self._seen[1])
 
     def values(self, a: Array) -> Array:
-        """All g, one after another."""
-        found = [values.ravel() for values in self.by_constraint(a)]
-        return np.concatenate(found) if found else np.zeros(0)
+        """All values g, one constraint after another."""
+        parts = [values.ravel() for values in self.by_constraint(a)]
+        return np.concatenate(parts) if parts else np.zeros(0)
 
     def worst(self, a: Array) -> float:
-        """The largest g; −1 where there are no constraints."""
+        """Largest g; −1 where there are no constraints."""
         return float(self.values(a).max(initial=-1.0))
 
     def linearised(self, a: Array, near: float = NEAR) -> tuple[NDArray[np.intp], Array, Array]:
-        """Numbers, values and slopes (rows, n M) of the rows above `near`."""
+        """Rows that a step could violate.
+
+        Args:
+            a: coefficients, (n, M).
+            near: rows above this value are included.
+
+        Returns:
+            Numbers (m,), values (m,) and slopes (m, n M) of the rows.
+        """
         values = self.values(a)
         chosen = np.flatnonzero(values > near)
         return chosen, values[chosen], self.jacobian(a, chosen)
 
     def jacobian(self, a: Array, chosen: NDArray[np.intp]) -> Array:
-        """∂g/∂vec(a) of the rows with these numbers, ascending, (rows, n M)."""
+        """Slopes ∂g/∂vec(a) of chosen rows.
+
+        Args:
+            a: coefficients, (n, M).
+            chosen: numbers of the rows, ascending, (m,).
+
+        Returns:
+            (m, n M).
+        """
         motion = self.motion(a)
-        found, first = [np.zeros((0, a.size))], 0
+        blocks, first = [np.zeros((0, a.size))], 0
         for constraint, count in zip(self._constraints, self._counts, strict=True):
             last = first + count * len(constraint.labels)
             row, sample = np.divmod(chosen[(chosen >= first) & (chosen < last)] - first, count)
@@ -87,15 +106,24 @@ class LimitRows:
             samples, back = np.unique(sample, return_inverse=True)
             slopes = constraint.slopes(motion[:, samples])[back, row]  # (rows, orders, n)
             basis = self._basis[sample][:, :, : constraint.orders]
-            chain = np.matmul(basis, slopes)  # (rows, M, n)
-            found.append(chain.transpose(0, 2, 1).reshape(len(row), -1))
-        return np.concatenate(found)
+            # Chain rule over the derivatives of the motion: Σ_d ∂g/∂q^(d) φ^(d), (rows, M, n).
+            chain = np.matmul(basis, slopes)
+            blocks.append(chain.transpose(0, 2, 1).reshape(len(row), -1))
+        return np.concatenate(blocks)
 
     def strongest(self, a: Array, count: int = 2) -> list[str]:
-        """The rows with the largest g, each of another constraint or joint, largest first."""
-        found = [
+        """Names of the rows with the largest g, each of another constraint or joint.
+
+        Args:
+            a: coefficients, (n, M).
+            count: number of names.
+
+        Returns:
+            Kind and label of each, largest first.
+        """
+        named = [
             (float(g), f"{constraint.kind} ({label})")
             for constraint, values in zip(self._constraints, self.by_constraint(a), strict=True)
             for label, g in zip(constraint.labels, values.max(axis=1), strict=True)
         ]
-        return [name for _, name in sorted(found, reverse=True)[:count]]
+        return [name for _, name in sorted(named, reverse=True)[:count]]

@@ -1,4 +1,4 @@
-"""Limits of a robot that are not linear in its motion, as g ≤ 0 with exact slopes.
+"""Limits that are not linear in the motion, as constraints g ≤ 0 with exact slopes.
 
 Every constraint takes a motion (4, N, n), that is q, dq, ddq, dddq at N samples, and returns
 g (N, R) of its R rows and ∂g/∂(q, dq, …) of as many orders as it reads. g is use − 1: it vanishes
@@ -10,7 +10,7 @@ on the limit and is −1 or less far from it. The physics comes from the robot's
 | torque | joint and sign | ±(τ + f_v dq) / (limit − f_c) − 1 |
 | torque rate | joint and sign | ±(dτ/dt + f_v ddq) / limit − 1 |
 
-Those of places and distances are in `places`.
+Constraints of places and distances are in `distance_limits`.
 """
 
 from dataclasses import dataclass
@@ -31,34 +31,42 @@ class Constraint(Protocol):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Joint, axis or pair of each row, R."""
+        """Joint, axis or pair of each of the R rows."""
 
     @property
     def even(self) -> bool:
-        """The same when the motion runs backwards: dq and dddq with the other sign."""
+        """The values stay the same when the motion runs backwards: −dq and −dddq."""
 
     def values(self, motion: Array) -> Array:
-        """G, (N, R), of a motion (4, N, n)."""
+        """Values g, (N, R), of a motion (4, N, n)."""
 
     def slopes(self, motion: Array) -> Array:
-        """∂g/∂(q, …), (N, R, orders, n)."""
+        """Slopes ∂g/∂(q, …), (N, R, orders, n)."""
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """The quantity of a row at g, its limit and its unit."""
+        """Quantity of a row at a value of the constraint.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            The quantity, its limit and their unit.
+        """
 
 
 class TimedConstraint(Constraint, Protocol):
-    """A limit that tells its rate in time without slopes."""
+    """A constraint whose rate in time is computed without its slopes."""
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """G and dg/dt, (N, R) each."""
+        """Values g and rates dg/dt, (N, R) each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
     """Braking towards one end of the range: max(0, s dq + c)² ≤ k (s q̂ − s q), (n,) each.
 
-    s is +1 for the upper ends and −1 for the lower ones; what is infinite has no limit.
+    s is +1 for the upper ends and −1 for the lower ones; an infinite end has no limit.
     """
 
     sign: float
@@ -87,16 +95,16 @@ class Braking:
 
     @property
     def even(self) -> bool:
-        """Braking looks at the direction of dq."""
+        """False: braking depends on the direction of dq."""
         return False
 
     def room(self, side: Side) -> Array:
-        """S (q̂ − home) − c²/k, (n,) rad; NaN where the robot may not even rest at home."""
+        """Room s (q̂ − home) − c²/k, (n,) rad; NaN where the robot may not even rest at home."""
         room = side.sign * (side.end - self.home) - np.maximum(side.c, 0) ** 2 / side.k
         return np.where(room > 0, room, np.nan)
 
     def values(self, motion: Array) -> Array:
-        """(max(0, s dq + c)²/k − s (q̂ − q)) / room."""
+        """Values (max(0, s dq + c)²/k − s (q̂ − q)) / room."""
         q, dq = motion[:2]
         parts = [
             np.maximum(0, s.sign * dq + s.c) ** 2 / s.k - s.sign * (s.end - q) for s in self.sides
@@ -106,24 +114,32 @@ class Braking:
         )
 
     def slopes(self, motion: Array) -> Array:
-        """s / room and 2 s max(0, s dq + c) / (k room), each of its own joint."""
+        """Slopes s / room and 2 s max(0, s dq + c) / (k room), each of its own joint."""
         dq, n = motion[1], motion.shape[2]
-        found = np.zeros((len(dq), len(self.sides), n, 2, n))
+        slopes = np.zeros((len(dq), len(self.sides), n, 2, n))
         each = np.arange(n)
         for i, s in enumerate(self.sides):
             scale = s.sign / self.room(s)
-            found[:, i, each, 0, each] = scale
-            found[:, i, each, 1, each] = scale * 2 / s.k * np.maximum(0, s.sign * dq + s.c)
-        return found.reshape(len(dq), -1, 2, n)
+            slopes[:, i, each, 0, each] = scale
+            slopes[:, i, each, 1, each] = scale * 2 / s.k * np.maximum(0, s.sign * dq + s.c)
+        return slopes.reshape(len(dq), -1, 2, n)
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """The share of the room at home."""
+        """Share of the room at home that is used.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            The quantity, its limit and their unit.
+        """
         return 1 + g, 1.0, "of the room at home"
 
 
 @dataclass(frozen=True, slots=True)
 class _OfJoints:
-    """±(smooth part) / limit − 1, row by joint, positive sign first."""
+    """Constraint ±(smooth part) / limit − 1, row by joint, positive sign first."""
 
     unit: ClassVar[str]
     lib: Library
@@ -139,22 +155,22 @@ class _OfJoints:
 
     @property
     def even(self) -> bool:
-        """Inertia and gravity are, and the size of their rate; viscous friction is not."""
+        """Without viscous friction: inertia and gravity are even, as is the size of their rate."""
         return not self.viscous.any()
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """The size in `unit`, with N instead of N·m for a slide."""
+        """Quantity of a row in `unit`, with N instead of N·m for a slide."""
         limit = float(self.limit[row % len(self.limit)])
         return (1 + g) * limit, limit, self.unit
 
     def _signed(self, slope: Array, order: int) -> Array:
-        """Both signs over the limit, with f_v by the derivative `order`."""
+        """Slopes of both signs over the limit, with f_v at the derivative `order`."""
         slope[:, :, order] += np.diag(self.viscous)
         slope /= self.limit[:, None, None]
         return np.concatenate([slope, -slope], axis=1)
 
     def _with_rate(self, value: Array, rate: Array, rubbing: Array) -> tuple[Array, Array]:
-        """G and dg/dt of ±(value + f_v rubbing[0]) / limit − 1, with rubbing[1] in the rate."""
+        """Values g and rates of ±(value + f_v rubbing[0]) / limit − 1, with rubbing[1] in rates."""
         share = (value + self.viscous * rubbing[0]) / self.limit
         slope = (rate + self.viscous * rubbing[1]) / self.limit
         return _both(share), np.concatenate([slope, -slope], axis=1)
@@ -162,10 +178,10 @@ class _OfJoints:
 
 @dataclass(frozen=True, slots=True)
 class Torque(_OfJoints):
-    """|τ + f_v dq| ≤ share · effort − f_c.
+    """Torque limit |τ + f_v dq| ≤ share · effort − f_c.
 
-    Coulomb friction may act either way for a moment at every turn, so it lowers the limit; that is
-    smooth and never too little.
+    Coulomb friction may act either way for a moment at every turn, so that it lowers the limit.
+    This is smooth, and never too little.
     """
 
     kind: ClassVar[str] = "torque"
@@ -173,46 +189,46 @@ class Torque(_OfJoints):
     unit: ClassVar[str] = "N·m"
 
     def torques(self, motion: Array) -> Array:
-        """τ + f_v dq, (N, n) N·m, N for a slide."""
+        """Torque τ + f_v dq, (N, n) N·m, N for a slide."""
         smooth = self.lib.inverse_dynamics(*_three(motion), self.pi)
         return smooth + self.viscous * motion[1]
 
     def values(self, motion: Array) -> Array:
-        """±(τ + f_v dq) / limit − 1."""
+        """Values ±(τ + f_v dq) / limit − 1."""
         return _both(self.torques(motion) / self.limit)
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """With dτ/dt + f_v ddq."""
+        """Values, and rates with dτ/dt + f_v ddq."""
         tau, dtau, _ = sampled.torques(self.pi)
         return self._with_rate(tau, dtau, sampled.motion[1:3])
 
     def slopes(self, motion: Array) -> Array:
-        """±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
+        """Slopes ±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
         slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
         return self._signed(slope, 1)
 
 
 @dataclass(frozen=True, slots=True)
 class TorqueRate(_OfJoints):
-    """|dτ/dt + f_v ddq| ≤ limit; the step of Coulomb friction at a turn is not counted."""
+    """Limit |dτ/dt + f_v ddq| ≤ limit; the step of Coulomb friction at a turn is left out."""
 
     kind: ClassVar[str] = "torque rate"
     orders: ClassVar[int] = 4
     unit: ClassVar[str] = "N·m/s"
 
     def values(self, motion: Array) -> Array:
-        """±(dτ/dt + f_v ddq) / limit − 1."""
+        """Values ±(dτ/dt + f_v ddq) / limit − 1."""
         return _both(
             (self.lib.torque_rate(*_four(motion), self.pi) + self.viscous * motion[2]) / self.limit
         )
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """With d²τ/dt² + f_v dddq."""
+        """Values, and rates with d²τ/dt² + f_v dddq."""
         _, dtau, ddtau = sampled.torques(self.pi)
         return self._with_rate(dtau, ddtau, sampled.motion[2:4])
 
     def slopes(self, motion: Array) -> Array:
-        """±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
+        """Slopes ±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
         n = motion.shape[2]
         slope = self.lib.torque_rate_jacobian(*_four(motion), self.pi)[1].reshape(-1, n, 4, n)
         return self._signed(slope, 2)

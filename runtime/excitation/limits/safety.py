@@ -1,7 +1,7 @@
-"""Which limits a motion keeps beyond position, velocity and acceleration, and whether it can.
+"""Limits that a motion keeps beyond position, velocity and acceleration.
 
-By default all that the robot's manifest states: position-dependent velocity, torque, torque rate,
-tip speed and the margins of its pairs of proxies; a table and a box for the tip where asked.
+By default all that the manifest of the robot states: position-dependent velocity, torque, torque
+rate, tip speed and the margins of its pairs of proxies. A table and a box of the tip on request.
 """
 
 from dataclasses import dataclass
@@ -27,23 +27,23 @@ from runtime.excitation.limits.nonlinear_limits import (
 from runtime.library import Array, Library
 
 TABLE_MARGIN = 0.03
-"""m between every moving proxy and the table."""
+"""Margin between every moving proxy and the table, m."""
 FIT_PROXIES = (
     "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
 )
 _PROBES = 32
-"""Random poses in which a proxy that can move has moved."""
+"""Number of random poses; between them every proxy that can move has moved."""
 
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    """Limits to keep; picklable.
+    """Limits of a design beyond those of the joints; picklable.
 
     Attributes:
         torque_fraction: share of the effort limit that may be used, 0 < share ≤ 1.
-        clearance: margin of pairs and table, m; default are the pairs' own and `TABLE_MARGIN`.
-            Pairs that the robot allows closer than its others keep their own.
-        table: height of a horizontal plane below which nothing goes, m in the base frame.
+        clearance: margin of pairs and table, m; by default the margins of the pairs and
+            `TABLE_MARGIN`. Pairs that the robot allows closer than its others keep their margin.
+        table: height of a horizontal plane below which nothing may go, m in the base frame.
         box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open.
         viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty.
 
@@ -85,10 +85,18 @@ class Safety:
 def constraints(
     lib: Library, home: Array, safety: Safety | None
 ) -> tuple[Braking | TimedConstraint, ...]:
-    """The limits that are not linear; none in the document's mode, `safety` = None.
+    """Limits that are not linear in the coefficients.
+
+    Args:
+        lib: the robot.
+        home: (n,) start and end position, rad or m.
+        safety: limits; None is the document's mode, without any.
+
+    Returns:
+        One constraint per kind of limit.
 
     Raises:
-        IdentificationError: they ask for what the robot does not state.
+        IdentificationError: `safety` needs limits or proxies that the robot does not state.
     """
     if safety is None:
         return ()
@@ -101,25 +109,33 @@ def constraints(
 
 
 def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
-    """What nobody looks at: limits that the robot does not state or that were not asked for."""
+    """Limits that are not checked: not stated by the robot, or not requested.
+
+    Args:
+        lib: the robot.
+        safety: limits that are kept; None is the document's mode.
+
+    Returns:
+        Kind of each limit, with the joints where it concerns some only.
+    """
     if safety is None:
         return ("torque", "self-collision", "table")
     limits = lib.limits()
     names = np.array(lib.joint_names)
-    found = []
+    missing = []
     for key, what in (("effort", "torque"), ("torque_rate", "torque rate")):
         free = ~np.isfinite(limits[key])
         if free.any():
-            found.append(f"{what} of {', '.join(names[free])}")
+            missing.append(f"{what} of {', '.join(names[free])}")
     if lib.braking is None:
-        found.append("position-dependent velocity")
+        missing.append("position-dependent velocity")
     if not np.isfinite(limits["tip_speed"]):
-        found.append("tip speed")
+        missing.append("tip speed")
     if not lib.pairs:
-        found.append("self-collision")
+        missing.append("self-collision")
     if safety.table is None:
-        found.append("table")
-    return tuple(found)
+        missing.append("table")
+    return tuple(missing)
 
 
 def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
@@ -133,20 +149,21 @@ def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
 def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     limits, n = lib.limits(), lib.n_joints
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
-    found: list[TimedConstraint] = []
+    chosen: list[TimedConstraint] = []
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
         if not (limit > 0).all():
             j = int(np.argmin(limit))
             raise IdentificationError(
-                f"Coulomb friction of {coulomb[j]:g} N·m leaves '{lib.joint_names[j]}' nothing of "
-                f"{100 * safety.torque_fraction:g} % of its {limits['effort'][j]:g} N·m"
+                f"Coulomb friction of {coulomb[j]:g} N·m exceeds the torque of "
+                f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
+                f"{limits['effort'][j]:g} N·m; lower the friction or raise the share"
             )
-        found.append(Torque(lib, lib.pi0, limit, viscous, lib.joint_names))
+        chosen.append(Torque(lib, lib.pi0, limit, viscous, lib.joint_names))
     if np.isfinite(limits["torque_rate"]).any():
         rate = np.broadcast_to(limits["torque_rate"], (n,))
-        found.append(TorqueRate(lib, lib.pi0, rate, viscous, lib.joint_names))
-    return tuple(found)
+        chosen.append(TorqueRate(lib, lib.pi0, rate, viscous, lib.joint_names))
+    return tuple(chosen)
 
 
 _FRICTION = ("viscous", "coulomb")
@@ -161,14 +178,14 @@ def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:
 
 
 def _tip(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
-    found: list[TimedConstraint] = []
+    chosen: list[TimedConstraint] = []
     if safety.box is not None:
         ends = np.array(safety.box, dtype=float)
-        found.append(TipBox(lib, ends[::2], ends[1::2]))
+        chosen.append(TipBox(lib, ends[::2], ends[1::2]))
     speed = float(lib.limits()["tip_speed"])
     if np.isfinite(speed):
-        found.append(TipSpeed(lib, speed))
-    return tuple(found)
+        chosen.append(TipSpeed(lib, speed))
+    return tuple(chosen)
 
 
 def _distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
@@ -176,28 +193,28 @@ def _distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
         raise _no_proxies(lib, "a clearance between its links")
     if safety.table is not None and not lib.moving_proxies:
         raise _no_proxies(lib, "a table")
-    found: list[TimedConstraint] = []
+    chosen: list[TimedConstraint] = []
     if lib.pairs:
         names = tuple(f"{pair.first} and {pair.second}" for pair in lib.pairs)
-        found.append(LinkClearance(lib, _margins(lib, safety.clearance), names))
+        chosen.append(LinkClearance(lib, _margins(lib, safety.clearance), names))
     if safety.table is not None:
         margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
         rows = _lifted(lib)
         proxies = tuple(lib.moving_proxies[row] for row in rows)
-        found.append(TableClearance(lib, safety.table, margin, proxies, rows))
-    return tuple(found)
+        chosen.append(TableClearance(lib, safety.table, margin, proxies, rows))
+    return tuple(chosen)
 
 
 def _margins(lib: Library, clearance: float | None) -> Array:
-    """Of every pair; those that are allowed closer than the others stay so."""
-    own = np.array([pair.margin for pair in lib.pairs])
+    """Margin of every pair, (R,) m; pairs that are allowed closer than the others stay so."""
+    stated = np.array([pair.margin for pair in lib.pairs])
     if clearance is None:
-        return own
-    return np.where(own < own.max(), np.minimum(own, clearance), clearance)
+        return stated
+    return np.where(stated < stated.max(), np.minimum(stated, clearance), clearance)
 
 
 def _lifted(lib: Library) -> NDArray[np.intp]:
-    """Proxies whose height some joint changes: the others meet a table or do not, for ever."""
+    """Indices of proxies whose height depends on some joint; the height of the others is fixed."""
     q = np.random.default_rng(0).uniform(-1, 1, (_PROBES, lib.n_joints))
     heights = lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, 0.0]))[0]
     # A pose is known to rounding, 1e-15 of a metre.
@@ -219,20 +236,24 @@ def _check_box(box: tuple[float, ...]) -> None:
     for axis, low, high in zip("xyz", box[::2], box[1::2], strict=True):
         if not low < high:
             raise IdentificationError(
-                f"the box for the tip contradicts itself: {axis} from {low:g} m to {high:g} m; "
+                f"the box for the tip is empty: {axis} from {low:g} m to {high:g} m; "
                 f"give {axis}min below {axis}max"
             )
 
 
-def require_rest(found: tuple[Constraint, ...], home: Array) -> None:
-    """At home the robot may rest.
+def require_rest(limits: tuple[Constraint, ...], home: Array) -> None:
+    """Check that the robot may rest at home.
+
+    Args:
+        limits: constraints of the design.
+        home: (n,) rad or m.
 
     Raises:
-        IdentificationError: it breaks a limit there; which, and by how much.
+        IdentificationError: a limit is exceeded there; which, and by how much.
     """
     rest = np.zeros((4, 1, len(home)))
     rest[0] = home
-    for constraint in found:
+    for constraint in limits:
         g = constraint.values(rest)[0]
         worst = int(np.argmax(g))  # the first NaN, where there is one
         if g[worst] < 0:

@@ -1,4 +1,4 @@
-"""A sampled motion with torques and tip velocities, each computed once for all constraints."""
+"""A motion at samples, with torques and tip velocities computed once for all constraints."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from runtime.library import Array, Library
 
 
 class SampledMotion:
-    """Five derivatives of a motion, q first, at N samples, (5, N, n)."""
+    """A motion with five derivatives, q first, at N samples, (5, N, n)."""
 
     def __init__(self, lib: Library, motion: Array) -> None:
         self.lib, self.motion = lib, motion
@@ -14,7 +14,7 @@ class SampledMotion:
         self._tip: tuple[Array, Array, Array] | None = None
 
     def torques(self, pi: Array) -> tuple[Array, Array, Array]:
-        """τ, dτ/dt and d²τ/dt², (N, n)."""
+        """Torques τ and their rates dτ/dt and d²τ/dt², (N, n), under parameters π (10 n,)."""
         key = pi.tobytes()
         if key not in self._torques:
             q, dq, ddq, dddq, ddddq = self.motion
@@ -31,5 +31,13 @@ class SampledMotion:
 
 
 def times(jacobian: Array, speed: Array) -> Array:
-    """J ẋ at every sample, (N, R), from (N, R, n) and (N, n)."""
+    """Product J ẋ at every sample.
+
+    Args:
+        jacobian: (N, R, n).
+        speed: (N, n).
+
+    Returns:
+        (N, R).
+    """
     return np.asarray(np.matmul(jacobian, speed[:, :, None])[:, :, 0])

@@ -11,13 +11,13 @@ from runtime.library import Array, Library
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """q(t) of n joints: from `home` and back to it, at rest at both ends.
+    """Motion q(t) of n joints from `home` and back to it, at rest at both ends.
 
     Attributes:
         home: (n,) rad or m.
         coefficients: a, (n, M) rad or m.
         duration: t_f, s.
-        basis: of the functions φ.
+        basis: functions φ.
     """
 
     home: Array
@@ -26,21 +26,36 @@ class Trajectory:
     basis: Basis = COSINE
 
     def at(self, lib: Library, t: Array) -> tuple[Array, Array, Array, Array]:
-        """q, dq, ddq, dddq at times t, each (N, n)."""
+        """States at given times.
+
+        Args:
+            lib: the robot.
+            t: times, (N,) s.
+
+        Returns:
+            q, dq, ddq, dddq, (N, n) each.
+        """
         basis = self.basis.at(lib, self.coefficients.shape[1], t, self.duration)
         q, dq, ddq, dddq = np.einsum("jm,tmd->dtj", self.coefficients, basis)
         return q + self.home, dq, ddq, dddq
 
 
 MOST_SAMPLES = 10_000_000
-"""More would not fit into the memory of an ordinary computer."""
+"""Largest number of samples: more exceed the memory of an ordinary computer."""
 
 
 def sample_times(duration: float, rate_hz: float) -> Array:
-    """0, 1/rate, … up to the duration, s.
+    """Times 0, 1/rate, … up to the duration.
+
+    Args:
+        duration: s.
+        rate_hz: sampling rate, Hz.
+
+    Returns:
+        (N,) s.
 
     Raises:
-        IdentificationError: they make no clock, or one of more than `MOST_SAMPLES`.
+        IdentificationError: values that make no clock, or one of more than `MOST_SAMPLES`.
     """
     samples = duration * rate_hz
     if not (duration > 0 and rate_hz > 0 and samples < MOST_SAMPLES):

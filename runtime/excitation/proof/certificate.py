@@ -1,7 +1,7 @@
-"""A trajectory against the robot's limits for every instant, not only at samples.
+"""Bounds of a trajectory against the limits of the robot for every instant, not only at samples.
 
 Position, velocity, acceleration and jerk: `joint_bounds`, proven. Limits that are not linear in
-the motion: `constraint_bounds`, which says what is proven there.
+the motion: `constraint_bounds`, which states what is proven there.
 """
 
 from dataclasses import dataclass
@@ -20,16 +20,18 @@ UNITS = ("rad or m", "rad/s or m/s", "rad/s² or m/s²", "rad/s³ or m/s³")
 
 @dataclass(frozen=True, slots=True)
 class Use:
-    """The largest use of one limit.
+    """Largest use of one limit.
 
     Attributes:
         kind: position and braking (as a share of the way from home to the limit), velocity,
             acceleration, jerk, torque, torque rate, tip box, tip speed, self-collision, table.
-        bound: of use over all t; 1 is the limit itself. For distances 1 + (limit − value)/0.1 m.
-        where: joint, axis, pair or proxy where it is largest.
-        time: when, s; to one step of the grid.
-        value: the quantity at its worst, in `unit`, as the bound has it.
-        limit: of the quantity.
+        bound: largest use over all t; 1 is the limit itself. For distances it is
+            1 + (limit − value)/0.1 m.
+        where: joint, axis, pair or proxy of the largest use.
+        time: its time, s; to one step of the grid.
+        value: quantity there, in `unit`, as the bound states it.
+        limit: limit of the quantity.
+        unit: of value and limit.
         is_proven: a theorem, not a second derivative measured at 1 kHz (see `constraint_bounds`).
     """
 
@@ -44,7 +46,7 @@ class Use:
 
     @property
     def margin(self) -> float:
-        """1 − bound: what is left of the limit."""
+        """Rest of the limit, 1 − bound."""
         return 1.0 - self.bound
 
     @property
@@ -55,13 +57,13 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """What is known of a trajectory at every instant.
+    """Use of every limit at every instant.
 
     Attributes:
-        uses: the largest one per kind of limit that is looked at.
-        unlimited: kinds and joints for which the robot states no limit: nothing is known there.
-        unchecked: what else nobody looked at.
-        distances: one per pair of links and, over a table, per proxy.
+        uses: the largest use per kind of limit that is checked.
+        unlimited: kinds and joints for which the robot states no limit.
+        unchecked: other limits that are not checked.
+        distances: one use per pair of links and, over a table, per proxy.
     """
 
     uses: tuple[Use, ...]
@@ -71,12 +73,12 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """Every limit that is looked at is kept at every instant."""
+        """Every limit that is checked is kept at every instant."""
         return all(use.holds for use in self.uses)
 
     @property
     def broken(self) -> tuple[Use, ...]:
-        """The limits that are not known to be kept."""
+        """Limits that are not shown to be kept."""
         return tuple(use for use in self.uses if not use.holds)
 
     def sentences(self) -> tuple[str, ...]:
@@ -115,8 +117,8 @@ def certificate_of(
         The largest use of every limit, with joint and time.
 
     Raises:
-        IdentificationError: the trajectory is not one of this robot, or `safety` asks for limits
-            that the robot does not state.
+        IdentificationError: the trajectory is of another robot, or `safety` needs limits that
+            the robot does not state.
     """
     bounds, times = joint_bounds(lib, trajectory)
     limits, (up, down) = lib.limits(), rooms(lib, trajectory.home)

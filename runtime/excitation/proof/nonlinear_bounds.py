@@ -7,7 +7,7 @@ On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) +
 - torque, torque rate, tip box and speed, self-collision, table: MEASURED, not proven. ġ is exact at
   every sample (by kernels along the motion's derivatives); g'' on an interval is taken
   as `SAFETY` times the largest change of ġ over δ there and on both neighbouring intervals. The
-  fastest wave of a motion, M / t_f, has hundreds of samples per period, so neighbours tell.
+  fastest wave of a motion, M / t_f, has hundreds of samples per period, so that neighbours suffice.
   Where the closest points of two links jump, ġ jumps too and the bound grows, never shrinks.
 """
 
@@ -26,25 +26,26 @@ from runtime.library import Array, Library
 STEP = 1e-3
 """Longest interval, s."""
 INTERVALS = 2000
-"""Fewest, however short the motion."""
+"""Fewest intervals, however short the motion."""
 SAFETY = 2.0
 _CHUNK = 2048
 """Intervals at once: their Jacobians stay in the cache."""
 _ROUNDING = 64 * np.finfo(float).eps
 _ORDERS = 5
-"""Derivatives of the motion that are looked at, q included."""
+"""Number of derivatives of the motion that are evaluated, q included."""
 _DIVIDED = 20
 """Short intervals in a long one."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConstraintBound:
-    """The largest g of one row.
+    """Largest g of one row.
 
     Attributes:
-        constraint, row: whose.
-        bound: of g over all t; inf where it is not a number.
-        time: when, s; to one sample.
+        constraint: the constraint.
+        row: index of its row.
+        bound: largest g over all t; inf where it is not a number.
+        time: its time, s; to one sample.
     """
 
     constraint: Constraint
@@ -54,16 +55,24 @@ class ConstraintBound:
 
     @property
     def is_proven(self) -> bool:
-        """A theorem stands behind it, not a measured second derivative."""
+        """The bound is a theorem, not a measured second derivative."""
         return isinstance(self.constraint, Braking)
 
 
 def constraint_bounds(
     lib: Library, constraints: Sequence[Braking | TimedConstraint], trajectory: Trajectory
 ) -> tuple[ConstraintBound, ...]:
-    """One bound per row of each constraint.
+    """Bounds of the rows of all constraints.
 
-    Of a motion that is its own mirror image half is looked at, for braking in both directions.
+    Half of a motion is evaluated where it is its own mirror image, for braking in both directions.
+
+    Args:
+        lib: the robot.
+        constraints: the limits.
+        trajectory: the motion.
+
+    Returns:
+        One bound per row of each constraint.
     """
     grid = _MotionGrid(trajectory)
     peaks = [_Peaks(constraint) for constraint in constraints]
@@ -79,11 +88,11 @@ def constraint_bounds(
                 _see_braking(peak, peak.constraint, grid, middle, forwards=True)
                 if mirrored:
                     _see_braking(peak, peak.constraint, grid, middle, forwards=False)
-    return tuple(bound for peak in peaks for bound in peak.told(grid.step))
+    return tuple(bound for peak in peaks for bound in peak.bounds(grid.step))
 
 
 class _MotionGrid:
-    """The motion on its grid of `count` intervals; `sup` bounds its derivatives, (6, n)."""
+    """A motion on a grid of `count` intervals; `sup` bounds its derivatives, (6, n)."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         self._trajectory, a = trajectory, trajectory.coefficients
@@ -97,12 +106,12 @@ class _MotionGrid:
         self._weights = a.T * powers[:-1, None, None]
 
     def between(self, first: int, last: int) -> Array:
-        """Q and derivatives at these samples, the last one included, (5, N, n)."""
+        """States q and derivatives at samples first to last, both included, (5, N, n)."""
         basis, size = self._trajectory.basis, self._weights.shape[1]
         return self._moved(_phi(basis.name, basis.zero_jerk, size, first, last, self.count))
 
     def at(self, samples: NDArray[np.intp]) -> Array:
-        """The same at any samples (N,)."""
+        """States q and derivatives at any samples (N,), (5, N, n)."""
         s = samples / self.count
         return self._moved(self._trajectory.basis.derivatives(_ORDERS, self._weights.shape[1], s))
 
@@ -114,20 +123,20 @@ class _MotionGrid:
 
 @lru_cache(maxsize=24)
 def _phi(name: str, zero_jerk: bool, size: int, first: int, last: int, count: int) -> Array:
-    """d^k φ_m/ds^k at neighbouring samples: the same for all motions of this duration."""
+    """Derivatives d^k φ_m/ds^k at neighbouring samples, shared by motions of this duration."""
     s = np.arange(first, last + 1) / count
     return basis_of(name, zero_jerk).derivatives(_ORDERS, size, s)
 
 
 class _Peaks:
-    """The largest bounds of a constraint that were seen."""
+    """Largest bounds of a constraint so far."""
 
     def __init__(self, constraint: Braking | TimedConstraint) -> None:
         self.constraint = constraint
         self._best, self._where = np.full((2, len(constraint.labels)), -np.inf)
 
     def see(self, bounds: Array, intervals: NDArray[np.intp]) -> None:
-        """Of these intervals, (K, R)."""
+        """Take in the bounds (K, R) of these intervals."""
         rows = np.ascontiguousarray(bounds.T)
         np.copyto(rows, np.inf, where=np.isnan(rows))
         where = rows.argmax(axis=1)
@@ -135,8 +144,8 @@ class _Peaks:
         self._where = np.where(best > self._best, intervals[where], self._where)
         self._best = np.maximum(best, self._best)
 
-    def told(self, step: float) -> list[ConstraintBound]:
-        """One per row."""
+    def bounds(self, step: float) -> list[ConstraintBound]:
+        """One bound per row."""
         rows = zip(self._best, self._where, strict=True)
         return [
             ConstraintBound(self.constraint, row, float(best), float((where + 0.5) * step))
@@ -145,41 +154,46 @@ class _Peaks:
 
 
 def _see_measured(peaks: list[_Peaks], lib: Library, grid: _MotionGrid, end: int) -> None:
-    """All intervals up to `end`, with a measured second derivative."""
+    """Take in all intervals up to `end`, with a measured second derivative."""
     constraints = [
         (peak, peak.constraint) for peak in peaks if not isinstance(peak.constraint, Braking)
     ]
     for first in range(0, end if constraints else 0, _CHUNK):
         last = min(first + _CHUNK, end)
-        # An interval more at both sides: neighbours tell how much g bends.
+        # An interval more at both sides: the change of ġ there enters the bound.
         before, after = max(first - 1, 0), min(last + 1, end)
         sampled = SampledMotion(lib, grid.between(before, after))
-        own, intervals = slice(first - before, last - before), np.arange(first, last)
+        inner, intervals = slice(first - before, last - before), np.arange(first, last)
         for peak, constraint in constraints:
+            # |Δġ| of every interval, then the largest of it and both neighbours.
             g, slope = constraint.along(sampled)
             change = np.abs(np.diff(slope, axis=0))
             bounds = change.copy()
             np.maximum(bounds[1:], change[:-1], out=bounds[1:])
             np.maximum(bounds[:-1], change[1:], out=bounds[:-1])
-            bounds *= SAFETY * grid.step / 8  # δ²/8 · change / δ
+            # δ²/8 sup g'' with sup g'' = SAFETY · change / δ, above the larger end.
+            bounds *= SAFETY * grid.step / 8
             bounds += np.maximum(g[1:], g[:-1])
-            peak.see(bounds[own], intervals)
+            peak.see(bounds[inner], intervals)
 
 
 def _see_braking(
     peak: _Peaks, constraint: Braking, grid: _MotionGrid, end: int, forwards: bool
 ) -> None:
-    """The intervals up to `end` that may hold the largest bounds, told by long ones."""
+    """Take in the intervals up to `end` that may hold the largest bounds, chosen by long ones."""
+    # Backwards in time odd derivatives change sign.
     turned = np.ones(_ORDERS) if forwards else (-1.0) ** np.arange(_ORDERS)
     turned = turned[:, None, None]
     ends = np.append(np.arange(0, end, _DIVIDED), end)
     step = grid.step
     long = turned * grid.at(ends)
-    # The bound of any short interval inside a long one is below this: the sums count both.
+    # Long intervals: the bound of any short interval inside one is below this, because the chord
+    # of the long one and that of the short one are both counted.
     sizes = (1 + _DIVIDED**2) * step**2 / 8, (1 + _DIVIDED) * step / 2
     bounds = _of_braking(constraint, long, grid.sup, *sizes)
     chosen = (bounds > constraint.values(long).max(axis=0)).any(axis=1)
     chosen[np.argmax(bounds, axis=0)] = True  # the first NaN
+    # Only long intervals whose bound exceeds the largest value are divided.
     points = np.minimum(ends[:-1][chosen][:, None] + np.arange(_DIVIDED + 1), end)
     short = turned * grid.at(points.ravel())
     bounds = _of_braking(constraint, short, grid.sup, step**2 / 8, step / 2)
@@ -194,11 +208,13 @@ def _of_braking(
     """Proven bounds of g between neighbours and per row, with δ²/8 and δ/2."""
     g = constraint.values(motion)
     ends = np.abs(motion)
+    # |ddq| and |dddq| on an interval: the larger end plus δ/2 times the next derivative's bound.
     wide = [np.maximum(ends[k, 1:], ends[k, :-1]) + half * sup[k + 1] for k in range(2, 4)]
     acceleration, jerk = wide
     rises = []
     for side in constraint.sides:
         speed = np.maximum(0, side.sign * motion[1] + side.c)
+        # max(0, s dq + c) likewise; then h'' of the module's head, scaled like g.
         speed = np.maximum(speed[1:], speed[:-1]) + half * acceleration
         bend = 2 / side.k * (acceleration**2 + speed * jerk) + acceleration
         rounding = _ROUNDING * (sup[0] + 2 / side.k * (sup[1] + side.c) * sup[1])

@@ -1,8 +1,9 @@
-"""The base regressor along a trajectory as a function of its coefficients, and the costs of it."""
+"""The base regressor along a trajectory as a function of its coefficients, and costs of it."""
 
 import numpy as np
 
-from runtime.excitation.motion.basis import COSINE, Basis
+from runtime.excitation.motion.basis import COSINE
+from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.information import Information
 from runtime.excitation.search.measures import Measure, log_cond, normalised
 from runtime.library import Array, Library
@@ -16,9 +17,9 @@ _CHUNK = 16
 class ConditionCost:
     """log cond W̄_b of a trajectory and its exact gradient in a (Eq. 3.29).
 
-    Columns of no full rank, to rounding, count as cond = (n_b ε)^-½. Compiled where the library's
-    level has it, else by NumPy. With `information` the Gram matrix is that of the unknowns it
-    names, in units of their inverse covariance, and what is known already counts.
+    Columns without full rank, to rounding, count as cond = (n_b ε)^-½. Compiled where the library's
+    level has it, else by NumPy. With `information` the Gram matrix is that of the unknowns which it
+    names, in units of their inverse covariance, with the information of earlier logs added.
     """
 
     def __init__(
@@ -30,18 +31,20 @@ class ConditionCost:
         basis: Basis = COSINE,
         information: Information | None = None,
     ) -> None:
-        """Args:
-        lib: of the robot.
-        home: (n,) rad or m.
-        harmonics: functions of the basis per joint.
-        duration: t_f, s.
-        basis: of the motion.
-        information: of the unknowns; None is all base parameters and a plain WᵀW.
+        """Cost for motions of one basis and duration.
+
+        Args:
+            lib: the robot.
+            home: (n,) rad or m.
+            harmonics: functions of the basis per joint.
+            duration: t_f, s.
+            basis: functions of the motion.
+            information: noise, rate and unknowns; None is all base parameters and a plain WᵀW.
         """
         self._lib, self._home = lib, home
         t = np.linspace(0.0, duration, COST_SAMPLES)
         if basis.is_symmetric:
-            # Out and back passes every sample twice; half of them carry all the information.
+            # A motion out and back passes every sample twice: half of them suffice.
             t = t[: COST_SAMPLES // 2]
         self._basis = basis.at(lib, harmonics, t, duration)[..., :3]
         self._information, self._duration = information, duration
@@ -51,43 +54,59 @@ class ConditionCost:
         self.compiled = lib.excitation_cost(home, self._basis) if information is None else None
 
     def value_gradient(self, coefficients: Array) -> tuple[float, Array]:
-        """Cost and ∂cost/∂a, (n, M)."""
+        """Cost and gradient ∂cost/∂a, (n, M)."""
         if self.compiled is not None:
             return self.compiled.value_gradient(coefficients)
         return self.by_numpy(coefficients)
 
     def by_numpy(self, coefficients: Array) -> tuple[float, Array]:
-        """The same with LAPACK's eigenpairs: the reference."""
+        """The same with the eigenpairs of LAPACK: the reference."""
         return self.measure(coefficients, normalised(log_cond))
 
     def measure(self, coefficients: Array, measure: Measure) -> tuple[float, Array]:
-        """Any measure of the Gram matrix and its gradient in a, (n, M)."""
+        """Any measure of the Gram matrix.
+
+        Args:
+            coefficients: a, (n, M).
+            measure: function of the Gram matrix.
+
+        Returns:
+            Its value and its gradient in a, (n, M).
+        """
         motion, rows = self._regressor(coefficients[None])
-        value, slope = measure(self._seen(rows[0].T @ rows[0]))
-        return value, self._back(motion, (rows[0] @ self._told(slope))[None])[0]
+        value, slope = measure(self._of_mean(rows[0].T @ rows[0]))
+        return value, self._back(motion, (rows[0] @ self._to_mean(slope))[None])[0]
 
     def correlations(self, coefficients: Array) -> Array:
-        """C = W̄ᵀW̄ of K trajectories, (K, n_b, n_b), from a (K, n, M)."""
+        """Matrices C = W̄ᵀW̄ of K trajectories, (K, n_b, n_b), from a (K, n, M)."""
         rows = self._regressor(coefficients)[1]
-        return _normalised(self._seen(rows.transpose(0, 2, 1) @ rows))[0]
+        return _normalised(self._of_mean(rows.transpose(0, 2, 1) @ rows))[0]
 
     def correlations_slopes(self, coefficients: Array, weight: Array) -> tuple[Array, Array]:
-        """C and ∂⟨F, C⟩/∂a for a constant symmetric F, (K, n_b, n_b) and (K, n, M)."""
+        """Matrices C and gradients of ⟨F, C⟩ for a constant symmetric F.
+
+        Args:
+            coefficients: a of K trajectories, (K, n, M).
+            weight: F, (n_b, n_b).
+
+        Returns:
+            C, (K, n_b, n_b), and ∂⟨F, C⟩/∂a, (K, n, M).
+        """
         matrices, slopes = [], []
         for first in range(0, len(coefficients), _CHUNK):
             motion, rows = self._regressor(coefficients[first : first + _CHUNK])
-            correlation, scale = _normalised(self._seen(rows.transpose(0, 2, 1) @ rows))
+            correlation, scale = _normalised(self._of_mean(rows.transpose(0, 2, 1) @ rows))
             # C depends on W also through the lengths of its columns: the diagonal of F C.
             slope = 2 * weight - 2 * np.einsum("ij,kij->ki", weight, correlation)[:, None, :] * (
                 np.eye(len(weight))
             )
             slope *= scale[:, :, None] * scale[:, None, :]
             matrices.append(correlation)
-            slopes.append(self._back(motion, rows @ self._told(slope)))
+            slopes.append(self._back(motion, rows @ self._to_mean(slope)))
         return np.concatenate(matrices), np.concatenate(slopes)
 
     def _regressor(self, a: Array) -> tuple[Array, Array]:
-        """q, dq, ddq (3, K N, n) and W (K, N n, n_b) of K trajectories."""
+        """States q, dq, ddq (3, K N, n) and W (K, N n, n_b) of K trajectories."""
         motion = np.einsum("kjm,tmd->dktj", a, self._basis)
         motion[0] += self._home
         motion = motion.reshape(3, -1, motion.shape[-1])
@@ -97,7 +116,7 @@ class ConditionCost:
         return motion, y.reshape(len(a), -1, y.shape[-1])
 
     def _back(self, motion: Array, seed: Array) -> Array:
-        """∂⟨seed, W⟩/∂a, (K, n, M)."""
+        """Gradients ∂⟨seed, W⟩/∂a, (K, n, M)."""
         samples, n = motion.shape[1:]
         q, dq, ddq = motion
         seed = seed.reshape(samples, n, -1)
@@ -107,17 +126,17 @@ class ConditionCost:
         adjoint = adjoint.reshape(-1, len(self._basis), 3, n)
         return np.einsum("ktdj,tmd->kjm", adjoint, self._basis, optimize=True)
 
-    def _seen(self, gram: Array) -> Array:
-        told = self._information
-        return gram if told is None else told.of_mean(gram, self._duration)
+    def _of_mean(self, gram: Array) -> Array:
+        known = self._information
+        return gram if known is None else known.of_mean(gram, self._duration)
 
-    def _told(self, slope: Array) -> Array:
-        told = self._information
-        return slope if told is None else told.to_mean(slope, self._duration)
+    def _to_mean(self, slope: Array) -> Array:
+        known = self._information
+        return slope if known is None else known.to_mean(slope, self._duration)
 
 
 def _normalised(gram: Array) -> tuple[Array, Array]:
-    """C and 1 / column lengths, (K, n_b, n_b) and (K, n_b)."""
+    """Matrices C and 1 / column lengths, (K, n_b, n_b) and (K, n_b)."""
     size = np.sqrt(np.einsum("kii->ki", gram))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     return gram * (scale[:, :, None] * scale[:, None, :]), scale

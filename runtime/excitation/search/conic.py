@@ -10,11 +10,11 @@ from scipy import sparse
 from runtime.library import Array
 
 TOLERANCE = 1e-9
-"""Of the programmes: relative gap and feasibility."""
+"""Tolerance of the programmes: relative gap and feasibility."""
 SLACK = 1e-6
-"""Relative: by how much a row may be violated; without it, a row at its bound would stop all."""
+"""Relative violation of a row that is allowed; without it a row at its bound stops every step."""
 _ROUNDS = 30
-"""Of adding rows; after that the step is shortened instead."""
+"""Rounds of adding rows; after that the step is shortened instead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,16 @@ class Block:
 
 
 def solve(quadratic: Array, linear: Array, blocks: list[Block]) -> tuple[Array, list[Array]] | None:
-    """min ½ xᵀP x + qᵀx over the blocks: x and the duals block by block; None where it failed."""
+    """Solve min ½ xᵀP x + qᵀx over the blocks.
+
+    Args:
+        quadratic: P, (p, p), symmetric.
+        linear: q, (p,).
+        blocks: rows with their cones.
+
+    Returns:
+        x (p,) and the duals block by block; None where the solver failed.
+    """
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.direct_solve_method = "qdldl"  # one thread: the same bits everywhere
@@ -39,7 +48,7 @@ def solve(quadratic: Array, linear: Array, blocks: list[Block]) -> tuple[Array, 
         else clarabel.PSDTriangleConeT(block.order)
         for block in blocks
     ]
-    solution = clarabel.DefaultSolver(
+    solved = clarabel.DefaultSolver(
         sparse.csc_matrix(np.triu(quadratic)),
         linear,
         sparse.csc_matrix(np.vstack([block.a for block in blocks])),
@@ -47,15 +56,15 @@ def solve(quadratic: Array, linear: Array, blocks: list[Block]) -> tuple[Array, 
         cones,
         settings,
     ).solve()
-    x = np.array(solution.x)
-    if str(solution.status) not in {"Solved", "AlmostSolved"} or not np.isfinite(x).all():
+    x = np.array(solved.x)
+    if str(solved.status) not in {"Solved", "AlmostSolved"} or not np.isfinite(x).all():
         return None
     ends = np.cumsum([len(block.b) for block in blocks])[:-1]
-    return x, np.split(np.array(solution.z), ends)
+    return x, np.split(np.array(solved.z), ends)
 
 
 class LinearRows:
-    """A x ≤ b with far more rows than ever matter: each is used from when it is first violated.
+    """Rows A x ≤ b, far more than are ever active: a row is used from its first violation on.
 
     Rows that are neighbours on a grid stand next to each other.
     """
@@ -67,15 +76,23 @@ class LinearRows:
 
     @property
     def used(self) -> int:
-        """How many rows have been looked at."""
+        """Number of rows that have been used."""
         return int(self._used.sum())
 
     def slack(self, x: Array) -> Array:
-        """B − A x, not below zero."""
+        """Distances b − A x, not below zero."""
         return np.maximum(self.bound - self.matrix @ x, 0.0)
 
     def reach(self, x: Array, step: Array) -> float:
-        """Largest t ≤ 1 with A (x + t step) ≤ b, to `SLACK`."""
+        """Largest t ≤ 1 with A (x + t step) ≤ b, to `SLACK`.
+
+        Args:
+            x: point, (p,).
+            step: direction, (p,).
+
+        Returns:
+            t.
+        """
         speed = self.matrix @ step
         slack = np.maximum(self.bound * (1 + SLACK) - self.matrix @ x, 0.0)
         towards = speed > 0
@@ -87,17 +104,24 @@ class LinearRows:
         programme: Callable[[Array, Array], tuple[Array, list[Array]] | None],
         more: Callable[[Array], bool] | None = None,
     ) -> tuple[Array, list[Array]] | None:
-        """The solution of `programme(rows, slack)` for a step from x that keeps all rows.
+        """Solve a programme for a step from x that keeps all rows.
 
-        The step is the first part of the programme's variables; `more(step)` says whether rows of
-        another kind have joined the programme meanwhile.
+        Args:
+            x: point, (p,).
+            programme: takes the rows (m, p) and slacks (m,) in use; returns its variables, of which
+                the first p are the step, and its duals; None where it failed.
+            more: takes the step; true where rows of another kind have joined the programme.
+
+        Returns:
+            The last solution of the programme, or None where it failed.
         """
-        slack, found = self.slack(x), None
+        slack, solution = self.slack(x), None
         for _ in range(_ROUNDS):
-            found = programme(self.matrix[self._used], slack[self._used])
-            if found is None:
+            solution = programme(self.matrix[self._used], slack[self._used])
+            if solution is None:
                 return None
-            step = found[0][: len(x)]
+            step = solution[0][: len(x)]
+            # Of every stretch of violated neighbours only the peak is added: the others follow it.
             excess = self.matrix @ step - slack
             peak = np.pad(excess, 1, constant_values=-np.inf)
             peaks = (excess >= peak[:-2]) & (excess >= peak[2:])
@@ -106,4 +130,4 @@ class LinearRows:
             joined = more is not None and more(step)
             if not new.any() and not joined:
                 break
-        return found
+        return solution

@@ -86,7 +86,7 @@ def criterion_of(name: str, has_information: bool = True) -> Criterion:
 
     Args:
         name: one of `CRITERIA`.
-        has_information: the caller knows the torque noise.
+        has_information: the torque noise is known.
 
     Returns:
         The record.

@@ -12,13 +12,21 @@ from runtime.excitation.search.variations import Task
 from runtime.parallel import on_cluster
 
 _here = threading.local()
-"""The last search of a worker's thread and its key: a library is loaded once per thread."""
+"""Last search of the thread of a worker, and its key: a library is loaded once per thread."""
 
 
 def on_workers(
     problem: SearchProblem, rounds: Rounds, scheduler: str
 ) -> Generator[Started, None, None]:
-    """The tasks of every round as they end.
+    """Do the tasks of every round on a dask cluster, in the order in which they end.
+
+    Args:
+        problem: of the search, which every worker builds for itself.
+        rounds: its tasks.
+        scheduler: address of the scheduler.
+
+    Returns:
+        Iterator over number, target and coefficients (n, M) of each task.
 
     Raises:
         IdentificationError: see `runtime.parallel.on_cluster`.
@@ -29,7 +37,7 @@ def on_workers(
 
 
 def _start(problem: SearchProblem, key: str, task: Task) -> Started:
-    """One task, on a worker."""
+    """Do one task, on a worker."""
     return task.number, *task.done(_search(problem, key))
 
 

@@ -6,7 +6,8 @@ from typing import Any
 
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion.basis import COSINE, Basis
+from runtime.excitation.motion.basis import COSINE
+from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.information import Information
 from runtime.library import Array
 

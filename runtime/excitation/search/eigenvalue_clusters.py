@@ -1,6 +1,6 @@
-"""The ends of a spectrum: clusters of eigenvalues, their multipliers and how they bend.
+"""Ends of a spectrum: clusters of eigenvalues, their multipliers and their second order.
 
-What `polish` asks of C at one point.
+This is what `polish` needs of C at one point.
 """
 
 from dataclasses import dataclass
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from runtime.library import Array
 
 CLUSTER = 1.35
-"""Eigenvalues within this factor of an extreme move with it."""
+"""Eigenvalues within this factor of an extreme belong to its cluster."""
 LARGEST = 8
-"""Most eigenvalues in a cluster."""
+"""Largest number of eigenvalues in a cluster."""
 _SHARPNESS = 20.0
 """Exponent of the first weights of a cluster, falling with the distance from the extreme."""
 
@@ -28,7 +28,7 @@ class Spectrum:
 
     @classmethod
     def of(cls, matrix: Array) -> "Spectrum":
-        """Of C (m, m)."""
+        """Spectrum of C (m, m)."""
         values, vectors = np.linalg.eigh(matrix)
         positive = values[0] > len(values) * np.finfo(float).eps * values[-1]
         value = float(np.log(values[-1] / values[0]) / 2) if positive else np.inf
@@ -46,7 +46,17 @@ class Spectrum:
 def weight_of(
     at: Spectrum, cluster: NDArray[np.intp], extreme: float, previous: Array | None
 ) -> Array:
-    """The multipliers of a cluster, V U Vᵀ of trace 1: the last ones, as far as they lie in it."""
+    """Multipliers of a cluster, V U Vᵀ of trace 1: the previous ones, as far as they lie in it.
+
+    Args:
+        at: spectrum at the point.
+        cluster: indices of its eigenvalues.
+        extreme: largest or smallest eigenvalue.
+        previous: multipliers of the last step, (m, m), or None.
+
+    Returns:
+        (m, m), of trace 1.
+    """
     vectors = at.vectors[:, cluster]
     if previous is not None:
         inner = vectors.T @ previous @ vectors
@@ -57,7 +67,7 @@ def weight_of(
 
 
 def of_trace_one(matrix: Array) -> Array:
-    """Scaled."""
+    """The matrix scaled to trace 1."""
     return matrix / np.trace(matrix)
 
 
@@ -68,11 +78,22 @@ def bending(
 
     2 ⟨U, V₁ᵀ C_i V₂ (λ − Λ₂)⁻¹ V₂ᵀ C_j V₁⟩ / λ: positive at both ends, as the lower one counts
     with a minus.
+
+    Args:
+        slopes: Vᵀ C_i V / λ with rows of the cluster and all columns, (p, r, m).
+        at: spectrum at the point.
+        cluster: indices of its eigenvalues.
+        weight: multipliers, (m, m).
+        extreme: λ.
+
+    Returns:
+        (p, p).
     """
+    # U in the basis of the cluster, V₁ᵀ C_i V₂, and λ / |λ − Λ₂|.
     outside = np.setdiff1d(np.arange(len(at.values)), cluster)
     inner = at.vectors[:, cluster].T @ weight @ at.vectors[:, cluster]
     across = slopes[:, :, outside]
     gaps = extreme / np.abs(extreme - at.values[outside])
     p = len(slopes)
-    seen = ((inner @ across) * gaps).reshape(p, -1)
-    return 2 * seen @ across.reshape(p, -1).T
+    weighted = ((inner @ across) * gaps).reshape(p, -1)
+    return 2 * weighted @ across.reshape(p, -1).T

@@ -1,8 +1,8 @@
 """The best start on a fine grid, then moved strictly inside all limits at 1 kHz.
 
-What little is left over there is repaired by scaling the motion towards its home, which helps
-against every limit, or by more time for the same path, rounded up to whole milliseconds, which
-helps against speeds and torques.
+A small remaining violation is repaired by scaling the motion towards its home, which helps against
+every limit, or by more time for the same path, rounded up to whole milliseconds, which helps
+against speeds and torques.
 """
 
 from contextlib import suppress
@@ -17,13 +17,13 @@ from runtime.excitation.search.single_start import Search
 from runtime.library import Array, Library
 
 STEP = 1e-3
-"""s: of the grid on which the limits hold."""
+"""Step of the grid on which the limits hold, s."""
 STRICT = 2e-4
-"""Of nonlinear limits there: room for what they bend between its samples."""
+"""Margin of nonlinear limits on that grid: their curvature between its samples is smaller."""
 SCALES = 1 - 1e-4 * np.concatenate([[0], 2.0 ** np.arange(10)])
-"""Of the motion, down to 0.95."""
+"""Factors of the motion, down to 0.95."""
 SLOWER = 1.01 ** np.arange(1, 41)
-"""Of the duration, up to 1.5 times."""
+"""Factors of the duration, up to 1.5."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +40,18 @@ class Finished:
 
 
 def finished(lib: Library, search: Search, a: Array) -> Finished:
-    """Refined and repaired; Ctrl-C skips the refinement.
+    """Refine a start and repair it; Ctrl-C skips the refinement.
+
+    Args:
+        lib: the robot.
+        search: search that found it.
+        a: coefficients, (n, M).
+
+    Returns:
+        A motion that keeps its limits at 1 kHz.
 
     Raises:
-        IdentificationError: nothing repairs it.
+        IdentificationError: no repair succeeds.
     """
     with suppress(KeyboardInterrupt):
         a = search.refined(a)
@@ -51,27 +59,36 @@ def finished(lib: Library, search: Search, a: Array) -> Finished:
 
 
 def repaired(lib: Library, search: Search, a: Array) -> Finished:
-    """Inside all limits at 1 kHz.
+    """Move a motion inside all limits at 1 kHz.
+
+    Args:
+        lib: the robot.
+        search: search with its constraints.
+        a: coefficients, (n, M).
+
+    Returns:
+        The motion, smaller or slower where necessary.
 
     Raises:
-        IdentificationError: nothing repairs it.
+        IdentificationError: no repair succeeds.
     """
     problem = search.problem
     fine = _limits(lib, search, problem.duration)
     a = inside(fine, a)
     if not search.constraints:
-        return _told(search, fine, a, problem.duration)
+        return _with_use(search, fine, a, problem.duration)
     rows = search.limit_rows(STEP)
+    # First a smaller motion of the same duration, then the same path in more time.
     for scale in SCALES:
         if rows.worst(scale * a) <= -STRICT:
-            return _told(search, fine, scale * a, problem.duration)
+            return _with_use(search, fine, scale * a, problem.duration)
     for slower in SLOWER:
         duration = np.ceil(1e3 * slower * problem.duration) / 1e3
         if search.limit_rows(STEP, duration=duration).worst(a) <= -STRICT:
-            return _told(search, _limits(lib, search, duration), a, duration)
+            return _with_use(search, _limits(lib, search, duration), a, duration)
     raise IdentificationError(
         f"the best motion found breaks the limits of {' and of '.join(rows.strongest(a))} and "
-        "neither a smaller nor a slower one of its kind keeps them; try more starts"
+        "neither a smaller nor a slower motion of the same shape keeps them; try more starts"
     )
 
 
@@ -81,7 +98,7 @@ def _limits(lib: Library, search: Search, duration: float) -> Limits:
     return Limits(lib, problem.home, size, duration, step=STEP, basis=basis)
 
 
-def _told(search: Search, fine: Limits, a: Array, duration: float) -> Finished:
+def _with_use(search: Search, fine: Limits, a: Array, duration: float) -> Finished:
     use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
     by_constraint = search.limit_rows(STEP, duration=duration).by_constraint(a)
     for constraint, values in zip(search.constraints, by_constraint, strict=True):

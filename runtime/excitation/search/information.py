@@ -1,9 +1,9 @@
-"""What a motion tells about chosen unknowns, together with what is known already.
+"""Information of a motion about chosen unknowns, together with that of earlier logs.
 
 Torque with white noise of standard deviation σ_j on joint j, sampled at a rate f for t_f seconds,
 gives least squares the information Tᵀ (f t_f · mean_k Y_bᵀ diag(σ⁻²) Y_b + G₀) T: its inverse is
-the covariance of the unknowns x in β = β₀ + T x. G₀ comes from earlier logs; T picks unknowns, such
-as the ten of a payload on an arm that is known.
+the covariance of the unknowns x in β = β₀ + T x. G₀ comes from earlier logs; T selects unknowns,
+such as the ten of a payload on an arm that is known.
 """
 
 from dataclasses import dataclass
@@ -14,36 +14,52 @@ from runtime.errors import IdentificationError
 from runtime.library import Array, Library
 
 NOISE = 0.05
-"""Torque noise, N·m or N."""
+"""Default torque noise, N·m or N."""
 RATE = 100.0
-"""Of the log, Hz."""
+"""Default sampling rate of the log, Hz."""
 
 
 @dataclass(frozen=True, slots=True)
 class Information:
-    """How a motion's regressor becomes information.
+    """Data from which the regressor of a motion becomes information.
 
     Attributes:
         noise: σ, (n,) N·m or N.
         rate: f, Hz.
-        prior: G₀ over β, (n_b, n_b); None is nothing.
+        earlier: G₀ of earlier logs over β, (n_b, n_b); None without.
         columns: T, (n_b, k); None is the identity.
     """
 
     noise: Array
     rate: float = RATE
-    prior: Array | None = None
+    earlier: Array | None = None
     columns: Array | None = None
 
     def of_mean(self, mean: Array, duration: float) -> Array:
-        """The information from mean_k Y_bᵀ diag(σ⁻²) Y_b, (..., n_b, n_b) to (..., k, k)."""
+        """Information of the unknowns.
+
+        Args:
+            mean: mean_k Y_bᵀ diag(σ⁻²) Y_b, (..., n_b, n_b).
+            duration: t_f, s.
+
+        Returns:
+            (..., k, k).
+        """
         gram = mean * (self.rate * duration)
-        if self.prior is not None:
-            gram = gram + self.prior
+        if self.earlier is not None:
+            gram = gram + self.earlier
         return gram if self.columns is None else self.columns.T @ gram @ self.columns
 
     def to_mean(self, slope: Array, duration: float) -> Array:
-        """∂f/∂mean from ∂f/∂information, (..., k, k) to (..., n_b, n_b)."""
+        """Adjoint of `of_mean`: ∂f/∂mean from ∂f/∂information.
+
+        Args:
+            slope: ∂f/∂information, (..., k, k).
+            duration: t_f, s.
+
+        Returns:
+            (..., n_b, n_b).
+        """
         if self.columns is not None:
             slope = self.columns @ slope @ self.columns.T
         return slope * (self.rate * duration)
@@ -53,20 +69,23 @@ def information(
     lib: Library,
     noise: float | Array = NOISE,
     rate: float = RATE,
-    prior: Array | None = None,
+    earlier: Array | None = None,
     payload: bool = False,
 ) -> Information:
-    """Checked information.
+    """Information with its numbers checked.
 
     Args:
-        lib: of the robot.
+        lib: the robot.
         noise: one σ or one per joint, N·m or N.
         rate: Hz.
-        prior: G₀ over β.
+        earlier: G₀ of earlier logs over β, (n_b, n_b), or None.
         payload: the ten parameters of the last link are the only unknowns.
 
+    Returns:
+        The information.
+
     Raises:
-        IdentificationError: numbers that make no information.
+        IdentificationError: a noise, a rate or a matrix without a meaning.
     """
     sigma = np.asarray(noise, dtype=float)
     if sigma.shape not in {(), (1,), (lib.n_joints,)} or not (
@@ -79,10 +98,12 @@ def information(
     if not (np.isfinite(rate) and rate > 0):
         raise IdentificationError(f"expected a sampling rate above 0 Hz, got {rate:g}")
     n_base = len(lib.base_columns)
-    if prior is not None and (prior.shape != (n_base, n_base) or not np.isfinite(prior).all()):
+    if earlier is not None and (
+        earlier.shape != (n_base, n_base) or not np.isfinite(earlier).all()
+    ):
         raise IdentificationError(
-            f"expected prior information of shape ({n_base}, {n_base}), finite, got "
-            f"{prior.shape}; make it from logs of this robot"
+            f"expected information of earlier logs of shape ({n_base}, {n_base}), finite, "
+            f"got {earlier.shape}; make it from logs of this robot"
         )
     columns = lib.base_matrix[:, -10:] if payload else None
-    return Information(np.broadcast_to(sigma, lib.n_joints).copy(), rate, prior, columns)
+    return Information(np.broadcast_to(sigma, lib.n_joints).copy(), rate, earlier, columns)

@@ -18,7 +18,7 @@ Measure = Callable[[Array], tuple[float, Array]]
 
 
 def log_cond(values: Array) -> tuple[float, Array]:
-    """½ log λ_max/λ_min = log cond W̄ (Eq. 3.29). Not smooth where extremes meet."""
+    """½ log λ_max/λ_min = log cond W̄ (Eq. 3.29). Not smooth where extreme eigenvalues meet."""
     slope = np.zeros_like(values)
     slope[-1] += 0.5 / values[-1]
     slope[0] -= 0.5 / values[0]
@@ -26,7 +26,7 @@ def log_cond(values: Array) -> tuple[float, Array]:
 
 
 def d_optimal(values: Array) -> tuple[float, Array]:
-    """−½ mean log λ: zero when all columns are orthogonal; smooth, and sees all eigenvalues."""
+    """−½ mean log λ: zero when all columns are orthogonal; smooth, and depends on every λ."""
     return float(-np.log(values).mean() / 2), -0.5 / (len(values) * values)
 
 
@@ -47,9 +47,9 @@ def schatten(power: float) -> SpectralFunction:
 
 
 def normalised(criterion: SpectralFunction) -> Measure:
-    """A criterion of the eigenvalues of C as a function of G.
+    """Function of the eigenvalues of C as a function of G.
 
-    Columns of no full rank, to rounding, count as λ = n_b ε λ_max.
+    Columns without full rank, to rounding, count as λ = n_b ε λ_max.
     """
 
     def measure(gram: Array) -> tuple[float, Array]:
@@ -67,7 +67,7 @@ def normalised(criterion: SpectralFunction) -> Measure:
 
 
 def covariance(gram: Array) -> Array | None:
-    """G⁻¹, or None where G has no full rank to rounding."""
+    """Inverse G⁻¹, or None where G does not have full rank to rounding."""
     size = np.sqrt(np.diag(gram))
     if not (size > 0).all():
         return None
@@ -79,9 +79,9 @@ def covariance(gram: Array) -> Array | None:
 
 
 def log_variance(seen: Array) -> Measure:
-    """½ log tr(Q G⁻¹), the log of an RMS error: of torque, or with a diagonal Q of parameters.
+    """Measure ½ log tr(Q G⁻¹): log of an RMS error of torque, or with a diagonal Q of parameters.
 
-    Infinite where G has no full rank; then there is no slope.
+    Infinite where G does not have full rank; then there is no slope.
     """
 
     def measure(gram: Array) -> tuple[float, Array]:
@@ -95,7 +95,7 @@ def log_variance(seen: Array) -> Measure:
 
 
 def log_volume(gram: Array) -> tuple[float, Array]:
-    """−½ mean log of the eigenvalues of G: log of the confidence ellipsoid's mean half-axis."""
+    """−½ mean log of the eigenvalues of G: log of the mean half-axis of the error ellipsoid."""
     inverse = covariance(gram)
     if inverse is None:
         return np.inf, np.zeros_like(gram)
@@ -103,7 +103,16 @@ def log_volume(gram: Array) -> tuple[float, Array]:
 
 
 def mixed(first: Measure, second: Measure, share: float) -> Measure:
-    """First + share · second."""
+    """Weighted sum of two measures: first + share · second.
+
+    Args:
+        first: measure with weight 1.
+        second: measure with weight `share`.
+        share: weight.
+
+    Returns:
+        The sum as a measure.
+    """
 
     def measure(gram: Array) -> tuple[float, Array]:
         value, slope = first(gram)
@@ -114,12 +123,20 @@ def mixed(first: Measure, second: Measure, share: float) -> Measure:
 
 
 def of_rows(rows: Array, criterion: SpectralFunction) -> tuple[float, Array]:
-    """f and S with ∂f/∂W = W S, (n_b, n_b), for W (N, n_b) with columns of unit length."""
+    """Function of the eigenvalues of C for a regressor.
+
+    Args:
+        rows: W, (N, n_b).
+        criterion: function of the eigenvalues.
+
+    Returns:
+        f and S, (n_b, n_b), with ∂f/∂W = W S.
+    """
     return normalised(criterion)(rows.T @ rows)
 
 
 def log_condition(rows: Array) -> tuple[float, Array]:
-    """log cond W̄ and S with ∂/∂W = W S, (n_b, n_b); W̄ is W (N, n_b) with columns of unit length."""
+    """Value log cond W̄ and S (n_b, n_b) with ∂/∂W = W S; W̄ is W (N, n_b) with unit columns."""
     return of_rows(rows, log_cond)
 
 
@@ -129,16 +146,25 @@ def mean_gram(rows: Array) -> Array:
 
 
 def rank(gram: Array) -> int:
-    """How many columns the motion tells apart, to rounding."""
+    """Number of independent columns, to rounding."""
     size = np.sqrt(np.diag(gram))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     values = np.linalg.eigvalsh(gram * np.outer(scale, scale))
     return int((values > len(gram) * np.finfo(float).eps * values[-1]).sum())
 
 
-def too_many(found: int, wanted: int, size: int) -> str:
-    """The sentence about more unknowns than a motion of `size` functions per joint excites."""
+def too_many(excited: int, wanted: int, size: int) -> str:
+    """Sentence about more unknowns than a motion excites.
+
+    Args:
+        excited: independent columns.
+        wanted: unknown columns.
+        size: functions of the motion per joint.
+
+    Returns:
+        The sentence with its remedy.
+    """
     return (
-        f"the motion ({size} functions per joint) excites {found} of {wanted} unknown columns; "
+        f"the motion ({size} functions per joint) excites {excited} of {wanted} unknown columns; "
         "raise --harmonics, or leave out unknowns (friction, a payload that too few joints turn)"
     )

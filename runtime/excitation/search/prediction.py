@@ -1,9 +1,9 @@
-"""What a motion will tell, before the robot moves: standard deviations for a given torque noise.
+"""Expected accuracy of a motion, before the robot moves, for a given torque noise.
 
 Least squares on f t_f samples with white noise σ has the covariance (G + G₀)⁻¹, G the information
 of the motion (`information`). With friction (viscous, Coulomb, offset of every joint) estimated
 beside the unknowns, theirs is the block of the inverse over all columns [Y_b F]. Filtered logs have
-correlated noise: their errors are larger by the root of the inflation.
+correlated noise: their errors are larger by the root of the variance inflation.
 """
 
 from collections.abc import Iterable
@@ -23,13 +23,13 @@ from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.recording import Friction, friction
 
 FRICTION = Friction().columns
-"""Columns per joint that are reported beside the unknowns alone."""
+"""Columns per joint of the second set of scores, beside those of the unknowns alone."""
 SAMPLES = (COST_SAMPLES, 1000)
-"""Of the motion: 80 as the cost sees it, which flatters by some percent, and nearly all."""
+"""Samples of the motion: 80 as in the cost, which is optimistic by some percent, and nearly all."""
 _OFFSET = (friction.OFFSET.name,)
-"""What is fitted beside a payload: sensors drift."""
+"""Column that is fitted beside a payload: sensors drift."""
 _COM = np.array([0.0, 0.0, 0.1])
-"""Of the payload in the last link's frame, m."""
+"""Centre of mass of the payload in the last link's frame, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +38,11 @@ class Score:
 
     Attributes:
         samples: equally spaced, both ends included.
-        columns: of the regressor, friction's included.
+        columns: number of columns of the regressor, friction included.
         friction: names of its columns, empty without.
-        condition: cond of those columns of this motion, each of unit length; no prior.
+        condition: cond of those columns of this motion, each of unit length; without earlier logs.
         relative_error: RMS over the unknowns of σ / size.
-        torque_error: RMS of the torque's error on unseen motions, all joints together, N·m or N.
+        torque_error: RMS error of the torque on unseen motions, all joints together, N·m or N.
         half_axis: geometric mean of the half-axes of the unknowns' confidence ellipsoid, mixed SI.
     """
 
@@ -57,27 +57,28 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """What least squares on the motion will give.
+    """Expected accuracy of least squares on a motion.
 
     Attributes:
         noise: σ of the torque, (n,) N·m or N.
         rate: Hz.
-        has_prior: earlier logs count too.
+        has_earlier_logs: earlier logs count too.
         payload_only: the unknowns are the ten of the last link, not the base parameters.
         scores: without and with friction, at each of `SAMPLES`.
         sigma: standard deviations of the unknowns, (k,) SI; friction is not estimated.
-        sigma_with_friction: the same with friction; None where the motion cannot tell them.
+        sigma_with_friction: the same with friction; None where it is not identifiable from this
+            motion.
         torque: RMS standard deviation of each joint's torque on unseen motions, (n,) N·m or N;
             friction is not estimated.
         payload_mass: σ of a payload of 1 kg, 0.1 m before the last link, on a known arm, kg; with
-            the torques' offsets. None where the motion cannot tell.
-        payload_com: of its centre of mass, (3,) m.
-        notes: sentences on what cannot be told.
+            the offsets of the torques. None where it is not identifiable.
+        payload_com: σ of its centre of mass, (3,) m.
+        notes: sentences on what is not identifiable.
     """
 
     noise: Array
     rate: float
-    has_prior: bool
+    has_earlier_logs: bool
     payload_only: bool
     scores: tuple[Score, ...]
     sigma: Array
@@ -91,28 +92,31 @@ class Prediction:
 def predict(
     lib: Library,
     trajectory: Trajectory,
-    told: Information,
+    known: Information,
     names: tuple[str, ...] = FRICTION,
 ) -> Prediction:
-    """Prediction for a motion.
+    """Expected accuracy of a motion.
 
     Args:
-        lib: of the robot.
+        lib: the robot.
         trajectory: the motion.
-        told: noise, rate, prior and unknowns.
+        known: noise, rate, earlier logs and unknowns.
         names: friction columns of the second set of scores.
 
+    Returns:
+        Standard deviations and criteria.
+
     Raises:
-        IdentificationError: the motion cannot tell the unknowns even without friction.
+        IdentificationError: the unknowns are not identifiable even without friction.
     """
-    joints = [_reduced(own, told) for own in unseen_joints(lib, trajectory.home)]
+    joints = [_reduced(one, known) for one in unseen_joints(lib, trajectory.home)]
     seen = np.sum(joints, axis=0)
-    size, scores, notes = sizes(lib, told), [], []
+    size, scores, notes = sizes(lib, known), [], []
     spreads: dict[tuple[str, ...], Array] = {}
     for columns in dict.fromkeys(((), names)):
         try:
             for samples in SAMPLES:
-                gram, condition = _gram(lib, trajectory, told, columns, samples)
+                gram, condition = _gram(lib, trajectory, known, columns, samples)
                 spread = spreads[columns] = _covariance(gram, len(size), trajectory)
                 scores.append(_score(samples, columns, len(gram), condition, spread, size, seen))
         except IdentificationError as error:
@@ -120,16 +124,16 @@ def predict(
                 raise
             notes.append(f"with friction {', '.join(columns)}: {error}")
     best = spreads[()]
-    mass, com = _payload(lib, trajectory, told)
+    mass, com = _payload(lib, trajectory, known)
     return Prediction(
-        told.noise,
-        told.rate,
-        told.prior is not None,
-        told.columns is not None,
+        known.noise,
+        known.rate,
+        known.earlier is not None,
+        known.columns is not None,
         tuple(scores),
         np.sqrt(np.diag(best)),
         np.sqrt(np.diag(spreads[names])) if names in spreads else None,
-        np.sqrt([np.sum(own * best) for own in joints]),
+        np.sqrt([np.sum(one * best) for one in joints]),
         mass,
         com,
         tuple(notes),
@@ -159,35 +163,56 @@ def _score(
 def covariance_of(
     lib: Library,
     trajectory: Trajectory,
-    told: Information,
+    known: Information,
     names: tuple[str, ...] = (),
     samples: int | None = None,
 ) -> Array:
-    """Covariance of the unknowns (k, k) by least squares on the motion, friction estimated too.
+    """Covariance of the unknowns by least squares on the motion, friction estimated too.
+
+    Args:
+        lib: the robot.
+        trajectory: the motion.
+        known: noise, rate, earlier logs and unknowns.
+        names: friction columns.
+        samples: number of samples of the motion; None is that of the log.
+
+    Returns:
+        (k, k) SI.
 
     Raises:
         IdentificationError: the motion excites fewer columns than there are.
     """
-    count = samples or round(told.rate * trajectory.duration) + 1
-    gram, _ = _gram(lib, trajectory, told, names, count)
-    k = len(lib.base_columns) if told.columns is None else told.columns.shape[1]
+    count = samples or round(known.rate * trajectory.duration) + 1
+    gram, _ = _gram(lib, trajectory, known, names, count)
+    k = len(lib.base_columns) if known.columns is None else known.columns.shape[1]
     return _covariance(gram, k, trajectory)
 
 
 def torque_band(lib: Library, spread: Array, q: Array, dq: Array, ddq: Array) -> Array:
-    """√diag(Y_b C Y_bᵀ), (N, n): what the base parameters' covariance leaves of the torque."""
+    """Standard deviation of the torque that follows from the covariance of the base parameters.
+
+    Args:
+        lib: the robot.
+        spread: C, (n_b, n_b).
+        q: (N, n) rad or m.
+        dq: (N, n) rad/s or m/s.
+        ddq: (N, n) rad/s² or m/s².
+
+    Returns:
+        √diag(Y_b C Y_bᵀ), (N, n) N·m or N.
+    """
     rows = lib.base_regressor(q, dq, ddq)
     return np.asarray(np.sqrt(np.einsum("tjk,kl,tjl->tj", rows, spread, rows, optimize=True)))
 
 
-def _reduced(matrix: Array, told: Information) -> Array:
-    return matrix if told.columns is None else told.columns.T @ matrix @ told.columns
+def _reduced(matrix: Array, known: Information) -> Array:
+    return matrix if known.columns is None else known.columns.T @ matrix @ known.columns
 
 
 def _gram(
     lib: Library,
     trajectory: Trajectory,
-    told: Information,
+    known: Information,
     names: tuple[str, ...],
     samples: int,
 ) -> tuple[Array, float]:
@@ -195,20 +220,20 @@ def _gram(
     t = np.linspace(0.0, trajectory.duration, samples)
     q, dq, ddq, _ = trajectory.at(lib, t)
     rows = lib.base_regressor(q, dq, ddq)
-    if told.columns is not None:
-        rows = rows @ told.columns
+    if known.columns is not None:
+        rows = rows @ known.columns
     k, n = rows.shape[2], lib.n_joints
-    own = friction.columns(friction.JointMotion(dq), Friction(names))
-    spread = np.zeros((samples, n, n, own.shape[2]))
+    of_joint = friction.columns(friction.JointMotion(dq), Friction(names))
+    spread = np.zeros((samples, n, n, of_joint.shape[2]))
     for j in range(n):
-        spread[:, j, j] = own[:, j]
+        spread[:, j, j] = of_joint[:, j]
     rows = np.concatenate([rows, spread.reshape(samples, n, -1)], axis=2)
     flat = rows.reshape(-1, rows.shape[2])
     lengths = np.linalg.norm(flat, axis=0)
     condition = float(np.linalg.cond(flat / np.where(lengths > 0, lengths, 1.0)))
-    gram = mean_gram(rows / told.noise[:, None]) * (told.rate * trajectory.duration)
-    if told.prior is not None:
-        gram[:k, :k] += _reduced(told.prior, told)
+    gram = mean_gram(rows / known.noise[:, None]) * (known.rate * trajectory.duration)
+    if known.earlier is not None:
+        gram[:k, :k] += _reduced(known.earlier, known)
     return gram, condition
 
 
@@ -220,10 +245,15 @@ def _covariance(gram: Array, unknowns: int, trajectory: Trajectory) -> Array:
 
 
 def payload_sigma(spread: Array) -> tuple[float, Array]:
-    """σ of mass, kg, and centre of mass, (3,) m, of 1 kg 0.1 m before the last link.
+    """Standard deviations of a payload of 1 kg, 0.1 m before the last link.
+
+    δc = (δ(mc) − c δm) / m
 
     Args:
-        spread: covariance of the ten parameters, (10, 10).  δc = (δ(mc) − c δm) / m
+        spread: covariance of the ten parameters, (10, 10).
+
+    Returns:
+        σ of the mass, kg, and of the centre of mass, (3,) m.
     """
     load = mass(PAYLOAD)
     slope = np.zeros((3, len(PAYLOAD)))
@@ -232,9 +262,9 @@ def payload_sigma(spread: Array) -> tuple[float, Array]:
 
 
 def _payload(
-    lib: Library, trajectory: Trajectory, told: Information
+    lib: Library, trajectory: Trajectory, known: Information
 ) -> tuple[float | None, Array | None]:
-    ten = information(lib, told.noise, told.rate, payload=True)
+    ten = information(lib, known.noise, known.rate, payload=True)
     try:
         return payload_sigma(covariance_of(lib, trajectory, ten, _OFFSET))
     except IdentificationError:
@@ -242,7 +272,7 @@ def _payload(
 
 
 def facts(prediction: Prediction) -> dict[str, object]:
-    """For JSON files."""
+    """The prediction as a JSON object."""
 
     def numbers(values: Iterable[float] | None) -> list[float] | None:
         return None if values is None else [float(value) for value in values]
@@ -250,7 +280,7 @@ def facts(prediction: Prediction) -> dict[str, object]:
     return {
         "torque_noise": numbers(prediction.noise),
         "rate_hz": prediction.rate,
-        "earlier_logs_count": prediction.has_prior,
+        "earlier_logs_count": prediction.has_earlier_logs,
         "unknowns": "payload" if prediction.payload_only else "base parameters",
         "criteria": [
             {

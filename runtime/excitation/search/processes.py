@@ -17,16 +17,24 @@ from runtime.excitation.search.variations import Task
 from runtime.library import Array
 
 Started = tuple[int, float, Array]
-"""Number of the task, the goal's target, coefficients."""
+"""Number of the task, its target, its coefficients."""
 Rounds = Iterable[list[Task]]
-"""The next one is asked for when all tasks of the last have been told."""
+"""Tasks of one round after another; a round is made when all tasks of the last have ended."""
 
 _here: list[Search] = []
-"""The search of a worker process, which loads its library once."""
+"""Search of a worker process, which loads its library once."""
 
 
 def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
-    """The tasks in order."""
+    """Do the tasks in order.
+
+    Args:
+        search: the search.
+        rounds: its tasks.
+
+    Yields:
+        Number, target and coefficients (n, M) of each task.
+    """
     for tasks in rounds:
         for task in tasks:
             yield task.number, *task.done(search)
@@ -35,10 +43,18 @@ def in_turn(search: Search, rounds: Rounds) -> Generator[Started, None, None]:
 def side_by_side(
     problem: SearchProblem, rounds: Rounds, processes: int
 ) -> Generator[Started, None, None]:
-    """The tasks of every round as they end.
+    """Do the tasks of every round on several processes, in the order in which they end.
 
-    Workers are fresh interpreters (spawn) and do not hear Ctrl-C: closing the iterator ends them
-    with the tasks under way.
+    Workers are fresh interpreters (spawn) that ignore Ctrl-C: closing the iterator ends them with
+    the tasks under way.
+
+    Args:
+        problem: of the search, which every worker builds for itself.
+        rounds: its tasks.
+        processes: number of workers.
+
+    Yields:
+        Number, target and coefficients (n, M) of each task.
 
     Raises:
         IdentificationError: a worker died.
@@ -55,7 +71,7 @@ def side_by_side(
         for tasks in rounds:
             left = tasks[::-1]
             while left or waiting:
-                with _deaf():
+                with _without_interrupts():
                     while left and len(waiting) < processes:
                         waiting.add(pool.submit(_start, left.pop()))
                 done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
@@ -67,7 +83,9 @@ def side_by_side(
             "design only under: if __name__ == '__main__'"
         ) from None
     finally:
-        with _deaf():  # a second Ctrl-C in here would leave the workers waiting for ever
+        with (
+            _without_interrupts()
+        ):  # a second Ctrl-C in here would leave the workers waiting for ever
             if waiting:
                 context.end()
             pool.shutdown(cancel_futures=True)
@@ -84,7 +102,7 @@ def _start(task: Task) -> Started:
 
 
 class _Spawning(SpawnContext):
-    """Knows the processes that it has begun."""
+    """A context that keeps the processes which it has begun."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -96,22 +114,22 @@ class _Spawning(SpawnContext):
         return self._begun[-1]
 
     def end(self) -> None:
-        """Whatever they are doing."""
+        """Terminate all processes, whatever they are doing."""
         for process in self._begun:
             process.terminate()
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
-    """Ctrl-C waits for the end: a worker that begins inherits the mask and never hears it.
+def _without_interrupts() -> Iterator[None]:
+    """Delay Ctrl-C until the end; a worker that begins here inherits the mask and ignores it.
 
-    The mask alone is not enough: a thread of BLAS that has none takes the signal for all.
+    The mask alone is not enough: a thread of BLAS without one takes the signal for all.
     """
     if threading.current_thread() is not threading.main_thread():  # Python interrupts only that one
         yield
         return
-    heard: list[int] = []
-    handler = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    received: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: received.append(number))
     masks = hasattr(signal, "pthread_sigmask")
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}) if masks else None
     try:
@@ -120,5 +138,5 @@ def _deaf() -> Iterator[None]:
         if before is not None:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
         signal.signal(signal.SIGINT, handler)
-        if heard and callable(handler):
-            handler(heard[0], None)
+        if received and callable(handler):
+            handler(received[0], None)

@@ -10,8 +10,8 @@ d solves
          A (x + d) ≤ b,   |d|_∞ ≤ Δ,
 
 and is taken when log cond itself falls (trust region); g is elastic and enters the merit, see
-`elastic`. B is the curvature of the Lagrangian
-(Overton 1988; Overton and Womersley 1995). Knows nothing of robots.
+`elastic`. B is the curvature of the Lagrangian (Overton 1988; Overton and Womersley 1995).
+Independent of robots.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ from runtime.library import Array
 RADIUS = 0.3
 """First Δ, for x that is scaled so that 1 reaches the bounds."""
 _DIFFERENCE = 1e-4
-"""Of the central differences of C, relative to such x: truncation 1e-8, rounding 1e-12."""
+"""Step of the central differences of C, relative to such x: truncation 1e-8, rounding 1e-12."""
 _FLATTEST = 1e-4
 """Smallest curvature: the model stays convex."""
 _GOOD, _POOR, _TAKEN = 0.7, 0.3, 0.05
@@ -38,15 +38,23 @@ class MatrixFunction(Protocol):
     """A symmetric positive definite matrix C (m, m) that depends on x (p,)."""
 
     def at(self, points: Array) -> Array:
-        """C at K points (K, p): (K, m, m)."""
+        """Matrices C at K points (K, p): (K, m, m)."""
 
     def slopes(self, points: Array, weight: Array) -> tuple[Array, Array]:
-        """C and ∂⟨F, C⟩/∂x for a constant symmetric F (m, m): (K, m, m) and (K, p)."""
+        """Matrices and slopes for a constant symmetric F.
+
+        Args:
+            points: (K, p).
+            weight: F, (m, m).
+
+        Returns:
+            C, (K, m, m), and ∂⟨F, C⟩/∂x, (K, p).
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class Polished:
-    """Where it ended: x with A x ≤ b, log cond there and the merit at every step that was taken."""
+    """End of the search: x with A x ≤ b, log cond there and the merit after every step taken."""
 
     x: Array
     value: float
@@ -61,15 +69,18 @@ def polish(
     tolerance: float = 1e-5,
     nonlinear: Nonlinear | None = None,
 ) -> Polished:
-    """Improve an x with A x ≤ b; the merit is never worse.
+    """Improve an x with A x ≤ b; the merit never rises.
 
     Args:
         matrix: C(x).
         x: start, (p,).
         rows: A and b.
-        iterations: semidefinite programmes at most.
+        iterations: largest number of semidefinite programmes.
         tolerance: of the merit: ends when the predicted decrease is below.
         nonlinear: g.
+
+    Returns:
+        The end of the search.
     """
 
     def at(x: Array) -> _Point:
@@ -87,24 +98,28 @@ def polish(
         if model is None:
             model = _Model.around(matrix, point.x, point.spectrum, weights)
             curved = None if nonlinear is None else Curved(nonlinear, point.x)
-        found = model.step(point.x, rows, radius, curved)
-        if found is None:
+        # Predicted decrease of the merit: of log cond, and μ times that of the violation.
+        trial = model.step(point.x, rows, radius, curved)
+        if trial is None:
             break
-        decrease = found.decrease
+        decrease = trial.decrease
         if curved is not None:
-            decrease += MU * (point.violation - curved.after(found.step))
+            decrease += MU * (point.violation - curved.after(trial.step))
         if decrease < tolerance:
             break
-        after = at(point.x + rows.reach(point.x, found.step) * found.step)
+        after = at(point.x + rows.reach(point.x, trial.step) * trial.step)
+        # Second-order correction of Maratos where the rows bend away: see `elastic.corrected`.
         if nonlinear is not None and point.merit - after.merit < _POOR * decrease:
             back = corrected(nonlinear, after.x)
             if back is not None:
                 other = at(after.x + rows.reach(after.x, back) * back)
-                after = min(after, other, key=lambda trial: trial.merit)
+                after = min(after, other, key=lambda one: one.merit)
+        # Trust region on the ratio of true to predicted decrease. A step that is not taken keeps
+        # the model: only Δ changes.
         ratio = (point.merit - after.merit) / decrease
-        length = float(np.abs(found.step).max())
+        length = float(np.abs(trial.step).max())
         if ratio > _TAKEN:
-            point, weights, model = after, found.weights, None
+            point, weights, model = after, trial.weights, None
             history.append(point.merit)
             if ratio > _GOOD and length > 0.9 * radius:
                 radius *= 2.0
@@ -117,7 +132,7 @@ def polish(
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """x, the eigenvalues of C there and the violation v."""
+    """Point x, the eigenvalues of C there and the violation v."""
 
     x: Array
     spectrum: Spectrum
@@ -130,11 +145,12 @@ class _Point:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """Attributes.
+    """A solution of the programme.
 
-    step: d.
-    decrease: of log cond, by the model.
-    weights: duals of both ends as matrices (m, m) of trace 1.
+    Attributes:
+        step: d.
+        decrease: of log cond, by the model.
+        weights: duals of both ends as matrices (m, m) of trace 1.
     """
 
     step: Array
@@ -157,9 +173,10 @@ class _End:
     slopes: Array
 
     def block(self, sign: float, column: int, variables: int) -> Block:
-        """Sign (t I − Λ − Σ d_i slopes_i) ⪰ 0 with t = x[column]."""
+        """Block sign (t I − Λ − Σ d_i slopes_i) ⪰ 0 with t = x[column]."""
         r = len(self.values)
-        j, i = np.tril_indices(r)  # columns of the upper triangle, one after another
+        # Clarabel wants columns of the upper triangle with √2 off the diagonal.
+        j, i = np.tril_indices(r)
         size = np.where(i == j, 1.0, np.sqrt(2.0))
         a = np.zeros((len(i), variables))
         a[:, : len(self.slopes)] = sign * (self.slopes[:, i, j] * size).T
@@ -168,7 +185,7 @@ class _End:
         return Block(a, b, r)
 
     def weight(self, dual: Array) -> Array:
-        """The dual triangle as V U Vᵀ with trace 1."""
+        """Dual triangle as V U Vᵀ with trace 1."""
         r = len(self.values)
         j, i = np.tril_indices(r)
         u = np.zeros((r, r))
@@ -178,7 +195,12 @@ class _End:
 
 @dataclass(frozen=True, slots=True)
 class _Model:
-    """Attributes: curvature B, (p, p), and both ends."""
+    """The programme at one point.
+
+    Attributes:
+        curvature: B, (p, p).
+        upper, lower: both ends of the spectrum.
+    """
 
     curvature: Array
     upper: _End
@@ -188,10 +210,13 @@ class _Model:
     def around(
         cls, matrix: MatrixFunction, x: Array, at: Spectrum, weights: tuple[Array, Array] | None
     ) -> "_Model":
+        # Multipliers of both clusters: the duals of the last step, where they lie in them.
+        """Model of C near x by central differences."""
         high, low = at.upper(), at.lower()
         first = weight_of(at, high, at.values[-1], None if weights is None else weights[0])
         second = weight_of(at, low, at.values[0], None if weights is None else weights[1])
         p = len(x)
+        # C_i, and B as the second derivative of ⟨F, C⟩ with F = W₁/λ_max − W₂/λ_min.
         moves = _DIFFERENCE * np.vstack([np.eye(p), -np.eye(p)])
         seed = first / at.values[-1] - second / at.values[0]
         matrices, gradients = matrix.slopes(x + moves, seed)
@@ -200,6 +225,7 @@ class _Model:
         # In the basis of all eigenvectors: rows of the ends, all columns.
         upper = _rotated(slopes, at.vectors[:, high], at.vectors) / at.values[-1]
         lower = _rotated(slopes, at.vectors[:, low], at.vectors) / at.values[0]
+        # The second order through the eigenvalues outside the clusters (Overton).
         curvature += bending(upper, at, high, first, at.values[-1])
         curvature += bending(lower, at, low, second, at.values[0])
         return cls(
@@ -211,7 +237,8 @@ class _Model:
     def step(
         self, x: Array, rows: LinearRows, radius: float, curved: Curved | None = None
     ) -> _Step | None:
-        """The programme of the module's head, with μ t for the curved rows."""
+        """Solution of the programme of the module's head, with μ t for the curved rows."""
+        # Variables: d (p), a, b, and t with curved rows.
         p = len(x)
         size = p + 2 if curved is None else p + 3
         quadratic = np.zeros((size, size))
@@ -232,10 +259,10 @@ class _Model:
             elastic = [] if curved is None else [curved.block(size)]
             return solve(quadratic, linear, [limits, *fixed, *elastic])
 
-        found = rows.solve(x, programme, None if curved is None else curved.grow)
-        if found is None:
+        solution = rows.solve(x, programme, None if curved is None else curved.grow)
+        if solution is None:
             return None
-        y, duals = found
+        y, duals = solution
         y = y[: p + 2]
         # At d = 0, a = b = 1 the programme's value is −½.
         value = linear[: p + 2] @ y + 0.5 * y @ quadratic[: p + 2, : p + 2] @ y
@@ -244,7 +271,7 @@ class _Model:
 
 
 def _rotated(slopes: Array, left: Array, right: Array) -> Array:
-    """Leftᵀ C_i right, (p, r, m)."""
+    """Products leftᵀ C_i right, (p, r, m)."""
     return left.T @ slopes @ right
 
 

@@ -1,8 +1,8 @@
 """One descent of the search: from a random admissible trajectory, or from a variation of good ones.
 
-Normalised D-optimality decides for a basin and the goal's measures lead on; where that is log cond
-the semidefinite programmes of `polish` end in its kink. Limits that are not linear are elastic on
-the way and tightened in the last round, so that they hold between its samples.
+Normalised D-optimality decides for a basin and the measures of the goal follow; where that is log
+cond, the semidefinite programmes of `polish` end in its kink. Limits that are not linear are
+elastic on the way and tightened in the last round, so that they hold between its samples.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,8 @@ from runtime.errors import IdentificationError
 from runtime.excitation.limits.joint_limits import LIMIT_STEP, Limits, inside, whitening
 from runtime.excitation.limits.limit_rows import LimitRows
 from runtime.excitation.limits.safety import Safety, constraints, require_rest
-from runtime.excitation.motion.basis import COSINE, Basis
+from runtime.excitation.motion.basis import COSINE
+from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.conic import LinearRows
 from runtime.excitation.search.criteria import criterion_of
@@ -26,31 +27,35 @@ from runtime.excitation.search.sqp import Objective, descend
 from runtime.library import Array, Library, load
 
 START = 0.5
-"""Limit use of a random start: far enough inside to choose its own basin."""
+"""Limit use of a random start: far enough inside to choose its basin."""
 FINE_STEP = 0.01
-"""Grid of the limits of the last polish, s: between its points motions overshoot by 1e-5."""
+"""Step of the grid of the last polish, s: between its points motions overshoot by 1e-5."""
 FINE_POINTS = 1000
-"""At most, of that grid."""
+"""Most points of that grid."""
 POLISH = 40
-"""Semidefinite programmes at most, or steps of the last descent of a smooth goal."""
+"""Most semidefinite programmes, or steps of the last descent of a smooth goal."""
 TIGHTENED = 2e-3
-"""Of nonlinear limits in the last polish: they bend that much between its samples."""
+"""Tightening of nonlinear limits in the last polish: they bend that much between its samples."""
 ELASTIC = 0.3
-"""Violation of nonlinear limits from which on a random start is shrunk."""
+"""Violation of nonlinear limits above which a random start is shrunk."""
 NOISE = 0.2, 0.8
-"""Of all coordinates of a variation, from and to; 1 reaches the bounds."""
+"""Smallest and largest noise on all coordinates of a variation; 1 reaches the bounds."""
 FAVOUR = 0.25
 """Probability that the best parent is chosen; the next ones follow a geometric law."""
-WORTH = 0.06
-"""Log cond by which a variation may be worse than the best after a smooth stage: the others and the
-polish gain 0.03 to 0.05 from there."""
+LATE_GAIN = 0.06
+"""Log cond by which a variation may be worse than the best after a smooth stage.
+
+The other stages and the polish gain 0.03 to 0.05 from there.
+"""
 RETURNED = 0.3
-"""RMS of coordinates: a smooth stage ends 0.04 to 0.3 from its own polished optimum, 0.5 and more
-from others."""
+"""RMS of coordinates below which a variation counts as its parent.
+
+A smooth stage ends 0.04 to 0.3 from its own polished optimum, 0.5 and more from others.
+"""
 SHRUNK, SHRINKS = 0.8, 60
-"""Factor of one such shrinking, and how many at most: 1e-6 of the joints' limits is no motion."""
+"""Factor of one shrinking, and the largest number: 1e-6 of the limits of joints is no motion."""
 LEAST = 1e-3
-"""Use of the joints' limits below which other limits have left no room."""
+"""Use of the limits of joints below which other limits have left no room."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +70,7 @@ class SearchProblem:
         duration: t_f, s.
         seed: of all starts.
         basis: of the motion.
-        criterion: of `goals.CRITERIA`.
+        criterion: one of `CRITERIA`.
         information: of the unknowns; None is all base parameters by their regressor alone.
         safety: limits beyond those of joints; None as in the document.
     """
@@ -82,7 +87,7 @@ class SearchProblem:
     safety: Safety | None = None
 
     def search(self) -> "Search":
-        """Loads the library of the folder."""
+        """Search with the library of the folder, which is loaded here."""
         return Search(load(self.folder, self.level), self)
 
 
@@ -105,13 +110,16 @@ class Search:
         self._seed, self._shape = problem.seed, (lib.n_joints, size)
         matrix, self._bound = self.limits.inequalities()
         spread = whitening(matrix, lib.n_joints)
-        # Of `whitening`'s unit vectors each row sees a share; now x of size one reaches a bound.
+        # Scaled so that a point x of size one reaches a bound.
         self._spread = spread * np.sqrt(len(matrix) / (3.0 * len(spread)))
         self._matrix = matrix @ self._spread
         self._coarse = self.limit_rows(LIMIT_STEP)
 
     def start(self, number: int) -> tuple[float, Array]:
-        """The goal's target and coefficients (n, M), within the limits of the descent's grid.
+        """Descent from a random motion, within the limits of its grid.
+
+        Returns:
+            Target of the goal and coefficients (n, M).
 
         Raises:
             IdentificationError: the limits leave no room for a motion.
@@ -127,12 +135,20 @@ class Search:
     def variation(
         self, number: int, parents: tuple[Array, ...], best: float
     ) -> tuple[float, Array]:
-        """The same for a variation of one of the parents (n, M), best first, of a kinked goal.
+        """Descent from a variation of one of the parents, for a kinked criterion.
 
         Every third number has noise on all coefficients, the others new motions of one or two
-        joints: each joint has limits of its own, so that the others' motions stay admissible.
-        The descent begins with the goal's second stage. After it what has come back to a parent
-        is that parent, and what is not below `best` + `WORTH` is given up.
+        joints: each joint has limits of its own, so that the motions of the others stay
+        admissible. The descent begins with the second stage of the goal. What has come back to a
+        parent after it is that parent, and what is not below `best` + `LATE_GAIN` is given up.
+
+        Args:
+            number: of the task, which with the seed determines the variation.
+            parents: coefficients (n, M), best first.
+            best: target of the first.
+
+        Returns:
+            Target of the goal and coefficients (n, M).
         """
         rng = np.random.default_rng((self._seed, number, 1))
         known = np.linalg.solve(self._spread, np.reshape(parents, (len(parents), -1)).T).T
@@ -152,34 +168,34 @@ class Search:
         if distances.min() < RETURNED:
             back = parents[int(distances.argmin())]
             return self.value(back), back
-        if self.value(self.coefficients(x[None])[0]) > best + WORTH:
+        if self.value(self.coefficients(x[None])[0]) > best + LATE_GAIN:
             return self._ended(x)
         for measure, iterations in later:
             x = descend(self._objective(measure), x, rows, iterations, nonlinear=elastic).x
         return self._ended(polish(_Correlations(self), x, rows, POLISH, nonlinear=elastic).x)
 
     def _ended(self, x: Array) -> tuple[float, Array]:
-        """The goal's target and coefficients of x moved inside all limits."""
+        """Target of the goal and coefficients of x moved inside all limits."""
         a = inside(self.limits, self.coefficients(self._shrunk(x, TIGHTENED)[None])[0])
         return self.value(a), a
 
     def guess(self, number: int) -> Array:
-        """Where a start begins, coefficients (n, M)."""
+        """Coefficients (n, M) from which a start begins."""
         return self.coefficients(self._random(number)[None])[0]
 
     def require_rank(self) -> None:
-        """Random motions tell all unknowns apart.
+        """Check that random motions excite all unknowns.
 
         Raises:
             IdentificationError: they do not, and no other motion of this basis will.
         """
         gram = self.cost.correlations(self.guess(0)[None])[0]
-        found = rank(gram)
-        if found < len(gram):
-            raise IdentificationError(too_many(found, len(gram), self._shape[1]))
+        excited = rank(gram)
+        if excited < len(gram):
+            raise IdentificationError(too_many(excited, len(gram), self._shape[1]))
 
     def _random(self, number: int) -> Array:
-        """A point well inside the limits."""
+        """Random point well inside the limits."""
         return self._drawn(np.random.default_rng((self._seed, number)))
 
     def _drawn(self, rng: np.random.Generator) -> Array:
@@ -187,13 +203,13 @@ class Search:
         return np.asarray(x * (START / np.max(self._matrix @ x)))
 
     def value(self, a: Array) -> float:
-        """The goal's target."""
+        """Target of the goal."""
         if self.criterion.is_kinked:
             return self.cost.value_gradient(a)[0]
         return self.cost.measure(a, self.goal.target)[0]
 
     def refined(self, a: Array) -> Array:
-        """The same optimum on a finer grid: pulled inside there alone it would lose 0.5 %."""
+        """Coefficients at the same optimum on a finer grid; `inside` alone would lose 0.5 %."""
         step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
         fine = Limits(*self._grid, step=step, basis=self.basis)
         matrix, bound = fine.inequalities()
@@ -210,26 +226,35 @@ class Search:
     def limit_rows(
         self, step: float, tightened: float = 0.0, duration: float | None = None
     ) -> LimitRows:
-        """The nonlinear limits on a grid of this step, s, of the same path in this duration."""
-        lib, home, size, own = self._grid
-        end = own if duration is None else duration
+        """Nonlinear limits on a grid.
+
+        Args:
+            step: of the grid, s.
+            tightened: added to every g.
+            duration: of the same path, s; None is that of the problem.
+
+        Returns:
+            The rows.
+        """
+        lib, home, size, designed = self._grid
+        end = designed if duration is None else duration
         t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)
         phi = self.basis.at(lib, size, t, end)
         return LimitRows(self.constraints, home, phi, self.basis.is_symmetric, tightened)
 
     def coefficients(self, points: Array) -> Array:
-        """A of K points x, (K, n, M)."""
+        """Coefficients a of K points x, (K, n, M)."""
         return (points @ self._spread.T).reshape(-1, *self._shape)
 
     def slopes(self, gradients: Array) -> Array:
-        """∂/∂x from ∂/∂a (K, n, M), (K, p)."""
+        """Slopes ∂/∂x (K, p) from ∂/∂a (K, n, M)."""
         return gradients.reshape(-1, len(self._spread)) @ self._spread
 
     def _elastic(self, rows: LimitRows) -> "_Elastic | None":
         return _Elastic(self, rows) if self.constraints else None
 
     def _shrunk(self, x: Array, violation: float) -> Array:
-        """X scaled towards rest until the nonlinear limits are violated by no more than this."""
+        """Point x scaled towards rest until nonlinear limits are violated by that much or less."""
         stopped: list[str] = []
         for _ in range(SHRINKS):
             a = self.coefficients(x[None])[0]
@@ -273,7 +298,7 @@ class _Elastic:
 
 
 class _Correlations:
-    """C of the base regressor as a function of x."""
+    """Matrix C of the base regressor as a function of x."""
 
     def __init__(self, search: Search) -> None:
         self._search = search

@@ -1,7 +1,7 @@
 """min f(x) s.t. A x ≤ b, g(x) ≤ 0 by sequential quadratic programming along feasible directions.
 
 Damped BFGS (Powell 1978) for the curvature. Every iterate keeps A x ≤ b; g is elastic and enters
-the merit f + μ max(0, max g), see `elastic`. Knows nothing of robots.
+the merit f + μ max(0, max g), see `elastic`. Independent of robots.
 """
 
 from collections.abc import Callable
@@ -19,15 +19,15 @@ _ARMIJO = 1e-4
 _DAMPING = 0.2
 _HALVINGS = 20
 _PATIENCE = 3
-"""Steps in a row without progress that end the descent."""
+"""Number of steps in a row without progress that ends the descent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Descended:
-    """Where the descent ended.
+    """End of a descent.
 
     Attributes:
-        x: keeps A x ≤ b.
+        x: point with A x ≤ b.
         value: f(x); without g never above that of the start.
         iterations: steps taken.
         curvature: the BFGS matrix, for a next objective that is like this one.
@@ -41,7 +41,7 @@ class Descended:
 
 @dataclass(frozen=True, slots=True)
 class _Point:
-    """x, f, ∂f/∂x and the violation v."""
+    """Point x with f, ∂f/∂x and the violation v."""
 
     x: Array
     value: float
@@ -66,12 +66,15 @@ def descend(
 
     Args:
         objective: f and its gradient.
-        x: start.
+        x: start, (p,).
         rows: A and b.
-        iterations: at most.
+        iterations: largest number of steps.
         tolerance: of the merit: ends when the predicted decrease, or that of three steps, is below.
-        curvature: first Hessian, default is the gradient's length times 1.
+        curvature: first Hessian, (p, p); default is the length of the gradient times 1.
         nonlinear: g.
+
+    Returns:
+        The end of the descent.
     """
 
     def at(x: Array) -> _Point:
@@ -84,13 +87,15 @@ def descend(
     hessian = fresh if curvature is None else curvature
     while done < iterations and idle < _PATIENCE:
         curved = None if nonlinear is None else Curved(nonlinear, point.x)
-        found = _direction(hessian, point, rows, curved)
-        if found is None:
+        # The quadratic programme of the step. Where the solver fails, the first Hessian is tried.
+        direction = _direction(hessian, point, rows, curved)
+        if direction is None:
             if hessian is fresh:
                 break
             hessian = fresh
             continue
-        step, duals = found
+        step, duals = direction
+        # Predicted decrease of the merit f + μ v along the step.
         slope = float(point.gradient @ step)
         if curved is not None:
             slope += MU * (curved.after(step) - point.violation)
@@ -99,6 +104,7 @@ def descend(
         after = _search(at, point, step, slope, rows, nonlinear)
         if after is None:
             break
+        # BFGS on the gradient of the Lagrangian: the rows contribute with their multipliers.
         change = after.gradient - point.gradient
         if curved is not None:
             change += curved.bent(duals, after.x)
@@ -112,13 +118,14 @@ def descend(
 def _direction(
     hessian: Array, at: _Point, rows: LinearRows, curved: Curved | None
 ) -> tuple[Array, Array] | None:
-    """The step and the multipliers of the curved rows."""
+    """Step and multipliers of the curved rows."""
     p = len(at.x)
     # Nearly singular BFGS matrices stop the interior point early.
     safe = hessian + np.eye(p) * (1e-9 * np.trace(hessian) / p)
     if curved is None:
         plain = rows.solve(at.x, lambda a, slack: solve(safe, at.gradient, [Block(a, slack)]))
         return None if plain is None else (plain[0], np.zeros(0))
+    # The last variable is t of the elastic rows g + J d ≤ t, at the price μ.
     quadratic = np.zeros((p + 1, p + 1))
     quadratic[:p, :p] = safe
     linear = np.append(at.gradient, MU)
@@ -127,8 +134,8 @@ def _direction(
         limits = Block(np.hstack([a, np.zeros((len(a), 1))]), slack)
         return solve(quadratic, linear, [limits, curved.block(p + 1)])
 
-    found = rows.solve(at.x, programme, curved.grow)
-    return None if found is None else (found[0][:p], found[1][1])
+    solution = rows.solve(at.x, programme, curved.grow)
+    return None if solution is None else (solution[0][:p], solution[1][1])
 
 
 def _search(
@@ -139,12 +146,13 @@ def _search(
     rows: LinearRows,
     nonlinear: Nonlinear | None,
 ) -> _Point | None:
-    """Halve from the linear rows' reach until the merit falls enough (Armijo)."""
+    """Halve the step from the reach of the linear rows until the merit falls enough (Armijo)."""
     reach = rows.reach(point.x, step)
     for halving in range(_HALVINGS):
         after = at(point.x + reach * step)
         if after.merit <= point.merit + _ARMIJO * reach * slope:
             return after
+        # The second-order correction of Maratos, once: see `elastic.corrected`.
         if nonlinear is not None and halving == 0:
             back = corrected(nonlinear, after.x)
             if back is not None:
@@ -156,11 +164,12 @@ def _search(
 
 
 def _damped(hessian: Array, step: Array, change: Array) -> Array:
-    """BFGS with the change of gradient mixed towards H s until the curvature is positive."""
+    """BFGS update with the change of gradient mixed towards H s until the curvature is positive."""
     along = hessian @ step
     old, new = float(step @ along), float(step @ change)
     if not old > 0:
         return hessian
+    # Powell: y ← θ y + (1 − θ) H s with sᵀ y = 0.2 sᵀ H s where it would be smaller.
     part = 1.0 if new >= _DAMPING * old else (1 - _DAMPING) * old / (old - new)
     mixed = part * change + (1 - part) * along
     return hessian - np.outer(along, along) / old + np.outer(mixed, mixed) / float(step @ mixed)

@@ -1,4 +1,4 @@
-"""What a search does in turn: random starts, then variations of the best ones.
+"""Order of a search: random starts, then variations of the best ones.
 
 Optima of log cond are many and the best of a hundred is a rare one, but good ones have much in
 common. Where log cond decides, `SHARE` variations per start follow in `ROUNDS`. Each inherits from
@@ -21,12 +21,13 @@ from runtime.library import Array
 SHARE = 1.0
 """Variations per start; one takes a third of the time of a start."""
 FEWEST = 8
-"""Starts from which on the best of them are varied."""
+"""Smallest number of starts after which variations follow."""
 ROUNDS = 6
+"""Number of rounds of variations."""
 PARENTS = 8
-"""At most."""
+"""Largest number of parents."""
 DISTINCT = 1e-3
-"""Of log cond: what is closer is the same optimum."""
+"""Difference of log cond below which two optima count as the same."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +35,9 @@ class Task:
     """One descent, small enough to be sent to another process.
 
     Attributes:
-        number: of the random start; of variations it goes on after the starts.
+        number: of the random start; variations continue the count.
         parents: coefficients (n, M), best first; none for a random start.
-        best: the goal's target of the first.
+        best: target of the first.
     """
 
     number: int
@@ -44,35 +45,52 @@ class Task:
     best: float = np.inf
 
     def done(self, search: Search) -> tuple[float, Array]:
-        """The goal's target and coefficients (n, M)."""
+        """Target and coefficients (n, M) of the descent."""
         if not self.parents:
             return search.start(self.number)
         return search.variation(self.number, self.parents, self.best)
 
 
 def variation_count(criterion: str, starts: int) -> int:
-    """How many follow."""
+    """Number of variations that follow the starts.
+
+    Args:
+        criterion: one of `CRITERIA`.
+        starts: number of random starts.
+
+    Returns:
+        The number.
+    """
     return int(SHARE * starts) if CRITERIA[criterion].is_kinked and starts >= FEWEST else 0
 
 
 def rounds(
-    criterion: str, starts: int, found: Mapping[int, tuple[float, Array]]
+    criterion: str, starts: int, ended: Mapping[int, tuple[float, Array]]
 ) -> Iterator[list[Task]]:
-    """Tasks that may be done at once; `found` holds all former ones when the next are asked for."""
+    """Tasks that may be done at once, round by round.
+
+    Args:
+        criterion: one of `CRITERIA`.
+        starts: number of random starts.
+        ended: targets and coefficients of all former tasks, filled by the caller.
+
+    Yields:
+        The tasks of a round.
+    """
     yield [Task(number) for number in range(starts)]
     ends = starts + variation_count(criterion, starts) * np.arange(ROUNDS + 1) // ROUNDS
     for first, last in pairwise(ends):
         if first == last:
             continue
-        best, parents = _best(found)
+        best, parents = _best(ended)
         yield [Task(number, parents, best) for number in range(first, last)]
 
 
-def _best(found: Mapping[int, tuple[float, Array]]) -> tuple[float, tuple[Array, ...]]:
+def _best(ended: Mapping[int, tuple[float, Array]]) -> tuple[float, tuple[Array, ...]]:
     """Target of the best and coefficients of all parents."""
     chosen: list[tuple[float, Array]] = []
-    for number in sorted(found, key=lambda number: (found[number][0], number)):
-        value, a = found[number]
+    for number in sorted(ended, key=lambda number: (ended[number][0], number)):
+        value, a = ended[number]
         if len(chosen) < PARENTS and not (chosen and value < chosen[-1][0] + DISTINCT):
             chosen.append((value, a))
     return chosen[0][0], tuple(a for _, a in chosen)

@@ -242,7 +242,7 @@ OTHERS: dict[str, tuple[Case, str]] = {
     ),
     "trajectory missing": (
         lambda d: d.simulate("--trajectory", "nope.json"),
-        "is no trajectory .* python -m runtime excite",
+        "is not a trajectory .* python -m runtime excite",
     ),
     "trajectory of another robot": (
         lambda d: d.simulate(robot=d.pendulum),

@@ -59,10 +59,10 @@ def put(key: str, value: Any) -> Callable[[dict[str, Any]], object]:
 @pytest.mark.parametrize(
     ("damage", "match"),
     [
-        (drop("home"), "is no trajectory"),
-        (drop("joints"), "is no trajectory"),
-        (put("duration", "ten"), "is no trajectory"),
-        (put("coefficients", [[1.0], [1.0, 2.0]]), "is no trajectory"),
+        (drop("home"), "is not a trajectory"),
+        (drop("joints"), "is not a trajectory"),
+        (put("duration", "ten"), "is not a trajectory"),
+        (put("coefficients", [[1.0], [1.0, 2.0]]), "is not a trajectory"),
         (put("coefficients", [[1.0]] * 6), "another robot"),
         (put("coefficients", [[]] * 7), "another robot"),
         (put("coefficients", [1.0] * 7), "another robot"),
@@ -93,7 +93,7 @@ def test_files_that_are_no_trajectory(lib: Library, tmp_path: Path, content: byt
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="python -m runtime excite"):
         read_trajectory(path, lib)
-    with pytest.raises(RecordingError, match="is no trajectory"):
+    with pytest.raises(RecordingError, match="is not a trajectory"):
         read_trajectory(tmp_path / "nothing.json", lib)
 
 

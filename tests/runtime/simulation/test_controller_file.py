@@ -51,7 +51,7 @@ def test_a_loop_returns_as_it_was_written(lib: Library, motion: Trajectory, tmp_
             '[controller]\ndamping = -1.0\n[reference]\ntrajectory = "motion.json"',
             "needs gains, rotors and a rate_hz above 0",
         ),
-        ('[reference]\ntrajectory = "other.json"', "is no trajectory"),
+        ('[reference]\ntrajectory = "other.json"', "is not a trajectory"),
         ('[reference]\ntrajectory = "../motion.json"', "does not lie beside it"),
         ('[reference]\ntrajectory = "/dev/zero"', "does not lie beside it"),
         ('[controller]\nrate_hz = [1.0]\n[reference]\ntrajectory = "motion.json"', "no use for"),

@@ -11,14 +11,17 @@ from scipy.interpolate import make_interp_spline
 from runtime import to_pinocchio_order
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import Design, Trajectory, basis_of, design
-from runtime.excitation.motion.basis import BASES, Basis, Cosine, Fourier, Spline
+from runtime.excitation.motion.basis import BASES
+from runtime.excitation.motion.family import Basis
+from runtime.excitation.motion.fourier import Cosine, Fourier
+from runtime.excitation.motion.spline import Spline
 from runtime.excitation.proof.certificate import KINDS, certificate_of, joint_bounds
 from runtime.excitation.trajectory_file import read_trajectory, write_trajectory
 from runtime.library import Library
 from tests.oracle import pinocchio_model
 from tests.taylor import assert_second_order, taylor_slope
 
-EVERY = [kind(zero_jerk) for kind in BASES.values() for zero_jerk in (False, True)]
+EVERY = [BASES[name].make(zero_jerk) for name in BASES for zero_jerk in (False, True)]
 BY_BASIS = pytest.mark.parametrize(
     "basis", EVERY, ids=[f"{b.name}{' without jerk' * b.zero_jerk}" for b in EVERY]
 )

@@ -79,7 +79,10 @@ def test_gradients_in_the_coefficients_by_taylor(
     name, kind, options = case
     if options.get("prior"):
         rows = lib.base_regressor(*trajectories[2].at(lib, np.linspace(1, 4, 50))[:3])
-        options = options | {"prior": 100 * np.einsum("tjk,tjl->kl", rows, rows)}
+        options = {
+            "noise": options.get("noise", 0.05),
+            "earlier": 100 * np.einsum("tjk,tjl->kl", rows, rows),
+        }
     told = information(lib, **options)
     rng, basis = np.random.default_rng(1), basis_of(kind)
     a = 0.8 * trajectories[1].coefficients
@@ -170,7 +173,7 @@ def test_mixed_gives_good_predictions_and_a_good_condition_number(lib: Library) 
         ({"noise": np.nan}, "torque noise above 0"),
         ({"noise": np.ones(3)}, "one number or 7 of them"),
         ({"rate": 0.0}, "sampling rate above 0 Hz, got 0"),
-        ({"prior": np.ones((2, 2))}, r"shape \(43, 43\)"),
+        ({"earlier": np.ones((2, 2))}, r"shape \(43, 43\)"),
     ],
 )
 def test_information_that_is_none(lib: Library, options: dict, match: str) -> None:

@@ -77,7 +77,7 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: Moved) -> None:
 @pytest.mark.parametrize(
     ("words", "match"),
     [
-        (("nowhere.json",), "'nowhere.json' is no trajectory"),
+        (("nowhere.json",), "'nowhere.json' is not a trajectory"),
         (("still.json",), "nothing moves in 'still'"),
         (("motion.json", "--noise", "0"), "torque noise above 0"),
         (("motion.json", "--noise", "1,2"), "--noise needs 7 numbers"),

@@ -1,0 +1,96 @@
+"""Quintic B-splines on equal intervals without the outermost ones."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from runtime.excitation.motion.family import BasisFamily, in_time
+from runtime.library import Array, Library
+
+DEGREE = 5
+"""Degree of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spline:
+    """Local functions: a joint may rest while others move."""
+
+    zero_jerk: bool = False
+    name = "bspline"
+    is_symmetric = False
+
+    @property
+    def equation(self) -> str:
+        """Equation as text, for files."""
+        gone = self._gone
+        return (
+            f"q = home + sum_m a_m B_m(s), s = t/t_f: clamped B-splines of degree {DEGREE} on "
+            f"equal intervals of 0..1, M + {2 * gone} of them without the first and last {gone}"
+        )
+
+    @property
+    def _gone(self) -> int:
+        """Splines left out at each end: a k-th derivative there needs the first k + 1 splines."""
+        return 4 if self.zero_jerk else 3
+
+    def size(self, harmonics: int) -> int:
+        """Number of functions: as many splines."""
+        return harmonics
+
+    def at(self, lib: Library, size: int, t: Array, duration: float) -> Array:
+        """Functions in time, by the closed form.
+
+        Args:
+            lib: unused.
+            size: number of functions.
+            t: times, (N,) s.
+            duration: t_f, s.
+
+        Returns:
+            φ_m and three time derivatives, (N, size, 4).
+        """
+        del lib
+        return in_time(self.derivatives(4, size, t / duration), duration)
+
+    def derivatives(self, orders: int, size: int, s: Array) -> Array:
+        """Derivatives of piecewise polynomials; the fifth is constant between knots.
+
+        Args:
+            orders: number of derivatives, the function itself included.
+            size: number of functions.
+            s: t / t_f, (N,), 0 ≤ s ≤ 1.
+
+        Returns:
+            d^k φ_m/ds^k, k < orders, (orders, N, size).
+        """
+        return np.stack([_spline(size, self._gone, k)(s) for k in range(orders)])
+
+    def bound(self, order: int, size: int) -> Array:
+        """Largest coefficient: a spline lies in the convex hull of its coefficients.
+
+        Args:
+            order: k of the derivative.
+            size: number of functions.
+
+        Returns:
+            Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).
+        """
+        return np.asarray(np.abs(_spline(size, self._gone, order).c).max(axis=0))
+
+
+@lru_cache(maxsize=32)
+def _spline(size: int, gone: int, order: int) -> BSpline:
+    """Derivative d^k/ds^k of all splines but the outermost `gone` at each end."""
+    total = size + 2 * gone
+    inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
+    knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
+    unit = np.eye(total)[:, gone : total - gone]
+    if order > DEGREE:
+        return BSpline(knots, np.zeros_like(unit), DEGREE)
+    spline = BSpline(knots, unit, DEGREE)
+    return spline.derivative(order) if order else spline
+
+
+SPLINE_FAMILY = BasisFamily("bspline", "quintic B-splines", Spline)

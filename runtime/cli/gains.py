@@ -12,7 +12,7 @@ from runtime.cli.common import Robot, command_line, console, preparation_of, say
 from runtime.cli.options import CarryingLink, CoulombSpeed, Rate, Recipe, Run, friction_of
 from runtime.errors import RecordingError
 from runtime.files import replacing
-from runtime.identification.payload import read_known
+from runtime.identification.payload import read_known_payload
 from runtime.identification.payload.output import NORMAL_95
 from runtime.identification.sensor_gains import Gains, identify_gains
 from runtime.library import load
@@ -65,7 +65,7 @@ def gains_command(
     the recipe: the gains are then in N·m/A.
     """
     lib = load(robot)
-    known = read_known(payload)
+    known = read_known_payload(payload)
     bare = read_recording(empty, recipe, run, lib.joint_names)
     full = read_recording(loaded, recipe, loaded_run or run, lib.joint_names)
     found = identify_gains(
@@ -121,7 +121,7 @@ def _table(found: Gains, plan: Plan, factors: tuple[float, ...]) -> Table:
         table.add_column(head, justify="right")
     table.add_column("reads")
     for j, name in enumerate(found.channels):
-        told = _interval(found.estimate[j], found.sigma[j], 4) if found.is_told[j] else "-"
+        told = _interval(found.estimate[j], found.sigma[j], 4) if found.is_determined[j] else "-"
         biases = [_interval(found.bias[k, j], found.bias_sigma[k, j], 3) for k in range(2)]
         table.add_row(name, told, *biases, _meaning(found, j, units[j], factors[j]))
     return table
@@ -134,7 +134,7 @@ def _interval(value: float, sigma: float, digits: int) -> str:
 
 
 def _meaning(found: Gains, j: int, unit: str, factor: float) -> str:
-    if not found.is_told[j]:
+    if not found.is_determined[j]:
         return "not told"
     if unit.endswith("A"):
         return f"{factor:.4g} N·m/A"

@@ -14,8 +14,8 @@ from runtime.cli.common import console, numbers_option, preparation_of
 from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.long_logs import head_of
 from runtime.inspection.cutoff_choice import CutoffChoice, choose_cutoff
-from runtime.inspection.friction_choice import Choice, choose_friction
-from runtime.inspection.regressor_choice import settled_regressor
+from runtime.inspection.friction_choice import FrictionChoice, choose_friction
+from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
 from runtime.recording import (
     REGRESSORS,
@@ -178,7 +178,7 @@ def read_data(lib: Library, log: str, asked: Asked) -> Data:
         console.print(_cutoff_table(found))
         prepared, notes = found.preparation, (found.sentence,)
     with console.status("judging the accelerations"):
-        prepared, told = settled_regressor(recording, lib, prepared, asked.regressor == AUTO)
+        prepared, told = choose_regressor(recording, lib, prepared, asked.regressor == AUTO)
     notes += told
     if terms is None or not climbs:
         return Data(recording, prepared, parts, terms, notes, streamed=streamed)
@@ -254,17 +254,17 @@ def _cutoff_table(choice: CutoffChoice) -> Table:
     return table
 
 
-def _ladder_table(choice: Choice) -> Table:
+def _ladder_table(choice: FrictionChoice) -> Table:
     table = Table("friction model", title="Friction ladder: cross-validated error over noise")
     for head in ("score", "above the best", "AIC", "unknowns"):
         table.add_column(head, justify="right")
-    for rung in choice.rungs:
+    for candidate in choice.candidates:
         table.add_row(
-            f"{'→ ' if rung is choice.chosen else ''}{rung.name}: {rung.terms}",
-            f"{rung.score:.3f}",
-            f"{rung.excess:.3f} ± {rung.excess_error:.3f}",
-            f"{rung.aic:.1f}",
-            str(rung.parameters),
+            f"{'→ ' if candidate is choice.chosen else ''}{candidate.name}: {candidate.terms}",
+            f"{candidate.score:.3f}",
+            f"{candidate.excess:.3f} ± {candidate.excess_error:.3f}",
+            f"{candidate.aic:.1f}",
+            str(candidate.parameters),
         )
     return table
 

@@ -27,14 +27,14 @@ from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.expected_accuracy import (
     SECONDS,
     Expected,
-    Moved,
-    Worth,
+    GainOfRecording,
+    MotionSamples,
     base_names,
     facts,
     gained,
     growth,
-    moved_of,
-    planned,
+    motion_samples_of,
+    planned_recording,
     verdict,
 )
 from runtime.library import Array, Library, load
@@ -133,7 +133,9 @@ def predict_command(
         say(f"plot: {plot}")
 
 
-def _facts(situation: Situation, now: Expected, worths: tuple[Worth, ...]) -> dict[str, object]:
+def _facts(
+    situation: Situation, now: Expected, worths: tuple[GainOfRecording, ...]
+) -> dict[str, object]:
     lib, alone = situation.lib, situation.known.payload_only
     told = situation.facts() | facts(now, lib, alone)
     if not alone:
@@ -146,7 +148,7 @@ def _facts(situation: Situation, now: Expected, worths: tuple[Worth, ...]) -> di
     return told
 
 
-def _show(situation: Situation, now: Expected, worths: tuple[Worth, ...]) -> None:
+def _show(situation: Situation, now: Expected, worths: tuple[GainOfRecording, ...]) -> None:
     lib, alone = situation.lib, situation.known.payload_only
     say(situation.sentence())
     if not alone:
@@ -170,16 +172,16 @@ def _moved(
     asked: Asked,
     log_rate: float | None,
     terms: Friction | None = None,
-) -> Moved:
+) -> MotionSamples:
     """A trajectory, sampled, or a log, prepared; `terms` are those of the motion before."""
     if _is_motion(source):
         found = read_trajectory(Path(source), lib)
         t = sample_times(found.duration, log_rate or RATE)
-        recording = planned(found, t, lib, Path(source).stem)
-        return moved_of(recording, lib, None, terms or _friction(asked.friction))
+        recording = planned_recording(found, t, lib, Path(source).stem)
+        return motion_samples_of(recording, lib, None, terms or _friction(asked.friction))
     data = read_data(lib, source, asked)
     terms = terms or data.friction or _friction(None)
-    return moved_of(data.recording, lib, data.preparation, terms)
+    return motion_samples_of(data.recording, lib, data.preparation, terms)
 
 
 def _is_motion(source: str) -> bool:
@@ -212,7 +214,9 @@ def _friction(text: str | None) -> Friction:
     return Friction(() if text == "none" else tuple(text.split(",")))
 
 
-def _further(situation: Situation, more: str, asked: Asked, log_rate: float | None) -> Moved:
+def _further(
+    situation: Situation, more: str, asked: Asked, log_rate: float | None
+) -> MotionSamples:
     """The motion that goes on, with the friction of the one before."""
     moved = situation.moved
     if more == SAME:
@@ -229,7 +233,7 @@ def _worths(
     more: str,
     asked: Asked,
     log_rate: float | None,
-) -> tuple[Worth, ...]:
+) -> tuple[GainOfRecording, ...]:
     further, lib = _further(situation, more, asked, log_rate), situation.lib
     name = "the same motion" if more == SAME else further.name
     only = situation.known.payload_only

@@ -10,12 +10,12 @@ from runtime.excitation.search.information import NOISE, information
 from runtime.identification.expected_accuracy import (
     Expected,
     Knowledge,
-    Moved,
+    MotionSamples,
     Noise,
     expected,
     noise_of,
 )
-from runtime.identification.expected_accuracy.earlier_logs import prior_information
+from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Array, Library
 from runtime.recording import read_recording
 
@@ -25,13 +25,13 @@ class Situation:
     """A motion, its noise, and what is known before."""
 
     lib: Library
-    moved: Moved
+    moved: MotionSamples
     noise: Array
     unit: float
     from_residuals: bool
     known: Knowledge
 
-    def expected(self, more: Moved | None = None, seconds: float = 0.0) -> Expected:
+    def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
         """σ of the motion, and of some more seconds of another one."""
         statistics = self.moved.statistics(self.lib, self.noise)
         if more is not None:
@@ -76,7 +76,11 @@ class Situation:
 
 
 def situation_of(
-    lib: Library, moved: Moved, noise: str | None, earlier: list[str] | None, payload_only: bool
+    lib: Library,
+    moved: MotionSamples,
+    noise: str | None,
+    earlier: list[str] | None,
+    payload_only: bool,
 ) -> Situation:
     """What the options say, and where they say nothing, what the log's residuals do.
 
@@ -100,6 +104,6 @@ def situation_of(
         sigma = np.full(lib.n_joints, NOISE)
     if earlier:
         logs = [read_recording(log, joints=lib.joint_names) for log in earlier]
-        known = replace(known, earlier=prior_information(lib, logs, sigma, moved.columns))
+        known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
     unit = own.inflation if own is not None else 1.0
     return Situation(lib, moved, sigma, unit, given is None and own is not None, known)

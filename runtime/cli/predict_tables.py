@@ -10,8 +10,8 @@ from rich.table import Column, Table
 from runtime.cli.common import console, numbers_option, say
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, information
-from runtime.identification.expected_accuracy import Expected, Worth, base_names
-from runtime.identification.expected_accuracy.earlier_logs import prior_information
+from runtime.identification.expected_accuracy import Expected, GainOfRecording, base_names
+from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
 from runtime.recording import read_recording
@@ -46,7 +46,7 @@ def information_of(
     told = information(lib, torque_noise(noise, lib.n_joints), rate, payload=payload)
     if not logs:
         return told
-    known = prior_information(
+    known = information_of_logs(
         lib, [read_recording(log, joints=lib.joint_names) for log in logs], told.noise
     )
     return information(lib, told.noise, rate, known, payload)
@@ -175,7 +175,7 @@ def link_table(found: Expected, lib: Library) -> Table:
     return table
 
 
-def worth_table(worths: Sequence[Worth]) -> Table:
+def worth_table(worths: Sequence[GainOfRecording]) -> Table:
     """What some more seconds improve: the payload, how many numbers, and which most of all."""
     table = Table("more", title=f"expected gain of σ by more of {worths[0].motion}, %")
     names = [name for name in worths[0].gains if name.startswith("payload")]

@@ -27,8 +27,8 @@ from runtime.estimators.regression import Statistics, compress, from_triangle
 from runtime.estimators.regression.samples import Samples
 from runtime.identification.expected_accuracy import (
     SECONDS,
+    GainOfRecording,
     Knowledge,
-    Worth,
     expected,
     gained,
     verdict,
@@ -174,7 +174,7 @@ class OnlineEstimator:
         phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
         return self._told(phi, data.variance, steps, converged)
 
-    def worth(self, seconds: float, rate_hz: float) -> Worth:
+    def gain_of_recording(self, seconds: float, rate_hz: float) -> GainOfRecording:
         """What some more seconds of the same motion will bring, from the running statistics.
 
         The information so far grows in proportion to the samples, N(t + s) / N(t), and with
@@ -211,9 +211,9 @@ class OnlineEstimator:
     def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
         """One sentence while recording: what improves by over 10 % and how soon, or 'stop'.
 
-        It takes for granted that the motion goes on as so far (`worth`).
+        It takes for granted that the motion goes on as so far (`gain_of_recording`).
         """
-        return verdict([self.worth(each, rate_hz) for each in seconds])
+        return verdict([self.gain_of_recording(each, rate_hz) for each in seconds])
 
     def _newton(self, problem: ConvexProblem) -> tuple[Array, int, bool]:
         """The compiled steps, further than a batch needs: the start must leave no trace."""

@@ -23,7 +23,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import colour_of
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.inspection.friction_choice import BLOCKS, WORTH, solved
+from runtime.inspection.friction_choice import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -42,7 +42,7 @@ _PASSES = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Candidate:
+class CutoffCandidate:
     """One cut-off and how it did.
 
     Attributes:
@@ -73,8 +73,8 @@ class CutoffChoice:
         sentence: what was chosen and why, with the table of scores.
     """
 
-    candidates: tuple[Candidate, ...]
-    chosen: Candidate
+    candidates: tuple[CutoffCandidate, ...]
+    chosen: CutoffCandidate
     preparation: Preparation
     sentence: str
 
@@ -127,8 +127,10 @@ def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparati
     for key, blocks in scores.items():
         gap = blocks - scores[best]
         error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
-        found.append(Candidate(*key, float(blocks.mean()), float(gap.mean()), error, white[key]))
-    alike = [c for c in found if c.excess <= WORTH * scores[best].mean()]
+        found.append(
+            CutoffCandidate(*key, float(blocks.mean()), float(gap.mean()), error, white[key])
+        )
+    alike = [c for c in found if c.excess <= LEAST_GAIN * scores[best].mean()]
     measured = [c for c in alike if c.derivative == base.derivative]
     chosen = max(measured or alike, key=lambda c: c.white)
     other = {c.derivative: " (velocity from q)" * (c.derivative != base.derivative) for c in found}

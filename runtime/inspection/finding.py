@@ -39,7 +39,7 @@ class Finding:
         return html_table(f"{self.level}: {self.kind}", rows)
 
 
-def joints_told(names: tuple[str, ...], index: list[int]) -> str:
+def joint_list(names: tuple[str, ...], index: list[int]) -> str:
     """Joint names for a sentence; "every joint" where it is so."""
     if len(index) == len(names) and len(names) > 1:
         return "every joint"

@@ -30,7 +30,7 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.preprocessing import prepare
 
 _BASE = ("offset", "viscous", "coulomb")
-RUNGS: dict[str, tuple[str, ...]] = {
+FRICTION_MODELS: dict[str, tuple[str, ...]] = {
     "none": (),
     "offset": ("offset",),
     "viscous": ("offset", "viscous"),
@@ -50,7 +50,7 @@ WIDTHS: dict[str, tuple[str, tuple[float, ...]]] = {
 """Rung → its one width and the grid to search, in rad/s or rad."""
 
 BLOCKS = 5
-WORTH = 0.005
+LEAST_GAIN = 0.005
 """Part of the mean square error that a richer rung must save to be worth its coefficients."""
 _RANK = 1e-9
 _WIDTH = 0.02
@@ -60,11 +60,11 @@ _PASSES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Rung:
+class FrictionCandidate:
     """One friction model and how it did.
 
     Attributes:
-        name: one of `RUNGS`.
+        name: one of `FRICTION_MODELS`.
         terms: its columns and widths.
         score: cross-validated mean square error over the noise's variance.
         excess: score minus the best of all rungs.
@@ -83,7 +83,7 @@ class Rung:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class FrictionChoice:
     """The ladder with its chosen rung.
 
     Attributes:
@@ -92,8 +92,8 @@ class Choice:
         sentence: what was chosen and why.
     """
 
-    rungs: tuple[Rung, ...]
-    chosen: Rung
+    candidates: tuple[FrictionCandidate, ...]
+    chosen: FrictionCandidate
     sentence: str
 
 
@@ -104,9 +104,9 @@ def choose_friction(
     preparation: Preparation | None = None,
     splitting: Split | None = None,
     coulomb_speed: float | None = None,
-    names: Sequence[str] = tuple(RUNGS),
+    names: Sequence[str] = tuple(FRICTION_MODELS),
     extra: tuple[str, ...] = (),
-) -> Choice:
+) -> FrictionChoice:
     """The lowest rung whose cross-validated score is within one standard error of the best one.
 
     Training and validation parts of the recording are tried, the test part is not looked at.
@@ -123,11 +123,11 @@ def choose_friction(
     Raises:
         IdentificationError: an unknown rung, or too few samples for five blocks.
     """
-    wrong = [name for name in names if name not in RUNGS]
+    wrong = [name for name in names if name not in FRICTION_MODELS]
     if wrong or not names:
         raise IdentificationError(
             f"there is no friction model '{wrong[0] if wrong else ''}'; choose from "
-            f"auto, {', '.join(RUNGS)}"
+            f"auto, {', '.join(FRICTION_MODELS)}"
         )
     parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
     bare = recording.replace(columns=None, column_names=())
@@ -146,9 +146,9 @@ def choose_friction(
 
     trial = _Trial(lib, blocks)
     terms = _climbed(trial, names, coulomb_speed, extra)
-    first = {name: float(trial.judged(each)[0].mean()) for name, each in terms.items()}
+    first = {name: float(trial.score(each)[0].mean()) for name, each in terms.items()}
     trial.weigh_by(terms[min(first, key=lambda name: first[name])])
-    return _chosen([(name, each, *trial.judged(each)) for name, each in terms.items()])
+    return _chosen([(name, each, *trial.score(each)) for name, each in terms.items()])
 
 
 def _climbed(
@@ -157,11 +157,11 @@ def _climbed(
     """Every rung with its best widths; ε starts from that of the Coulomb rung."""
     free = coulomb_speed is None
     start = Friction((*_BASE, *extra), *(() if free else (coulomb_speed,)))
-    if free and any("coulomb" in RUNGS[name] for name in names):
+    if free and any("coulomb" in FRICTION_MODELS[name] for name in names):
         start = trial.best_width(start, "coulomb")
     found = {}
     for name in names:
-        terms = replace(start, columns=(*RUNGS[name], *extra))
+        terms = replace(start, columns=(*FRICTION_MODELS[name], *extra))
         if name in WIDTHS and name != "coulomb":
             terms = trial.best_width(terms, name)
         if free and name in {"asymmetric", "stribeck", "load"}:
@@ -171,17 +171,19 @@ def _climbed(
     return found
 
 
-def _chosen(found: list[tuple[str, Friction, Array, float, int]]) -> Choice:
+def _chosen(found: list[tuple[str, Friction, Array, float, int]]) -> FrictionChoice:
     best = min(found, key=lambda item: float(item[2].mean()))[2]
-    rungs = []
+    candidates = []
     for name, terms, scores, aic, parameters in found:
         gap = scores - best
         error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
         score = float(scores.mean())
-        rungs.append(Rung(name, terms, score, float(gap.mean()), error, aic, parameters))
+        candidates.append(
+            FrictionCandidate(name, terms, score, float(gap.mean()), error, aic, parameters)
+        )
     least = float(best.mean())
-    chosen = next(r for r in rungs if r.excess <= max(r.excess_error, WORTH * least))
-    top = min(rungs, key=lambda r: r.score)
+    chosen = next(r for r in candidates if r.excess <= max(r.excess_error, LEAST_GAIN * least))
+    top = min(candidates, key=lambda r: r.score)
     reason = (
         "which also predicts best"
         if chosen is top
@@ -191,7 +193,7 @@ def _chosen(found: list[tuple[str, Friction, Array, float, int]]) -> Choice:
         f"friction model '{chosen.name}' ({chosen.terms}) chosen by cross-validation on "
         f"{BLOCKS} blocks of the training part, {reason}"
     )
-    return Choice(tuple(rungs), chosen, sentence)
+    return FrictionChoice(tuple(candidates), chosen, sentence)
 
 
 class _Trial:
@@ -214,15 +216,15 @@ class _Trial:
         """Take the noise of the joints from the residuals of these terms."""
         self._weights, self._inflation = _noise(self._lib, self._blocks(terms))
 
-    def best_width(self, terms: Friction, rung: str, near: bool = False) -> Friction:
+    def best_width(self, terms: Friction, candidate: str, near: bool = False) -> Friction:
         """The terms with the width of a rung that scores best: a grid, then between its points.
 
         `near` looks only around the width that the terms have, a step of the grid on each side.
         """
-        key, grid = WIDTHS[rung]
+        key, grid = WIDTHS[candidate]
 
         def score(log_width: float) -> float:
-            return float(self.judged(_with(terms, key, log_width))[0].mean())
+            return float(self.score(_with(terms, key, log_width))[0].mean())
 
         logs = np.log(grid)
         scores = [] if near else [score(x) for x in logs]
@@ -233,7 +235,7 @@ class _Trial:
         x = float(minimize_scalar(score, **search).x)
         return _with(terms, key, x if score(x) < score(best) else best)
 
-    def judged(self, terms: Friction) -> tuple[Array, float, int]:
+    def score(self, terms: Friction) -> tuple[Array, float, int]:
         """Score per block, AIC, and the number of parameters that the data determine."""
         stats = [compress(self._lib, block, self._weights) for block in self._blocks(terms)]
         n = self._lib.n_joints

@@ -21,10 +21,10 @@ from runtime.inspection.checks import (
 )
 from runtime.inspection.checks.column_names import meaning
 from runtime.inspection.checks.file_layout import draft
-from runtime.inspection.checks.torque_rows import Bench, bench_of, rough
+from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
 from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
-from runtime.inspection.regressor_choice import settled_regressor
+from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
 from runtime.notebook import html_table
 from runtime.parallel import one_blas_thread
@@ -144,18 +144,18 @@ class _Asked:
 
     def ask_torque(
         self,
-        question: Callable[[Bench, Recipe], tuple[Recipe, list[Finding]]],
+        question: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]],
         lib: Library,
         terms: Friction,
     ) -> None:
         """Ask the prepared rows."""
-        bench = self.bench(lib, terms)
-        self.ask(lambda _, plan: question(bench, plan))
+        torque_rows = self.torque_rows(lib, terms)
+        self.ask(lambda _, plan: question(torque_rows, plan))
 
-    def bench(self, lib: Library, terms: Friction) -> Bench:
+    def torque_rows(self, lib: Library, terms: Friction) -> TorqueRows:
         """The bench of the recording as it stands."""
         usual = rough(self.recording, self.plan.preparation)
-        return bench_of(self.recording, lib, usual, terms)
+        return torque_rows_of(self.recording, lib, usual, terms)
 
 
 def _read(
@@ -219,26 +219,28 @@ def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
             asked.plan = asked.plan.replace(preparation=_thinned(choice, asked.recording))
             asked.findings.append(Finding("cutoff", INFO, choice.sentence))
         usual = rough(asked.recording, asked.plan.preparation)
-        _, failing = settled_regressor(asked.recording, lib, usual)
+        _, failing = choose_regressor(asked.recording, lib, usual)
         asked.findings += [Finding("differentiation", WARNING, said) for said in failing]
-        bench = asked.bench(lib, terms)
-        matrix = model_fit.fit_rows(bench)
-        late = model_fit.delay(bench, matrix, asked.plan)
+        torque_rows = asked.torque_rows(lib, terms)
+        matrix = model_fit.fit_rows(torque_rows)
+        late = model_fit.delay(torque_rows, matrix, asked.plan)
         if late:
             shifted = replace(
                 asked.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
             )
             asked.plan = asked.plan.replace(preparation=shifted)
-            bench = asked.bench(lib, terms)
-            matrix = model_fit.fit_rows(bench)
+            torque_rows = asked.torque_rows(lib, terms)
+            matrix = model_fit.fit_rows(torque_rows)
         tau = asked.recording.required("tau")
-        strange = model_fit.unexplained(bench, matrix)
-        asked.findings += late + strange + model_fit.too_good(bench, matrix, tau)
+        strange = model_fit.unexplained(torque_rows, matrix)
+        asked.findings += late + strange + model_fit.too_good(torque_rows, matrix, tau)
         torque = asked.plan.torque
         guessed = not asked.plan.gear and torque is not None and torque.unit == "A"
         if not strange and not guessed:  # wrong gains feign both
-            asked.findings += model_fit.tool(bench) + model_fit.coupling(bench, matrix, terms)
-        asked.findings.append(model_fit.one_run(bench))
+            asked.findings += model_fit.tool(torque_rows) + model_fit.coupling(
+                torque_rows, matrix, terms
+            )
+        asked.findings.append(model_fit.one_run(torque_rows))
     except RuntimeFault as fault:
         said = f"the torque could not be judged: {fault}"
         asked.findings.append(Finding("not_judged", WARNING, said))

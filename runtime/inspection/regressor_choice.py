@@ -61,7 +61,9 @@ class Differentiation:
         return self.cutoff_hz * float(excess ** (-1.0 / (2 * self.derivatives + 1)))
 
 
-def judged(recording: Recording, lib: Library, preparation: Preparation) -> Differentiation | None:
+def differentiation_of(
+    recording: Recording, lib: Library, preparation: Preparation
+) -> Differentiation | None:
     """ν and δ of the head of a recording; None without derivatives, or with another filter.
 
     Args:
@@ -101,7 +103,7 @@ def judged(recording: Recording, lib: Library, preparation: Preparation) -> Diff
     return Differentiation(share, bent, preparation.cutoff_hz or bare.rate_hz / 4, derivatives)
 
 
-def settled_regressor(
+def choose_regressor(
     recording: Recording, lib: Library, preparation: Preparation | None, replaces: bool = False
 ) -> tuple[Preparation | None, tuple[str, ...]]:
     """The preparation, and one sentence where its accelerations fail.
@@ -113,7 +115,7 @@ def settled_regressor(
         replaces: take momentum then, instead of only naming it.
     """
     usual = preparation or recording.preparation
-    found = judged(recording, lib, usual)
+    found = differentiation_of(recording, lib, usual)
     if found is None or not found.fails:
         return preparation, ()
     worst, told = int(np.argmax(found.noise)), []

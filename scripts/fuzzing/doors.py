@@ -22,7 +22,7 @@ from runtime.estimators.regression import load_statistics
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.experiments.storage.chunks import read_rows
 from runtime.identification.comparison.truth import read_truth
-from runtime.identification.payload import read_arm_model, read_known
+from runtime.identification.payload import read_arm_model, read_known_payload
 from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.library import Library, load
 from runtime.library.compile_recipe import read_recipe
@@ -261,7 +261,7 @@ DOORS: dict[str, Door] = {
         "payload.json",
         goods.payload,
         _all(
-            lambda f, _: read_known(str(f / "payload.json")),
+            lambda f, _: read_known_payload(str(f / "payload.json")),
             lambda f, lib: read_carried(f / "payload.json", lib),
         ),
     ),

@@ -17,7 +17,11 @@ from runtime.cli import main
 from runtime.excitation import Design, Trajectory
 from runtime.excitation.search.prediction import FRICTION
 from runtime.excitation.trajectory_file import write_trajectory
-from runtime.identification.expected_accuracy import Moved, moved_of, planned
+from runtime.identification.expected_accuracy import (
+    MotionSamples,
+    motion_samples_of,
+    planned_recording,
+)
 from runtime.library import Library, load
 from runtime.recording import Friction
 from runtime.simulation import Plant, ideal
@@ -195,6 +199,8 @@ def desk(
 
 
 @pytest.fixture(scope="module")
-def moved(lib: Library, trajectories: tuple[Trajectory, ...]) -> Moved:
+def moved(lib: Library, trajectories: tuple[Trajectory, ...]) -> MotionSamples:
     """The training trajectory at 100 Hz, nothing measured."""
-    return moved_of(planned(trajectories[0], T, lib, "train"), lib, None, Friction(FRICTION))
+    return motion_samples_of(
+        planned_recording(trajectories[0], T, lib, "train"), lib, None, Friction(FRICTION)
+    )

@@ -10,35 +10,35 @@ from runtime.identification.expected_accuracy.expected import (
 from runtime.identification.expected_accuracy.gain_of_recording import (
     SECONDS,
     WORTHWHILE,
-    Worth,
+    GainOfRecording,
     gained,
     verdict,
 )
 from runtime.identification.expected_accuracy.growth import Growth, growth
 from runtime.identification.expected_accuracy.planned_samples import (
-    Moved,
+    MotionSamples,
     Noise,
-    moved_of,
+    motion_samples_of,
     noise_of,
-    planned,
+    planned_recording,
 )
 
 __all__ = [
     "SECONDS",
     "WORTHWHILE",
     "Expected",
+    "GainOfRecording",
     "Growth",
     "Knowledge",
-    "Moved",
+    "MotionSamples",
     "Noise",
-    "Worth",
     "base_names",
     "expected",
     "facts",
     "gained",
     "growth",
-    "moved_of",
+    "motion_samples_of",
     "noise_of",
-    "planned",
+    "planned_recording",
     "verdict",
 ]

@@ -18,7 +18,7 @@ from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 
 
-def prior_information(
+def information_of_logs(
     lib: Library,
     recordings: Sequence[Recording],
     noise: Array,

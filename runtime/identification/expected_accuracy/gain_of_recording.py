@@ -19,7 +19,7 @@ _NAMED = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Worth:
+class GainOfRecording:
     """What some more seconds bring.
 
     Attributes:
@@ -57,15 +57,15 @@ class Worth:
 
 def gained(
     now: Mapping[str, float], later: Mapping[str, float], seconds: float, motion: str
-) -> Worth:
+) -> GainOfRecording:
     """Gains by name; what is told only later has gained all."""
     gains = {name: 1.0 - after / now[name] if name in now else 1.0 for name, after in later.items()}
     # Gains that differ by rounding keep the order of the names.
     order = sorted(gains, key=lambda name: -round(gains[name], 3))
-    return Worth(seconds, motion, {name: gains[name] for name in order})
+    return GainOfRecording(seconds, motion, {name: gains[name] for name in order})
 
 
-def verdict(worths: Sequence[Worth]) -> str:
+def verdict(worths: Sequence[GainOfRecording]) -> str:
     """One sentence on the shortest that is worth while, else on the longest: go on, or stop."""
     in_time = sorted(worths, key=lambda worth: worth.seconds)
     best = next((worth for worth in in_time if worth.gaining), in_time[-1])

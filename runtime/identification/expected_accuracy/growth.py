@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.identification.expected_accuracy.expected import Knowledge, expected
-from runtime.identification.expected_accuracy.planned_samples import Moved
+from runtime.identification.expected_accuracy.planned_samples import MotionSamples
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
 
@@ -45,13 +45,13 @@ class Growth:
 
 def growth(
     lib: Library,
-    moved: Moved,
+    moved: MotionSamples,
     noise: Array,
     known: Knowledge,
     unit: float,
     names: tuple[str, ...],
     *,
-    more: Moved | None = None,
+    more: MotionSamples | None = None,
     until: float = 0.0,
 ) -> Growth:
     """σ at instants of the motion, and `until` s after its end with more of this or another one."""

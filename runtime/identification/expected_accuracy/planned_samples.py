@@ -21,7 +21,7 @@ STILL = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
+class MotionSamples:
     """Samples of a motion, equally spaced in time.
 
     Attributes:
@@ -85,18 +85,18 @@ class Noise:
     pi: Array
 
 
-def planned(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:
+def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:
     """A trajectory at times t as a recording without torque."""
     q, dq, ddq, _ = trajectory.at(lib, t)
     return Recording(t, q, dq, ddq, name=name, joint_names=lib.joint_names)
 
 
-def moved_of(
+def motion_samples_of(
     recording: Recording,
     lib: Library,
     preparation: Preparation | None,
     terms: Friction,
-) -> Moved:
+) -> MotionSamples:
     """Samples of a recording, prepared as for identification; its torque may be missing.
 
     Raises:
@@ -116,10 +116,10 @@ def moved_of(
     own = (terms,) if recording.columns is None else ()
     done = prepare(recording, preparation, *own, lib=lib)
     samples = samples_of(done, lib)
-    return Moved(recording.name, samples, terms, done.column_names, done.rate_hz, measured)
+    return MotionSamples(recording.name, samples, terms, done.column_names, done.rate_hz, measured)
 
 
-def noise_of(lib: Library, moved: Moved, kappa: float = CAD) -> Noise | None:
+def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | None:
     """Noise of a log by the most probable model; None where there is no torque, or too little."""
     samples = moved.samples
     unknowns = len(lib.base_columns) + samples.columns[0].size

@@ -2,7 +2,7 @@
 
 from runtime.identification.payload.body import Body, body_of, pi_of_body
 from runtime.identification.payload.estimate import Payload, identify_payload
-from runtime.identification.payload.known import Known, read_known
+from runtime.identification.payload.known import KnownPayload, read_known_payload
 from runtime.identification.payload.mount import Mount, mount_of
 from runtime.identification.payload.output import load_facts, write_payload
 from runtime.identification.payload.reading import ArmModel, arm_model, read_arm_model
@@ -10,7 +10,7 @@ from runtime.identification.payload.reading import ArmModel, arm_model, read_arm
 __all__ = [
     "ArmModel",
     "Body",
-    "Known",
+    "KnownPayload",
     "Mount",
     "Payload",
     "arm_model",
@@ -20,6 +20,6 @@ __all__ = [
     "mount_of",
     "pi_of_body",
     "read_arm_model",
-    "read_known",
+    "read_known_payload",
     "write_payload",
 ]

@@ -19,7 +19,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownPayload:
     """A body that somebody has weighed.
 
     Attributes:
@@ -52,7 +52,7 @@ class Known:
             _require_body(self.inertia)
 
 
-def read_known(text: str) -> Known:
+def read_known_payload(text: str) -> KnownPayload:
     """The payload that the words of a command line mean: numbers, or the path of a JSON.
 
     Raises:
@@ -72,14 +72,14 @@ def read_known(text: str) -> Known:
             f"centre of mass, or a file that ends in .json; got '{text}'"
         )
     inertia = inertia_from_entries(values[4:]) if len(values) > 4 else None
-    return Known(float(values[0]), values[1:4], inertia)
+    return KnownPayload(float(values[0]), values[1:4], inertia)
 
 
-def _from_json(path: Path) -> Known:
+def _from_json(path: Path) -> KnownPayload:
     try:
         facts = dict(json_of(path))
         inertia = facts.get("inertia")
-        return Known(
+        return KnownPayload(
             mass=float(facts["mass"]),
             com=np.array(facts["com"], dtype=float),
             inertia=None if inertia is None else np.array(inertia, dtype=float),

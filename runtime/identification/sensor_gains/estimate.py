@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import Colour, colour_of_basis
-from runtime.identification.payload import Known
+from runtime.identification.payload import KnownPayload
 from runtime.identification.sensor_gains.problem import RUNS, Problem, problem_of
 from runtime.identification.sensor_gains.solve import Solution, reduced, solve
 from runtime.library import Array, Library
@@ -50,7 +50,7 @@ class Gains:
     gain: Array
     estimate: Array
     covariance: Array
-    is_told: Claims
+    is_determined: Claims
     bias: Array
     bias_sigma: Array
     noise: Array
@@ -70,7 +70,7 @@ def identify_gains(
     empty: Recording,
     loaded: Recording,
     lib: Library,
-    payload: Known,
+    payload: KnownPayload,
     link: str | None = None,
     *,
     friction: Friction | None = None,
@@ -120,42 +120,44 @@ def _told(problem: Problem, found: Solution, colour: Colour) -> Gains:
     covariance = root[-n:] @ root[-n:].T
     sigma = np.sqrt(np.diagonal(covariance))
     share = sigma / np.maximum(np.abs(found.g), np.finfo(float).tiny)
-    is_told = share <= LARGEST
-    _require_told(problem, found, is_told)
-    gain = np.where(is_told, found.g, 1.0)
+    is_determined = share <= LARGEST
+    _require_told(problem, found, is_determined)
+    gain = np.where(is_determined, found.g, 1.0)
     offsets, slopes = found.offsets()
     # b/g, with the error of g where g divides.
-    slopes[:, np.arange(n), np.arange(n) - n] -= np.where(is_told, offsets / gain, 0.0)
+    slopes[:, np.arange(n), np.arange(n) - n] -= np.where(is_determined, offsets / gain, 0.0)
     spread = np.sum((slopes @ root) ** 2, axis=2)
     counts = np.array([[len(run)] for run in problem.runs])
     bias_sigma = np.sqrt(spread + found.noise**2 * colour.level / counts) / np.abs(gain)
-    notes = _notes(problem, found.g, covariance, share, is_told)
-    told = ", ".join(name for name, told in zip(names, is_told, strict=True) if told)
+    notes = _notes(problem, found.g, covariance, share, is_determined)
+    told = ", ".join(name for name, told in zip(names, is_determined, strict=True) if told)
     return Gains(
         channels=names,
         gain=gain,
         estimate=found.g,
         covariance=covariance,
-        is_told=is_told,
+        is_determined=is_determined,
         bias=offsets / gain,
         bias_sigma=bias_sigma,
         noise=found.noise * np.sqrt(colour.variance),
         n_samples=problem.n_samples,
         n_effective=problem.n_samples / colour.inflation,
-        status=f"found the gains of {'all ' if is_told.all() else ''}{told}",
+        status=f"found the gains of {'all ' if is_determined.all() else ''}{told}",
         notes=notes,
     )
 
 
-def _require_told(problem: Problem, found: Solution, is_told: Claims) -> None:
+def _require_told(problem: Problem, found: Solution, is_determined: Claims) -> None:
     """At least one gain, and none below zero."""
-    if not (found.converged and is_told.any()):  # without a load that shows, g sinks to 0
+    if not (found.converged and is_determined.any()):  # without a load that shows, g sinks to 0
         raise IdentificationError(
             f"the payload of {problem.payload.mass:g} kg does not show in these runs clearly "
             "enough to tell a gain; check that it was mounted in the loaded run, take a heavier "
             "one, or turn it against gravity"
         )
-    below = [name for name, x in zip(problem.channels, is_told & (found.g < 0), strict=True) if x]
+    below = [
+        name for name, x in zip(problem.channels, is_determined & (found.g < 0), strict=True) if x
+    ]
     if below:
         raise IdentificationError(
             f"the loaded run carries less than the empty one ({', '.join(below)} would have "
@@ -164,16 +166,18 @@ def _require_told(problem: Problem, found: Solution, is_told: Claims) -> None:
 
 
 def _notes(
-    problem: Problem, g: Array, covariance: Array, share: Array, is_told: Claims
+    problem: Problem, g: Array, covariance: Array, share: Array, is_determined: Claims
 ) -> tuple[str, ...]:
     notes = []
-    unsure = [f"{problem.channels[j]} ({_percent(share[j])})" for j in np.flatnonzero(~is_told)]
+    unsure = [
+        f"{problem.channels[j]} ({_percent(share[j])})" for j in np.flatnonzero(~is_determined)
+    ]
     if unsure:
         notes.append(
             f"the payload moves too little torque to tell the gain of {', '.join(unsure)}, which "
             "is left at 1; a heavier payload, or a motion with more of these joints, would"
         )
-    common = _common(g[is_told], covariance[np.ix_(is_told, is_told)])
+    common = _common(g[is_determined], covariance[np.ix_(is_determined, is_determined)])
     if common is not None:
         notes.append(
             f"all gains agree on {common:.4f}: sensors seldom err alike, and a payload of "

@@ -13,7 +13,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples, samples_of
-from runtime.identification.payload import Known, Mount, mount_of, pi_of_body
+from runtime.identification.payload import KnownPayload, Mount, mount_of, pi_of_body
 from runtime.library import Array, Library
 from runtime.library.parameters import INERTIA
 from runtime.recording import Friction, Preparation, Recording
@@ -43,7 +43,7 @@ class Problem:
     lib: Library
     runs: tuple[Samples, ...]
     mount: Mount
-    payload: Known
+    payload: KnownPayload
     to_channels: Array | None
     channels: tuple[str, ...]
 
@@ -83,7 +83,7 @@ def problem_of(
     empty: Recording,
     loaded: Recording,
     lib: Library,
-    payload: Known,
+    payload: KnownPayload,
     link: str | None,
     friction: Friction | None,
     preparation: Preparation | None,
@@ -119,7 +119,7 @@ def problem_of(
     )
 
 
-def _mount(lib: Library, payload: Known, link: str | None) -> Mount:
+def _mount(lib: Library, payload: KnownPayload, link: str | None) -> Mount:
     mount = mount_of(lib, link or payload.link)
     if payload.frame and payload.frame != mount.frame:
         raise IdentificationError(

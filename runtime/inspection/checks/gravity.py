@@ -17,7 +17,7 @@ import numpy as np
 
 from runtime.errors import RuntimeFault
 from runtime.estimators.convex import NONE, Reduced, convex_problem, prior_of, solve
-from runtime.inspection.checks.torque_rows import Bench, least_squares
+from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import ERROR, WARNING, Finding
 from runtime.library import Array, Library
 from runtime.recording import Recipe
@@ -44,17 +44,19 @@ class Trial:
     free: float
 
 
-def gravity(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     """Sign of τ and of gravity together, and gravity across the model's axis."""
-    trials = [_trial(bench, sign, scale) for sign in (1.0, -1.0) for scale in (1.0, 0.0, -1.0)]
+    trials = [
+        _trial(torque_rows, sign, scale) for sign in (1.0, -1.0) for scale in (1.0, 0.0, -1.0)
+    ]
     own, best = trials[0], min(trials, key=lambda t: t.consistent)
     evidence = {
         f"tau {t.sign:+.0f}, gravity {t.gravity:+.0f}": [t.consistent, t.free] for t in trials
     }
     if best is not own and best.consistent < MUCH * own.consistent:
-        return _turned(bench.lib, plan, own, best, trials, evidence)
+        return _turned(torque_rows.lib, plan, own, best, trials, evidence)
     if own.consistent > UNEXPLAINED:
-        return plan, _tilted(bench, own, evidence)
+        return plan, _tilted(torque_rows, own, evidence)
     return plan, []
 
 
@@ -113,9 +115,9 @@ def _told(trial: Trial) -> str:
     return f"{sign} and gravity {_NAMES[trial.gravity]}"
 
 
-def _trial(bench: Bench, sign: float, scale: float) -> Trial:
+def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> Trial:
     """Fit bodies that can exist, and any numbers at all, to ±τ under s g."""
-    lib, s = bench.lib, bench.samples
+    lib, s = torque_rows.lib, torque_rows.samples
     step = max(1, len(s) // FEW)
     few = s.rows(slice(None, None, step))
     n = lib.n_joints
@@ -127,7 +129,7 @@ def _trial(bench: Bench, sign: float, scale: float) -> Trial:
     rows = (Y * weights[:, None]).reshape(len(few) * n, -1)
     target = (sign * few.tau * weights).ravel()
     size = max(float(np.linalg.norm(target)), 1e-300)
-    friction = bench.friction_rows().reshape(len(s), n, -1)[::step] * weights[:, None]
+    friction = torque_rows.friction_rows().reshape(len(s), n, -1)[::step] * weights[:, None]
     basis = np.linalg.qr(friction.reshape(len(few) * n, -1))[0]
     rows, target = rows - basis @ (basis.T @ rows), target - basis @ (basis.T @ target)
     _, rest = least_squares(rows, target)
@@ -147,19 +149,19 @@ def _trial(bench: Bench, sign: float, scale: float) -> Trial:
     return Trial(sign, scale, float(loss) / size, free)
 
 
-def _tilted(bench: Bench, own: Trial, evidence: dict) -> list[Finding]:
+def _tilted(torque_rows: TorqueRows, own: Trial, evidence: dict) -> list[Finding]:
     """Does gravity across the model's axis explain what is left?"""
-    lib, s = bench.lib, bench.samples
+    lib, s = torque_rows.lib, torque_rows.samples
     step = max(1, len(s) // FEW)
     few = s.rows(slice(None, None, step))
     still = np.zeros_like(few.q)
     try:
-        turns = _potential_rows(bench, few.q)
+        turns = _potential_rows(torque_rows, few.q)
         inertial = lib.regressor(few.q, few.dq, few.ddq) - lib.regressor(few.q, still, still)
     except RuntimeFault:
         return []
     n = lib.n_joints
-    friction = bench.friction_rows().reshape(len(s), n, -1)[::step].reshape(len(few) * n, -1)
+    friction = torque_rows.friction_rows().reshape(len(s), n, -1)[::step].reshape(len(few) * n, -1)
     common = np.hstack([inertial.reshape(len(few) * n, -1), friction])
     target = few.tau.ravel()
     size = float(np.linalg.norm(target))
@@ -201,9 +203,9 @@ def _tilted(bench: Bench, own: Trial, evidence: dict) -> list[Finding]:
     ]
 
 
-def _potential_rows(bench: Bench, q: Array) -> list[Array]:
+def _potential_rows(torque_rows: TorqueRows, q: Array) -> list[Array]:
     """∂/∂q of the three coordinates of frames rigid in each link: 3 × (N n, 4 n)."""
-    lib = bench.lib
+    lib = torque_rows.lib
     n = lib.n_joints
     rows = np.zeros((3, len(q), n, n, 4))
     for k in range(n):

@@ -7,7 +7,7 @@ is asked of the residual of least squares on base parameters and friction, W x =
 import numpy as np
 
 from runtime.estimators.regression.coloured_noise import colour_of_rows
-from runtime.inspection.checks.torque_rows import Bench, least_squares
+from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
 from runtime.library.parameters import MASS, N_PARAMETERS, centre_of_mass, mass
@@ -32,16 +32,16 @@ samples that it takes to say so."""
 _DIFFERENCES = 4
 
 
-def fit_rows(bench: Bench) -> Array:
+def fit_rows(torque_rows: TorqueRows) -> Array:
     """W over [β; φ], (N n, n_b + n k)."""
-    s, lib = bench.samples, bench.lib
+    s, lib = torque_rows.samples, torque_rows.lib
     base = lib.base_regressor(s.q, s.dq, s.ddq).reshape(len(s) * lib.n_joints, -1)
-    return np.hstack([base, bench.friction_rows()])
+    return np.hstack([base, torque_rows.friction_rows()])
 
 
-def delay(bench: Bench, matrix: Array, plan: Recipe) -> list[Finding]:
+def delay(torque_rows: TorqueRows, matrix: Array, plan: Recipe) -> list[Finding]:
     """δ that minimises ‖T(t + δ) − W x‖, below a sample by a parabola: τ is stamped δ late."""
-    whole, t = bench.whole, bench.whole.t[bench.rows]
+    whole, t = torque_rows.whole, torque_rows.whole.t[torque_rows.rows]
     step = 1.0 / whole.rate_hz
     cutoff = plan.preparation.cutoff_hz or 5.0
     grid = np.linspace(-1.0, 1.0, SHIFTS + 1) * max(0.25 / cutoff, 4 * step)
@@ -52,7 +52,7 @@ def delay(bench: Bench, matrix: Array, plan: Recipe) -> list[Finding]:
     left = left[:, sigma > 1e-9 * sigma[0]]
     tau = whole.required("tau")
     inside = (t + grid[0] > whole.t[0]) & (t + grid[-1] < whole.t[-1])
-    keep = np.repeat(inside, bench.lib.n_joints)
+    keep = np.repeat(inside, torque_rows.lib.n_joints)
     left = np.linalg.qr(left[keep])[0]
 
     def rest(shift: float) -> Array:
@@ -90,9 +90,9 @@ def delay(bench: Bench, matrix: Array, plan: Recipe) -> list[Finding]:
     ]
 
 
-def too_good(bench: Bench, matrix: Array, raw_tau: Array) -> list[Finding]:
+def too_good(torque_rows: TorqueRows, matrix: Array, raw_tau: Array) -> list[Finding]:
     """A fit, or a noise, that no sensor has (trap 4)."""
-    tau = bench.samples.tau
+    tau = torque_rows.samples.tau
     _, rest = least_squares(matrix, tau.ravel())
     size = np.sqrt(np.mean(tau**2, axis=0))
     misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
@@ -114,9 +114,9 @@ def too_good(bench: Bench, matrix: Array, raw_tau: Array) -> list[Finding]:
     ]
 
 
-def unexplained(bench: Bench, matrix: Array) -> list[Finding]:
+def unexplained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
     """A torque that no parameters of this robot explain."""
-    tau = bench.samples.tau
+    tau = torque_rows.samples.tau
     _, rest = least_squares(matrix, tau.ravel())
     misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
     if misfit < STRANGE:
@@ -140,13 +140,13 @@ def noise_floor(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(differences**2, axis=0) / 70.0))
 
 
-def tool(bench: Bench) -> list[Finding]:
+def tool(torque_rows: TorqueRows) -> list[Finding]:
     """Ten unknowns at the last link on top of the URDF, of either sign (trap 1)."""
-    s, lib = bench.samples, bench.lib
+    s, lib = torque_rows.samples, torque_rows.lib
     n = lib.n_joints
     last = lib.regressor(s.q, s.dq, s.ddq)[:, :, -N_PARAMETERS:].reshape(len(s) * n, N_PARAMETERS)
     target = (s.tau - lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0)).ravel()
-    extra = bench.friction_rows()
+    extra = torque_rows.friction_rows()
     weights = np.ones(n)
     rest = before = target
     x = np.zeros(N_PARAMETERS)
@@ -189,9 +189,9 @@ def tool(bench: Bench) -> list[Finding]:
     ]
 
 
-def coupling(bench: Bench, matrix: Array, terms: Friction) -> list[Finding]:
+def coupling(torque_rows: TorqueRows, matrix: Array, terms: Friction) -> list[Finding]:
     """Friction and inertia of one joint that follow the speed of another (trap 6)."""
-    s, lib = bench.samples, bench.lib
+    s, lib = torque_rows.samples, torque_rows.lib
     if any(name.startswith("motor_") for name in terms.columns):
         return []
     _, rest = least_squares(matrix, s.tau.ravel())
@@ -233,14 +233,14 @@ def coupling(bench: Bench, matrix: Array, terms: Friction) -> list[Finding]:
     ]
 
 
-def one_run(bench: Bench) -> Finding:
+def one_run(torque_rows: TorqueRows) -> Finding:
     """A split of one run flatters (trap 12)."""
     return Finding(
         "one_run",
         INFO,
-        f"this is one run of {bench.whole.duration:.3g} s: a test on a part of it flatters the "
-        "model; keep a run with another motion for the test",
-        {"duration_s": bench.whole.duration},
+        f"this is one run of {torque_rows.whole.duration:.3g} s: a test on a part of it "
+        "underestimates the error of the model; record another motion for the test",
+        {"duration_s": torque_rows.whole.duration},
         trap=12,
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from runtime.inspection.finding import INFO, WARNING, Finding, joints_told, numbers
+from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 from runtime.recording.consistency import unwrap
@@ -61,7 +61,7 @@ def velocity_pairs(
             Finding(
                 "velocity_sign",
                 WARNING,
-                f"dq runs against the derivative of q at {joints_told(lib.joint_names, against)} "
+                f"dq runs against the derivative of q at {joint_list(lib.joint_names, against)} "
                 f"(correlation {min(alike[j, j] for j in against):.2f}): one of them has the wrong "
                 "sign; set sign under [velocity], or under [position] where q turns the wrong way",
                 {"joints": against, "correlation": numbers(np.diag(alike))},

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from runtime.inspection.finding import INFO, WARNING, Finding, joints_told
+from runtime.inspection.finding import INFO, WARNING, Finding, joint_list
 from runtime.library import Array, Library
 from runtime.recording import Recipe, Recording
 
@@ -35,7 +35,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
                 Finding(
                     "saturation",
                     WARNING,
-                    f"τ has flat tops at {joints_told(names, tops)} "
+                    f"τ has flat tops at {joint_list(names, tops)} "
                     f"({', '.join(str(flat[j]) for j in tops)} rows at {peaks} N·m or N): it was "
                     "cut off by the drive or the logger, so those rows lie; move more gently or "
                     "leave these stretches out",
@@ -48,7 +48,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
                 Finding(
                     "saturation",
                     INFO,
-                    f"τ comes within 2 % of the limit of effort at {joints_told(names, where)}",
+                    f"τ comes within 2 % of the limit of effort at {joint_list(names, where)}",
                     {"joints": where},
                 )
             )
@@ -61,7 +61,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
             Finding(
                 "at_stop",
                 WARNING,
-                f"{joints_told(names, stops)} stands at the end of its range for "
+                f"{joint_list(names, stops)} stands at the end of its range for "
                 f"{100 * held.max():.1f} % of the time: a stop carries torque that no model "
                 "knows; leave these stretches out",
                 {"joints": stops, "share": [float(held[j]) for j in stops]},
@@ -118,7 +118,7 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
         Finding(
             "little_torque",
             INFO,
-            f"{joints_told(lib.joint_names, few)} carries little torque (RMS {told} N·m or N, the "
+            f"{joint_list(lib.joint_names, few)} carries little torque (RMS {told} N·m or N, the "
             f"loudest joint {rms.max():.3g}): judge it by its RMS error, not in percent",
             {"joints": few, "rms": [float(x) for x in rms]},
             trap=13,

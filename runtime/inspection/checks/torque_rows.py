@@ -25,7 +25,7 @@ SHARE = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Bench:
+class TorqueRows:
     """Prepared rows of one recording.
 
     Attributes:
@@ -52,9 +52,9 @@ class Bench:
         return friction.spread(s.columns, s.coupling).reshape(len(s) * self.lib.n_joints, -1)
 
 
-def bench_of(
+def torque_rows_of(
     recording: Recording, lib: Library, preparation: Preparation, terms: Friction
-) -> Bench:
+) -> TorqueRows:
     """Prepare a recording for the questions about its torque.
 
     Raises:
@@ -72,7 +72,7 @@ def bench_of(
     moving = np.abs(samples.dq).max(axis=1) >= REST_SPEED
     rows = np.flatnonzero(moving if moving.sum() > ROWS // 4 else np.ones(len(samples), dtype=bool))
     rows = rows[:: max(1, len(rows) // ROWS)]
-    return Bench(lib, whole, rows, samples.rows(rows))
+    return TorqueRows(lib, whole, rows, samples.rows(rows))
 
 
 def rough(recording: Recording, preparation: Preparation) -> Preparation:

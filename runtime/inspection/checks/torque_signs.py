@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from runtime.inspection.checks.torque_rows import Bench, least_squares
-from runtime.inspection.finding import ERROR, WARNING, Finding, joints_told
+from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
+from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
 from runtime.library import Array
 from runtime.recording import Recipe
 
@@ -28,12 +28,14 @@ USUAL = (0.5, 2.0)
 EPSILON = 0.05
 
 
-def torque_order(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     """The columns of τ, where they belong to other joints than those of q."""
-    inertial, falls = bench.model_torque()
+    inertial, falls = torque_rows.model_torque()
     model = inertial + falls
-    tau, n = bench.samples.tau, bench.lib.n_joints
-    share = np.array([[_regressed(bench, model, i, j)[1] for j in range(n)] for i in range(n)])
+    tau, n = torque_rows.samples.tau, torque_rows.lib.n_joints
+    share = np.array(
+        [[_regressed(torque_rows, model, i, j)[1] for j in range(n)] for i in range(n)]
+    )
     columns, joints = linear_sum_assignment(-(share**2))
     order = columns[np.argsort(joints)]
     own, best = np.diag(share) ** 2, share[order, np.arange(n)] ** 2
@@ -62,9 +64,9 @@ def torque_order(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     ]
 
 
-def scale(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     """Unit and gains, from the size of the slopes of the joints that gravity or inertia load."""
-    slopes, sure = slopes_to_model(bench)
+    slopes, sure = slopes_to_model(torque_rows)
     if plan.torque is None or not sure.any():
         return plan, []
     size = np.abs(slopes)
@@ -109,15 +111,15 @@ def _unscaled(plan: Recipe) -> bool:
     return plan.torque is not None and plan.torque.unit == "A" and plan.torque.gain == 1.0
 
 
-def joint_signs(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+def joint_signs(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     """Some joints count τ the other way; where all do, `gravity` decides what is turned."""
-    slopes, sure = slopes_to_model(bench)
+    slopes, sure = slopes_to_model(torque_rows)
     against = np.flatnonzero(sure & (slopes < 0))
-    inertial, falls = bench.model_torque()
+    inertial, falls = torque_rows.model_torque()
     heavy = sure & (np.mean(falls**2, axis=0) > np.mean(inertial**2, axis=0))
     if plan.torque is None or not against.size or (slopes[heavy] < 0).all():
         return plan, []
-    n, where = bench.lib.n_joints, [int(j) for j in against]
+    n, where = torque_rows.lib.n_joints, [int(j) for j in against]
     sign = np.where(np.isin(np.arange(n), against), -1.0, 1.0)
     own = np.broadcast_to(np.asarray(plan.torque.sign, dtype=float), (n,))
     torque = replace(plan.torque, sign=tuple(float(s) for s in sign * own))
@@ -125,7 +127,7 @@ def joint_signs(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
         Finding(
             "torque_sign",
             WARNING,
-            f"τ runs against the model at {joints_told(bench.lib.joint_names, where)} (slope "
+            f"τ runs against the model at {joint_list(torque_rows.lib.joint_names, where)} (slope "
             f"{', '.join(f'{slopes[j]:.2g}' for j in where)} on its torque) and with it elsewhere: "
             "the log counts these joints the other way; check the axis of q too, and set sign = "
             f"{[int(s) for s in sign * own]} under [torque]",
@@ -135,19 +137,19 @@ def joint_signs(bench: Bench, plan: Recipe) -> tuple[Recipe, list[Finding]]:
     ]
 
 
-def slopes_to_model(bench: Bench) -> tuple[Array, NDArray[np.bool_]]:
+def slopes_to_model(torque_rows: TorqueRows) -> tuple[Array, NDArray[np.bool_]]:
     """s per joint, and which of them are believed."""
-    inertial, falls = bench.model_torque()
+    inertial, falls = torque_rows.model_torque()
     model = inertial + falls
-    found = [_regressed(bench, model, j, j) for j in range(bench.lib.n_joints)]
+    found = [_regressed(torque_rows, model, j, j) for j in range(torque_rows.lib.n_joints)]
     slopes, partial = np.array(found).T
     power = np.sqrt(np.mean(np.square(model), axis=0))
     return slopes, np.asarray((np.abs(partial) > SURE) & (power > LOADED * power.max()))
 
 
-def _regressed(bench: Bench, model: Array, i: int, j: int) -> tuple[float, float]:
+def _regressed(torque_rows: TorqueRows, model: Array, i: int, j: int) -> tuple[float, float]:
     """s and the partial correlation of column i of τ with the model's torque at joint j."""
-    s = bench.samples
+    s = torque_rows.samples
     dq = s.dq[:, j]
     others = np.column_stack([dq, np.tanh(dq / EPSILON), np.ones_like(dq)])
     _, tau = least_squares(others, s.tau[:, i])

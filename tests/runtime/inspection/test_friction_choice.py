@@ -7,7 +7,7 @@ import pytest
 
 from runtime import Recording, identify, write_recording
 from runtime.errors import IdentificationError
-from runtime.inspection.friction_choice import RUNGS, choose_friction
+from runtime.inspection.friction_choice import FRICTION_MODELS, choose_friction
 from runtime.library import Library
 from runtime.recording import Friction, Split
 from runtime.recording.friction import JointMotion, columns, gravity_load, torque
@@ -37,21 +37,23 @@ def _with_friction(
     return clean.replace(tau=tau + noise * draw)
 
 
-@pytest.mark.parametrize("rung", ["coulomb", "asymmetric", "stribeck", "dahl", "load"])
-def test_the_rung_that_made_the_data_is_chosen(rung, lib, ideal_runs):
+@pytest.mark.parametrize("candidate", ["coulomb", "asymmetric", "stribeck", "dahl", "load"])
+def test_the_candidate_that_made_the_data_is_chosen(candidate, lib, ideal_runs):
     """Oracle: simulated truth, and its widths."""
-    truth = Friction(RUNGS[rung], coulomb_speed=0.03, stribeck_speed=0.15, dahl_stroke=4e-3)
+    truth = Friction(
+        FRICTION_MODELS[candidate], coulomb_speed=0.03, stribeck_speed=0.15, dahl_stroke=4e-3
+    )
     log = _with_friction(ideal_runs[0], lib, truth)
     choice = choose_friction(log, lib, splitting=WHOLE)
-    assert choice.chosen.name == rung, choice.sentence
+    assert choice.chosen.name == candidate, choice.sentence
     # Widths come one after the other, not jointly: ε within 15 % of the truth where a Stribeck peak
     # beside it is of the same shape, within 3 % alone (2 % is the search's own accuracy).
-    near = {"rtol": 0.15 if rung == "stribeck" else 0.03}
+    near = {"rtol": 0.15 if candidate == "stribeck" else 0.03}
     if "coulomb" in truth.columns:
         np.testing.assert_allclose(choice.chosen.terms.coulomb_speed, 0.03, **near)
-    if rung == "stribeck":
+    if candidate == "stribeck":
         np.testing.assert_allclose(choice.chosen.terms.stribeck_speed, 0.15, **near)
-    if rung == "dahl":
+    if candidate == "dahl":
         np.testing.assert_allclose(choice.chosen.terms.dahl_stroke, 4e-3, **near)
     # The true model's score is the noise: 1 + 2 · 71 unknowns / 6650 equations, and √(2 / 6650).
     assert abs(choice.chosen.score - 1.0) < 0.06
@@ -63,7 +65,7 @@ def test_without_friction_none_is_chosen(lib, ideal_runs):
         _with_friction(ideal_runs[0], lib, Friction(())), lib, splitting=WHOLE, coulomb_speed=0.02
     )
     assert choice.chosen.name == "none"
-    assert min(choice.rungs, key=lambda r: r.aic).name == "none"
+    assert min(choice.candidates, key=lambda r: r.aic).name == "none"
     assert "'none'" in choice.sentence
 
 

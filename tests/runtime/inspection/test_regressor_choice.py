@@ -8,7 +8,7 @@ import pytest
 
 from runtime import Recording
 from runtime.inspection import inspect_log
-from runtime.inspection.regressor_choice import BENT, NOISY, judged, settled_regressor
+from runtime.inspection.regressor_choice import BENT, NOISY, choose_regressor, differentiation_of
 from runtime.library import Library
 from runtime.recording import Preparation, write_recording
 from runtime.recording.preprocessing import prepare
@@ -43,21 +43,21 @@ def test_the_share_of_noise(lib: Library, clean: Recording, derivative, noise, c
     form = "butterworth" if cutoff else "none"
     usual = replace(QUIET, filter=form, cutoff_hz=cutoff, derivative=derivative)
     loud = shaken(clean, **noise)
-    found = judged(loud, lib, usual)
+    found = differentiation_of(loud, lib, usual)
     with_noise, without = (prepare(each, usual).ddq for each in (loud, clean))
     share = np.mean((with_noise - without) ** 2, axis=0) / np.mean(with_noise**2, axis=0)
     assert np.mean(found.noise / share) == pytest.approx(1.0, abs=0.15)
-    assert judged(clean, lib, usual).noise.max() < 1e-4
+    assert differentiation_of(clean, lib, usual).noise.max() < 1e-4
 
 
 def test_holes_and_joints_at_rest_are_no_noise(lib: Library, clean: Recording):
     """Property: ν of a log with a hole stays rounding, and a still joint is not judged at all."""
     holed = clean.take(np.r_[0:400, 500:1001], "A hole.")
-    assert judged(holed, lib, QUIET).noise.max() < 1e-4
+    assert differentiation_of(holed, lib, QUIET).noise.max() < 1e-4
     loud = shaken(clean, dq=2e-2)
     q, dq = loud.q.copy(), loud.dq.copy()
     q[:, 3], dq[:, 3] = q[0, 3], np.random.default_rng(1).normal(0, 2e-2, len(dq))
-    found = judged(loud.replace(q=q, dq=dq), lib, replace(QUIET, cutoff_hz=20.0))
+    found = differentiation_of(loud.replace(q=q, dq=dq), lib, replace(QUIET, cutoff_hz=20.0))
     assert found.noise[3] == 0.0
     assert (np.delete(found.noise, 3) > 0.01).any()
 
@@ -73,7 +73,7 @@ def test_the_bend(lib: Library, clean: Recording):
         done = prepare(model, usual)
         rigid = lib.inverse_dynamics(done.q, done.dq, done.ddq, lib.pi0)
         bend = np.linalg.norm(rigid - done.tau) / np.linalg.norm(done.tau)
-        found = judged(clean, lib, usual)
+        found = differentiation_of(clean, lib, usual)
         assert found.distortion == pytest.approx(bend, rel=0.1, abs=3e-4)
         assert (found.distortion > BENT) == found.fails == expected
 
@@ -91,19 +91,19 @@ def test_what_is_said(lib: Library, clean: Recording):
     """The sentence has the number, the reason and the option; auto takes it, and says so."""
     loud = shaken(clean, dq=2e-2)
     usual = replace(QUIET, cutoff_hz=20.0)
-    assert settled_regressor(clean, lib, usual) == (usual, ())
-    same, (sentence,) = settled_regressor(loud, lib, usual)
+    assert choose_regressor(clean, lib, usual) == (usual, ())
+    same, (sentence,) = choose_regressor(loud, lib, usual)
     assert same is usual
     assert "differentiation fails at 20 Hz" in sentence
     assert "is noise, which makes its inertia too small" in sentence
     assert "--regressor momentum --cutoff" in sentence
-    taken, (told,) = settled_regressor(loud, lib, usual, replaces=True)
+    taken, (told,) = choose_regressor(loud, lib, usual, replaces=True)
     assert taken.regressor == "momentum"
     assert f"took --regressor momentum --cutoff {taken.cutoff_hz:g}" in told
     # The cut-off that is offered leaves as much noise as is harmless, to the form of the filter.
-    again = judged(loud, lib, replace(usual, cutoff_hz=taken.cutoff_hz))
+    again = differentiation_of(loud, lib, replace(usual, cutoff_hz=taken.cutoff_hz))
     assert again.noise.max() == pytest.approx(NOISY, rel=0.5)
-    _, (bent,) = settled_regressor(clean, lib, replace(QUIET, cutoff_hz=1.0))
+    _, (bent,) = choose_regressor(clean, lib, replace(QUIET, cutoff_hz=1.0))
     assert "before they are multiplied" in bent
     assert "--cutoff 1 needs no accelerations" in bent
 
@@ -114,9 +114,9 @@ def test_what_is_said(lib: Library, clean: Recording):
 )
 def test_nothing_is_said_of_what_is_not_done(lib: Library, clean: Recording, change):
     """Without derivatives, and behind filters whose gain nobody computed."""
-    assert judged(clean, lib, replace(QUIET, **change)) is None
+    assert differentiation_of(clean, lib, replace(QUIET, **change)) is None
     with_ddq = clean.replace(ddq=np.zeros_like(clean.q))
-    assert judged(with_ddq, lib, QUIET) is None
+    assert differentiation_of(with_ddq, lib, QUIET) is None
 
 
 def test_commands(lib: Library, noisy: Recording, tmp_path, command: Command):

@@ -11,7 +11,7 @@ import pytest
 from runtime.errors import IdentificationError, RecordingError, RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.experiments.storage.chunks import read_rows
-from runtime.identification.payload import read_known
+from runtime.identification.payload import read_known_payload
 from runtime.identification.saved_result import read_result
 from runtime.library import Library, load
 from runtime.outputs.report.experiments.curves import is_drawable
@@ -164,7 +164,7 @@ def test_a_known_payload_says_one_thing(tmp_path: Path, text: str) -> None:
     """Property: depth, and a mass that stands twice, are no payload."""
     (tmp_path / "payload.json").write_text(text)
     with pytest.raises(RecordingError, match="tells no payload"):
-        read_known(str(tmp_path / "payload.json"))
+        read_known_payload(str(tmp_path / "payload.json"))
 
 
 @pytest.mark.parametrize("value", ["NaN", "Infinity", "1e308"])

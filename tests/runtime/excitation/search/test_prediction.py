@@ -13,7 +13,7 @@ from runtime.excitation import Trajectory, covariance_of, design, information, p
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.prediction import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_rows, unseen_torque
-from runtime.identification.expected_accuracy.earlier_logs import prior_information
+from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Library
 from runtime.simulation import Plant, ideal
 from tests.runtime.conftest import Command
@@ -105,7 +105,7 @@ def test_earlier_logs_count_as_rows(
     """Oracle: the covariance of one least-squares problem over both logs, each with friction."""
     sigma = np.linspace(0.02, 0.08, 7)
     log = ideal(lib, trajectories[1], Plant(pi_true, viscous=0.5), rate_hz=50.0)
-    told = information(lib, sigma, earlier=prior_information(lib, [log, log], sigma))
+    told = information(lib, sigma, earlier=information_of_logs(lib, [log, log], sigma))
     found = covariance_of(lib, trajectories[0], told, samples=1000)
     parts = []
     for motion, times, repeat, names in (

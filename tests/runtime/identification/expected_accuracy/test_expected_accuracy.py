@@ -13,15 +13,15 @@ from runtime.excitation import Trajectory
 from runtime.excitation.search.prediction import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints, unseen_rows
 from runtime.identification.expected_accuracy import (
+    GainOfRecording,
     Knowledge,
-    Moved,
-    Worth,
+    MotionSamples,
     expected,
     gained,
     growth,
-    moved_of,
+    motion_samples_of,
     noise_of,
-    planned,
+    planned_recording,
     verdict,
 )
 from runtime.identification.payload import ArmModel
@@ -47,7 +47,9 @@ def rows(lib: Library, trajectories: tuple[Trajectory, ...]) -> np.ndarray:
     return pinocchio_rows(lib, trajectories[0], T)
 
 
-def test_base_parameters_by_monte_carlo(lib: Library, moved: Moved, rows: np.ndarray) -> None:
+def test_base_parameters_by_monte_carlo(
+    lib: Library, moved: MotionSamples, rows: np.ndarray
+) -> None:
     """Oracle: 200 fits by numpy's least squares to Pinocchio's regressor, friction estimated."""
     found = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib))
     assert found.base is not None
@@ -61,7 +63,7 @@ def test_base_parameters_by_monte_carlo(lib: Library, moved: Moved, rows: np.nda
     assert (found.base_map < found.base * (1 + 1e-9)).all()  # the prior knows something more
 
 
-def test_a_payload_by_monte_carlo(lib: Library, moved: Moved, rows: np.ndarray) -> None:
+def test_a_payload_by_monte_carlo(lib: Library, moved: MotionSamples, rows: np.ndarray) -> None:
     """Oracle: 200 fits of ten parameters and seven offsets to Pinocchio's last ten columns."""
     found = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
     assert found.payload is not None
@@ -83,7 +85,7 @@ def test_a_payload_by_monte_carlo(lib: Library, moved: Moved, rows: np.ndarray) 
 
 
 def test_payload_prediction_is_what_the_command_payload_says_later(
-    lib: Library, trajectories: tuple[Trajectory, ...], moved: Moved, pi_true: np.ndarray
+    lib: Library, trajectories: tuple[Trajectory, ...], moved: MotionSamples, pi_true: np.ndarray
 ) -> None:
     """Oracle: σ of the mass that `identify_payload` reports of a simulated log with 1 kg."""
     body = np.array([1.0, 0, 0, 0.1, 0.012, 0.012, 0.002, 0, 0, 0])
@@ -100,7 +102,7 @@ def test_payload_prediction_is_what_the_command_payload_says_later(
     assert abs(reported.body.mass - 1) < 5 * found.payload[0]
 
 
-def test_links_by_dense_algebra(lib: Library, moved: Moved, rows: np.ndarray) -> None:
+def test_links_by_dense_algebra(lib: Library, moved: MotionSamples, rows: np.ndarray) -> None:
     """Oracle: numpy's inverse of Pinocchio's information with friction and the prior's curvature.
 
     The curvature is that of −log det P by its dense formula, whose inverse nobody takes in runtime.
@@ -143,14 +145,14 @@ def joined(*parts: Recording) -> Recording:
 
 @pytest.mark.parametrize("other", [False, True], ids=["same", "another"])
 def test_more_is_what_the_longer_log_says(
-    lib: Library, trajectories: tuple[Trajectory, ...], moved: Moved, other: bool
+    lib: Library, trajectories: tuple[Trajectory, ...], moved: MotionSamples, other: bool
 ) -> None:
     """Oracle: prediction of a recording that has the further seconds in it, 23.7 s of 10.01 s."""
-    motions = [planned(m, T, lib, "x") for m in trajectories[:2]]
+    motions = [planned_recording(m, T, lib, "x") for m in trajectories[:2]]
     following = motions[1] if other else motions[0]
     rest = following.take(slice(0, 2370 - 2002), "Cut.")
-    longer = moved_of(joined(motions[0], following, following, rest), lib, None, TERMS)
-    further = moved_of(following, lib, None, TERMS)
+    longer = motion_samples_of(joined(motions[0], following, following, rest), lib, None, TERMS)
+    further = motion_samples_of(following, lib, None, TERMS)
     told = moved.statistics(lib, SIGMA).merged(further.statistics(lib, SIGMA, 23.7))
     known = Knowledge.of(lib)
     one = expected(lib, told, known, 1.0, FRICTION)
@@ -159,13 +161,17 @@ def test_more_is_what_the_longer_log_says(
         # Reflections in another order, times cond of the raw columns.
         assert getattr(one, key) == pytest.approx(getattr(two, key), rel=1e-8), key
     now = expected(lib, moved.statistics(lib, SIGMA), known, 1.0, FRICTION)
-    worth = gained(now.by_name(lib), one.by_name(lib), 23.7, "x")
+    gain_of_recording = gained(now.by_name(lib), one.by_name(lib), 23.7, "x")
     assert now.payload is not None
     assert two.payload is not None
-    assert worth.gains["payload mass"] == pytest.approx(1 - two.payload[0] / now.payload[0])
-    assert list(worth.gains.values()) == pytest.approx(sorted(worth.gains.values())[::-1], abs=2e-3)
+    assert gain_of_recording.gains["payload mass"] == pytest.approx(
+        1 - two.payload[0] / now.payload[0]
+    )
+    assert list(gain_of_recording.gains.values()) == pytest.approx(
+        sorted(gain_of_recording.gains.values())[::-1], abs=2e-3
+    )
     if not other:  # information ∝ laps, of which there are more than 3 and less than 4
-        assert 1 - np.sqrt(1 / 3) < worth.gains["payload mass"] < 1 - np.sqrt(1 / 4)
+        assert 1 - np.sqrt(1 / 3) < gain_of_recording.gains["payload mass"] < 1 - np.sqrt(1 / 4)
 
 
 def test_correlated_residuals_count_as_fewer(
@@ -186,14 +192,14 @@ def test_correlated_residuals_count_as_fewer(
     lap = ideal(lib, trajectories[0], plant)
     assert lap.tau is not None
     logs = [lap.replace(tau=lap.tau + SIGMA * coloured((len(lap), 7))) for _ in range(16)]
-    told = [noise_of(lib, moved_of(log, lib, None, TERMS)) for log in logs]
+    told = [noise_of(lib, motion_samples_of(log, lib, None, TERMS)) for log in logs]
     units = [noise.inflation for noise in told if noise is not None]
     # 5 at rest, 4.8 at the 2 Hz where the motion ends; one log knows it to 12 %.
     assert np.mean(units) == pytest.approx(4.9, rel=4 * 0.12 / 4)
     sigma = np.mean([noise.sigma for noise in told if noise is not None], axis=0)
     assert sigma == pytest.approx(SIGMA, rel=0.06)  # 4 times 1/√(2·16·200), of which five are one
     known = Knowledge.of(lib)
-    once = moved_of(lap, lib, None, TERMS).statistics(lib, SIGMA)
+    once = motion_samples_of(lap, lib, None, TERMS).statistics(lib, SIGMA)
     found = expected(lib, once, known, float(np.mean(units)), FRICTION)
     assert found.payload is not None
     columns = with_friction(rows[:, :, -10:], lap.dq, ("offset",))
@@ -206,20 +212,20 @@ def test_correlated_residuals_count_as_fewer(
 
 def test_a_running_estimator_knows_when_to_stop(lib: Library, noisy: Recording) -> None:
     """Oracle: statistics with the same samples taken in once more; long logs gain nothing."""
-    samples = moved_of(noisy, lib, None, TERMS).samples
+    samples = motion_samples_of(noisy, lib, None, TERMS).samples
     arrays = (samples.q, samples.dq, samples.ddq, samples.tau, samples.columns)
     online = OnlineEstimator(lib, np.full(7, 400.0), columns=3, every=10**9)
     with pytest.raises(IdentificationError, match="0 samples say nothing yet of 64 unknowns"):
-        online.worth(10, 100)
+        online.gain_of_recording(10, 100)
     online.add(*arrays)
     pi, once = online.estimate().pi, online.statistics
-    worth = online.worth(10.01, 100.0)
+    gain_of_recording = online.gain_of_recording(10.01, 100.0)
     known = Knowledge(online._prior, pi)
     unit = once.rest / (7 * 1001 - 64)
     names = [expected(lib, s, known, unit).by_name(lib) for s in (once, once.merged(once))]
     for name, gain in gained(*names, 10.01, "x").gains.items():
-        assert worth.gains[name] == pytest.approx(gain, abs=1e-8), name
-    assert worth.motion == "the same motion"
+        assert gain_of_recording.gains[name] == pytest.approx(gain, abs=1e-8), name
+    assert gain_of_recording.motion == "the same motion"
     assert re.match(r"10 s more of the same motion improve .* by 29 %.*: go on", online.advice(100))
     for _ in range(25):
         online.add(*arrays)
@@ -230,16 +236,20 @@ def test_a_running_estimator_knows_when_to_stop(lib: Library, noisy: Recording) 
     )
     fading = OnlineEstimator(lib, columns=3, forgetting=0.99, every=10**9)
     fading.add(*arrays)
-    assert max(fading.worth(60, 100).gains.values()) < 1e-4  # what is remembered is full
+    assert (
+        max(fading.gain_of_recording(60, 100).gains.values()) < 1e-4
+    )  # what is remembered is full
     for wrong in ((0, 100), (10, 0), (np.inf, 100)):
         with pytest.raises(IdentificationError, match="seconds and a rate above 0"):
-            fading.worth(*wrong)
+            fading.gain_of_recording(*wrong)
 
 
 def test_verdicts() -> None:
     """Property: the shortest that helps; the mass of a payload first; nothing is 'stop'."""
-    few = Worth(10.0, "m", {"a": 0.04, "b": 0.0})
-    many = Worth(30.0, "m", {"a": 0.5, "b": 0.4, "c": 0.3, "payload mass": 0.12, "d": 0.0})
+    few = GainOfRecording(10.0, "m", {"a": 0.04, "b": 0.0})
+    many = GainOfRecording(
+        30.0, "m", {"a": 0.5, "b": 0.4, "c": 0.3, "payload mass": 0.12, "d": 0.0}
+    )
     text = (
         "30 s more of m improve payload mass by 12 %, a by 50 %, b by 40 % and 1 more of 5 numbers"
     )
@@ -248,7 +258,7 @@ def test_verdicts() -> None:
     assert gained({"a": 2.0}, {"a": 1.0, "new": 3.0}, 1.0, "m").gains == {"new": 1.0, "a": 0.5}
 
 
-def test_growth_ends_where_the_prediction_is(lib: Library, moved: Moved) -> None:
+def test_growth_ends_where_the_prediction_is(lib: Library, moved: MotionSamples) -> None:
     """Property: σ only falls, and at the end it is that of the whole motion and of what follows."""
     known = Knowledge.of(lib)
     names = tuple(map(str, range(43)))
@@ -265,7 +275,7 @@ def test_growth_ends_where_the_prediction_is(lib: Library, moved: Moved) -> None
     assert not np.isnan(found.payload).any()
 
 
-def test_motions_with_other_friction_are_not_joined(moved: Moved) -> None:
+def test_motions_with_other_friction_are_not_joined(moved: MotionSamples) -> None:
     """Property: one sentence that names both."""
     with pytest.raises(IdentificationError, match="'train' has the friction columns viscous, "):
         moved.require_columns(("rotor",))

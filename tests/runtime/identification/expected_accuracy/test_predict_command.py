@@ -12,7 +12,7 @@ from runtime import Recording, write_recording
 from runtime.excitation import Trajectory
 from runtime.excitation.search.prediction import FRICTION
 from runtime.excitation.trajectory_file import write_motion
-from runtime.identification.expected_accuracy import Knowledge, Moved, expected
+from runtime.identification.expected_accuracy import Knowledge, MotionSamples, expected
 from runtime.library import Library
 from tests.runtime.conftest import Command
 from tests.runtime.trials import SIGMA, T, with_friction
@@ -26,7 +26,12 @@ def motion(lib: Library, trajectories: tuple[Trajectory, ...], tmp_path: Path) -
 
 
 def test_predict(
-    command: Command, lib: Library, motion: Path, noisy: Recording, moved: Moved, tmp_path: Path
+    command: Command,
+    lib: Library,
+    motion: Path,
+    noisy: Recording,
+    moved: MotionSamples,
+    tmp_path: Path,
 ) -> None:
     """Property: options reach the numbers; motion, log and plot; the stop rule ends the output."""
     robot = ("--robot", lib.folder)
@@ -59,7 +64,7 @@ def test_predict(
     assert told["torque_noise"] == pytest.approx([0.05] * 7, rel=0.1)
 
 
-def test_earlier_logs_reach_the_prediction(lib: Library, moved: Moved) -> None:
+def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -> None:
     """Oracle: information of an earlier log with unknown friction adds as numbers over β."""
     dq = moved.samples.dq
     rows = with_friction(lib.base_regressor(moved.samples.q, dq, moved.samples.ddq), dq, FRICTION)

@@ -9,7 +9,7 @@ from scipy import signal
 
 from runtime import Recording, read_recording, write_recording
 from runtime.errors import RuntimeFault
-from runtime.identification.payload import Known, mount_of, pi_of_body, read_known
+from runtime.identification.payload import KnownPayload, mount_of, pi_of_body, read_known_payload
 from runtime.identification.sensor_gains import identify_gains
 from runtime.identification.sensor_gains.problem import problem_of
 from runtime.identification.sensor_gains.solve import linear, reduced
@@ -21,8 +21,8 @@ BIAS = np.array([[0.3, -0.2, 0.1, 0.5, -0.1, 0.05, 1.2], [-0.3, 0.2, 0.4, 0.1, 0
 NOISE, TRIALS, WIDTH = 0.05, 120, 0.05
 TERMS = Friction(("viscous", "coulomb"), coulomb_speed=WIDTH)
 COM, INERTIA = np.array([0.01, 0.02, 0.05]), np.diag([0.004, 0.005, 0.003])
-BODY = Known(3.0, COM, INERTIA)
-POINT = Known(3.0, COM)
+BODY = KnownPayload(3.0, COM, INERTIA)
+POINT = KnownPayload(3.0, COM)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_exact_data_give_exact_gains_and_biases(payload, scale, runs, lib):
     # payload moves at the last joint: 1e-10.
     np.testing.assert_allclose(found.estimate / gains, 1.0, atol=1e-10)
     np.testing.assert_allclose(found.bias, BIAS, atol=1e-9)
-    assert found.is_told.all()
+    assert found.is_determined.all()
     assert found.status.startswith("found the gains of all fr3_joint1, ")
     assert ("inertia of the payload was not given" in " ".join(found.notes)) == (payload is POINT)
 
@@ -123,10 +123,10 @@ def test_joints_that_cannot_be_told_are_named_and_left_alone(runs, lib, payload_
     noise[..., 6] *= 20
     pair = measured((empty, light), noise)
     terms = Friction((*TERMS.columns, "offset"), coulomb_speed=WIDTH)
-    found = identify_gains(*pair, lib, Known(0.3, COM, 0.1 * INERTIA), friction=terms)
-    assert not found.is_told[6]
+    found = identify_gains(*pair, lib, KnownPayload(0.3, COM, 0.1 * INERTIA), friction=terms)
+    assert not found.is_determined[6]
     assert found.gain[6] == 1.0
-    assert found.is_told[:4].all()
+    assert found.is_determined[:4].all()
     named = " ".join(found.notes)
     assert "fr3_joint7 (± " in named
     assert "is left at 1" in named
@@ -135,7 +135,7 @@ def test_joints_that_cannot_be_told_are_named_and_left_alone(runs, lib, payload_
     np.testing.assert_array_less(np.abs(found.estimate - GAINS), 4 * found.sigma)
     loud = measured((empty, light), 40 * noise)
     with pytest.raises(RuntimeFault, match="does not show in these runs"):
-        identify_gains(*loud, lib, Known(0.3, COM, 0.1 * INERTIA), friction=terms)
+        identify_gains(*loud, lib, KnownPayload(0.3, COM, 0.1 * INERTIA), friction=terms)
     # An offset asked for is the bias of the runs already, and leaves it as sure as it was.
     assert (found.bias_sigma[:, :6] < 0.1).all()
 
@@ -157,10 +157,12 @@ def test_a_wrong_weight_and_a_circular_payload_are_pointed_at(runs, lib):
     """Property: true sensors and 3 kg told as 2.7 kg look like gains that are all 3/2.7 alike."""
     noise = NOISE * np.random.default_rng(4).normal(size=(2, *runs[0].tau.shape))
     pair = measured(runs, noise, gains=np.ones(7))
-    wrong = identify_gains(*pair, lib, Known(2.7, COM, 0.9 * INERTIA), friction=TERMS)
+    wrong = identify_gains(*pair, lib, KnownPayload(2.7, COM, 0.9 * INERTIA), friction=TERMS)
     assert any("all gains agree on 1.11" in note for note in wrong.notes)
     assert any(" kg instead of 2.7 kg would look the same" in note for note in wrong.notes)
-    fine = identify_gains(*pair, lib, Known(3.0, COM, INERTIA, identified=True), friction=TERMS)
+    fine = identify_gains(
+        *pair, lib, KnownPayload(3.0, COM, INERTIA, identified=True), friction=TERMS
+    )
     assert not any("agree" in note for note in fine.notes)
     assert any("mass from a scale" in note for note in fine.notes)
 
@@ -211,7 +213,7 @@ BAD = {
     "no such link": (lambda e, f: (e, f), {"link": "hand"}, "no moving link 'hand'"),
     "another frame": (
         lambda e, f: (e, f),
-        {"payload": Known(1.0, COM, frame="tool")},
+        {"payload": KnownPayload(1.0, COM, frame="tool")},
         "in the frame of 'tool'",
     ),
     "no such column": (
@@ -254,18 +256,18 @@ def test_a_search_that_has_not_settled_is_no_answer(runs, lib, monkeypatch):
 def test_impossible_payloads_are_refused(words, message):
     """Property: one sentence."""
     with pytest.raises(RuntimeFault, match=message):
-        read_known(words)
+        read_known_payload(words)
 
 
 def test_a_known_payload_is_numbers_or_a_file(lib, tmp_path, payload_pi):
     """Oracle: Pinocchio's π of the same body; the file and the numbers tell one payload."""
-    words = read_known("3,0.01,0.02,0.05,0.004,0.005,0.003,0.0001,0.0002,0.0003")
+    words = read_known_payload("3,0.01,0.02,0.05,0.004,0.005,0.003,0.0001,0.0002,0.0003")
     np.testing.assert_array_equal(np.diag(words.inertia), np.diag(INERTIA))
     assert words.inertia[0, 1] == words.inertia[1, 0] == 1e-4
     assert (words.inertia[0, 2], words.inertia[1, 2]) == (2e-4, 3e-4)
     facts = {"mass": 3.0, "com": COM.tolist(), "inertia": INERTIA.tolist(), "link": "fr3_link7"}
     (tmp_path / "p.json").write_text(json.dumps(facts | {"sigma": [0.0]}))
-    file = read_known(str(tmp_path / "p.json"))
+    file = read_known_payload(str(tmp_path / "p.json"))
     assert (file.mass, file.link, file.identified) == (3.0, "fr3_link7", True)
     mount = mount_of(lib, file.link)
     pi = pi_of_body(mount.bodies, file.mass, file.com, file.inertia)

@@ -1,8 +1,8 @@
 """Robots whose parameters are known, at two distances from reality.
 
-`ideal` and `closed_loop` are quick and clean: physics of our own compiled library, white noise.
-`virtual.record` is the bench: MuJoCo's physics, friction that no model of ours contains, sensors
-and a drive with the faults of real ones.
+`ideal` and `closed_loop` are quick: physics of the robot's compiled library, white noise. `record`
+simulates a real log: physics of MuJoCo, friction beyond the models that are fitted, sensors and a
+drive with the faults of real ones.
 """
 
 from runtime.excitation.motion.trajectory import sample_times

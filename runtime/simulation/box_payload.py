@@ -12,7 +12,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 
 LARGEST = 1e6
-"""kg and m; no hand holds more."""
+"""Largest number of a payload that is read, kg and m."""
 _KEYS = ("mass", "com", "size", "link")
 
 
@@ -24,7 +24,7 @@ class Box:
         mass: kg.
         com: centre, in the frame of the link, m.
         size: edges, m.
-        link: that carries it; None is the link of the tip.
+        link: link that carries it; None is the link of the tip.
     """
 
     mass: float
@@ -40,7 +40,9 @@ class Box:
                 f"got {self.mass!r}, {self.com!r}, {self.size!r}"
             )
         if min(self.size) < 0:
-            raise IdentificationError(f"the edges of a payload cannot be {self.size}; give lengths")
+            raise IdentificationError(
+                f"a payload expects edges from 0 m up, got {self.size}; give lengths"
+            )
 
     def place(self, lib: Library) -> int:
         """Index of the link that carries it.
@@ -57,7 +59,7 @@ class Box:
         return lib.link_names.index(link)
 
     def pi(self, lib: Library) -> Array:
-        """What it adds to the π of the robot, (10 n,)."""
+        """Its parameters, to be added to the π of the robot, (10 n,)."""
         P = np.eye(4)
         P[:3, 3] = P[3, :3] = self.com
         P[:3, :3] = np.diag(np.square(self.size)) / 12 + np.outer(self.com, self.com)
@@ -66,14 +68,22 @@ class Box:
         return pi_from_pseudo(lib, blocks)
 
     def facts(self, lib: Library) -> dict[str, Any]:
-        """JSON-ready."""
+        """The box as a JSON object."""
         link = lib.link_names[self.place(lib)]
         size, com = list(self.size), list(self.com)
         return {"mass": self.mass, "com": com, "size": size, "link": link}
 
 
 def pi_from_pseudo(lib: Library, P: Array) -> Array:
-    """π (10 n,) of pseudo-inertias (n, 4, 4): the inverse of `Library.pseudo_inertia`, linear."""
+    """Parameters π of pseudo-inertias, linear: the inverse of `Library.pseudo_inertia`.
+
+    Args:
+        lib: the robot.
+        P: pseudo-inertias, (n, 4, 4).
+
+    Returns:
+        (10 n,) kg, kg·m, kg·m².
+    """
     n = lib.n_joints
     units = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]
     rows, columns = np.triu_indices(4)
@@ -81,7 +91,7 @@ def pi_from_pseudo(lib: Library, P: Array) -> Array:
 
 
 def read_payload(text: str) -> Box:
-    """A payload as an option says it: MASS,CX,CY,CZ[,LX,LY,LZ] in kg and m, or a TOML file.
+    """Read a payload as an option states it: MASS,CX,CY,CZ[,LX,LY,LZ] in kg and m, or a TOML file.
 
     Raises:
         IdentificationError: neither.
@@ -105,12 +115,12 @@ def _from_file(path: Path) -> Box:
         facts = toml_of(path)
     except (OSError, ValueError) as error:
         raise IdentificationError(
-            f"'{path}' is no TOML that can be read ({error}); write {', '.join(_KEYS)} into it"
+            f"'{path}' cannot be read as TOML ({error}); write {', '.join(_KEYS)} into it"
         ) from None
     unknown = sorted(set(facts) - set(_KEYS))
     if unknown or not {"mass", "com"} <= set(facts):
         raise IdentificationError(
-            f"'{path}' expects mass and com, and knows {', '.join(_KEYS)}; got {', '.join(facts)}"
+            f"'{path}' expects mass and com, of the keys {', '.join(_KEYS)}; got {', '.join(facts)}"
         )
     try:
         size = facts.get("size", (0.0, 0.0, 0.0))

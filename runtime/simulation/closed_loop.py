@@ -1,8 +1,9 @@
-"""Recordings of a robot whose parameters are known: along a trajectory, or closed loop.
+"""Recordings of a robot whose parameters are known: along a trajectory, or in closed loop.
 
 `ideal` evaluates τ = Y π along the trajectory (document Sec. 5.1). `closed_loop` lets the compiled
 simulator follow it: a computed-torque controller with a given model, a plant with rotors and
-friction, sensors with noise. `follow` is the same without sensors, for whoever needs the states.
+friction, sensors with noise. `follow` is the same without sensors, for callers that need the
+states.
 """
 
 from collections.abc import Callable
@@ -21,15 +22,15 @@ from runtime.recording import Friction, Recording, friction
 
 @dataclass(frozen=True, slots=True)
 class Plant:
-    """The robot that is simulated; joints' values are one number for all of them or (n,).
+    """The robot that is simulated; values of joints are one number for all of them or (n,).
 
     Attributes:
         pi: true standard parameters, (10 n,).
         viscous, coulomb: friction, N·m·s/rad and N·m.
         offset: constant torque, N·m.
         coulomb_speed: width of the smooth sign, rad/s.
-        rotor: inertia J of every motor, reflected to its joint, kg·m²; the torque sensor does
-            not see it, but without it no controller could hold a wrist.
+        rotor: inertia J of every motor, reflected to its joint, kg·m². The torque sensor does not
+            measure it, but without it no controller could hold a wrist.
         position_noise, velocity_noise, torque_noise: standard deviations, rad, rad/s, N·m.
     """
 
@@ -63,10 +64,10 @@ class Controller:
     """Computed torque: τ = ID(q, dq, u; π_c) + J_c u, u = ddq_d + K_d (dq_d − dq) + K_p (q_d − q).
 
     Attributes:
-        pi: the model it believes in, None for the URDF's.
-        rotor: J_c, None when it knows that of the plant.
+        pi: model of the controller, (10 n,); None is that of the URDF.
+        rotor: J_c; None is that of the plant.
         stiffness, damping: K_p, 1/s², and K_d, 1/s; one number or (n,).
-        feels_noise: it sees the measured q and dq instead of the true ones.
+        feels_noise: the controller uses the measured q and dq instead of the true ones.
     """
 
     pi: Array | None = None
@@ -80,7 +81,10 @@ class Controller:
 class SimulatedMotion:
     """States and torques at the beginning of every period, (N, n) each.
 
-    `motor` is what the controller commands, `link` what is left behind the rotors, τ − J ddq.
+    Attributes:
+        q, dq, ddq: states.
+        motor: torque that the controller commands.
+        link: torque behind the rotors, τ − J ddq.
     """
 
     q: Array
@@ -91,15 +95,24 @@ class SimulatedMotion:
 
 
 LONGEST_SUBSTEP = 2e-4
-"""Of the plant, s; one step leaves an error of order h³."""
+"""Longest integration step of the plant, s; one step leaves an error of order h³."""
 
 
 _CHUNK = 500
-"""Periods between two reports of progress, where Ctrl-C is heard too."""
+"""Periods between two reports of progress, at which Ctrl-C is handled too."""
 
 
 def perturbed_lam(lib: Library, p: float, rng: np.random.Generator) -> Array:
-    """λ_true + p λ_true ⊙ ε with ε ~ N(0, 1) per entry (Eq. 5.2, errata)."""
+    """Perturbed parameters λ_true + p λ_true ⊙ ε with ε ~ N(0, 1) per entry (Eq. 5.2, errata).
+
+    Args:
+        lib: the robot, whose λ is the true one.
+        p: relative standard deviation.
+        rng: source of ε.
+
+    Returns:
+        λ, (10 n,).
+    """
     return lib.lam0 * (1 + p * rng.normal(size=lib.lam0.size))
 
 
@@ -110,7 +123,18 @@ def ideal(
     rate_hz: float = 100.0,
     rng: np.random.Generator | None = None,
 ) -> Recording:
-    """Exact motion along the trajectory; torque of the plant with its torque noise."""
+    """Exact motion along a trajectory, with the torque of the plant and its torque noise.
+
+    Args:
+        lib: the robot.
+        trajectory: the motion.
+        plant: true parameters, friction and noise.
+        rate_hz: sampling rate, Hz.
+        rng: source of the torque noise; None is without.
+
+    Returns:
+        The recording.
+    """
     t = sample_times(trajectory.duration, rate_hz)
     q, dq, ddq, _ = trajectory.at(lib, t)
     tau = lib.inverse_dynamics(q, dq, ddq, plant.pi) + _friction(plant, dq)
@@ -131,10 +155,22 @@ def closed_loop(
     progress: Callable[[float], None] | None = None,
     controller: Controller = Controller(),
 ) -> Recording:
-    """A log as a bench would give it: q and dq of the joints, τ behind the rotors, with noise.
+    """Recording of the robot under its controller: q and dq with noise, τ behind the rotors.
+
+    Args:
+        lib: the robot.
+        trajectory: the reference.
+        plant: true parameters, friction, rotors and noise.
+        rng: source of the noise.
+        rate_hz: rate of controller and log, Hz.
+        progress: called with the share that is done.
+        controller: gains and model.
+
+    Returns:
+        The recording.
 
     Raises:
-        SimulationError: the robot cannot move like that, or the motion ran away.
+        SimulationError: the robot cannot follow, or the motion diverged.
     """
     t = sample_times(trajectory.duration, rate_hz)
     reference = np.stack(trajectory.at(lib, t)[:3], axis=1)
@@ -167,16 +203,19 @@ def follow(
     """The plant under its controller: (M + J) ddq + h + f = τ, τ held for a period.
 
     Args:
-        lib: of the robot.
+        lib: the robot.
         reference: q_d, dq_d, ddq_d per period, (N, 3, n).
         plant: its noise is left aside.
-        controller: with its model.
-        rate_hz: of the controller.
-        noise: of the q and dq that the controller sees, (N, 2, n).
-        progress: called with the part that is done.
+        controller: gains and model.
+        rate_hz: rate of the controller, Hz.
+        noise: noise of the q and dq that the controller uses, (N, 2, n).
+        progress: called with the share that is done.
+
+    Returns:
+        States and torques per period.
 
     Raises:
-        SimulationError: M + J is not positive definite, or the motion ran away.
+        SimulationError: M + J is not positive definite, or the motion diverged.
     """
     period = 1.0 / rate_hz
     loop = lib.closed_loop(
@@ -238,7 +277,15 @@ def _law(lib: Library, plant: Plant, controller: Controller) -> ClosedLoopContro
 
 
 def per_joint(n: int, value: ArrayLike, name: str) -> Array:
-    """One number for all joints or one for each, as (n,).
+    """One number for all joints, or one for each.
+
+    Args:
+        n: number of joints.
+        value: one number or (n,).
+        name: word for messages.
+
+    Returns:
+        (n,).
 
     Raises:
         IdentificationError: another shape.

@@ -1,4 +1,4 @@
-"""The loop under which a log was recorded: controller, rotors and reference, as TOML.
+"""Closed-loop description of a log: controller, rotors and reference, as TOML.
 
     [controller]
     stiffness = 225.0          # K_p, 1/s²: one number, or one per joint
@@ -36,14 +36,14 @@ _KEYS: dict[str, dict[str, tuple[type, ...]]] = {
 
 @dataclass(frozen=True, slots=True)
 class ClosedLoop:
-    """How the robot was moved.
+    """Closed-loop description: how the robot was moved.
 
     Attributes:
-        reference: the motion that was asked for.
-        controller: what asked for it.
+        reference: requested motion.
+        controller: gains and model of the controller.
         rotor: inertia of the motors, (n,) or one number, kg·m².
-        rate_hz: of the controller.
-        start: when the reference began, s of the recording's clock.
+        rate_hz: rate of the controller, Hz.
+        start: beginning of the reference, s of the recording's clock.
     """
 
     reference: Trajectory
@@ -53,13 +53,16 @@ class ClosedLoop:
     start: float = 0.0
 
     def simulate(self, lib: Library, pi: Array, friction: dict[str, Array], t: Array) -> Recording:
-        """What a robot of these parameters would have done, at times t, without noise.
+        """Simulated recording of a robot with these parameters, without noise.
 
         Args:
-            lib: of the robot.
+            lib: the robot.
             pi: standard parameters, (10 n,).
             friction: fields of `Plant` by name.
-            t: of the recording, s; between the periods of the controller states are interpolated.
+            t: of the recording, (N,) s; states are interpolated between periods of the controller.
+
+        Returns:
+            The recording at times t.
 
         Raises:
             SimulationError: no robot with these parameters moves like that.
@@ -72,7 +75,7 @@ class ClosedLoop:
             raise IdentificationError(
                 f"the recording goes from {t[0]:.3f} to {t[-1]:.3f} s, the reference from "
                 f"{self.start:.3f} to {self.start + clock[-1]:.3f} s; cut the recording, or "
-                "correct the start and the trajectory of the loop's file"
+                "correct the start and the trajectory of the controller file"
             )
         reference = np.stack(self.reference.at(lib, clock)[:3], axis=1)
         plant = Plant(pi, rotor=self.rotor, **friction)  # type: ignore[arg-type]
@@ -93,24 +96,31 @@ class ClosedLoop:
 
 
 def read_controller(path: Path, lib: Library) -> ClosedLoop:
-    """Read the file of a loop.
+    """Read a controller file.
+
+    Args:
+        path: TOML file.
+        lib: the robot.
+
+    Returns:
+        The closed-loop description.
 
     Raises:
-        IdentificationError: not such a file; the message says what is wrong with it.
+        IdentificationError: another kind of file; the message states what is wrong with it.
     """
     try:
         facts = toml_of(path)
     except (OSError, ValueError) as error:
         raise IdentificationError(
-            f"'{path}' is no TOML file that can be read "
-            f"({getattr(error, 'strerror', None) or error}); describe the loop in one with "
+            f"'{path}' cannot be read as a TOML file "
+            f"({getattr(error, 'strerror', None) or error}); a controller file has "
             "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
         ) from None
     _require_known(facts, path)
     controller, reference = dict(facts.get("controller", {})), facts.get("reference", {})
     if "trajectory" not in reference:
         raise IdentificationError(
-            f"'{path}' names no [reference] trajectory; give the JSON of: python -m runtime excite"
+            f"'{path}' lacks the [reference] trajectory; give the JSON of: python -m runtime excite"
         )
     motion = Path(reference["trajectory"])
     if motion.is_absolute() or ".." in motion.parts:
@@ -139,17 +149,23 @@ def read_controller(path: Path, lib: Library) -> ClosedLoop:
     )
 
 
-def write_controller(loop: ClosedLoop, trajectory: str, path: Path) -> None:
-    """Write the file of a loop whose trajectory lies in the file of that name."""
+def write_controller(closed_loop: ClosedLoop, trajectory: str, path: Path) -> None:
+    """Write a controller file, atomically.
+
+    Args:
+        closed_loop: closed-loop description.
+        trajectory: name of the file of the reference, in the same folder.
+        path: TOML file.
+    """
     lines = ["[controller]"]
     values = {
-        "stiffness": loop.controller.stiffness,
-        "damping": loop.controller.damping,
-        "rotor": loop.rotor,
-        "rate_hz": loop.rate_hz,
+        "stiffness": closed_loop.controller.stiffness,
+        "damping": closed_loop.controller.damping,
+        "rotor": closed_loop.rotor,
+        "rate_hz": closed_loop.rate_hz,
     }
     lines += [f"{key} = {np.asarray(value, dtype=float).tolist()}" for key, value in values.items()]
-    lines += ["", "[reference]", f'trajectory = "{trajectory}"', f"start = {loop.start}"]
+    lines += ["", "[reference]", f'trajectory = "{trajectory}"', f"start = {closed_loop.start}"]
     with replacing(path) as file:
         file.write(("\n".join(lines) + "\n").encode())
 
@@ -161,6 +177,7 @@ def _require_known(facts: dict[str, Any], path: Path) -> None:
             if key not in known or not isinstance(value, known[key]) or isinstance(value, bool):
                 named = f"[{table}] {key}".strip()
                 raise IdentificationError(
-                    f"'{path}' has no use for {named} = {value!r}; a loop has [controller] "
-                    "stiffness, damping, rotor, rate_hz and [reference] trajectory, start"
+                    f"'{path}': a controller file does not accept {named} = {value!r}; it has "
+                    "[controller] stiffness, damping, rotor, rate_hz and [reference] trajectory, "
+                    "start"
                 )

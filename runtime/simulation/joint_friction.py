@@ -1,4 +1,4 @@
-"""VirtualFriction of a virtual joint: richer than what identification fits, and with a memory.
+"""Friction of a virtual joint: richer than the models that are fitted, and with a memory.
 
     f = c(dq) z + f_v dq + r f_c sin(w q + φ)
     c = f_c (1 ± a) + s f_c exp(−(dq/v_s)²) + k |τ|       + for dq > 0, − for dq < 0
@@ -19,7 +19,13 @@ class JointFriction:
     """The friction of all joints in time; z is its state."""
 
     def __init__(self, law: VirtualFriction, step: float, places: Array) -> None:
-        """In the order of `places`, from z = 0, with steps of the engine."""
+        """Friction from z = 0, in the order of the engine.
+
+        Args:
+            law: parameters in the order of the library, (n,) each.
+            step: of the engine, s.
+            places: index in the engine of each joint, (n,).
+        """
         order = np.argsort(places)
         self.z = np.zeros(len(order))
         f_c = law.coulomb[order]
@@ -34,9 +40,17 @@ class JointFriction:
         self._bend = step / law.dahl_stroke[order]
 
     def advance(self, q: Array, dq: Array, tau: Array) -> tuple[Array, Array]:
-        """Moves z over one step; f (n,) at this speed, and ∂f/∂dq of the step for an implicit one.
+        """Friction torque of a step; moves the state z over it.
 
         z ← (z + h dq/z_c) / (1 + h |dq|/z_c) never leaves [−1, 1], however long the step.
+
+        Args:
+            q: (n,) rad or m.
+            dq: (n,) rad/s or m/s.
+            tau: torque behind the joints, (n,) N·m or N.
+
+        Returns:
+            f, (n,) N·m or N, and ∂f/∂dq of the step, for an implicit integrator.
         """
         travel = self._bend * dq
         way = 1 + np.abs(travel)

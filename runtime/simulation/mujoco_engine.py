@@ -1,10 +1,10 @@
-"""An engine that shares no code with ours: MuJoCo, given the tree of the manifest.
+"""MuJoCo as an independent engine, given the tree of the manifest.
 
     (M(q) + diag J) ddq + h(q, dq) = τ,   implicit in the velocity ("implicitfast")
 
 Bodies have the mass, centre of mass and principal inertia of a given π, joints their armature J and
 their range; there are no shapes, no actuators, no compensation of gravity. MuJoCo sorts joints
-depth first: `Engine.places` says where ours are.
+depth first: `Engine.places` maps the joints of the library to it.
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ class Engine:
     """MuJoCo's model and state of one robot.
 
     Attributes:
-        mujoco: the library.
+        mujoco: the Python package.
         model, data: of MuJoCo.
-        places: index in MuJoCo's q and dq of each of our joints, (n,).
+        places: index in MuJoCo's q and dq of each joint of the library, (n,).
     """
 
     mujoco: Any
@@ -35,29 +35,32 @@ class Engine:
     places: Array
 
     def sorted(self, values: Array) -> Array:
-        """(…, n) in our order → in MuJoCo's."""
+        """Values (…, n) in MuJoCo's order from those of the library."""
         return np.ascontiguousarray(values[..., np.argsort(self.places)])
 
     def restored(self, values: Array) -> Array:
-        """(…, n) in MuJoCo's order → in ours."""
+        """Values (…, n) in the order of the library from MuJoCo's."""
         return np.ascontiguousarray(values[..., self.places])
 
 
 def engine(
     lib: Library, pi: Array, rotor: ArrayLike = 0.0, step: float = 2.5e-4, ranges: bool = True
 ) -> Engine:
-    """Build MuJoCo's model of a robot with these parameters.
+    """Build MuJoCo's model of a robot with given parameters.
 
     Args:
-        lib: of the robot.
-        pi: standard parameters, (10 n,); every body must be able to exist.
+        lib: the robot.
+        pi: standard parameters, (10 n,), physically consistent.
         rotor: inertia of the motors, reflected to the joints, (n,) or one number, kg·m² or kg.
         step: of the integrator, s.
         ranges: joints stop at the ends of their range.
 
+    Returns:
+        The engine, at rest at q = 0.
+
     Raises:
         SimulationError: MuJoCo is not installed, or refuses the robot.
-        NotRealisableError: a body of π cannot exist.
+        NotRealisableError: a body of π is not physically consistent.
     """
     mujoco = _mujoco()
     spec = mujoco.MjSpec()
@@ -65,7 +68,7 @@ def engine(
     spec.option.timestep = step
     spec.option.gravity = lib.manifest.gravity
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    # A robot that runs away is told by us; MuJoCo would start it anew, silently.
+    # Divergence raises an error in this package; MuJoCo would reset the state silently.
     spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     inertia = np.broadcast_to(np.asarray(rotor, dtype=float), (lib.n_joints,))
     bodies: list[Any] = []
@@ -89,7 +92,17 @@ def engine(
 
 
 def inverse_dynamics(robot: Engine, q: Array, dq: Array, ddq: Array) -> Array:
-    """τ of one state by MuJoCo, (n,), rotors included, all in MuJoCo's order."""
+    """Torque of one state by MuJoCo, rotors included; everything in MuJoCo's order.
+
+    Args:
+        robot: the engine.
+        q: (n,) rad or m.
+        dq: (n,) rad/s or m/s.
+        ddq: (n,) rad/s² or m/s².
+
+    Returns:
+        τ, (n,) N·m or N.
+    """
     data = robot.data
     data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
     robot.mujoco.mj_inverse(robot.model, data)
@@ -97,7 +110,15 @@ def inverse_dynamics(robot: Engine, q: Array, dq: Array, ddq: Array) -> Array:
 
 
 def mass_diagonal(robot: Engine, q: Array) -> Array:
-    """The diagonal of M(q) with the rotors, (n,), in MuJoCo's order."""
+    """Diagonal of M(q) with the rotors, in MuJoCo's order.
+
+    Args:
+        robot: the engine.
+        q: (n,) rad or m.
+
+    Returns:
+        (n,) kg·m² or kg.
+    """
     data, n = robot.data, robot.model.nv
     data.qpos[:], data.qvel[:] = q, 0.0
     robot.mujoco.mj_forward(robot.model, data)
@@ -112,7 +133,7 @@ def _mujoco() -> Any:
         import mujoco
     except ImportError:
         raise SimulationError(
-            "the virtual robot lives in MuJoCo, which is not installed; "
+            "the virtual robot needs MuJoCo, which is not installed; "
             "run: pip install 'symgen[simulation]'"
         ) from None
     return mujoco
@@ -128,7 +149,7 @@ def _add_joint(mujoco: Any, body: Any, joint: JointFacts, armature: float, range
 
 
 def _set_inertia(mujoco: Any, body: Any, lam: Array) -> None:
-    """λ = (μ, c, ω, a, b, c̄) is what MuJoCo asks for: m = e^μ, c, and R diag(…) Rᵀ about c."""
+    """Set mass, centre and principal inertia from λ: m = e^μ, c, and R diag(…) Rᵀ about c."""
     log_mass, centre, rotation, axes = lam_parts(lam)
     a, b, c = axes**2
     angle = float(np.linalg.norm(rotation))

@@ -1,4 +1,4 @@
-"""What the sensors of a virtual robot tell.
+"""Sensors of a virtual robot.
 
     q̂ = round((q + e) / Δ) Δ     dq̂: its differences over a period, through a low-pass of order one
     τ̂ = round((g τ + b + e) / Δ) Δ      τ behind the rotor: friction is in it, J ddq is not
@@ -17,21 +17,37 @@ from runtime.simulation.settings import Sensors
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Of the torque sensors of one robot, (n,) each: what its maker got wrong."""
+    """Gain and bias of the torque sensors of one robot, (n,) each."""
 
     gain: Array
     bias: Array
 
 
 def calibration(sensors: Sensors, rng: np.random.Generator) -> Calibration:
-    """Draw that of one robot."""
+    """Draw the calibration of one robot.
+
+    Args:
+        sensors: standard deviations of gain and bias.
+        rng: source of the draws.
+
+    Returns:
+        Gain and bias.
+    """
     n = len(sensors.torque_gain)
     gain = 1 + sensors.torque_gain * rng.normal(size=n)
     return Calibration(gain, sensors.torque_bias * rng.normal(size=n))
 
 
 def quantised(values: Array, quantum: Array) -> Array:
-    """Values (…, n) on the grid of the quantum (n,); where it is 0 they stay as they are."""
+    """Values on the grid of a quantum.
+
+    Args:
+        values: (…, n).
+        quantum: (n,); where it is 0 the values stay as they are.
+
+    Returns:
+        (…, n).
+    """
     step = np.where(quantum > 0, quantum, 1.0)
     return np.where(quantum > 0, np.round(values / step) * step, values)
 
@@ -39,16 +55,33 @@ def quantised(values: Array, quantum: Array) -> Array:
 def measured_torque(
     link: Array, sensors: Sensors, of: Calibration, rng: np.random.Generator
 ) -> Array:
-    """τ̂ (N, n) of the torque behind the rotors (N, n)."""
+    """Measured torque τ̂.
+
+    Args:
+        link: torque behind the rotors, (N, n) N·m or N.
+        sensors: noise and quantum.
+        of: gain and bias.
+        rng: source of the noise.
+
+    Returns:
+        (N, n) N·m or N.
+    """
     noise = sensors.torque_noise * rng.normal(size=link.shape)
     return quantised(of.gain * link + of.bias + noise, sensors.torque_quantum)
 
 
 class Encoders:
-    """q̂ and dq̂, period by period, as the controller gets them and the log keeps them."""
+    """Measured q̂ and dq̂ period by period, for the controller and the log."""
 
     def __init__(self, sensors: Sensors, noise: Array, period: float, places: Array) -> None:
-        """With the noise (N, n) of a log in the order of `places`."""
+        """Encoders before the first period.
+
+        Args:
+            sensors: quanta and low-pass.
+            noise: of the positions of a log, (N, n), in the order of `places`.
+            period: of the controller, s.
+            places: index in the engine of each joint, (n,).
+        """
         order = np.argsort(places)
         self._noise = noise
         quantum = sensors.position_quantum[order]
@@ -62,14 +95,23 @@ class Encoders:
         self._speed = np.zeros(len(order))
 
     def read(self, k: int, q: Array, dq: Array) -> tuple[Array, Array]:
-        """q̂ and dq̂ of period k from the true state; before the first one dq̂ is true."""
+        """Measured state of a period from the true one; before the first one dq̂ is true.
+
+        Args:
+            k: number of the period.
+            q: true positions, (n,).
+            dq: true velocities, (n,).
+
+        Returns:
+            q̂ and dq̂, (n,) each.
+        """
         raw = q + self._noise[k]
-        told = np.rint(raw * self._inverse) * self._quantum
+        measured = np.rint(raw * self._inverse) * self._quantum
         if self._any_exact:
-            told = np.where(self._exact, raw, told)
+            measured = np.where(self._exact, raw, measured)
         if self._before is None:
             self._speed = dq.copy()
         else:
-            self._speed = self._keep * self._speed + self._share * (told - self._before)
-        self._before = told
-        return told, self._speed
+            self._speed = self._keep * self._speed + self._share * (measured - self._before)
+        self._before = measured
+        return measured, self._speed

@@ -1,4 +1,4 @@
-"""What a virtual robot is made of beside its inertia: rotors, friction, sensors, drive, controller.
+"""Settings of a virtual robot beside its inertia: rotors, friction, sensors, drive, controller.
 
     [inertia]     spread (of the truth about the model), rotor [kg·m²]
     [friction]    see `runtime.simulation.joint_friction`
@@ -6,9 +6,10 @@
     [drive]       delay_s of the torque, step_s of the engine
     [controller]  law, stiffness K_p [1/s²], damping K_d [1/s], rate_hz
 
-Every entry is one number, or where it belongs to joints one per joint. What no file states follows
-from the limits of the robot, so that any robot has a plausible bench. `simulation/robots/NAME.toml`
-is taken for the robot of that name; a file of one's own replaces single entries of it.
+Every entry is one number, or where it belongs to joints one per joint. Entries that no file states
+follow from the limits of the robot, so that every robot has plausible settings.
+`simulation/robots/NAME.toml` is used for the robot of that name; a user's file replaces single
+entries of it.
 """
 
 import dataclasses
@@ -32,7 +33,7 @@ LAWS = ("computed_torque", "feedforward")
 
 @dataclass(frozen=True, slots=True)
 class VirtualFriction:
-    """Per joint (n,): N·m, N·m·s/rad, rad and their kin; shares are of `coulomb`."""
+    """Friction per joint (n,): N·m, N·m·s/rad, rad and the like; shares are of `coulomb`."""
 
     coulomb: Array
     asymmetry: Array
@@ -48,7 +49,7 @@ class VirtualFriction:
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """Per joint (n,); a robot's gain and bias are drawn with the deviations given here."""
+    """Sensors per joint (n,); gain and bias of a robot are drawn with these deviations."""
 
     position_quantum: Array
     position_noise: Array
@@ -61,7 +62,7 @@ class Sensors:
 
 @dataclass(frozen=True, slots=True)
 class VirtualRobotSettings:
-    """Of one virtual robot; arrays are (n,)."""
+    """Settings of one virtual robot; arrays are (n,)."""
 
     friction: VirtualFriction
     sensors: Sensors
@@ -75,9 +76,10 @@ class VirtualRobotSettings:
     law: str
 
     def facts(self) -> dict[str, Any]:
-        """As the tables of a file."""
+        """The settings as the tables of a file."""
         parts: dict[str, Any] = {
-            table: {key: _plain(getattr(self, key)) for key in keys} for table, keys in _OWN.items()
+            table: {key: _plain(getattr(self, key)) for key in keys}
+            for table, keys in _PLAIN.items()
         }
         for table in _GROUPS:
             parts[table] = {
@@ -87,12 +89,12 @@ class VirtualRobotSettings:
 
     @property
     def sha256(self) -> str:
-        """Of the facts."""
+        """Hash of the facts."""
         return hashlib.sha256(json.dumps(self.facts(), sort_keys=True).encode()).hexdigest()
 
 
 _GROUPS: dict[str, type] = {"friction": VirtualFriction, "sensors": Sensors}
-_OWN = {
+_PLAIN = {
     "inertia": ("spread", "rotor"),
     "drive": ("delay_s", "step_s"),
     "controller": ("law", "stiffness", "damping", "rate_hz"),
@@ -101,17 +103,20 @@ _SINGLE = ("spread", "delay_s", "step_s", "rate_hz")
 _ABOVE_ZERO = ("stribeck_speed", "dahl_stroke", "velocity_cutoff_hz", "step_s", "rate_hz", "rotor")
 _ANY_SIGN = ("ripple_phase",)
 _MOST_SPREAD = 1.0
-"""exp(±1) on every principal moment; beyond lies no manufacturing."""
+"""Largest spread, exp(±1) on every principal moment: more than manufacturing leaves."""
 _WHOLE = 1e-6
-"""Of a number of steps, for what decimals leave."""
+"""Relative tolerance of a number of steps, for the rounding of decimals."""
 
 
 def settings_of(lib: Library, path: Path | None = None) -> VirtualRobotSettings:
-    """The settings of a robot: by its limits, then the bundled file, then that of the user.
+    """Settings of a robot: by its limits, then the bundled file, then that of the user.
 
     Args:
-        lib: of the robot.
+        lib: the robot.
         path: TOML, or the name of a bundled one.
+
+    Returns:
+        The settings.
 
     Raises:
         IdentificationError: a file has an unknown key, or a value that no robot has.
@@ -120,15 +125,22 @@ def settings_of(lib: Library, path: Path | None = None) -> VirtualRobotSettings:
     bundled = FOLDER / f"{lib.name}.toml"
     chosen = [bundled] if bundled.is_file() else []
     if path is not None:
-        own = FOLDER / f"{path}.toml"
-        chosen.append(own if path.suffix != ".toml" and own.is_file() else path)
+        named = FOLDER / f"{path}.toml"
+        chosen.append(named if path.suffix != ".toml" and named.is_file() else path)
     for file in chosen:
         _merge(tables, _read(file), file.name)
     return settings_from(tables, lib)
 
 
 def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> VirtualRobotSettings:
-    """VirtualRobotSettings from complete tables.
+    """Settings from complete tables.
+
+    Args:
+        tables: entries by table and key, as in a file.
+        lib: the robot.
+
+    Returns:
+        The settings.
 
     Raises:
         IdentificationError: a value that no robot has.
@@ -139,17 +151,17 @@ def settings_from(tables: Mapping[str, Mapping[str, Any]], lib: Library) -> Virt
         )
         for table, kind in _GROUPS.items()
     }
-    own: dict[str, Any] = {}
-    for table, keys in _OWN.items():
+    plain: dict[str, Any] = {}
+    for table, keys in _PLAIN.items():
         for key in keys:
             value = tables[table][key]
-            own[key] = _law(value) if key == "law" else _numbers(table, key, value, lib)
+            plain[key] = _law(value) if key == "law" else _numbers(table, key, value, lib)
             if key in _SINGLE:
-                own[key] = _single(table, key, own[key])
-    made = VirtualRobotSettings(**groups, **own)
+                plain[key] = _single(table, key, plain[key])
+    made = VirtualRobotSettings(**groups, **plain)
     if made.spread > _MOST_SPREAD:
         raise IdentificationError(
-            f"[inertia] spread cannot be {made.spread:g}; give 0 to {_MOST_SPREAD:g}, 0.02 is usual"
+            f"[inertia] spread expects 0 to {_MOST_SPREAD:g}, got {made.spread:g}; 0.02 is usual"
         )
     periods = (("a period of the controller", 1 / made.rate_hz, 1), ("delay_s", made.delay_s, 0))
     for name, seconds, least in periods:
@@ -166,8 +178,8 @@ def by_limits(lib: Library) -> dict[str, dict[str, Any]]:
     """Plausible tables for any robot, from effort and velocity limits.
 
     Shares of the largest torque that geared joints with torque sensors have, rounded. A joint
-    without an effort limit is taken to lift three times what it carries, and to accelerate it with
-    20 rad/s²; without a velocity limit it turns with π rad/s.
+    without an effort limit is assumed to lift three times what it carries, and to accelerate it
+    with 20 rad/s²; without a velocity limit to turn with π rad/s.
     """
     limits = lib.limits()
     effort = np.where(np.isfinite(limits["effort"]), limits["effort"], _strength(lib))
@@ -208,7 +220,7 @@ def by_limits(lib: Library) -> dict[str, dict[str, Any]]:
 
 
 def _strength(lib: Library) -> Array:
-    """Torque of joints that nobody has told a limit of, (n,); of 100 fixed poses within reach."""
+    """Torque of joints without an effort limit, (n,); from 100 fixed poses within reach."""
     limits = lib.limits()
     low = np.where(np.isfinite(limits["lower"]), limits["lower"], lib.home - np.pi)
     high = np.where(np.isfinite(limits["upper"]), limits["upper"], lib.home + np.pi)
@@ -228,14 +240,19 @@ def _read(path: Path) -> dict[str, Any]:
             f"bundled one: {names}"
         ) from None
     except ValueError as error:
-        raise IdentificationError(f"'{path}' is no TOML file ({error}); correct it") from None
+        raise IdentificationError(
+            f"'{path}' cannot be read as TOML ({error}); correct it"
+        ) from None
 
 
-def _merge(tables: dict[str, dict[str, Any]], told: dict[str, Any], name: str) -> None:
-    for table, entries in told.items():
+def _merge(tables: dict[str, dict[str, Any]], given: dict[str, Any], name: str) -> None:
+    for table, entries in given.items():
         _require_known(table, tables, f"'{name}' has the unknown table [{table}]")
         if not isinstance(entries, dict):
-            raise IdentificationError(f"'{name}': {table} = {entries!r} belongs into a table")
+            raise IdentificationError(
+                f"'{name}': {table} expects a table, got {entries!r}; write [{table}] "
+                "above its entries"
+            )
         for key, value in entries.items():
             _require_known(key, tables[table], f"'{name}' has the unknown key [{table}] {key}")
             tables[table][key] = value

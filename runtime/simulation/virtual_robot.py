@@ -4,8 +4,8 @@
            progress=None) -> VirtualLog(recording, truth, motion)
 
 `truth_seed` draws the robot, π of its links and the faults of its sensors; `seed` the noise of one
-log. Logs of one `truth_seed` are of one robot. The model that its controller believes in, and about
-which the truth is drawn, is `pi`, by default that of the URDF:
+log. Logs of one `truth_seed` are of one robot. The model of its controller, about which
+the truth is drawn, is `pi`, by default that of the URDF:
 
     P_true = P^½ exp(s S) P^½,   S symmetric, N(0, 1) on and N(0, ½) beside the diagonal
 
@@ -34,25 +34,25 @@ from runtime.simulation.sensors import Calibration, Encoders, calibration, measu
 from runtime.simulation.settings import VirtualRobotSettings, settings_of
 
 ASTRAY = 0.5
-"""rad or m from the reference, where a robot counts as lost."""
+"""Distance from the reference at which the simulation is stopped, rad or m."""
 
 _CHUNK = 500
-"""Ticks between two reports of progress, where Ctrl-C is heard too."""
+"""Ticks between two reports of progress, at which Ctrl-C is handled too."""
 
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What nobody knows of a real robot.
+    """True values of a virtual robot and its log.
 
     Attributes:
-        pi: of the links with the payload, (10 n,), what its torques come from.
+        pi: of the links with the payload, (10 n,), from which its torques come.
         pi_arm: without the payload.
         settings: rotors, friction, sensors, drive, controller.
         sensors: gain and bias of the torque sensors.
         payload: or None.
         seed, truth_seed: of this log, of the robot.
         saturated: share of the ticks at which a motor was at its limit, (n,).
-        engine: name and version, without which the bits of a log do not come back.
+        engine: name and version; with another one the log differs in its last bits.
     """
 
     pi: Array
@@ -66,7 +66,7 @@ class Truth:
     engine: str
 
     def facts(self, lib: Library) -> dict[str, Any]:
-        """JSON-ready."""
+        """The truth as a JSON object."""
         return {
             "robot": lib.name,
             "engine": self.engine,
@@ -89,7 +89,7 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class VirtualLog:
-    """What was measured, what was true, and the true states of every tick."""
+    """Recording, truth, and the true states of every tick."""
 
     recording: Recording
     truth: Truth
@@ -110,14 +110,17 @@ def record(
     """Let the virtual robot follow a trajectory.
 
     Args:
-        lib: of the robot.
-        trajectory: that is asked for.
+        lib: the robot.
+        trajectory: reference of the controller.
         settings: of the robot, by default `settings_of(lib)`.
         seed: of the noise.
         truth_seed: of the robot.
-        payload: in its hand; its controller knows nothing of it.
-        pi: the model that the controller believes in, (10 n,), by default `lib.pi0`.
-        progress: called with the part that is done.
+        payload: in its hand; not part of the model of the controller.
+        pi: model of the controller, (10 n,), by default `lib.pi0`.
+        progress: called with the share that is done.
+
+    Returns:
+        Recording, truth and true states.
 
     Raises:
         SimulationError: MuJoCo is missing, or the robot cannot follow.
@@ -134,11 +137,11 @@ def record(
     t = sample_times(trajectory.duration, settings.rate_hz)
     reference = np.stack(trajectory.at(lib, t)[:3])
     jitter = settings.sensors.position_noise * noise[0].normal(size=reference[0].shape)
-    bench = _Simulator(lib, held, model, settings)
-    told, motion, saturated = bench.run(reference, jitter, progress)
+    simulator = _Simulator(lib, held, model, settings)
+    measured, motion, saturated = simulator.run(reference, jitter, progress)
     recording = Recording(
         t,
-        *told,
+        *measured,
         None,
         measured_torque(motion.link, settings.sensors, sensors, noise[1]),
         name="virtual",
@@ -146,14 +149,24 @@ def record(
         history=(f"Recorded {len(t)} samples at {settings.rate_hz:g} Hz of a virtual robot.",),
     )
     truth = Truth(
-        *(held, links, settings, sensors, payload, seed, truth_seed, saturated, bench.engine)
+        *(held, links, settings, sensors, payload, seed, truth_seed, saturated, simulator.engine)
     )
     return VirtualLog(recording, truth, motion)
 
 
 def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) -> Array:
-    """π (10 n,) with P^½ exp(s S) P^½ for every P; another robot, and one that can exist."""
-    lib.lam_from_pi(pi)  # the root needs bodies that exist
+    """Parameters of another, physically consistent robot: P^½ exp(s S) P^½ for every P.
+
+    Args:
+        lib: the robot.
+        pi: parameters, (10 n,), physically consistent.
+        spread: s.
+        rng: source of S.
+
+    Returns:
+        π, (10 n,).
+    """
+    lib.lam_from_pi(pi)  # raises where a body is not physically consistent: it has no root
     draws = rng.normal(size=(lib.n_joints, 4, 4))
     S = spread * (draws + np.swapaxes(draws, 1, 2)) / 2
     values, vectors = np.linalg.eigh(lib.pseudo_inertia(pi))
@@ -180,7 +193,7 @@ class _Simulator:
     def run(
         self, reference: Array, jitter: Array, progress: Callable[[float], None] | None
     ) -> tuple[tuple[Array, Array], SimulatedMotion, Array]:
-        """q̂ and dq̂, true states, share of saturated ticks; in the order of the library.
+        """Measured q̂ and dq̂, true states, share of saturated ticks; in the order of the library.
 
         Raises:
             SimulationError: the robot left its reference.
@@ -198,11 +211,11 @@ class _Simulator:
         commands, clipped, link = np.zeros((count, n)), np.zeros(n), np.zeros(n)
         advance, substeps, delay = self._friction.advance, self._substeps, self._delay
         for k in range(count):
-            told_q, told_dq = encoders.read(k, q, dq)
-            asked = law(k, told_q, told_dq)
-            commands[k] = np.clip(asked, -self._effort, self._effort)
-            clipped += commands[k] != asked
-            log[:4, k] = told_q, told_dq, q, dq
+            seen_q, seen_dq = encoders.read(k, q, dq)
+            wished = law(k, seen_q, seen_dq)
+            commands[k] = np.clip(wished, -self._effort, self._effort)
+            clipped += commands[k] != wished
+            log[:4, k] = seen_q, seen_dq, q, dq
             for j in range(substeps):
                 # Until the first torque arrives the brakes hold what that torque will be.
                 tau = commands[max(k * substeps + j - delay, 0) // substeps]
@@ -224,8 +237,8 @@ class _Simulator:
                 )
             if progress is not None and k % _CHUNK == 0:
                 progress(k / count)
-        told_q, told_dq, *true = (plant.restored(part) for part in log)
-        return (told_q, told_dq), SimulatedMotion(*true), plant.restored(clipped / count)
+        seen_q, seen_dq, *true = (plant.restored(part) for part in log)
+        return (seen_q, seen_dq), SimulatedMotion(*true), plant.restored(clipped / count)
 
 
 def _law(

@@ -216,7 +216,7 @@ def test_methods_are_given_the_same_fresh_problem(
         (("--methods", "map,magic"), "--methods needs names with commas of map, adam"),
         (("--split", "0.9"), "--split needs 2 numbers"),
         (("--truth", "no.json"), "'no.json' is no truth of 'fr3'; expected JSON with 70"),
-        (("--controller", "no.toml"), "is no TOML file that can be read"),
+        (("--controller", "no.toml"), "cannot be read as a TOML file"),
         (("--friction", "treacle"), "treacle"),
     ],
 )

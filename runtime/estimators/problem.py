@@ -1,4 +1,4 @@
-"""One identification problem and one answer to it: what every method takes and gives."""
+"""`Problem` and `Fit`: the input and the result of every estimator."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from runtime.errors import IdentificationError, NeedsError
 from runtime.estimators.friction_net import FrictionNet
 from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression import Statistics, compress_all
-from runtime.estimators.regression.coloured_noise import Colour
+from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
@@ -39,18 +39,19 @@ class Origin:
 
 @dataclass(frozen=True)  # no slots: the statistics are computed once and kept
 class Problem:
-    """Same data, same weights, same start for every method.
+    """Data, weights and first guess of an identification, the same for every method.
 
     Attributes:
-        train, validation: samples to fit and to stop on.
-        weights: diagonal of W, (n,).
+        lib: library of the robot.
+        train, validation: samples to fit, and samples for early stopping.
+        weights: diagonal of W, (n,) [1/(N·m)²].
         start: λ of the first guess, (10 n,).
-        seed: of mini-batches.
+        seed: seed of the mini-batches.
         progress: called with iteration and best validation loss.
         origin: of the samples, for methods that simulate or filter.
-        pieces: of "train" or "validation", where `train` and `validation` hold only some of the
-            samples.
-        terms: friction columns, where there is no origin that states them.
+        pieces: all samples of "train" or "validation", piece by piece, where `train` and
+            `validation` hold only some of them.
+        terms: friction columns, where there is no origin.
     """
 
     lib: Library
@@ -65,7 +66,7 @@ class Problem:
     terms: Friction | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:
-        """Compressed training data, with the problem's weights unless others are given."""
+        """Compressed training samples, with the weights of the problem unless others are given."""
         return self._weighted if weights is None else self._compressed(weights)
 
     @cached_property
@@ -75,12 +76,12 @@ class Problem:
     def _compressed(self, weights: Array) -> Statistics:
         return compress_all(self.lib, self.samples("train"), weights)
 
-    def held(self) -> Statistics:
-        """Compressed held-out data with the problem's weights."""
+    def validation_statistics(self) -> Statistics:
+        """Compressed validation samples with the weights of the problem."""
         return compress_all(self.lib, self.samples("validation"), self.weights)
 
     def samples(self, part: str) -> Iterable[Samples]:
-        """All samples of "train" or "validation", a piece at a time."""
+        """All samples of a part, "train" or "validation", a piece at a time."""
         if self.pieces is not None:
             return self.pieces(part)
         return (self.train if part == "train" else self.validation,)
@@ -114,18 +115,20 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """What a method found.
+    """Result of an estimator.
 
     Attributes:
-        pi: (10 n,).
+        pi: π, (10 n,) [kg, kg·m, kg·m²].
         phi: friction coefficients (n, k), k = 0 without friction.
-        lam: (10 n,), None where π has none.
-        status: a sentence.
-        optimum: smallest loss of any consistent model, where the method has found it anyway.
-        notes: sentences about what was done on the way.
-        weights: diagonal of W, where the method has its own.
+        lam: λ, (10 n,); None where a link is not physically consistent.
+        status: how the estimator ended, one sentence.
+        iterations: number of steps; None for closed forms.
+        trace: losses on the way, where the method records them.
+        optimum: smallest loss of any consistent model, where the method has computed it anyway.
+        notes: further sentences on how the result came about.
+        weights: diagonal of W, where the method has estimated it, (n,).
         statistics: of the training samples with these weights.
-        colour: of the noise with these weights, where the method has asked for it.
+        coloured_noise: of the residuals with these weights, where the method estimates it.
         net: friction beyond φ, where the method learned one.
     """
 
@@ -139,31 +142,40 @@ class Fit:
     notes: tuple[str, ...] = ()
     weights: Array | None = None
     statistics: Statistics | None = None
-    colour: Colour | None = None
+    coloured_noise: ColouredNoise | None = None
     net: FrictionNet | None = None
 
-    def noise(self) -> tuple[Array, Colour]:
+    def noise(self) -> tuple[Array, ColouredNoise]:
         """Diagonal of W (n,) and noise of the weighted rows, of a method that estimates both.
 
         Raises:
             IdentificationError: the method estimates no noise.
         """
-        if self.weights is None or self.colour is None:
+        if self.weights is None or self.coloured_noise is None:
             raise IdentificationError(
                 f"expected an estimate of the noise, got none ({self.status}); use the method map"
             )
-        return self.weights, self.colour
+        return self.weights, self.coloured_noise
 
     @property
     def n_eff(self) -> float | None:
-        """Independent training samples, where the colour of the noise is known."""
-        if self.statistics is None or self.colour is None:
+        """Effective sample size, where the coloured noise is known."""
+        if self.statistics is None or self.coloured_noise is None:
             return None
-        return self.statistics.n_samples / self.colour.inflation
+        return self.statistics.n_samples / self.coloured_noise.inflation
 
 
 def best_friction(statistics: Statistics, pi: Array, shape: tuple[int, ...]) -> Array:
-    """Friction coefficients (n, k) that fit best at fixed π."""
+    """Friction coefficients that fit best at fixed π, by least squares.
+
+    Args:
+        statistics: compressed samples.
+        pi: π, (10 n,).
+        shape: (n, k).
+
+    Returns:
+        φ, (n, k).
+    """
     columns = statistics.factor[:, statistics.n_base :]
     rest = -statistics.residual(pi, np.zeros(columns.shape[1]))
     solution = np.linalg.lstsq(columns, rest, rcond=None)[0]

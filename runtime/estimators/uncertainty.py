@@ -1,4 +1,4 @@
-"""How sure an answer is: covariance in π, what the data say and what the prior says, torque bands.
+"""Uncertainty of an identified model: covariance of π, shares of data and prior, torque bands.
 
     C = (N H / S)⁻¹ = (AᵀA / S + κ B)⁻¹,  B = ∇² Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]
 
@@ -15,7 +15,7 @@ import numpy as np
 from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.estimators.regression import Statistics, compress
-from runtime.estimators.regression.coloured_noise import Colour, colour_of
+from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.residuals import (
     LAGS,
     autocorrelation,
@@ -30,12 +30,12 @@ IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "un
 WHITE = 1.96
 """Half width of the 95 % band of a white residual's autocorrelation, in units of 1/√N."""
 BAND_SAMPLES = 200
-"""Samples whose bands are summed up for a report."""
+"""Samples whose bands a report summarises."""
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """What vouches for the numbers.
+    """Covariance of π and the figures that a report states beside it.
 
     Attributes:
         root: C = root rootᵀ of π, (10 n, 10 n).
@@ -43,11 +43,12 @@ class Uncertainty:
         verdicts: per entry of π: identified, prior-dominated or unobservable.
         beta_sigma: standard deviation of the base parameters, (n_b,).
         noise: s_j, residual RMS per joint, (n,), N·m or N.
-        n_samples, n_eff: training samples, and what they are worth.
+        n_samples, n_eff: number of training samples, and effective sample size.
         inflation: N / N_eff, 1 for white noise.
         white: share of lags, per joint, whose autocorrelation a white residual could have, (n,).
-        rank: directions of β that the motion excites, of n_b.
-        told: directions of π of which the data say ten times more than the prior, at most n_b.
+        rank: number of directions of β that the motion excites, of n_b.
+        determined: number of directions of π in which the data carry ten times the information
+            of the prior, at most n_b.
         conditioning: weakest over strongest excited direction.
     """
 
@@ -61,7 +62,7 @@ class Uncertainty:
     inflation: float
     white: Array
     rank: int
-    told: int
+    determined: int
     conditioning: float
 
     def __repr__(self) -> str:
@@ -82,40 +83,77 @@ class Uncertainty:
         return com_sigma(self.root, pi)
 
     def torque_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
-        """One standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²), (N, n)."""
+        """Standard deviation of a measured torque, √(diag(Y C Yᵀ) + s²).
+
+        Args:
+            lib: library of the robot.
+            q: joint positions, (N, n) or (n,) [rad, m].
+            dq: joint velocities, likewise [rad/s, m/s].
+            ddq: joint accelerations, likewise [rad/s², m/s²].
+
+        Returns:
+            One standard deviation, (N, n) [N·m, N].
+        """
         return np.sqrt(self.model_band(lib, q, dq, ddq) ** 2 + self.noise**2)
 
     def model_band(self, lib: Library, q: Array, dq: Array, ddq: Array) -> Array:
-        """One standard deviation of the model's own torque, √diag(Y C Yᵀ), (N, n)."""
+        """Standard deviation of the predicted torque, √diag(Y C Yᵀ), without measurement noise.
+
+        Args:
+            lib: library of the robot.
+            q: joint positions, (N, n) or (n,) [rad, m].
+            dq: joint velocities, likewise [rad/s, m/s].
+            ddq: joint accelerations, likewise [rad/s², m/s²].
+
+        Returns:
+            One standard deviation, (N, n) [N·m, N].
+        """
         y = lib.regressor(*(np.atleast_2d(a) for a in (q, dq, ddq)))
         return np.asarray(np.linalg.norm(y @ self.root, axis=2))
 
     def band_of(self, lib: Library, samples: Samples) -> Array:
-        """The same of rows, √diag(Y_b K C Kᵀ Y_bᵀ), (N, m)."""
+        """Standard deviation of the predicted torque of prepared rows, √diag(Y_b K C Kᵀ Y_bᵀ).
+
+        Args:
+            lib: library of the robot.
+            samples: N prepared samples of m equations each.
+
+        Returns:
+            One standard deviation, (N, m) [N·m, N; W for rows of power].
+        """
         spread = samples.base_rows(lib) @ (lib.base_matrix @ self.root)
         return np.asarray(np.linalg.norm(spread, axis=2))
 
     def with_noise(self, rest: Array, lib: Library) -> "Uncertainty":
-        """The same with noise and whiteness of other residuals (N, n), all unknowns known."""
+        """The same with the noise and the autocorrelation of other residuals.
+
+        Args:
+            rest: residuals with all unknowns fixed, (N, n) [N·m, N].
+            lib: library of the robot.
+
+        Returns:
+            A copy with `noise` and `white` of these residuals.
+        """
         return replace(self, noise=noise(rest, lib, 0), white=_white(rest))
 
     def advice(self) -> str:
-        """One sentence: what to trust, and what to record next."""
+        """One sentence on what to trust and what to record next."""
         count = len(self.beta_sigma)
         if self.rank < count:
             return (
-                f"the motion excites {self.rank} of {count} base parameters; the others are those "
-                "of the first guess, so record a motion that moves every joint (excite designs one)"
+                f"the motion excites {self.rank} of {count} base parameters; the others keep the "
+                "values of the first guess. Record a motion that moves every joint (the command "
+                "excite designs one)"
             )
         if self.inflation > 2:
             return (
-                f"neighbouring residuals are alike, so {self.n_samples} samples are worth "
-                f"{self.n_eff:.0f}: friction, filter or clock leave a pattern; a better friction "
-                "model will help more than more samples"
+                f"the residuals are autocorrelated: the effective sample size of {self.n_samples} "
+                f"samples is {self.n_eff:.0f}. Friction, the filter or the clock leave a pattern; "
+                "a better friction model helps more than more samples"
             )
         return (
-            f"residuals look independent and all {count} base parameters are excited: torques "
-            "of similar motions can be trusted within their bands"
+            f"the residuals look independent and the motion excites all {count} base parameters: "
+            "predicted torques of similar motions hold within their bands"
         )
 
 
@@ -128,33 +166,39 @@ def uncertainty_of(
     first_guess: Array,
     kappa: float = CAD,
     statistics: Statistics | None = None,
-    colour: Colour | None = None,
+    coloured_noise: ColouredNoise | None = None,
     compressed: Callable[[Array], Statistics] | None = None,
 ) -> Uncertainty:
-    """The uncertainty around an answer of any method.
+    """Uncertainty of an identified model, by any method.
 
     Args:
-        lib: of the robot.
+        lib: library of the robot.
         samples: training samples.
-        pi: answer, (10 n,); where it is no body that exists strictly, the prior's curvature is
-            taken at the first guess.
-        phi: friction coefficients.
-        first_guess: π that the prior is around.
-        kappa: trust in it.
-        statistics: of the samples with weights 1/s_j², if they are there already.
-        colour: of their noise, likewise.
-        compressed: weights → statistics of all samples, where `samples` are only some of them.
+        pi: identified parameters, (10 n,); where a link is not strictly consistent, the curvature
+            of the prior is taken at the first guess.
+        phi: friction coefficients, (n, k).
+        first_guess: π at the centre of the prior, (10 n,).
+        kappa: trust κ in the first guess.
+        statistics: of the samples with weights 1/s_j², if they exist already.
+        coloured_noise: of their residuals, if it exists already.
+        compressed: weights (n,) → statistics of all samples, where `samples` are only some.
+
+    Returns:
+        Covariance of π, verdict per entry, noise per joint and effective sample size.
     """
     rest = residuals(lib, samples, pi, phi)
-    if statistics is None or colour is None:
+    coloured = coloured_noise
+    if statistics is None or coloured is None:
         weights = weights_from(noise(rest, lib, phi.size), samples.tau)
         statistics = compressed(weights) if compressed else compress(lib, samples, weights)
-        colour = colour_of(lib, [samples], statistics, weights)
+        coloured = coloured_noise_of(lib, [samples], statistics, weights)
+    # C = (AᵀA/S + κ B)⁻¹: A of weighted data with friction eliminated, B of the prior.
     data, _ = reduce(statistics, samples.equations)
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
     inside = bodies.log_det(pi) is not None
-    level = max(colour.level, np.finfo(float).tiny)
+    level = max(coloured.density, np.finfo(float).tiny)
     spread = spread_of(bodies, pi if inside else prior.centre, data.factor / np.sqrt(level), kappa)
+    # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
     lengths = np.linalg.norm(statistics.factor, axis=0)
@@ -162,7 +206,7 @@ def uncertainty_of(
         data.factor[:, list(lib.base_columns)] / np.where(lengths > 0, lengths, 1.0)[: len(base)],
         compute_uv=False,
     )
-    # A rotor that does what a link's inertia does leaves their sum known.
+    # A rotor column that a link's inertia explains: their sum is excited, so it counts.
     shared = int(np.sum(statistics.explained() & (lengths[len(base) :] > 0)))
     known = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
     rank = min(known + shared, len(base))
@@ -171,13 +215,13 @@ def uncertainty_of(
         share=spread.share,
         verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, spread.share, strict=True)),
         beta_sigma=np.linalg.norm(base @ spread.root, axis=1),
-        noise=noise(rest, lib, phi.size, colour.inflation),
+        noise=noise(rest, lib, phi.size, coloured.inflation),
         n_samples=round(statistics.n_samples),
-        n_eff=statistics.n_samples / colour.inflation,
-        inflation=colour.inflation,
+        n_eff=statistics.n_samples / coloured.inflation,
+        inflation=coloured.inflation,
         white=_white(rest),
         rank=rank,
-        told=spread.told,
+        determined=spread.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
     )
 

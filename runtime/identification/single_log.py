@@ -127,7 +127,7 @@ def _uncertainty(assembly: Assembly, fit: Fit, settings: Settings) -> Uncertaint
         first_guess=lib.pi_from_lam(problem.start),
         kappa=prior.kappa if prior and prior.kappa else CAD,
         statistics=fit.statistics,
-        colour=fit.colour,
+        coloured_noise=fit.coloured_noise,
         compressed=problem.statistics,
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints

@@ -21,7 +21,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress
-from runtime.estimators.regression.coloured_noise import colour_of
+from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.inspection.friction_choice import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
@@ -225,8 +225,8 @@ class _Bench:
         held = tuple(
             solved([s for i, s in enumerate(stats) if i != k])[0] for k in range(len(blocks))
         )
-        colour = colour_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
-        white = min(1.0, max(1.0, needed / step) / colour.inflation)
+        coloured = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
+        white = min(1.0, max(1.0, needed / step) / coloured.inflation)
         return _Fit(held, self._missed(whole, held), white)
 
     def errors(

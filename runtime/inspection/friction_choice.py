@@ -22,7 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress
-from runtime.estimators.regression.coloured_noise import colour_of
+from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
@@ -260,7 +260,7 @@ def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
         variance = np.mean(np.concatenate(residuals) ** 2, axis=0)
         weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
     first, *others = (compress(lib, block, weights) for block in blocks)
-    return weights, colour_of(lib, blocks, first.merged(*others), weights).inflation
+    return weights, coloured_noise_of(lib, blocks, first.merged(*others), weights).inflation
 
 
 def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:

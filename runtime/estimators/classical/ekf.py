@@ -10,10 +10,10 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.filter_input import (
     SPEED_VARIANCE,
     STATE_COLUMNS,
-    Stream,
+    FilterInput,
+    filter_input_of,
     prior_covariance,
     process_noise,
-    stream_of,
 )
 from runtime.estimators.classical.ols import fit_of_pi
 from runtime.estimators.method import Method
@@ -30,20 +30,20 @@ def fit_ekf(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the recording suits no filter, or the filter diverged.
     """
-    stream = stream_of(problem, "ekf")
-    return _fit(problem, stream, *run_ekf(problem.lib, stream, problem.start))
+    data = filter_input_of(problem, "ekf")
+    return _fit(problem, data, *run_ekf(problem.lib, data, problem.start))
 
 
-def _fit(problem: Problem, stream: Stream, x: Array, covariance: Array, bad: int) -> Fit:
+def _fit(problem: Problem, data: FilterInput, x: Array, covariance: Array, bad: int) -> Fit:
     lib = problem.lib
     n, n_pi = lib.n_joints, lib.pi0.size
     pi, phi = x[2 * n : 2 * n + n_pi], x[2 * n + n_pi : -n].reshape(n, -1)
-    looks = 1 + (len(stream.q) - 1) // _LOOK
+    looks = 1 + (len(data.q) - 1) // _LOOK
     base = lib.base_matrix @ covariance[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi]
     sigma = np.sqrt(np.einsum("ij,ij->i", base, lib.base_matrix).clip(0))
     notes = [
-        f"noise taken from the recording: position {stream.sigma_q.max():.2g}, torque "
-        f"{stream.sigma_tau.max():.2g} at most"
+        f"noise taken from the recording: position {data.sigma_q.max():.2g}, torque "
+        f"{data.sigma_tau.max():.2g} at most"
     ]
     if bad:
         notes.append(
@@ -51,19 +51,19 @@ def _fit(problem: Problem, stream: Stream, x: Array, covariance: Array, bad: int
             "nothing in it keeps them physical"
         )
     status = (
-        f"filtered {len(stream.q)} samples; largest standard deviation of a base parameter "
+        f"filtered {len(data.q)} samples; largest standard deviation of a base parameter "
         f"{sigma.max():.2g}"
     )
-    return fit_of_pi(problem, pi, phi, status, len(stream.q), tuple(notes))
+    return fit_of_pi(problem, pi, phi, status, len(data.q), tuple(notes))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # told as a sentence at the end
-def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int]:
+def run_ekf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array, int]:
     """State and covariance after the last sample, and how often a look found no bodies.
 
     Args:
         lib: of the robot.
-        stream: samples.
+        data: samples.
         lam: λ of the first guess.
 
     Raises:
@@ -71,17 +71,17 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
     """
     n, n_pi = lib.n_joints, lib.pi0.size
     at = slice(2 * n, None)
-    x = np.concatenate([stream.q[0], stream.first_speed, lib.pi_from_lam(lam), stream.first_extra])
+    x = np.concatenate([data.q[0], data.first_speed, lib.pi_from_lam(lam), data.first_extra])
     p = np.zeros((x.size, x.size))
-    p[:n, :n] = np.diag(stream.sigma_q**2)
+    p[:n, :n] = np.diag(data.sigma_q**2)
     p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
     p[2 * n : 2 * n + n_pi, 2 * n : 2 * n + n_pi] = prior_covariance(lib, lam)
     tail = np.arange(2 * n + n_pi, x.size)
-    p[tail, tail] = stream.extra_variance
+    p[tail, tail] = data.extra_variance
     late = tail[-n:]
-    noise, bad = np.diag(stream.sigma_q**2), 0
+    noise, bad = np.diag(data.sigma_q**2), 0
     top = np.zeros((2 * n, x.size))
-    for step, q in enumerate(stream.q):
+    for step, q in enumerate(data.q):
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
@@ -89,36 +89,38 @@ def run_ekf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array, int
             break
         if step % _LOOK == 0:
             bad += bool((lib.relative_eigenvalues(x[at][:n_pi]) < 0).any())
-        if step == len(stream.q) - 1:
+        if step == len(data.q) - 1:
             break
-        x[: 2 * n], spread = _advance(lib, stream, step, x, top)
+        x[: 2 * n], spread = _advance(lib, data, step, x, top)
         rows = top @ p
         p[: 2 * n, 2 * n :] = rows[:, 2 * n :]
         p[2 * n :, : 2 * n] = rows[:, 2 * n :].T
         p[: 2 * n, : 2 * n] = rows @ top.T
         p[: 2 * n, : 2 * n] += spread
-        p[late, late] += stream.wander
+        p[late, late] += data.wander
         p = (p + p.T) / 2
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
-            f"the filter diverged after {step * stream.dt:.2f} s; the first guess is too far from "
+            f"the filter diverged after {step * data.dt:.2f} s; the first guess is too far from "
             "the robot, or the torque's unit, sign or friction is not what was said"
         )
     return x, p, bad
 
 
-def _advance(lib: Library, stream: Stream, step: int, x: Array, top: Array) -> tuple[Array, Array]:
+def _advance(
+    lib: Library, data: FilterInput, step: int, x: Array, top: Array
+) -> tuple[Array, Array]:
     """The next [q, dq] and its process noise; `top` receives its derivative by the state."""
-    n, n_pi, dt = lib.n_joints, lib.pi0.size, stream.dt
+    n, n_pi, dt = lib.n_joints, lib.pi0.size, data.dt
     q, dq, pi, phi, delay = np.split(x, [n, 2 * n, 2 * n + n_pi, x.size - n])
-    speed, push, drift = stream.speed[step], stream.push[step], stream.drift[step]
+    speed, push, drift = data.speed[step], data.acceleration[step], data.torque_rate[step]
     middle = q + dt / 2 * dq
-    secants, constants = stream.friction(step)
+    secants, constants = data.friction(step)
     phi = phi.reshape(n, -1)
-    drag = np.sum(secants * stream.passive(phi), axis=1)
+    drag = np.sum(secants * data.passive(phi), axis=1)
     steady = np.sum((secants * speed[:, None] + constants) * phi, axis=1) - drag * speed
     implicit = lib.mass_matrix(middle, pi) + dt / 2 * np.diag(drag)
-    force = stream.tau[step] + delay * drift - steady - drag * dq
+    force = data.tau[step] + delay * drift - steady - drag * dq
     ddq = np.linalg.solve(implicit, force - lib.bias_forces(middle, dq + dt / 2 * push, pi))
     _, by_q, by_dq, _ = lib.torque_derivatives(middle, speed, push, pi)
     k = secants.shape[1]
@@ -130,7 +132,7 @@ def _advance(lib: Library, stream: Stream, step: int, x: Array, top: Array) -> t
     for j in range(n):
         right[j, 2 * n + n_pi + j * k : 2 * n + n_pi + (j + 1) * k] = -columns[j]
     right[:, x.size - n : x.size] = np.diag(drift)
-    right[:, x.size :] = np.diag(stream.sigma_tau)
+    right[:, x.size :] = np.diag(data.sigma_tau)
     solved = dt * np.linalg.solve(implicit, right)
     top[n:] = solved[:, : x.size]
     top[n:, n : 2 * n] += np.eye(n)

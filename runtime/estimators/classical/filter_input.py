@@ -55,13 +55,13 @@ JITTER = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
-class Stream:
+class FilterInput:
     """Samples for a filter.
 
     Attributes:
         dt: step, s.
         q, tau: (N, n).
-        speed, push, drift: v̄, ā and τ̇ in the middle of every step, (N − 1, n).
+        speed, acceleration, torque_rate: v̄, ā and τ̇ in the middle of every step, (N − 1, n).
         sigma_q, sigma_tau: standard deviations of their noise, (n,).
         names: friction columns.
         width: ε of the Coulomb column.
@@ -71,8 +71,8 @@ class Stream:
     q: Array
     tau: Array
     speed: Array
-    push: Array
-    drift: Array
+    acceleration: Array
+    torque_rate: Array
     sigma_q: Array
     sigma_tau: Array
     names: tuple[str, ...]
@@ -119,7 +119,7 @@ class Stream:
         return np.asarray(np.polyfit(np.arange(count) * self.dt, self.q[:count], 1)[0])
 
 
-def stream_of(problem: Problem, method: str) -> Stream:
+def filter_input_of(problem: Problem, method: str) -> FilterInput:
     """The training part of the recording at its full rate.
 
     Raises:
@@ -145,22 +145,22 @@ def stream_of(problem: Problem, method: str) -> Stream:
             f"without holes at {SLOWEST:g} Hz or more, got {len(segments(part.t))} at "
             f"{1 / dt:g} Hz; record at the controller's rate, or choose another method"
         )
-    return stream_from(part, dt, columns)
+    return filter_input_from(part, dt, columns)
 
 
-def stream_from(part: Recording, dt: float, terms: Friction) -> Stream:
+def filter_input_from(part: Recording, dt: float, terms: Friction) -> FilterInput:
     """A recording with torque and a uniform clock, its noise and what is smooth of it."""
     tau = part.required("tau")
     bare = part.replace(dq=None, ddq=None, columns=None, column_names=())
     low_passed = low_pass(bare, min(SMOOTH_HZ, 0.2 / dt))
     smooth = DifferentiatedRecording.of(differentiate(low_passed))
-    return Stream(
+    return FilterInput(
         dt=dt,
         q=part.q,
         tau=tau,
         speed=(smooth.dq[1:] + smooth.dq[:-1]) / 2,
-        push=(smooth.ddq[1:] + smooth.ddq[:-1]) / 2,
-        drift=np.diff(smooth.tau, axis=0) / dt,
+        acceleration=(smooth.ddq[1:] + smooth.ddq[:-1]) / 2,
+        torque_rate=np.diff(smooth.tau, axis=0) / dt,
         sigma_q=np.maximum(noise_of(part.q), LEAST_NOISE[0]),
         sigma_tau=np.maximum(noise_of(tau), LEAST_NOISE[1]),
         names=terms.columns,

@@ -5,7 +5,7 @@ parameters, because a direction that the data never see would only make the poin
 whose mass matrix falls below a fifth of the mean's belong to no robot that moves; their pair is
 taken with a smaller h, whose weights 1/(2 h²) keep mean and covariance what they are. All points
 move under the torque that gives their mean the acceleration ā of the smoothed positions, and
-together by what the measured torque says beyond it (`stream` tells why).
+together by what the measured torque says beyond it (`data` tells why).
 Source: Julier & Uhlmann 1997; van der Merwe 2004 for the weights.
 """
 
@@ -15,10 +15,10 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.filter_input import (
     SPEED_VARIANCE,
     STATE_COLUMNS,
-    Stream,
+    FilterInput,
+    filter_input_of,
     prior_covariance,
     process_noise,
-    stream_of,
 )
 from runtime.estimators.classical.ols import fit_of_base
 from runtime.estimators.method import Method
@@ -40,20 +40,20 @@ def fit_ukf(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the recording suits no filter, or the filter diverged.
     """
-    lib, stream = problem.lib, stream_of(problem, "ukf")
+    lib, data = problem.lib, filter_input_of(problem, "ukf")
     n, n_b = lib.n_joints, len(lib.base_columns)
-    x, covariance = run_ukf(lib, stream, problem.start)
+    x, covariance = run_ukf(lib, data, problem.start)
     sigma = np.sqrt(np.diag(covariance)[2 * n : 2 * n + n_b])
     status = (
-        f"filtered {len(stream.q)} samples; largest standard deviation of a base parameter "
+        f"filtered {len(data.q)} samples; largest standard deviation of a base parameter "
         f"{sigma.max():.2g}"
     )
     beta, phi = x[2 * n : 2 * n + n_b], x[2 * n + n_b : -n].reshape(n, -1)
-    return fit_of_base(problem, beta, phi, status, len(stream.q))
+    return fit_of_base(problem, beta, phi, status, len(data.q))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # told as a sentence at the end
-def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
+def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
     """State and covariance after the last sample.
 
     Raises:
@@ -61,26 +61,26 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
     """
     n, n_b = lib.n_joints, len(lib.base_columns)
     beta = lib.base_matrix @ lib.pi_from_lam(lam)
-    x = np.concatenate([stream.q[0], stream.first_speed, beta, stream.first_extra])
+    x = np.concatenate([data.q[0], data.first_speed, beta, data.first_extra])
     p = np.zeros((x.size, x.size))
-    p[:n, :n] = np.diag(stream.sigma_q**2)
+    p[:n, :n] = np.diag(data.sigma_q**2)
     p[n : 2 * n, n : 2 * n] = SPEED_VARIANCE * np.eye(n)
     inside = slice(2 * n, 2 * n + n_b)
     p[inside, inside] = lib.base_matrix @ prior_covariance(lib, lam) @ lib.base_matrix.T
     tail = np.arange(2 * n + n_b, x.size)
-    p[tail, tail] = stream.extra_variance
+    p[tail, tail] = data.extra_variance
     late = tail[-n:]
-    noise = np.diag(stream.sigma_q**2)
+    noise = np.diag(data.sigma_q**2)
     far = np.full(x.size, ALPHA * np.sqrt(x.size))
     reach = far
-    for step, q in enumerate(stream.q):
+    for step, q in enumerate(data.q):
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
-        if step == len(stream.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
+        if step == len(data.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
             break
         points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
-        moved, inverse = _advance(lib, stream, step, points)
+        moved, inverse = _advance(lib, data, step, points)
         points[:, : 2 * n] = moved
         # Offsets from the image of the mean: its own large weight then multiplies zero.
         offsets = points[1:] - points[0]
@@ -90,12 +90,12 @@ def run_ukf(lib: Library, stream: Stream, lam: Array) -> tuple[Array, Array]:
         centre = 2 - weights.sum() - ALPHA**2 + BETA
         centred = offsets - shift
         p = (centred * weights[:, None]).T @ centred + centre * np.outer(shift, shift)
-        spread = stream.dt * inverse * stream.sigma_tau
-        p[: 2 * n, : 2 * n] += process_noise(spread, stream.dt)
-        p[late, late] += stream.wander
+        spread = data.dt * inverse * data.sigma_tau
+        p[: 2 * n, : 2 * n] += process_noise(spread, data.dt)
+        p[late, late] += data.wander
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
-            f"the filter diverged after {step * stream.dt:.2f} s; the first guess is too far from "
+            f"the filter diverged after {step * data.dt:.2f} s; the first guess is too far from "
             "the robot, or the torque's unit, sign or friction is not what was said"
         )
     return x, p
@@ -138,21 +138,21 @@ def _pi(lib: Library, beta: Array) -> Array:
     return pi
 
 
-def _advance(lib: Library, stream: Stream, step: int, points: Array) -> tuple[Array, Array]:
+def _advance(lib: Library, data: FilterInput, step: int, points: Array) -> tuple[Array, Array]:
     """[q, dq] of all points after a step, and (M + dt/2 S)⁻¹ of the first one."""
-    n, n_b, dt = lib.n_joints, len(lib.base_columns), stream.dt
+    n, n_b, dt = lib.n_joints, len(lib.base_columns), data.dt
     q, dq, beta, phi, delay = np.split(points, [n, 2 * n, 2 * n + n_b, points.shape[1] - n], axis=1)
-    push = stream.push[step]
+    push = data.acceleration[step]
     middle, speed = q + dt / 2 * dq, dq + dt / 2 * push
-    secants, constants = stream.friction(step)
+    secants, constants = data.friction(step)
     phi = phi.reshape(len(points), n, -1)
-    columns = secants * stream.speed[step][:, None] + constants
-    pi, drag = _pi(lib, beta), np.sum(secants * stream.passive(phi[0]), axis=1)
-    late = delay * stream.drift[step] - np.sum(columns * phi, axis=2) + drag * stream.speed[step]
+    columns = secants * data.speed[step][:, None] + constants
+    pi, drag = _pi(lib, beta), np.sum(secants * data.passive(phi[0]), axis=1)
+    late = delay * data.torque_rate[step] - np.sum(columns * phi, axis=2) + drag * data.speed[step]
     smooth = lib.inverse_dynamics(middle[0], speed[0], push, pi[0]) + drag * speed[0] - late[0]
     ddq = lib.forward_dynamics(middle, speed, smooth + late - drag * dq, pi, dt / 2 * drag)
     inverse = np.linalg.inv(lib.mass_matrix(middle[0], pi[0]) + dt / 2 * np.diag(drag))
-    ddq = ddq + inverse @ (stream.tau[step] - smooth)
+    ddq = ddq + inverse @ (data.tau[step] - smooth)
     moved = np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1)
     return moved, np.asarray(inverse, dtype=float)
 

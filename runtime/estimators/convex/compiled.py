@@ -10,7 +10,7 @@ import numpy as np
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import DECREMENT, MOST_STEPS, ConvexProblem, Minimum, minimise
-from runtime.estimators.convex.path import PATIENCE, SHRINK, Path, follow, gamma_ladder, path_of
+from runtime.estimators.convex.path import PATIENCE, SHRINK, Path, follow, gamma_sequence, path_of
 from runtime.library import Array, ConvexAnswer, ConvexTask, Library
 from runtime.library.parameters import N_PARAMETERS
 
@@ -57,7 +57,7 @@ def follow_many(
 ) -> list[Path]:
     """The paths of many problems of one robot."""
     pairs = list(zip(data, priors, strict=True))
-    ladders = [gamma_ladder(d, p.centre.size // N_PARAMETERS, shrink) for d, p in pairs]
+    ladders = [gamma_sequence(d, p.centre.size // N_PARAMETERS, shrink) for d, p in pairs]
     if not lib.solves_convex or not pairs:
         return [follow(d, p, g, most_steps) for (d, p), g in zip(pairs, ladders, strict=True)]
     tasks = [

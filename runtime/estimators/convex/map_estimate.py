@@ -15,7 +15,7 @@ from runtime.estimators.method import Method
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics, compress
-from runtime.estimators.regression.coloured_noise import colour_of
+from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.residuals import inflation, noise, residuals, weights_from
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
@@ -65,7 +65,7 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
         notes=(*prior.notes, *notes),
         statistics=statistics,
         weights=weights,
-        colour=colour_of(lib, [train], statistics, weights),
+        coloured_noise=coloured_noise_of(lib, [train], statistics, weights),
     )
 
 

@@ -59,7 +59,7 @@ class Path:
         return np.array(self.points[good[0]]) if good.size else None
 
 
-def gamma_ladder(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
+def gamma_sequence(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
     """Falling weights, from the loss that no model explains down to `SMALLEST_GAP` of it."""
     silent = data.value(np.zeros(data.factor.shape[1]))
     unit = max(data.rest / (2 * data.count), EXPLAINED * silent, 1e-300)
@@ -76,11 +76,11 @@ def follow(
     Args:
         data: least squares over π.
         prior: its centre starts the path.
-        gammas: default is `gamma_ladder`.
+        gammas: default is `gamma_sequence`.
         most_steps: per γ.
     """
     ladder = (
-        gamma_ladder(data, prior.centre.size // N_PARAMETERS)
+        gamma_sequence(data, prior.centre.size // N_PARAMETERS)
         if gammas is None
         else np.asarray(gammas, dtype=float)
     )

@@ -32,12 +32,12 @@ class Spread:
     Attributes:
         root: C = root rootᵀ, (10 n, 10 n).
         share: posterior over prior variance of every entry, (10 n,), in (0, 1].
-        told: directions of which the data say ten times more than the prior.
+        determined: directions of which the data say ten times more than the prior.
     """
 
     root: Array
     share: Array
-    told: int
+    determined: int
 
 
 def spread_of(bodies: Bodies, pi: Array, rows: Array, kappa: float) -> Spread:

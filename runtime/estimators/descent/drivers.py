@@ -1,8 +1,9 @@
 """Descents in λ: compiled loops, or step by step in NumPy as their reference.
 
 All minimise L(x), x = [λ, ψ]. Adam goes over mini-batches or compressed statistics, validates on
-held-out samples and keeps the best point; Levenberg–Marquardt goes to the bottom of the training
-loss. The compiled loops are the default where the library has them; many problems are one call.
+validation samples and keeps the best point; Levenberg–Marquardt goes down to the minimum of the
+training loss. The compiled loops are the default where the library has them. Many problems are one
+call.
 """
 
 from collections.abc import Callable, Sequence
@@ -72,7 +73,7 @@ class Watch:
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """A problem with its objective, its compressed training and held-out data, and a start.
+    """A problem with its objective, its compressed training and validation data, and a start.
 
     x0 = [λ, ψ], or [θ, ψ] with log-Cholesky coordinates θ where `cholesky` is set.
     """
@@ -80,7 +81,7 @@ class Descent:
     problem: Problem
     objective: TorqueObjective
     statistics: Statistics
-    held: Statistics
+    validation: Statistics
     x0: Array
     cholesky: bool = False
 
@@ -89,16 +90,18 @@ class Descent:
         lib, own = self.problem.lib, x[: self.objective.n_lam]
         return lib.pi_from_cholesky(own) if self.cholesky else lib.pi_from_lam(own)
 
-    def held_loss(self, x: Array) -> float:
-        """L of the held-out samples at x."""
-        return self.held.value(self.bodies(x), self.objective.split(x)[1])
+    def validation_loss(self, x: Array) -> float:
+        """L of the validation samples at x."""
+        return self.validation.value(self.bodies(x), self.objective.split(x)[1])
 
 
 def descent_of(
     problem: Problem, objective: TorqueObjective, x0: Array, cholesky: bool = False
 ) -> Descent:
     """A descent from x0 with the statistics that it needs."""
-    return Descent(problem, objective, problem.statistics(), problem.held(), x0, cholesky)
+    return Descent(
+        problem, objective, problem.statistics(), problem.validation_statistics(), x0, cholesky
+    )
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:
@@ -169,7 +172,7 @@ def descend_many(
 def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
     """Adam by the reference: one NumPy step at a time."""
     problem, objective = descent.problem, descent.objective
-    held = TorqueObjective(problem.lib, problem.validation, problem.weights, objective.unit)
+    validated = TorqueObjective(problem.lib, problem.validation, problem.weights, objective.unit)
     if preset.batch is None:
         value_gradient = CompressedObjective(objective, descent.statistics).value_gradient
     else:
@@ -179,7 +182,7 @@ def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
             return objective.value_gradient(x, rng.integers(0, size, batch))
 
     adam = Adam(value_gradient, preset.adam)
-    return descend_validated(adam, descent.x0, held.value, preset.rule, problem.progress)
+    return descend_validated(adam, descent.x0, validated.value, preset.rule, problem.progress)
 
 
 def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
@@ -202,15 +205,15 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
             accepted = job.traced
             jobs.run(1)
             if job.traced > accepted:
-                trace.append((job.step, job.loss, descent.held_loss(jobs.x(0))))
+                trace.append((job.step, job.loss, descent.validation_loss(jobs.x(0))))
             if problem.progress is not None:
                 problem.progress(job.step, job.loss)
     except KeyboardInterrupt:
         interrupted = True
     x = jobs.x(0)
     status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
-    held = descent.held_loss(x) if np.isfinite(job.loss) else np.inf
-    return Outcome(x, held, job.step, status, trace_of(trace))
+    validated = descent.validation_loss(x) if np.isfinite(job.loss) else np.inf
+    return Outcome(x, validated, job.step, status, trace_of(trace))
 
 
 def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
@@ -232,7 +235,7 @@ def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
 
     optimiser = LevenbergMarquardt(residual_jacobian, options, squares.rest, squares.scale)
     return descend_traced(
-        optimiser, descent.x0, descent.held_loss, options.max_iterations, problem.progress
+        optimiser, descent.x0, descent.validation_loss, options.max_iterations, problem.progress
     )
 
 
@@ -259,7 +262,7 @@ def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
     return AdamProblem(
         descent.x0,
         least_squares(descent.statistics, unit),
-        least_squares(descent.held, unit),
+        least_squares(descent.validation, unit),
         samples,
         problem.weights,
     )

@@ -1,6 +1,6 @@
 """Residuals r = Y π + F φ − τ, their noise per joint, and their autocorrelation.
 
-What filtered residuals, which repeat themselves, are worth is told by `coloured_noise`.
+The effective sample size of filtered residuals is estimated by `coloured_noise`.
 """
 
 import numpy as np
@@ -9,12 +9,23 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
 LAGS = 24
+"""Lags of the autocorrelation, in samples."""
 SILENT = 1e-6
-"""Residuals below this share of the loudest joint's torque count as rounding."""
+"""Residual, relative to the largest RMS torque of a joint, below which it counts as rounding."""
 
 
 def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
-    """r (N, m), N·m or N; W of rows of power."""
+    """Residuals r = Y π + F φ − τ.
+
+    Args:
+        lib: library of the robot.
+        samples: N samples of m equations each.
+        pi: π, (10 n,).
+        phi: friction coefficients, n k of them in any shape; may be empty.
+
+    Returns:
+        r, (N, m) [N·m, N; W for rows of power].
+    """
     rest = samples.rigid(lib, pi) - samples.tau
     if phi.size:
         rest = rest + samples.friction(phi.reshape(samples.columns.shape[1:]))
@@ -22,22 +33,47 @@ def residuals(lib: Library, samples: Samples, pi: Array, phi: Array) -> Array:
 
 
 def noise(rest: Array, lib: Library, n_phi: int, inflation: float = 1.0) -> Array:
-    """s_j (n,): RMS of the residual, corrected for what the unknowns have absorbed of it.
+    """Noise s_j per joint: RMS of the residual, corrected for what the unknowns have absorbed.
 
-    Each takes up one independent sample's worth of noise, `inflation` = N/N_eff times a row's.
+    Each unknown absorbs the noise of one independent sample, `inflation` times that of a row.
+
+    Args:
+        rest: residuals, (N, n).
+        lib: library of the robot.
+        n_phi: number of friction coefficients.
+        inflation: N / N_eff.
+
+    Returns:
+        s, (n,) [N·m, N].
     """
     used = inflation * (len(lib.base_columns) + n_phi) / rest.shape[1]
     return np.asarray(np.sqrt(_power(rest) / max(len(rest) - used, 1.0)))
 
 
 def weights_from(sigma: Array, tau: Array) -> Array:
-    """w_j = 1/s_j², s_j kept above rounding so that an exactly explained joint stays finite."""
-    loudest = float(np.sqrt(np.mean(tau**2, axis=0)).max())
-    return 1 / np.maximum(sigma, SILENT * max(loudest, 1e-300)) ** 2
+    """Weights w_j = 1/s_j², with s_j kept above rounding so that w_j stays finite.
+
+    Args:
+        sigma: noise s per joint, (n,).
+        tau: measured torque, (N, n), which sets the size of rounding.
+
+    Returns:
+        w, (n,).
+    """
+    largest = float(np.sqrt(np.mean(tau**2, axis=0)).max())
+    return 1 / np.maximum(sigma, SILENT * max(largest, 1e-300)) ** 2
 
 
 def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
-    """ρ_l per joint for l = 1 … lags, (lags, n); 0 for a joint without residual."""
+    """Autocorrelation ρ_l of the residuals of each joint.
+
+    Args:
+        rest: residuals, (N, n).
+        lags: largest lag, in samples.
+
+    Returns:
+        ρ_l for l = 1 … lags, (lags, n); 0 for a joint without residual.
+    """
     out = np.zeros((lags, rest.shape[1]))
     for j, row in enumerate(np.ascontiguousarray(rest.T)):
         centred = row - row.mean()
@@ -49,7 +85,15 @@ def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
 
 
 def inflation(rest: Array, weights: Array) -> float:
-    """1 + 2 Σ ρ_l over the joints together, by their weighted power; at least 1 (Bartlett 1946)."""
+    """Variance inflation N / N_eff = 1 + 2 Σ ρ_l of all joints together (Bartlett 1946).
+
+    Args:
+        rest: residuals, (N, n).
+        weights: diagonal of W, (n,); ρ_l is averaged by the weighted power of the joints.
+
+    Returns:
+        N / N_eff, at least 1.
+    """
     power = weights * _power(rest - rest.mean(axis=0))
     if not power.sum() > 0:
         return 1.0

@@ -151,8 +151,8 @@ def _prior(f: Figures, take: str, n_base: int) -> str:
             f"the motion excites {f.excited} of {n_base} base parameters, the others are the "
             "URDF's; record a motion that moves every joint (excite designs one)"
         )
-    told = f"the data tell {f.told} of {n_base} independent combinations of parameters"
-    if f.told < ENOUGH * n_base:
+    told = f"the data tell {f.determined} of {n_base} independent combinations of parameters"
+    if f.determined < ENOUGH * n_base:
         return (
             f"{told}, the prior tells the rest: {take} is close to the URDF because little speaks "
             "against it, so record a longer or faster motion, or model friction better"

@@ -122,7 +122,7 @@ def _figure_facts(f: Figures) -> dict[str, Any]:
         "boundary": f.is_boundary,
         "gap_to_convex_optimum": _finite(f.gap),
         "excited": f.excited,
-        "told_by_data": f.told,
+        "told_by_data": f.determined,
     }
 
 

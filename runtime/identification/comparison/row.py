@@ -23,7 +23,7 @@ class Figures:
         is_boundary: a link is next to a plate or a rod.
         gap: (L − L*)/L* on the training samples, in the weights common to all.
         excited: base parameters that the motion excites.
-        told: combinations of them of which the data say more than the prior.
+        determined: combinations of them of which the data say more than the prior.
     """
 
     train_percent: float
@@ -38,7 +38,7 @@ class Figures:
     is_boundary: bool
     gap: float
     excited: int
-    told: int
+    determined: int
 
 
 @dataclass(frozen=True, slots=True)

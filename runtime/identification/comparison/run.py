@@ -156,7 +156,7 @@ def _figures(
         is_boundary=found.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
         gap=(loss(own.power) - optimum) / max(optimum, TINY * loss(own.silent)),
         excited=sure.rank,
-        told=sure.told,
+        determined=sure.determined,
     )
 
 

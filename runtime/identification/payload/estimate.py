@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise, prior_from
-from runtime.estimators.regression.coloured_noise import Colour, colour_of_rows
+from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.payload.body import NAMES, Body, body_of
 from runtime.identification.payload.differential import empty_residual
@@ -190,19 +190,19 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
             count=float(count),
             freedom=float(count * n - N_PARAMETERS - n),
         )
-        colour = Colour(data.variance, data.variance)
+        coloured = ColouredNoise(data.variance, data.variance)
         if done == 0:  # as if all were noise: from far away Newton needs the prior's guidance
             whole = float(aim @ aim) / aim.size
-            colour = Colour(whole, whole)
+            coloured = ColouredNoise(whole, whole)
         elif done == PASSES:
             levels = np.broadcast_to(np.eye(n), (count, n, n)) / np.sqrt(count)
             own = np.concatenate([rows / noise[:, None], levels], axis=2)
-            colour = colour_of_rows(own, target / noise)
-        gamma = kappa * max(colour.level, _PERFECT**2) / count
+            coloured = coloured_noise_of_rows(own, target / noise)
+        gamma = kappa * max(coloured.density, _PERFECT**2) / count
         found = minimise(convex_problem(data, prior, gamma), pi)
         pi = found.pi
         errors = target - rows @ pi
-        power = np.sum(errors**2, axis=0) / max(count - used * colour.inflation, 1.0)
+        power = np.sum(errors**2, axis=0) / max(count - used * coloured.inflation, 1.0)
         noise = np.sqrt(np.maximum(power, (_PERFECT * spread) ** 2 + 1e-300))
     shape = np.linalg.inv(count * found.hessian())
     return _Found(
@@ -211,9 +211,9 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
         noise=noise,
         errors=errors,
         offsets=level - means @ pi,
-        white=colour.variance * shape,
-        covariance=colour.level * shape,
-        n_effective=count / colour.inflation,
+        white=coloured.variance * shape,
+        covariance=coloured.density * shape,
+        n_effective=count / coloured.inflation,
         converged=found.converged,
     )
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.coloured_noise import Colour, colour_of_basis
+from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
 from runtime.identification.payload import KnownPayload
 from runtime.identification.sensor_gains.problem import RUNS, Problem, problem_of
 from runtime.identification.sensor_gains.solve import Solution, reduced, solve
@@ -94,7 +94,7 @@ def identify_gains(
     problem = problem_of(empty, loaded, lib, payload, link, friction, preparation)
     found = solve(reduced(problem.blocks()), problem.n_samples, len(RUNS))
     stretches = (_over_noise(problem, found, block) for block in problem.blocks())
-    return _told(problem, found, colour_of_basis(stretches, problem.n_blocks))
+    return _told(problem, found, coloured_noise_of_basis(stretches, problem.n_blocks))
 
 
 def _over_noise(problem: Problem, found: Solution, block: Array) -> tuple[Array, Array]:
@@ -114,9 +114,9 @@ def _over_noise(problem: Problem, found: Solution, block: Array) -> tuple[Array,
     return basis.transpose(1, 0, 2), rest.T
 
 
-def _told(problem: Problem, found: Solution, colour: Colour) -> Gains:
+def _told(problem: Problem, found: Solution, coloured: ColouredNoise) -> Gains:
     n, names = len(found.g), problem.channels
-    root = found.root * np.sqrt(colour.level)
+    root = found.root * np.sqrt(coloured.density)
     covariance = root[-n:] @ root[-n:].T
     sigma = np.sqrt(np.diagonal(covariance))
     share = sigma / np.maximum(np.abs(found.g), np.finfo(float).tiny)
@@ -128,7 +128,7 @@ def _told(problem: Problem, found: Solution, colour: Colour) -> Gains:
     slopes[:, np.arange(n), np.arange(n) - n] -= np.where(is_determined, offsets / gain, 0.0)
     spread = np.sum((slopes @ root) ** 2, axis=2)
     counts = np.array([[len(run)] for run in problem.runs])
-    bias_sigma = np.sqrt(spread + found.noise**2 * colour.level / counts) / np.abs(gain)
+    bias_sigma = np.sqrt(spread + found.noise**2 * coloured.density / counts) / np.abs(gain)
     notes = _notes(problem, found.g, covariance, share, is_determined)
     told = ", ".join(name for name, told in zip(names, is_determined, strict=True) if told)
     return Gains(
@@ -139,9 +139,9 @@ def _told(problem: Problem, found: Solution, colour: Colour) -> Gains:
         is_determined=is_determined,
         bias=offsets / gain,
         bias_sigma=bias_sigma,
-        noise=found.noise * np.sqrt(colour.variance),
+        noise=found.noise * np.sqrt(coloured.variance),
         n_samples=problem.n_samples,
-        n_effective=problem.n_samples / colour.inflation,
+        n_effective=problem.n_samples / coloured.inflation,
         status=f"found the gains of {'all ' if is_determined.all() else ''}{told}",
         notes=notes,
     )

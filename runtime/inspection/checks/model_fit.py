@@ -6,7 +6,7 @@ is asked of the residual of least squares on base parameters and friction, W x =
 
 import numpy as np
 
-from runtime.estimators.regression.coloured_noise import colour_of_rows
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
@@ -249,7 +249,7 @@ def _inflation(matrix: Array, errors: Array, weights: Array) -> float:
     """N / N_eff of errors (N, n) that the columns (N n, p) leave."""
     scale = np.sqrt(weights)
     rows = matrix.reshape(*errors.shape, -1) * scale[:, None]
-    return colour_of_rows(rows, errors * scale).inflation
+    return coloured_noise_of_rows(rows, errors * scale).inflation
 
 
 def _drive(dq: Array, ddq: Array) -> Array:

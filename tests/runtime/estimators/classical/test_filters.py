@@ -8,10 +8,10 @@ import pytest
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.ekf import _advance, run_ekf
 from runtime.estimators.classical.filter_input import (
-    Stream,
+    FilterInput,
+    filter_input_from,
     noise_of,
     prior_covariance,
-    stream_from,
 )
 from runtime.estimators.classical.ukf import run_ukf
 from runtime.excitation import Trajectory
@@ -30,7 +30,7 @@ def plant(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarra
 
 def modelled(
     lib: Library, trajectory: Trajectory, pi: np.ndarray, count: int, rng: np.random.Generator
-) -> Stream:
+) -> FilterInput:
     """Data of the very model that the filters believe in, written out step by step."""
     wanted = np.stack(trajectory.at(lib, np.arange(count) * DT)[:3], axis=1)
     q, dq = wanted[0, 0], wanted[0, 1]
@@ -48,7 +48,7 @@ def modelled(
     log_q += SIGMA_Q * rng.normal(size=log_q.shape)
     log_tau += SIGMA_TAU * rng.normal(size=log_tau.shape)
     log = Recording(np.arange(count) * DT, log_q, None, None, log_tau)
-    return stream_from(log, DT, FRICTION)
+    return filter_input_from(log, DT, FRICTION)
 
 
 def scores(lib: Library, pi: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -63,9 +63,9 @@ def test_both_filters_follow_their_model(
     lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray, plant: Bench
 ) -> None:
     """Oracle: parameters of a robot that is stepped as filters once did; EKF and UKF agree."""
-    stream = modelled(lib, trajectories[0], pi_true, 800, np.random.default_rng(5))
-    x, p, _ = run_ekf(lib, stream, plant.lam_cad)
-    y, r = run_ukf(lib, stream, plant.lam_cad)
+    data = modelled(lib, trajectories[0], pi_true, 800, np.random.default_rng(5))
+    x, p, _ = run_ekf(lib, data, plant.lam_cad)
+    y, r = run_ukf(lib, data, plant.lam_cad)
     k, beta = lib.base_matrix, lib.base_matrix @ pi_true
     first = np.linalg.norm(k @ lib.pi_from_lam(plant.lam_cad) - beta)
     assert first > 0.02 * np.linalg.norm(beta)
@@ -106,8 +106,8 @@ def test_deviations_hold_on_the_common_plant(
     Rotors, a torque that is held for a period and noise in the loop are in no filter's model.
     """
     own = bench(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q, seed=seed)
-    stream = stream_from(own.log.take(slice(0, 2000, every), "Cut."), DT * every, FRICTION)
-    found = scores(lib, pi_true, *run_ekf(lib, stream, own.lam_cad)[:2])
+    data = filter_input_from(own.log.take(slice(0, 2000, every), "Cut."), DT * every, FRICTION)
+    found = scores(lib, pi_true, *run_ekf(lib, data, own.lam_cad)[:2])
     # As above; ten seeds of 10 s have 0.9 and 3.2 at most.
     assert np.sqrt(np.mean(found**2)) < 1.5
     assert np.abs(found).max() < 4.5
@@ -130,11 +130,11 @@ def test_filters_say_what_they_need(plant: Bench, lib: Library) -> None:
 
 def test_a_filter_that_diverges_is_told(plant: Bench, lib: Library) -> None:
     """Property: a torque beyond all numbers ends in a sentence, not in NaN."""
-    stream = stream_from(plant.log.take(slice(0, 400), "Cut."), DT, Friction(("viscous",)))
-    stream = replace(stream, tau=1e200 * stream.tau)
+    data = filter_input_from(plant.log.take(slice(0, 400), "Cut."), DT, Friction(("viscous",)))
+    data = replace(data, tau=1e200 * data.tau)
     for run in (run_ekf, run_ukf):
         with pytest.raises(IdentificationError, match=r"the filter diverged after \d"):
-            run(lib, stream, plant.lam_cad)
+            run(lib, data, plant.lam_cad)
 
 
 def test_prior_covariance_is_that_of_perturbed_bodies(lib: Library) -> None:
@@ -153,7 +153,7 @@ def test_prior_covariance_is_that_of_perturbed_bodies(lib: Library) -> None:
 def test_derivative_of_a_step(lib: Library, plant: Bench, pi_true: np.ndarray) -> None:
     """Derivative: the Taylor remainder of [q, dq] after a step falls as h²."""
     rng = np.random.default_rng(0)
-    stream = stream_from(plant.log, DT, Friction(("coulomb", "viscous", "offset"), 0.3))
+    data = filter_input_from(plant.log, DT, Friction(("coulomb", "viscous", "offset"), 0.3))
     phi, delay = rng.uniform(0.2, 0.6, 21), rng.normal(0, DT, 7)
     push, speed, drift = rng.normal(0, 1, (3, 7))
     dq = speed - DT / 2 * push
@@ -162,17 +162,17 @@ def test_derivative_of_a_step(lib: Library, plant: Bench, pi_true: np.ndarray) -
     middle, by_joint = lib.home + DT / 2 * dq, phi.reshape(7, 3)
     friction = np.tanh(speed / 0.3) * by_joint[:, 0] + speed * by_joint[:, 1] + by_joint[:, 2]
     tau = lib.inverse_dynamics(middle, speed, push, pi_true) + friction - delay * drift
-    ways = {"speed": speed, "push": push, "drift": drift, "tau": tau}
-    stream = replace(stream, **{name: value[None] for name, value in ways.items()})
+    ways = {"speed": speed, "acceleration": push, "torque_rate": drift, "tau": tau}
+    data = replace(data, **{name: value[None] for name, value in ways.items()})
     top = np.zeros((14, x.size))
     scale = np.concatenate([np.ones(14), np.abs(pi_true) + 1e-3, phi, np.full(7, DT)])
     along = 0.1 * scale * rng.normal(size=x.size)
-    moved, _ = _advance(lib, stream, 0, x, top)
+    moved, _ = _advance(lib, data, 0, x, top)
     assert moved[7:14] == pytest.approx(dq + DT * push, abs=1e-12)
     slope = top @ along
 
     def step(at: np.ndarray) -> np.ndarray:
-        return _advance(lib, stream, 0, at, np.zeros_like(top))[0]
+        return _advance(lib, data, 0, at, np.zeros_like(top))[0]
 
     # Positions of size 1 round at 1e-16 and remainders begin at 1e-4: five decades of h at most.
     assert_second_order(taylor_slope(step, x, along, slope, largest=0.1), 3.0)

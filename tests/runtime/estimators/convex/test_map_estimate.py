@@ -70,14 +70,14 @@ def test_covariance_is_the_inverse_hessian(lib, noisy):
     train = samples_of(noisy, lib)
     p = Problem(lib, train, train, thesis_weights(train.tau), lib.lam0)
     fit = fit_map(p)
-    known = {"statistics": fit.statistics, "colour": fit.colour}
+    known = {"statistics": fit.statistics, "coloured_noise": fit.coloured_noise}
     u = uncertainty_of(lib, train, fit.pi, fit.phi, first_guess=lib.pi0, **known)
     data, _ = reduce(fit.statistics, 7)
     worth = inflation(residuals(lib, train, fit.pi, fit.phi), fit.weights)
     gamma = CAD * data.variance * worth / len(train)
     found = minimise(convex_problem(data, prior_of(lib), gamma), fit.pi)
     np.testing.assert_allclose(found.pi, fit.pi, rtol=1e-4, atol=1e-6)  # γ is taken a step later
-    gram, level = data.factor.T @ data.factor / len(train), fit.colour.level
+    gram, level = data.factor.T @ data.factor / len(train), fit.coloured_noise.density
     curvature = (found.hessian() - gram) / gamma
     precision = len(train) * gram / level + CAD * curvature
     expected = u.root.T @ precision @ u.root

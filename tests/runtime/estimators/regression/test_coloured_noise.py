@@ -8,7 +8,7 @@ from scipy.linalg import toeplitz
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import coloured_noise, compress
-from runtime.estimators.regression.coloured_noise import colour_of, colour_of_rows
+from runtime.estimators.regression.coloured_noise import coloured_noise_of, coloured_noise_of_rows
 from runtime.estimators.regression.residuals import autocorrelation, noise
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.uncertainty import uncertainty_of
@@ -47,8 +47,8 @@ def test_level_is_the_variance_of_the_unknowns(kernel: np.ndarray, unknowns: int
     lags = np.correlate(kernel, kernel, mode="full")[len(kernel) - 1 :]
     omega = toeplitz(np.r_[lags, np.zeros(COUNT - len(lags))])
     truth = np.einsum("ijk,il,ljk->", basis, omega, basis) / unknowns
-    found = [colour_of_rows(rows, coloured(rng, kernel)) for _ in range(300)]
-    levels = np.array([one.level for one in found])
+    found = [coloured_noise_of_rows(rows, coloured(rng, kernel)) for _ in range(300)]
+    levels = np.array([one.density for one in found])
     # 300 trials; a spectrum that falls by a tenth over the columns' frequencies leaves 3 %.
     slack = 4 * levels.std() / np.sqrt(300) + (0.03 * truth if len(kernel) > 1 else 0.0)
     assert levels.mean() == pytest.approx(truth, abs=slack)
@@ -85,10 +85,10 @@ def test_intervals_of_low_passed_logs_hold_the_truth(
         s = samples_of(log, lib)
         start = lib.lam_from_pi(pi_true)
         fit = fit_map(Problem(lib, s, s, thesis_weights(s.tau), start))
-        known = {"statistics": fit.statistics, "colour": fit.colour}
+        known = {"statistics": fit.statistics, "coloured_noise": fit.coloured_noise}
         u = uncertainty_of(lib, s, fit.pi, fit.phi, first_guess=pi_true, **known)
         scores.append((lib.base_matrix @ (fit.pi - pi_true)) / u.beta_sigma)
-        levels.append(fit.colour.level / fit.weights.mean())
+        levels.append(fit.coloured_noise.density / fit.weights.mean())
     # A level is known to 12 %, twelve of them to 3.5 %; three of those and the weights' own.
     assert np.mean(levels) == pytest.approx(sigma**2 * 100 / 500, rel=0.13)
     # The prior's own spread, which no trial draws, makes the covariance a little too large.
@@ -103,20 +103,20 @@ def test_samples_and_dense_rows_tell_the_same(lib: Library, noisy: Recording) ->
     still = np.concatenate([s.columns, np.zeros((*s.tau.shape, 1))], axis=2)
     s = Samples(s.q, s.dq, s.ddq, s.tau, still)
     weights = np.linspace(100.0, 700.0, 7)
-    found = colour_of(lib, [s], compress(lib, s, weights), weights)
+    found = coloured_noise_of(lib, [s], compress(lib, s, weights), weights)
     extra = np.einsum("ijk,jl->ijlk", s.columns, np.eye(7)).reshape(len(s), 7, 21)
     rows = np.concatenate([lib.base_regressor(s.q, s.dq, s.ddq), extra], axis=2)
     scale = np.sqrt(weights)
-    dense = colour_of_rows(rows * scale[:, None], s.tau * scale)
+    dense = coloured_noise_of_rows(rows * scale[:, None], s.tau * scale)
     # Rounding × condition of the columns.
-    assert dense.level == pytest.approx(found.level, rel=1e-6)
+    assert dense.density == pytest.approx(found.density, rel=1e-6)
     assert dense.variance == pytest.approx(found.variance, rel=1e-6)
-    moved = colour_of_rows(rows * scale[:, None], (s.tau + rows @ np.ones(64)) * scale)
-    assert moved.level == pytest.approx(dense.level, rel=1e-6)
+    moved = coloured_noise_of_rows(rows * scale[:, None], (s.tau + rows @ np.ones(64)) * scale)
+    assert moved.density == pytest.approx(dense.density, rel=1e-6)
     halves = [s.rows(slice(0, 500)), s.rows(slice(500, None))]
-    parted = colour_of(lib, halves, compress(lib, s, weights), weights)
+    parted = coloured_noise_of(lib, halves, compress(lib, s, weights), weights)
     # Other cosines of the same noise, 130 of them: √(2/130), three times.
-    assert parted.level == pytest.approx(found.level, rel=0.38)
+    assert parted.density == pytest.approx(found.density, rel=0.38)
 
 
 def test_a_long_log_is_asked_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,14 +125,16 @@ def test_a_long_log_is_asked_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     rows, rest = (signal.lfilter(*slow, rng.normal(size=(40_000, 1, k)), axis=0) for k in (5, 1))
     rest = rest[:, :, 0]
     asked = []
-    whole = coloured_noise._heard
-    monkeypatch.setattr(coloured_noise, "_heard", lambda q, r: asked.append(len(q)) or whole(q, r))
-    found = colour_of_rows(rows, rest)
+    whole = coloured_noise._spectral_sums
+    monkeypatch.setattr(
+        coloured_noise, "_spectral_sums", lambda q, r: asked.append(len(q)) or whole(q, r)
+    )
+    found = coloured_noise_of_rows(rows, rest)
     assert asked == [1024] * 8
     monkeypatch.undo()
     monkeypatch.setattr(coloured_noise, "PIECE", 40_000)
     # Of 8192 cosines a tenth are as loud as the noise they weigh: √(2/800), four times.
-    assert found.level == pytest.approx(colour_of_rows(rows, rest).level, rel=0.2)
+    assert found.density == pytest.approx(coloured_noise_of_rows(rows, rest).density, rel=0.2)
 
 
 @pytest.mark.parametrize(
@@ -146,8 +148,8 @@ def test_a_long_log_is_asked_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_where_nothing_is_heard_noise_counts_as_white(rows: np.ndarray, rest: np.ndarray) -> None:
     """Property: finite, and an inflation of one."""
-    found = colour_of_rows(rows, rest)
-    assert np.isfinite([found.level, found.variance]).all()
+    found = coloured_noise_of_rows(rows, rest)
+    assert np.isfinite([found.density, found.variance]).all()
     assert found.inflation == pytest.approx(1.0)
 
 

@@ -28,7 +28,7 @@ def figures(percent: float = 1.4, **changes: object) -> Figures:
         is_boundary=False,
         gap=0.1,
         excited=43,
-        told=40,
+        determined=40,
     )
     return replace(base, **changes)  # type: ignore[arg-type]
 
@@ -105,10 +105,10 @@ def test_the_boundary_is_told() -> None:
 def test_what_the_prior_tells() -> None:
     """Property: the motion's silence, the prior's dominance, and neither."""
     assert says(told(ran("map", excited=40)), "excites 40 of 43 base parameters")
-    weak = told(ran("map", told=21))
+    weak = told(ran("map", determined=21))
     assert says(weak, "The data tell 21 of 43 independent combinations")
     assert says(weak, "little speaks against it")
-    strong = told(ran("map", told=22))
+    strong = told(ran("map", determined=22))
     assert says(strong, "The data tell 22 of 43 independent combinations")
     assert not says(strong, "little speaks against it")
 

@@ -10,27 +10,27 @@ class LibraryError(RuntimeFault):
 
 
 class ShapeError(RuntimeFault):
-    """An array does not have the shape or type that the robot asks for."""
+    """An array does not have the shape or type that the robot requires."""
 
 
 class NotRealisableError(RuntimeFault):
-    """Inertial parameters that no body of positive density can have."""
+    """Inertial parameters that are not physically consistent."""
 
 
 class RecordingError(RuntimeFault):
-    """A log file cannot be read, or what it holds cannot be a recording of this robot."""
+    """A log file cannot be read, or its content is not a recording of this robot."""
 
 
 class IdentificationError(RuntimeFault):
-    """The data or the options do not determine an identification problem that can be solved."""
+    """The data or the options do not define an identification problem that can be solved."""
 
 
 class NeedsError(IdentificationError):
-    """A method was not given what it works on: the loop, a raw log, friction columns."""
+    """A method lacks an input: the closed-loop description, an unfiltered log, friction columns."""
 
 
 class SimulationError(IdentificationError):
-    """The simulated robot cannot move like that: its mass matrix is none, or it ran away."""
+    """The simulation failed: the mass matrix is not positive definite, or the motion diverged."""
 
 
 class ExportError(RuntimeFault):

@@ -1,8 +1,8 @@
 """Files that others wrote, read within bounds: regular, of a size, UTF-8, JSON or TOML.
 
-A pipe would be waited for, a device never ends, deep nesting exhausts the stack, and of a key that
-stands twice nobody knows which is meant; all of that ends here, as OSError or ValueError. Whether
-the values mean anything is asked by the room that reads them.
+A pipe blocks, a device never ends, deep nesting exhausts the stack, and a repeated key is
+ambiguous; each of them raises OSError or ValueError here. The packages that read the documents
+check the values.
 """
 
 import errno
@@ -18,16 +18,16 @@ from typing import IO, Any
 from runtime.errors import RuntimeFault
 
 LARGEST = 2**26
-"""Bytes of a document; the largest that is written here has a few million."""
+"""Largest size of a document [bytes]; the largest that is written here has a few million."""
 _DIGITS = 19
-"""Of a whole number that a machine has."""
+"""Largest number of digits of an integer that is read."""
 
 
 def require_file(path: Path) -> Path:
-    """The path of a regular file, links followed.
+    """Path of a regular file; links are followed.
 
     Raises:
-        OSError: there is none, or a folder, a pipe or a device.
+        OSError: it does not exist, or it is a folder, a pipe or a device.
     """
     if not stat.S_ISREG(path.stat().st_mode):
         raise OSError(errno.EINVAL, "not a regular file", str(path))
@@ -35,11 +35,11 @@ def require_file(path: Path) -> Path:
 
 
 def bytes_of(path: Path) -> bytes:
-    """A document as it is.
+    """Content of a document.
 
     Raises:
         OSError: it cannot be read, or is no regular file.
-        ValueError: it is larger than any document.
+        ValueError: it is larger than `LARGEST`.
     """
     size = require_file(path).stat().st_size
     if size > LARGEST:
@@ -48,12 +48,12 @@ def bytes_of(path: Path) -> bytes:
 
 
 def text_of(path: Path) -> str:
-    """A UTF-8 text; errors as for `bytes_of`."""
+    """Text of a UTF-8 document; errors as for `bytes_of`."""
     return bytes_of(path).decode("utf-8")
 
 
 def json_of(document: Path | bytes) -> Any:
-    """The value of a JSON document; errors as for `bytes_of`."""
+    """Value of a JSON document; errors as for `bytes_of`."""
     text = document.decode("utf-8") if isinstance(document, bytes) else text_of(document)
     try:
         return json.loads(text, object_pairs_hook=_once, parse_int=_whole)
@@ -62,34 +62,34 @@ def json_of(document: Path | bytes) -> Any:
 
 
 def toml_of(path: Path) -> dict[str, Any]:
-    """The tables of a TOML document; errors as for `bytes_of`."""
+    """Tables of a TOML document; errors as for `bytes_of`."""
     try:
         tables = tomllib.loads(text_of(path))
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
     for value in values_of(tables):
         if isinstance(value, int) and abs(value) >= 10**_DIGITS:
-            raise ValueError(f"a whole number has more than {_DIGITS} digits")
+            raise ValueError(f"an integer has more than {_DIGITS} digits")
     return tables
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    told = dict(pairs)
-    if len(told) < len(pairs):
+    table = dict(pairs)
+    if len(table) < len(pairs):
         names = [name for name, _ in pairs]
         twice = next(name for name in names if names.count(name) > 1)
         raise ValueError(f"the key {twice[:40]!r} stands twice")
-    return told
+    return table
 
 
 def _whole(text: str) -> int:
     if len(text) > _DIGITS + 1:
-        raise ValueError(f"a whole number has more than {_DIGITS} digits")
+        raise ValueError(f"an integer has more than {_DIGITS} digits")
     return int(text)
 
 
 def values_of(tree: Any) -> Iterator[Any]:
-    """The leaves of tables and lists within each other."""
+    """Yield the values of nested tables and lists."""
     pending = [tree]
     while pending:
         value = pending.pop()
@@ -105,7 +105,7 @@ def values_of(tree: Any) -> Iterator[Any]:
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A binary file that takes the place of `path` when the block ends without an error.
 
-    Missing folders are made. Whatever goes wrong, the old file stays as it was.
+    Missing folders are made. On any error the old file stays unchanged.
 
     Raises:
         RuntimeFault: the place cannot be written.

@@ -1,8 +1,8 @@
-"""Pieces of work on a dask cluster, with the same results as here.
+"""Pieces of work on a dask cluster, with the results of a single machine.
 
-A worker loads the library from the robot's folder by itself, so it must see the same files. What a
-lost worker had begun dask gives to another one. On other processors than ours sums may round
-differently, and so may a result.
+A worker loads the library from the robot's folder by itself, so it must see the same files. Dask
+repeats the pieces of a lost worker on another one. Sums round differently on other processors, and
+so may results.
 """
 
 import functools
@@ -18,9 +18,9 @@ from threadpoolctl import threadpool_limits
 from runtime.errors import IdentificationError, RuntimeFault
 
 PATIENCE = 30.0
-"""s that a cluster may take to get its first worker."""
+"""Time limit for the first worker of a cluster [s]."""
 CONNECTED = 5.0
-"""s that a scheduler may take to answer."""
+"""Time limit for the answer of a scheduler [s]."""
 
 T = TypeVar("T")
 P = ParamSpec("P")
@@ -34,16 +34,21 @@ def on_cluster(
     scheduler: str,
     of: str,
 ) -> Generator[T, None, None]:
-    """`work(sent, key, piece)` of every piece, as they end; the key is new for every call.
+    """Run `work(sent, key, piece)` on every piece of work, on a dask cluster.
 
-    Closing the iterator cancels those that wait and drops those under way.
+    The key is new for every call. Closing the iterator cancels pieces that wait and abandons those
+    that run.
 
     Args:
         work: a function of a module.
-        sent: what all pieces share.
-        rounds: of pieces, one task each; the next is asked for when all of the last have ended.
-        scheduler: address as tcp://host:8786.
+        sent: data that all pieces share.
+        rounds: lists of pieces, one task each; the next list is requested when all of the last have
+            ended.
+        scheduler: address such as tcp://host:8786.
         of: what a piece is, for messages.
+
+    Returns:
+        Results, in the order in which they end.
 
     Raises:
         IdentificationError: no dask here, no scheduler or worker there, a worker without the
@@ -89,7 +94,7 @@ def _result(future: Any, scheduler: str, of: str) -> Any:
             f"{of} took several workers of the cluster down; give them more memory, or leave "
             "--scheduler out"
         )
-    raise _told(failure) from None
+    raise _as_sentence(failure) from None
 
 
 def _connected(scheduler: str) -> Any:
@@ -116,7 +121,7 @@ def _require_workers(client: Any, scheduler: str) -> None:
         ) from None
 
 
-def _told(failure: BaseException) -> IdentificationError:
+def _as_sentence(failure: BaseException) -> IdentificationError:
     if isinstance(failure, RuntimeFault):
         sentence = str(failure)
     else:
@@ -128,14 +133,14 @@ def _told(failure: BaseException) -> IdentificationError:
 
 
 def cores() -> int:
-    """Processor cores that this process may use."""
+    """Number of processor cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
-    """Run a function with one BLAS thread: on matrices of a hundred columns more only wait.
+    """Run a function with one BLAS thread; with a hundred columns further threads only wait.
 
     On a busy machine of two cores the second thread made identification ten times slower.
     """

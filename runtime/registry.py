@@ -1,7 +1,7 @@
 """Named records of one kind: those of this package and those that installed packages add.
 
 A record is written in the module of the thing it describes. A registry holds where each record
-lies, as `module:ATTRIBUTE`, and imports it when it is first asked for. Another package adds one by
+lies, as `module:ATTRIBUTE`, and imports it at its first use. Another package adds one by
 an entry point of the registry's group in its pyproject.toml:
 
     [project.entry-points."symgen.estimators"]
@@ -111,6 +111,6 @@ class Registry(Generic[R]):
 
     def _entry_points(self) -> dict[str, EntryPoint]:
         if self._plugins is None:
-            found = sorted(entry_points(group=self.group), key=lambda point: point.name)
-            self._plugins = {p.name: p for p in found if p.name not in self._builtin}
+            points = sorted(entry_points(group=self.group), key=lambda point: point.name)
+            self._plugins = {p.name: p for p in points if p.name not in self._builtin}
         return self._plugins

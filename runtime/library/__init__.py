@@ -1,7 +1,7 @@
 """manifest + shared library → `Library`, one typed NumPy method per kernel, batched.
 
-The only room that knows ctypes. Arrays are sample-major: (N, n), or (n,) for one sample; an
-argument given once, such as π, serves all samples.
+The only package that uses ctypes. Arrays are sample-major: (N, n), or (n,) for one sample; an
+argument without N, such as π, is used for all samples.
 """
 
 from runtime.library.binding import Array

@@ -17,15 +17,15 @@ from runtime.parallel import cores
 Array = NDArray[np.float64]
 
 LEVELS = ("casadi", "portable", "v2", "v3", "v4", "neon")
-"""What a library may hold its batch functions for: CasADi's own C, plain C, instruction sets.
+"""Levels of batch functions: the C of CasADi, plain C, and instruction sets.
 
 Sorted: a processor that runs one runs those before it."""
 
 
 PART = 4096
-"""Samples per piece of a batch. Sums go piece by piece, so they do not depend on the threads."""
-WORTH_A_THREAD = 2e7
-"""Operations from which on a thread of its own pays: about a millisecond."""
+"""Samples per piece of a batch. Sums go piece by piece and do not depend on the threads."""
+THREAD_OPERATIONS = 2e7
+"""Operations per thread, about a millisecond; below it a thread costs more than it saves."""
 
 
 class Binding:
@@ -51,27 +51,46 @@ class Binding:
         self._functions = {name: self._bind(kernel) for name, kernel in manifest.kernels.items()}
 
     def function(self, name: str, *types: Any) -> Callable[..., None] | None:
-        """A function of the level that is not a kernel's batch; None where there is none."""
-        function = self.own(name)
+        """Function of the level that is not the batch of a kernel; None where the library has none.
+
+        Args:
+            name: without the names of robot and level.
+            *types: of its arguments.
+
+        Returns:
+            A typed function without a result.
+        """
+        function = self.of_level(name)
         if function is not None:
             function.argtypes, function.restype = types, None
         return function
 
     def excitation(self) -> tuple[Callable[..., float], Callable[..., int]] | None:
         """Cost of a trajectory and the size of its work at this level; None where there is none."""
-        cost, work = self.own("excitation_cost"), self.own("excitation_work")
+        cost, work = self.of_level("excitation_cost"), self.of_level("excitation_work")
         if cost is None or work is None:
             return None
         cost.argtypes, cost.restype = (ctypes.c_void_p,) * 3, ctypes.c_double
         work.argtypes, work.restype = (ctypes.c_void_p,), ctypes.c_long
         return cost, work
 
-    def own(self, name: str) -> Any:
-        """Any function of the level, without types; None where there is none."""
+    def of_level(self, name: str) -> Any:
+        """Function of the level, without types; None where the library has none."""
         return getattr(self._dll, f"{self._manifest.robot}_{self.level}_{name}", None)
 
     def plain(self, name: str, *types: Any) -> Any:
-        """A function without a result that all levels share; LibraryError where there is none."""
+        """Function without a result that all levels share.
+
+        Args:
+            name: without the name of the robot.
+            *types: of its arguments.
+
+        Returns:
+            A typed function.
+
+        Raises:
+            LibraryError: the library has none.
+        """
         function = self._symbol(f"{self._manifest.robot}_{name}")
         function.argtypes, function.restype = types or None, None
         return function
@@ -89,7 +108,7 @@ class Binding:
         return hasattr(self._dll, f"{self._manifest.robot}_{level}_torque_batch")
 
     def _best_level(self) -> str:
-        """What the processor can run, as the library itself finds out."""
+        """Best level that the processor can run, by the check in the library."""
         answer = self._symbol(f"{self._manifest.robot}_level")
         answer.restype = ctypes.c_char_p
         best = LEVELS.index(str(answer().decode()))
@@ -102,7 +121,7 @@ class Binding:
 
     def _bind(self, kernel: KernelFacts) -> Callable[..., None]:
         robot = self._manifest.robot
-        function = self.own(f"{kernel.name}_batch")
+        function = self.of_level(f"{kernel.name}_batch")
         if function is None:  # a rare kernel has no vector form
             function = self._symbol(f"{robot}_{kernel.name}_batch")
         pair = (ctypes.c_void_p, ctypes.c_long)
@@ -166,8 +185,8 @@ class Binding:
         )
 
     def _each(self, part: Callable[[int], None], count: int, operations: int) -> None:
-        """All parts, on as many threads as were asked for or as pay."""
-        threads = self._threads or min(cores(), int(operations / WORTH_A_THREAD))
+        """Run all parts, on the requested number of threads or on as many as save time."""
+        threads = self._threads or min(cores(), int(operations / THREAD_OPERATIONS))
         if threads <= 1 or count == 1:
             for k in range(count):
                 part(k)

@@ -41,16 +41,25 @@ class BodyKernels:
         return self._binding.call("cholesky_from_pi", flat)[0].reshape(np.shape(pi))
 
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:
-        """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 n,) from ∂cost/∂π. Source: Eq. 4.32."""
+        """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 n,) from ∂cost/∂π. Source: Eq. 4.32.
+
+        Args:
+            lam: (10 n,) or (N, 10 n) coordinates λ of the links.
+            slope: ∂cost/∂π, shape of λ.
+
+        Returns:
+            ∂cost/∂λ, shape of λ.
+        """
         links, slopes = self._links("lam", lam), self._links("slope", slope)
         frame = self._binding.call("pi_frame", links)[1]
         return self._binding.call("pi_adjoint", links, frame, slopes)[0].reshape(np.shape(lam))
 
     def lam_from_pi(self, pi: ArrayLike) -> Array:
-        """λ of every link from π, a ≥ b ≥ c. Source: Eqs. 4.18–4.23.
+        """λ of every link from π, with a ≥ b ≥ c. Source: Eqs. 4.18–4.23.
 
         Raises:
-            NotRealisableError: a link is no body that can exist; `nearest_realisable` repairs it.
+            NotRealisableError: a link is not physically consistent; `nearest_realisable` repairs
+                it.
         """
         flat = self._links("pi", pi)
         lam = self._binding.call("lam_from_pi", flat)[0]
@@ -59,14 +68,23 @@ class BodyKernels:
             links = ", ".join(dict.fromkeys(self.link_names[k % self.n_joints] for k in bad))
             worst = self.relative_eigenvalues(flat[bad[0]])[0]
             raise NotRealisableError(
-                f"pi of {links} belongs to no body of positive density (smallest eigenvalue of "
+                f"pi of {links} is not physically consistent (smallest eigenvalue of "
                 f"the pseudo-inertia {worst:.2e} of its trace); take nearest_realisable(pi) to "
-                "continue with the closest body that exists"
+                "continue with the nearest consistent parameters"
             )
         return lam.reshape(np.shape(pi))
 
     def nearest_realisable(self, pi: ArrayLike, floor: float = 1e-4) -> Array:
-        """π with each Σ_com moved to the nearest one with eigenvalues ≥ floor · tr; m, c kept."""
+        """Nearest physically consistent π: each Σ_com becomes the nearest matrix with eigenvalues ≥
+        floor · tr, while m and c stay.
+
+        Args:
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            floor: smallest eigenvalue of Σ_com over its trace.
+
+        Returns:
+            π of the same shape.
+        """
         flat = self._links("pi", pi)
         return self._binding.call("nearest_realisable", flat, floor)[0].reshape(np.shape(pi))
 

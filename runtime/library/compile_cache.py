@@ -30,20 +30,28 @@ from runtime.library.compile_recipe import REFERENCE, CompileRecipe, read_recipe
 from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
 
 KEPT = 3
-"""Libraries per robot that stay, however old."""
+"""Number of libraries per robot that are kept regardless of their age."""
 UNUSED_S = 30 * 86400.0
-"""Seconds without use after which one of the others goes."""
+"""Time without use after which another library is deleted [s]."""
 _ELSEWHERE = "set SYMGEN_CACHE to a folder that can be written"
 
 
 def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path:
-    """The folder that holds the compiled library of a generated one; compiles it where needed.
+    """Folder of the compiled library of a generated robot; compiles it where needed.
 
-    Compiled are all levels of this machine but the reference, or those of $SYMGEN_LEVELS, and
+    All levels of this machine except the reference are compiled, or those of $SYMGEN_LEVELS, and
     `level`.
 
+    Args:
+        folder: generated folder of the robot.
+        robot: its name.
+        level: instruction set that is needed; None for the best.
+
+    Returns:
+        Folder in the cache with lib<robot>.so and build.json.
+
     Raises:
-        LibraryError: no compiler, no such level, no place to write, a damaged folder.
+        LibraryError: no compiler, no such level, no writable folder, or a damaged generated folder.
     """
     recipe = read_recipe(folder)
     require_intact(folder, recipe, ["manifest.json"])
@@ -57,7 +65,7 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
     except LibraryError:
         made = [entry for root in roots for entry in (root / key).glob("[0-9a-f]*/")]
         for entry in filter(lambda e: is_whole(e, robot), made):
-            return _used(entry)  # whichever compiler made it
+            return _used(entry)  # by any compiler
         raise
     name = Path(key, hashlib.sha256(version.encode()).hexdigest()[:8])
     for root in roots:
@@ -87,7 +95,15 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
 
 
 def prune(root: Path, robot: str) -> list[Path]:
-    """Delete the libraries of a robot that nobody has used for long; returns their folders."""
+    """Delete the libraries of a robot that have not been used for `UNUSED_S`.
+
+    Args:
+        root: cache folder.
+        robot: its name.
+
+    Returns:
+        Folders that were deleted.
+    """
     ages = {}
     for entry in root.glob(f"{robot}-{'[0-9a-f]' * 16}/{'[0-9a-f]' * 8}"):
         with suppress(OSError):  # another process prunes, too
@@ -97,21 +113,29 @@ def prune(root: Path, robot: str) -> list[Path]:
         shutil.rmtree(entry, ignore_errors=True)
     if old:
         sys.stderr.write(
-            f"symgen: deleted {len(old)} compiled libraries of '{robot}' from {root} that nobody "
-            f"had used for {UNUSED_S / 86400:.0f} days\n"
+            f"symgen: deleted {len(old)} compiled libraries of '{robot}' from {root}, unused "
+            f"for {UNUSED_S / 86400:.0f} days\n"
         )
     return old
 
 
 def _used(entry: Path) -> Path:
-    """The entry, dated of now; where that cannot be written, nothing is deleted either."""
+    """The entry, with its time of use set to now; a folder that is read-only keeps its date."""
     with suppress(OSError):
         os.utime(entry / "build.json")
     return entry
 
 
 def is_whole(entry: Path, robot: str) -> bool:
-    """The library's bytes are those that were compiled."""
+    """Whether the bytes of a library are those that were compiled.
+
+    Args:
+        entry: folder with the library and build.json.
+        robot: its name.
+
+    Returns:
+        False also where a file is missing or damaged.
+    """
     try:
         record = json_of(entry / "build.json")
         return bool(record["sha256"] == _sha256(entry / f"lib{robot}.so"))
@@ -121,23 +145,23 @@ def is_whole(entry: Path, robot: str) -> bool:
 
 def _wanted(recipe: CompileRecipe, level: str | None) -> tuple[str, ...]:
     known = recipe.levels(machine())
-    asked = os.environ.get("SYMGEN_LEVELS", "").replace(",", " ").split()
-    wanted = {*(asked or [name for name in known if name != REFERENCE])} | {level or ""} - {""}
+    requested = os.environ.get("SYMGEN_LEVELS", "").replace(",", " ").split()
+    wanted = {*(requested or [name for name in known if name != REFERENCE])} | {level or ""} - {""}
     for name in sorted(wanted - {*known}):
         raise LibraryError(
-            f"there is no level '{name}' on {machine()}, which knows {', '.join(known)}; "
-            "correct SYMGEN_LEVELS or the level asked for"
+            f"there is no level '{name}' on {machine()}, which has {', '.join(known)}; "
+            "correct SYMGEN_LEVELS or the requested level"
         )
     return tuple(name for name in known if name in wanted)
 
 
 def _roots() -> list[Path]:
-    """Where an entry may lie, the preferred place first."""
-    asked = os.environ.get("SYMGEN_CACHE", "")
-    if asked:
-        return [Path(asked)]
-    own = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
-    return [platformdirs.user_cache_path("symgen"), *([own] if _is_private(own) else [])]
+    """Cache folders, the preferred one first."""
+    requested = os.environ.get("SYMGEN_CACHE", "")
+    if requested:
+        return [Path(requested)]
+    private = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
+    return [platformdirs.user_cache_path("symgen"), *([private] if _is_private(private) else [])]
 
 
 def _is_private(folder: Path) -> bool:
@@ -163,10 +187,10 @@ def _writable(roots: list[Path]) -> Path:
         reason = f"the cache folder '{first}' cannot be written ({error.strerror})"
         if os.environ.get("SYMGEN_CACHE"):
             raise LibraryError(f"{reason}; {_ELSEWHERE}") from None
-        own = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
+        private = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
         with suppress(OSError):
-            own.mkdir(mode=0o700)
-        place = own if _is_private(own) else Path(tempfile.mkdtemp(prefix="symgen-"))
+            private.mkdir(mode=0o700)
+        place = private if _is_private(private) else Path(tempfile.mkdtemp(prefix="symgen-"))
         sys.stderr.write(f"symgen: {reason}, so {place} serves; to keep it, {_ELSEWHERE}\n")
         return place
     return first

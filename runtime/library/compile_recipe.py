@@ -15,7 +15,7 @@ from runtime.errors import LibraryError
 from runtime.files import bytes_of, json_of, require_file
 
 REFERENCE = "casadi"
-"""The level that the others are compared with; compiled where it is asked for."""
+"""Level that the others are compared with; compiled only on request."""
 
 _FLAG = re.compile(
     r"-std=c99|-fPIC|-fno-math-errno|-fno-trapping-math|-O[0-3]|-shared|-lm"
@@ -32,7 +32,7 @@ _WORD = re.compile(r"[a-z0-9_]{0,16}")
 class Group:
     """Files that are compiled alike, the level they make and the machine they are for ("": all).
 
-    `gcc` are flags for a compiler that knows every one of them: they spare it time.
+    `gcc` are flags for a compiler that supports all of them; they shorten compilation.
     """
 
     level: str
@@ -44,7 +44,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class CompileRecipe:
-    """What `compile.json` says; `digest` is that of its bytes, `files` are name → sha256."""
+    """Content of `compile.json`; `digest` is that of its bytes, `files` are name → sha256."""
 
     digest: str
     files: dict[str, str]
@@ -61,7 +61,8 @@ def read_recipe(folder: Path) -> CompileRecipe:
     """The recipe of a generated folder, whose files are those that symgen wrote.
 
     Raises:
-        LibraryError: missing, damaged, or it asks for what no generated folder needs.
+        LibraryError: it is missing or damaged, or has a file or flag that no generated folder
+            needs.
     """
     path, again = folder / "compile.json", "install or generate the robot again"
     try:
@@ -96,13 +97,18 @@ def read_recipe(folder: Path) -> CompileRecipe:
     for name in sorted({name for group in recipe.groups for name in group.sources}):
         if not name.endswith(".c") or name not in recipe.files:
             raise LibraryError(
-                f"'{path}' is damaged (it compiles '{name}' and does not list it); {again}"
+                f"'{path}' is damaged (it compiles '{name}' but does not list it); {again}"
             )
     return recipe
 
 
 def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = ()) -> None:
-    """These files of the folder, by default all, are those that its recipe was written for.
+    """Require that files of a generated folder are those that its recipe was written for.
+
+    Args:
+        folder: generated folder.
+        recipe: with the digests.
+        names: files to check; all by default.
 
     Raises:
         LibraryError: one is missing or was changed.
@@ -110,12 +116,12 @@ def require_intact(folder: Path, recipe: CompileRecipe, names: Iterable[str] = (
     for name in names or recipe.files:
         path = folder / name
         try:
-            found = hashlib.sha256(require_file(path).read_bytes()).hexdigest()
+            digest = hashlib.sha256(require_file(path).read_bytes()).hexdigest()
         except OSError as error:
             raise LibraryError(
                 f"'{path}' cannot be read ({error.strerror}); install or generate the robot again"
             ) from None
-        if found != recipe.files.get(name):
+        if digest != recipe.files.get(name):
             raise LibraryError(
                 f"'{path}' is not the file that was generated, so nothing is compiled; "
                 "install or generate the robot again"

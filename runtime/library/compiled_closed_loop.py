@@ -97,7 +97,7 @@ class CompiledClosedLoop:
             setattr(job, name, array.ctypes.data_as(_POINTER))
 
     def run(self, periods: int) -> None:
-        """Go on for so many periods, at most to the end of the reference."""
+        """Continue for a number of periods, at most to the end of the reference."""
         left = min(periods, self._count - self.done)
         self._function(ctypes.byref(self._job), left)
 

@@ -45,7 +45,7 @@ class ConvexTask:
 
 @dataclass(frozen=True, slots=True)
 class ConvexAnswer:
-    """Of each γ up to the first that failed: minimiser, loss, decrement and steps."""
+    """Minimiser, loss, decrement and steps for each γ up to the first that failed."""
 
     points: Array
     losses: Array
@@ -72,7 +72,7 @@ class _Job(ctypes.Structure):
 
 
 class CompiledConvex:
-    """An array of jobs and the arrays they point to; `run` solves them all, again if asked again.
+    """An array of jobs and the arrays they point to; every call of `run` solves them all anew.
 
     Args:
         function: of the library.

@@ -194,7 +194,14 @@ class CompiledAdam(_Jobs):
         rows: Sequence[NDArray[np.int64]] | None = None,
         threads: int = 1,
     ) -> None:
-        """Go on for so many iterations; with mini-batches rows is (iterations, batch) per job."""
+        """Continue for a number of iterations.
+
+        Args:
+            iterations: steps of every job.
+            rows: per job (iterations, batch) indices of samples; None descends on the compressed
+                data.
+            threads: over which the jobs are spread.
+        """
         kept = [np.ascontiguousarray(r, dtype=ctypes.c_long) for r in rows or ()]
         for job, named in zip(self._jobs, kept, strict=False):
             job.rows = named.ctypes.data_as(ctypes.POINTER(ctypes.c_long))
@@ -246,7 +253,12 @@ class CompiledLevenberg(_Jobs):
             job.work = self._pointer(zeros(scratch))
 
     def run(self, iterations: int, threads: int = 1) -> None:
-        """Go on for so many iterations."""
+        """Continue for a number of iterations.
+
+        Args:
+            iterations: steps of every job.
+            threads: over which the jobs are spread.
+        """
         self._run(iterations, threads)
 
     def x(self, index: int) -> Array:

@@ -48,7 +48,7 @@ class CompiledExcitation:
         self._home = np.array(home, dtype=float)
         self._samples, self._harmonics, _ = basis.shape
         self._basis = tiled(basis)
-        self._own = threading.local()
+        self._local = threading.local()
 
     def value(self, coefficients: Array) -> float:
         """The cost alone; coefficients (n, M)."""
@@ -60,13 +60,13 @@ class CompiledExcitation:
         return place.run(True), place.gradient.copy()
 
     def deficient(self) -> bool:
-        """Had the last regressor of this thread no full rank, to rounding?"""
-        return bool(self._own.place.job.deficient)
+        """Whether the last regressor of this thread was rank-deficient to rounding."""
+        return bool(self._local.place.job.deficient)
 
     def _workplace(self, coefficients: Array) -> "_Workplace":
-        place = getattr(self._own, "place", None)
+        place = getattr(self._local, "place", None)
         if place is None:
-            place = self._own.place = _Workplace(self._functions, self._job())
+            place = self._local.place = _Workplace(self._functions, self._job())
             place.keep(np.zeros((len(self._home), self._harmonics)))
         place.coefficients[...] = coefficients
         return place
@@ -78,7 +78,7 @@ class CompiledExcitation:
 
 
 class _Workplace:
-    """What one thread writes to; the addresses are looked up once."""
+    """Arrays that one thread writes to; their addresses are looked up once."""
 
     def __init__(self, functions: ExcitationFunctions, job: _Job) -> None:
         self.job, self._cost = job, functions.cost

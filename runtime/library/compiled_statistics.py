@@ -18,15 +18,15 @@ class CompiledStatistics:
     The calls leave Python's lock, so that several threads may run them at once.
     """
 
-    def __init__(self, own: Callable[[str], Any], update: Any, joints: int, base: int) -> None:
+    def __init__(self, of_level: Callable[[str], Any], update: Any, joints: int, base: int) -> None:
         self._joints, self._base = joints, base
         pointers = (_POINTER,) * 5
         self._update = _typed(update, None, _POINTER, ctypes.c_double, *pointers)
-        self._work = _typed(own("statistics_work"), _LONG, _LONG)
-        self._join_work = _typed(own("statistics_join_work"), _LONG, _LONG, _LONG)
+        self._work = _typed(of_level("statistics_work"), _LONG, _LONG)
+        self._join_work = _typed(of_level("statistics_join_work"), _LONG, _LONG, _LONG)
         state = (_POINTER,) * 4
-        self._run = _typed(own("statistics"), None, _LONG, *state, _LONG, *(_POINTER,) * 5)
-        self._join = _typed(own("statistics_join"), None, _LONG, _LONG, *(_POINTER,) * 3)
+        self._run = _typed(of_level("statistics"), None, _LONG, *state, _LONG, *(_POINTER,) * 5)
+        self._join = _typed(of_level("statistics_join"), None, _LONG, _LONG, *(_POINTER,) * 3)
 
     def triangle(
         self,
@@ -38,16 +38,20 @@ class CompiledStatistics:
         weights: Array,
         sample_weights: Array | None,
     ) -> Array:
-        """R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ], its diagonal ≥ 0, from contiguous arrays.
+        """Triangle R with RᵀR = Σ s [F Y_b τ]ᵀ W [F Y_b τ] and a diagonal ≥ 0, of contiguous
+        arrays.
 
         Args:
-            q: (N, n), like dq, ddq and tau.
-            dq: speeds.
-            ddq: accelerations.
-            tau: torques.
-            columns: friction columns (N, n, k).
-            weights: diagonal of W, (n,).
-            sample_weights: s, (N,), or None for ones.
+            q: (N, n) joint positions [rad, m].
+            dq: (N, n) velocities [rad/s, m/s].
+            ddq: (N, n) accelerations [rad/s², m/s²].
+            tau: (N, n) torques [N·m, N].
+            columns: (N, n, k) friction columns.
+            weights: (n,) diagonal of W.
+            sample_weights: (N,) s, or None for ones.
+
+        Returns:
+            (n k + n_b + 1, n k + n_b + 1).
         """
         k = columns.shape[2]
         size = self._joints * k + self._base + 1
@@ -68,7 +72,17 @@ class CompiledStatistics:
         tau: Array,
         weights: Array,
     ) -> None:
-        """One more sample (n,) into the triangle (n_b + 1, n_b + 1) over [β; τ], in place."""
+        """Add one sample to a triangle over [β; τ], in place.
+
+        Args:
+            triangle: (n_b + 1, n_b + 1).
+            forgetting: factor of the earlier rows.
+            q: (n,) joint positions [rad, m].
+            dq: (n,) velocities [rad/s, m/s].
+            ddq: (n,) accelerations [rad/s², m/s²].
+            tau: (n,) torques [N·m, N].
+            weights: (n,) diagonal of W.
+        """
         state = (a.ctypes.data for a in (q, dq, ddq, tau, weights))
         self._update(triangle.ctypes.data, forgetting, *state)
 

@@ -22,22 +22,22 @@ Words = tuple[str, ...]
 
 
 def find_compiler() -> Words:
-    """$CC, else cc, gcc or clang of the PATH, else the ziglang wheel.
+    """Command of a C compiler: $CC, else cc, gcc or clang of the PATH, else the ziglang wheel.
 
     Raises:
-        LibraryError: none of them is there.
+        LibraryError: there is no compiler.
     """
-    asked = tuple(shlex.split(os.environ.get("CC", "")))
-    if asked:
-        if shutil.which(asked[0]) is None:
+    chosen = tuple(shlex.split(os.environ.get("CC", "")))
+    if chosen:
+        if shutil.which(chosen[0]) is None:
             raise LibraryError(
-                f"$CC names the compiler '{asked[0]}', which is not on the PATH; install it or "
+                f"$CC names the compiler '{chosen[0]}', which is not on the PATH; install it or "
                 "unset CC"
             )
-        return asked
-    found = next(filter(shutil.which, ("cc", "gcc", "clang")), None)
-    if found:
-        return (found,)
+        return chosen
+    name_of_compiler = next(filter(shutil.which, ("cc", "gcc", "clang")), None)
+    if name_of_compiler:
+        return (name_of_compiler,)
     if importlib.util.find_spec("ziglang"):
         return (sys.executable, "-m", "ziglang", "cc")
     raise LibraryError(
@@ -47,7 +47,7 @@ def find_compiler() -> Words:
 
 
 def machine() -> str:
-    """x86_64, aarch64, or whatever else the machine calls itself."""
+    """Processor architecture: x86_64, aarch64, or the name that the operating system reports."""
     name = platform.machine().lower()
     return {"amd64": "x86_64", "arm64": "aarch64"}.get(name, name)
 
@@ -61,17 +61,20 @@ def version_of(compiler: Words) -> str:
 def compile_folder(
     folder: Path, recipe: CompileRecipe, levels: Words, compiler: Words, target: Path
 ) -> list[Words]:
-    """Compile the folder's C for some levels, outside the folder; returns the commands.
+    """Compile the C code of a generated folder for some levels, outside that folder.
 
     Args:
         folder: where the sources lie; nothing is written there.
-        recipe: what is compiled how.
-        levels: of `recipe.levels()`; one that the compiler does not know is left out.
-        compiler: the words that call it.
-        target: the library to write; the folder of it takes the objects too.
+        recipe: sources, flags and levels.
+        levels: of `recipe.levels()`; one that the compiler does not support is omitted.
+        compiler: command words that call it.
+        target: library to write; its folder receives the object files too.
+
+    Returns:
+        Commands that were run.
 
     Raises:
-        LibraryError: the compiler refuses, and its first lines say why.
+        LibraryError: the compiler fails; the message holds its first lines.
     """
     units = []
     spared = {group.gcc for group in recipe.groups if _accepts(compiler, group.gcc)}
@@ -103,14 +106,14 @@ def compile_folder(
 
 
 def _spelled(flag: str, compiler: Words) -> str:
-    """Zig writes the names of instruction sets with underscores."""
+    """The flag as the compiler spells it: Zig has underscores in names of instruction sets."""
     if not flag.startswith("-march=") or "ziglang" not in compiler:
         return flag
     return f"-march={flag.removeprefix('-march=').replace('-', '_')}"
 
 
 def _accepts(compiler: Words, flags: Sequence[str]) -> bool:
-    """Does the compiler know all these flags, such as an instruction set?"""
+    """Whether the compiler supports all these flags, such as an instruction set."""
     probe = [*compiler, "-Werror", *flags, "-x", "c", "-E", os.devnull]
     return not flags or subprocess.run(probe, capture_output=True, check=False).returncode == 0
 

@@ -30,10 +30,10 @@ from runtime.library.safety_kernels import SafetyKernels
 
 
 class Library(MotionKernels, SafetyKernels, BodyKernels):
-    """The physics of one robot, compiled; every method takes one sample or N.
+    """Compiled physics of one robot; every method takes one sample or N.
 
-    n joints, one body each, n_b base parameters. π and λ of all links are flat, link by link.
-    `pi0` and `lam0` are those of the URDF.
+    n joints, one body each, n_b base parameters. π and λ of all links are flat, link by link. `pi0`
+    and `lam0` are those of the URDF.
     """
 
     def __init__(self, folder: Path, level: str | None = None, threads: int | None = None) -> None:
@@ -48,12 +48,12 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         m = self.manifest
         self.compiled_statistics = (
             CompiledStatistics(
-                self._binding.own,
+                self._binding.of_level,
                 self._binding.plain("statistics_update"),
                 len(m.joints),
                 len(m.base_columns),
             )
-            if self._binding.own("statistics") is not None
+            if self._binding.of_level("statistics") is not None
             else None
         )
         """The statistics of this level in C; None where the library has none."""
@@ -118,13 +118,26 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
 
     @property
     def descends(self) -> bool:
-        """This level holds the loops of `adam` and `levenberg`."""
+        """Whether this level holds the loops of `adam` and `levenberg`."""
         return self._adam is not None
 
     def adam(
         self, problems: Sequence[AdamProblem], options: dict[str, float], traces: int, batch: int
     ) -> CompiledAdam:
-        """Compiled descents by Adam; LibraryError where this level has none."""
+        """Compiled descents by Adam.
+
+        Args:
+            problems: one per job.
+            options: rate, beta1, beta2, epsilon, threshold, validate_every, patience.
+            traces: largest number of validations per job.
+            batch: samples per mini-batch; 0 descends on the compressed training data.
+
+        Returns:
+            Jobs that `run` continues.
+
+        Raises:
+            LibraryError: this level has no compiled descent.
+        """
         return CompiledAdam(self._needed(self._adam), problems, options, traces, batch)
 
     def levenberg(
@@ -135,19 +148,45 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         traces: int,
         cholesky: bool = False,
     ) -> CompiledLevenberg:
-        """Compiled Levenberg–Marquardt, in λ or θ; LibraryError where this level has none."""
+        """Compiled Levenberg–Marquardt descents, in λ or log-Cholesky θ.
+
+        Args:
+            starts: first point x of each job.
+            problems: one per job.
+            options: first_damping, step_tolerance, decrease_tolerance.
+            traces: largest number of accepted steps per job.
+            cholesky: x begins with θ instead of λ.
+
+        Returns:
+            Jobs that `run` continues.
+
+        Raises:
+            LibraryError: this level has no compiled descent.
+        """
         run = self._needed(self._levenberg)
         return CompiledLevenberg(run, starts, problems, options, traces, cholesky)
 
     @property
     def solves_convex(self) -> bool:
-        """This level holds the convex estimators."""
+        """Whether this level holds the convex estimators."""
         return self._convex is not None
 
     def convex(
         self, tasks: Sequence[ConvexTask], tolerance: float, most_steps: int
     ) -> CompiledConvex:
-        """Compiled convex estimators; LibraryError where this level has none."""
+        """Compiled convex estimators.
+
+        Args:
+            tasks: one per job.
+            tolerance: of the Newton decrement, in units of the smallest γ · share.
+            most_steps: largest number of Newton steps per γ.
+
+        Returns:
+            Jobs that `run` solves.
+
+        Raises:
+            LibraryError: this level has no compiled estimators.
+        """
         return CompiledConvex(self._needed(self._convex), tasks, tolerance, most_steps)
 
     def _needed(self, function: Callable[..., None] | None) -> Callable[..., None]:
@@ -156,14 +195,19 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         return function
 
     def excitation_cost(self, home: Array, basis: Array) -> CompiledExcitation | None:
-        """log cond W̄_b and its gradient in C, see `excitation`; None without at this level.
+        """Compiled log cond W̄_b of a trajectory and its gradient.
 
         Args:
-            home: (n,) rad or m.
-            basis: φ, φ', φ'' at the samples, (N, M, 3).
+            home: (n,) joint positions at the ends [rad, m].
+            basis: (N, M, 3) φ, φ', φ'' at the samples.
+
+        Returns:
+            None where this level has none.
         """
-        found = self._binding.excitation()
-        return CompiledExcitation(ExcitationFunctions(*found), home, basis) if found else None
+        functions = self._binding.excitation()
+        if functions is None:
+            return None
+        return CompiledExcitation(ExcitationFunctions(*functions), home, basis)
 
     def closed_loop(
         self,
@@ -173,6 +217,18 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         period: float,
         **options: Any,
     ) -> CompiledClosedLoop:
-        """Simulation of the robot under computed torque in C; see `CompiledClosedLoop`."""
+        """Compiled simulation of the robot under a computed-torque controller.
+
+        Args:
+            body: plant.
+            law: controller.
+            reference: (N, 3, n) q_d, dq_d, ddq_d per period [rad, rad/s, rad/s²].
+            period: of the controller [s].
+            **options: `substeps` of the plant per period, and `noise` (N, 2, n) on the measured q
+                and dq.
+
+        Returns:
+            Simulation that `run` continues.
+        """
         function = self._binding.plain("closed_loop", ctypes.c_void_p, ctypes.c_long)
         return CompiledClosedLoop(function, body, law, reference, period, **options)

@@ -14,54 +14,157 @@ class MotionKernels:
     _binding: Binding
 
     def inverse_dynamics(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike) -> Array:
-        """τ = Y(q, dq, ddq) π, (N, n) [N·m or N]. Source: Eq. 4.3."""
+        """Joint torques τ = Y(q, dq, ddq) π. Source: Eq. 4.3.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+
+        Returns:
+            Shape of q [N·m, N].
+        """
         return self._binding.call("inverse_dynamics", q, dq, ddq, pi)[0]
 
     def base_inverse_dynamics(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, beta: ArrayLike
     ) -> Array:
-        """τ = Y_b(q, dq, ddq) β, (N, n) [N·m or N]. Source: Eq. 3.11."""
+        """Joint torques τ = Y_b(q, dq, ddq) β. Source: Eq. 3.11.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            beta: (n_b,) or (N, n_b) base parameters.
+
+        Returns:
+            Shape of q [N·m, N].
+        """
         return self._binding.call("base_inverse_dynamics", q, dq, ddq, beta)[0]
 
     def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike) -> Array:
-        """τ = Y(q, dq, ddq) π(λ), (N, n). Source: Eqs. 4.3, 4.14."""
+        """Joint torques τ = Y(q, dq, ddq) π(λ). Source: Eqs. 4.3, 4.14.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            lam: (10 n,) or (N, 10 n) coordinates λ of the links.
+
+        Returns:
+            Shape of q [N·m, N].
+        """
         return self._binding.call("torque", q, dq, ddq, lam)[0]
 
     def torque_jacobian(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike) -> Array:
-        """∂τ/∂λ, (N, n, 10 n). Source: Eqs. 4.34–4.36."""
+        """Derivative ∂τ/∂λ. Source: Eqs. 4.34–4.36.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            lam: (10 n,) or (N, 10 n) coordinates λ of the links.
+
+        Returns:
+            (N, n, 10 n).
+        """
         return self._binding.call("torque_jacobian", q, dq, ddq, lam)[0]
 
     def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """Y with τ = Y π, (N, n, 10 n). Source: Eq. 3.1."""
+        """Regressor Y with τ = Y π. Source: Eq. 3.1.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+
+        Returns:
+            (N, n, 10 n).
+        """
         return self._binding.call("regressor", q, dq, ddq)[0]
 
     def base_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """Y_b with τ = Y_b β, (N, n, n_b). Source: Eq. 3.11."""
+        """Base regressor Y_b with τ = Y_b β. Source: Eq. 3.11.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+
+        Returns:
+            (N, n, n_b).
+        """
         return self._binding.call("base_regressor", q, dq, ddq)[0]
 
     def momentum_regressor(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array]:
-        """P_b and R_b with p = M dq = P_b β, ∂(T − U)/∂q = R_b β and τ = dp/dt − R_b β,
-        (N, n, n_b) each. Source: Slotine & Li 1987.
+        """Regressors of the momentum p = M dq = P_b β and of ∂(T − U)/∂q = R_b β, τ = dp/dt − R_b
+        β.
+
+        Source: Slotine & Li 1987.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+
+        Returns:
+            P_b and R_b, (N, n, n_b) each.
         """
         momentum, force = self._binding.call("momentum_regressor", q, dq)
         return momentum, force
 
     def energy_regressor(self, q: ArrayLike, dq: ArrayLike) -> Array:
-        """E_b with T + U = E_b β but for a constant, (N, n_b). Source: Gautier & Khalil 1988."""
+        """Regressor E_b of the energy T + U = E_b β + const. Source: Gautier & Khalil 1988.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+
+        Returns:
+            (N, n_b).
+        """
         return self._binding.call("energy_regressor", q, dq)[0]
 
     def mass_matrix(self, q: ArrayLike, pi: ArrayLike) -> Array:
-        """M(q), (N, n, n). Source: Eq. 2.34."""
+        """Mass matrix M(q). Source: Eq. 2.34.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+
+        Returns:
+            (N, n, n).
+        """
         return self._binding.call("mass_matrix", q, pi)[0]
 
     def bias_forces(self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike) -> Array:
-        """h = τ(q, dq, 0), (N, n). Source: Eq. 2.34."""
+        """Bias forces h = τ(q, dq, 0). Source: Eq. 2.34.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+
+        Returns:
+            Shape of q [N·m, N].
+        """
         return self._binding.call("bias_forces", q, dq, pi)[0]
 
     def forward_dynamics(
         self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike, pi: ArrayLike, rotor: ArrayLike = 0.0
     ) -> Array:
-        """ddq = (M + diag(J))⁻¹ (τ − h), (N, n); J (N, n), (n,) or one number: of the rotors."""
+        """Accelerations ddq = (M + diag(J))⁻¹ (τ − h).
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            tau: joint torques, shape of q [N·m, N].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            rotor: J (N, n), (n,) or one number, inertia of the rotors [kg·m², kg].
+
+        Returns:
+            Shape of q [rad/s², m/s²].
+        """
         inertia = np.asarray(rotor, dtype=float)
         if inertia.ndim == 0:
             inertia = np.full(self.n_joints, inertia)
@@ -85,9 +188,18 @@ class MotionKernels:
         weight: ArrayLike,
         pi: ArrayLike,
     ) -> tuple[float, Array, Array]:
-        """Σ ½ rᵀWr, Σ YᵀWr (10 n,) and r = Yπ − τ (N, n) over the batch; W = diag(weight).
+        """Loss Σ ½ rᵀ W r with r = Y π − τ, its gradient in π, and r. Source: Eqs. 4.5, 4.6, 4.32.
 
-        Source: Eqs. 4.5, 4.6, 4.32.
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            tau: joint torques, shape of q [N·m, N].
+            weight: (n,) diagonal of W.
+            pi: (10 n,) inertial parameters of the links.
+
+        Returns:
+            Loss; Σ Yᵀ W r, (10 n,); r, shape of q [N·m, N].
         """
         beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
         answer = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
@@ -97,18 +209,45 @@ class MotionKernels:
     def regressor_adjoint(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, seed: ArrayLike
     ) -> Array:
-        """∂⟨seed, Y_b⟩/∂(q, dq, ddq), (N, 3, n), from seed (N, n, n_b)."""
+        """Derivative ∂⟨seed, Y_b⟩/∂(q, dq, ddq).
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            seed: (N, n, n_b).
+
+        Returns:
+            (N, 3, n).
+        """
         return self._binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
 
     # --- trajectories: one row per point ----------------------------------------------------
 
     def harmonic_basis(self, m: ArrayLike, t: ArrayLike, t_f: float) -> Array:
-        """φ_m(t) of the Fourier + quintic basis and three derivatives, (N, 4). Eqs. 3.24–3.27."""
+        """Fourier + quintic basis φ_m(t) and three derivatives. Source: Eqs. 3.24–3.27.
+
+        Args:
+            m: harmonic, one number or (N,).
+            t: times, one number or (N,) [s].
+            t_f: duration [s].
+
+        Returns:
+            (N, 4).
+        """
         orders, times = np.broadcast_arrays(np.atleast_1d(m), np.atleast_1d(t))
         return self._binding.call("harmonic_basis", _column(orders), _column(times), t_f)[0]
 
     def transfer_basis(self, t: ArrayLike, t_f: float) -> Array:
-        """S(t), the rest-to-rest quintic from 0 to 1, and three derivatives, (N, 4)."""
+        """Rest-to-rest quintic S(t) from 0 to 1, and three derivatives.
+
+        Args:
+            t: times, one number or (N,) [s].
+            t_f: duration [s].
+
+        Returns:
+            (N, 4).
+        """
         return self._binding.call("transfer_basis", _column(t), t_f)[0]
 
 

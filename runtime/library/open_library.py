@@ -15,12 +15,20 @@ AGAIN = "run: python -m symgen build"
 
 
 def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> ctypes.CDLL:
-    """The library in the folder, or else that of its C code in the cache.
+    """Open the library in a generated folder, or else that of its C code in the cache.
 
-    Checked: the bytes are those that were compiled, from this manifest, for this machine.
+    Checked: its bytes are those that were compiled, from this manifest, for this machine.
+
+    Args:
+        folder: generated folder.
+        manifest: of the robot.
+        level: instruction set that is needed; None for the best.
+
+    Returns:
+        The library.
 
     Raises:
-        LibraryError: it is not so, or the C code cannot be compiled.
+        LibraryError: a check fails, or the C code cannot be compiled.
     """
     name = f"lib{manifest.robot}.so"
     place = folder
@@ -38,23 +46,23 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
     # Opening a truncated shared object kills the process, so its bytes are checked first.
     if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
         raise LibraryError(f"the library '{path}' is damaged or not the one built here; {AGAIN}")
-    own = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
-    if stated != own:
+    manifest_hash = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    if stated != manifest_hash:
         raise LibraryError(f"the library '{path}' is older than its manifest.json; {AGAIN}")
     again = AGAIN if place == folder else "set SYMGEN_CACHE to another folder, or " + AGAIN
     try:
         dll = ctypes.CDLL(str(path.resolve()))
-        found = _model_hash(dll, manifest)
-        if found != manifest.model_hash:
-            # By a path it knows, the loader hands out an older build that this process has open.
+        model_hash = _model_hash(dll, manifest)
+        if model_hash != manifest.model_hash:
+            # For a known path the loader returns the older build that this process has open.
             with tempfile.TemporaryDirectory() as fresh:
                 dll = ctypes.CDLL(shutil.copy(path, fresh))
-            found = _model_hash(dll, manifest)
+            model_hash = _model_hash(dll, manifest)
     except (OSError, AttributeError) as error:
         raise LibraryError(f"the library '{path}' cannot be used here ({error}); {again}") from None
-    if found != manifest.model_hash:
+    if model_hash != manifest.model_hash:
         raise LibraryError(
-            f"the library '{path}' belongs to the model {found[:12]}, its manifest to "
+            f"the library '{path}' belongs to the model {model_hash[:12]}, its manifest to "
             f"{manifest.model_hash[:12]}; {AGAIN}"
         )
     return dll

@@ -1,4 +1,4 @@
-"""Typed methods of the kernels that limits of a motion ask for: values and exact derivatives."""
+"""Typed methods of the kernels for limits of a motion: values and exact derivatives."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,14 +19,35 @@ class SafetyKernels:
     def torque_derivatives(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike
     ) -> tuple[Array, Array, Array, Array]:
-        """τ (N, n) and ∂τ/∂q, ∂τ/∂dq, ∂τ/∂ddq = M(q), (N, n, n) each. Source: Eq. 4.3."""
+        """Torques τ and their derivatives ∂τ/∂q, ∂τ/∂dq and ∂τ/∂ddq = M(q). Source: Eq. 4.3.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+
+        Returns:
+            τ, shape of q [N·m, N], and the derivatives, (N, n, n) each.
+        """
         tau, dtau_dq, dtau_dv, dtau_da = self._binding.call("torque_derivatives", q, dq, ddq, pi)
         return tau, dtau_dq, dtau_dv, dtau_da
 
     def torque_rate(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, dddq: ArrayLike, pi: ArrayLike
     ) -> Array:
-        """dτ/dt = ∂τ/∂q dq + ∂τ/∂dq ddq + ∂τ/∂ddq dddq, (N, n) [N·m/s or N/s]."""
+        """Torque rate dτ/dt = ∂τ/∂q dq + ∂τ/∂dq ddq + ∂τ/∂ddq dddq.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            dddq: joint jerks, shape of q [rad/s³, m/s³].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+
+        Returns:
+            Shape of q [N·m/s, N/s].
+        """
         return self._binding.call("torque_rate", q, dq, ddq, dddq, pi)[0]
 
     def torque_with_rates(
@@ -38,7 +59,19 @@ class SafetyKernels:
         ddddq: ArrayLike,
         pi: ArrayLike,
     ) -> tuple[Array, Array, Array]:
-        """τ, dτ/dt and d²τ/dt² along a motion, (N, n) each."""
+        """Torque τ, dτ/dt and d²τ/dt² along a motion.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            dddq: joint jerks, shape of q [rad/s³, m/s³].
+            ddddq: fourth derivative of q, same shape [rad/s⁴, m/s⁴].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+
+        Returns:
+            τ, dτ/dt and d²τ/dt², shape of q each.
+        """
         tau, dtau, ddtau = self._binding.call("torque_course", q, dq, ddq, dddq, ddddq, pi)
         return tau, dtau, ddtau
 
@@ -51,18 +84,37 @@ class SafetyKernels:
         pi: ArrayLike,
         seed: ArrayLike,
     ) -> Array:
-        """∂(seed · dτ/dt)/∂(q, dq, ddq, dddq), (N, 4, n), from seed (N, n).
+        """Derivative ∂(seed · dτ/dt)/∂(q, dq, ddq, dddq): three times the work of `torque_rate`.
 
-        Three times the work of `torque_rate`: a row of its derivative for one joint.
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            dddq: joint jerks, shape of q [rad/s³, m/s³].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            seed: weight of each joint, shape of q.
+
+        Returns:
+            (N, 4, n).
         """
         return self._binding.call("torque_rate_adjoint", q, dq, ddq, dddq, pi, seed)[0]
 
     def torque_rate_jacobian(
         self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, dddq: ArrayLike, pi: ArrayLike
     ) -> tuple[Array, Array]:
-        """dτ/dt (N, n) and its derivative by (q, dq, ddq, dddq) side by side, (N, n, 4 n).
+        """Torque rate dτ/dt and its derivative by (q, dq, ddq, dddq) side by side.
 
-        n adjoints per sample; `torque_rate_adjoint` gives the rows of single joints.
+        It takes n adjoints per sample; `torque_rate_adjoint` gives the rows of single joints.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+            ddq: joint accelerations, shape of q [rad/s², m/s²].
+            dddq: joint jerks, shape of q [rad/s³, m/s³].
+            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+
+        Returns:
+            dτ/dt, shape of q [N·m/s, N/s], and its derivative, (N, n, 4 n).
         """
         rate = self.torque_rate(q, dq, ddq, dddq, pi)
         rows = []
@@ -73,7 +125,15 @@ class SafetyKernels:
         return rate, jacobian.reshape(*rate.shape, 4 * self.n_joints)
 
     def tip_motion(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array, Array, Array]:
-        """p, v (N, 3) of the tip in the base frame, ∂p/∂q = ∂v/∂dq and ∂v/∂q (N, 3, n)."""
+        """Position p and velocity v of the tip in the base frame, with ∂p/∂q = ∂v/∂dq and ∂v/∂q.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            dq: joint velocities, shape of q [rad/s, m/s].
+
+        Returns:
+            p and v, (N, 3) [m, m/s], and the two derivatives, (N, 3, n).
+        """
         p, v, dp_dq, dv_dq = self._binding.call("tip_motion", q, dq)
         return p, v, dp_dq, dv_dq
 
@@ -95,6 +155,9 @@ class SafetyKernels:
         Args:
             q: (N, n) or (n,).
             plane: (4,) = (n, d), |n| = 1, in the base frame; a table at height z is 0, 0, 1, z.
+
+        Returns:
+            (N, n_moving) [m], and its gradient, (N, n_moving, n).
 
         Raises:
             LibraryError: the robot has no moving proxies.

@@ -22,7 +22,15 @@ def zeros(*shape: int) -> NDArray[np.float64]:
 
 
 def padded(array: NDArray[np.float64], size: int) -> NDArray[np.float64]:
-    """The array with zeros behind its last axis; `np.pad` costs more than a MAP."""
+    """The array with zeros behind its last axis; `np.pad` takes longer than a MAP estimate.
+
+    Args:
+        array: (…, m).
+        size: at least m.
+
+    Returns:
+        (…, size).
+    """
     whole = zeros(*array.shape[:-1], size)
     whole[..., : array.shape[-1]] = array
     return whole

@@ -81,7 +81,9 @@ def test_impossible_links_are_named(fr3: Library) -> None:
     pi = fr3.pi0.copy()
     pi[60:] = PRINTED_LINK_7
     pi[20] = -1.0
-    with pytest.raises(NotRealisableError, match=r"pi of fr3_link3, fr3_link7 belongs to no body"):
+    with pytest.raises(
+        NotRealisableError, match=r"pi of fr3_link3, fr3_link7 is not physically consistent"
+    ):
         fr3.lam_from_pi(pi)
     pi[20] = fr3.pi0[20]
     with pytest.raises(NotRealisableError, match=r"pi of fr3_link7 .*nearest_realisable\(pi\)"):

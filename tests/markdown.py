@@ -11,23 +11,20 @@ import pytest
 
 import runtime.cli
 import symgen.cli
+import symgen.console
 
-MAIN = {"runtime": runtime.cli.main, "symgen": symgen.cli.main}
+MAIN = {
+    "symgen": symgen.console.main,
+    "python -m runtime": runtime.cli.main,
+    "python -m symgen": symgen.cli.main,
+}
+"""Programs that run in this process, by the words that start them."""
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-BUILDING = {"build", "check", "clean", "describe", "list", "proxies"}
-"""Commands of symgen.cli; `inspect` is told apart by its file."""
 
 
 def blocks(text: str) -> Iterator[tuple[str, str]]:
     """Language and text of every fenced block."""
     yield from re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-
-
-def package_of(words: list[str]) -> str:
-    """The package whose command line takes the words behind `symgen`."""
-    if words[0] == "inspect":
-        return "symgen" if words[1].endswith((".urdf", ".xml", ".xacro")) else "runtime"
-    return "symgen" if words[0] in BUILDING else "runtime"
 
 
 def run(language: str, block: str, capture: pytest.CaptureFixture[str]) -> str:
@@ -40,9 +37,9 @@ def run(language: str, block: str, capture: pytest.CaptureFixture[str]) -> str:
     for line in block.splitlines():
         words = shlex.split(line)
         if words[0] == "symgen":
-            printed += run_here(package_of(words[1:]), words[1:], capture)
+            printed += run_here("symgen", words[1:], capture)
         elif words[:2] == ["python", "-m"]:
-            printed += run_here(words[2], words[3:], capture)
+            printed += run_here(f"python -m {words[2]}", words[3:], capture)
         else:
             done = subprocess.run(words, capture_output=True, text=True, check=False)
             assert done.returncode == 0, f"{line}: {done.stderr}"
@@ -50,14 +47,17 @@ def run(language: str, block: str, capture: pytest.CaptureFixture[str]) -> str:
     return printed
 
 
-def run_here(package: str, words: list[str], capture: pytest.CaptureFixture[str]) -> str:
+def run_here(program: str, words: list[str], capture: pytest.CaptureFixture[str]) -> str:
     """What a command of ours prints; it has to end with exit code 0."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", [package, *words])
-        with pytest.raises(SystemExit) as end:
-            MAIN[package]()
+        patch.setattr(sys, "argv", [program.rsplit(maxsplit=1)[-1], *words])
+        code = None
+        try:
+            MAIN[program]()
+        except SystemExit as end:
+            code = end.code
     out, err = capture.readouterr()
-    assert not end.value.code, f"{package} {' '.join(words)}: {out}{err}"
+    assert not code, f"{program} {' '.join(words)}: {out}{err}"
     return str(out)
 
 

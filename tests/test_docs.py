@@ -15,7 +15,7 @@ import pytest
 
 from tests.browser import chromium
 from tests.conftest import REPOSITORY
-from tests.markdown import blocks, package_of
+from tests.markdown import blocks
 
 PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
 NOTEBOOKS = ("own-robot", "payload")
@@ -43,16 +43,16 @@ def test_commands_of_console_blocks_exist() -> None:
     import runtime.cli
     import symgen.cli
 
-    apps = {"runtime": runtime.cli.app, "symgen": symgen.cli.app}
+    groups = [typer.main.get_command(app).commands for app in (symgen.cli.app, runtime.cli.app)]
     checked = 0
     for page in PAGES:
         for language, block in blocks(page.read_text(encoding="utf-8")):
             lines = block.splitlines() if language == "console" else []
             for words in (line.split() for line in lines if line.startswith("symgen ")):
-                group = typer.main.get_command(apps[package_of(words[1:])])
-                command = group.commands[words[1]]  # type: ignore[attr-defined]
-                known = {name for p in command.params for name in (*p.opts, *p.secondary_opts)}
+                params = [p for g in groups if words[1] in g for p in g[words[1]].params]
+                known = {name for p in params for name in (*p.opts, *p.secondary_opts)}
                 options = {word for word in words if word.startswith("--")}
+                assert params, f"{page.name}: {' '.join(words)}"
                 assert options <= known | {"--help"}, f"{page.name}: {' '.join(words)}"
                 checked += 1
     assert checked > 15

@@ -21,7 +21,7 @@ def markdown() -> str:
     lines = [
         "# Command line",
         "",
-        "`symgen COMMAND --help` prints the same in a terminal. Where the command `symgen` is not on",
+        "`symgen COMMAND --help` prints the same in a terminal. Where `symgen` is not on",
         "the path, `python -m symgen` and `python -m runtime` offer the same commands.",
         "Exit codes: 0 success, 1 findings (`inspect`, `check`), 2 an input that cannot be used,",
         "130 interrupted.",

@@ -48,6 +48,20 @@ def on_files(files: Files, config: Any) -> Files:
     return files
 
 
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Put the table of the keys of result.json where a page asks for it.
+
+    Args:
+        markdown: text of a page.
+
+    Returns:
+        The text with the table in place of its mark.
+    """
+    from runtime.identification.result_schema import markdown_table
+
+    return markdown.replace("<!-- keys of result.json -->", markdown_table())
+
+
 def generated_pages() -> Iterator[tuple[str, str]]:
     """Path inside the site and Markdown text of every generated page."""
     for tutorial in sorted((ROOT / "runtime/tutorials").glob("*.md")):

@@ -14,12 +14,16 @@ SLOWEST = 2.0
 
 
 def require_plausible(recording: Recording, lib: Library) -> None:
-    """Refuse recordings that contradict the robot's model.
+    """Require that a recording agrees with the model of the robot.
+
+    Args:
+        recording: as read.
+        lib: library of the robot.
 
     Raises:
         IdentificationError: wrong joint count, positions far outside the limits (degrees?), torque
-            against gravity (sign?), a torque that is missing or silent, or a clock too slow to
-            differentiate (ms?).
+            against gravity (sign?), a missing or zero torque, or a clock too slow to differentiate
+            (ms?).
     """
     require_joints(recording, lib)
     if recording.tau is None:
@@ -35,7 +39,11 @@ def require_plausible(recording: Recording, lib: Library) -> None:
 
 
 def require_motion(recording: Recording, lib: Library) -> None:
-    """Refuse a motion that this robot cannot make.
+    """Require that the robot can make the motion.
+
+    Args:
+        recording: as read.
+        lib: library of the robot.
 
     Raises:
         IdentificationError: wrong joint count, positions far outside the limits (degrees?), or a
@@ -61,10 +69,14 @@ def require_motion(recording: Recording, lib: Library) -> None:
 
 
 def require_joints(recording: Recording, lib: Library) -> None:
-    """Refuse a recording of another number of joints.
+    """Require that a recording has the joints of the robot.
+
+    Args:
+        recording: as read.
+        lib: library of the robot.
 
     Raises:
-        IdentificationError: it has.
+        IdentificationError: the number of joints differs.
     """
     n = lib.n_joints
     if recording.q.shape[1] != n:

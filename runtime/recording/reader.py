@@ -29,22 +29,26 @@ def read_recording(
     run: str | None = None,
     joints: Sequence[str] = (),
 ) -> Recording:
-    """A recording from a file, a folder of raw files, a bag, or the name of a known data set.
+    """Read a recording from a file, a folder of raw files, a bag, or the name of a known data set.
 
     Without a recipe a CSV has the header `t,q1…qn` with optional `dq1…`, `ddq1…`, `tau1…`, and an
-    NPZ the arrays `t, q, dq, ddq, tau` with one row per instant; both in SI units, joint side,
-    τ with the sign of the inverse dynamics. A Parquet file has the columns of either; an MCAP file
-    or a ROS bag tells `sensor_msgs/JointState`; `convention` has the details. A folder is read with
-    the recipe given, else with its own recipe.toml, else with the bundled one of its name.
+    NPZ the arrays `t, q, dq, ddq, tau` with one row per instant; both in SI units, joint side, τ
+    with the sign of the inverse dynamics. A Parquet file has the columns of either; an MCAP file or
+    a ROS bag has messages `sensor_msgs/JointState`. A folder is read with the recipe given, else
+    with its recipe.toml, else with the bundled one of its name.
 
     Args:
-        path: CSV, NPZ, Parquet, MCAP, bag, folder, or a name such as "panda_gaz".
+        path: file, bag, folder, or a name such as "panda_gaz".
         recipe: TOML file, name of a bundled recipe, or a `Recipe`.
-        run: which run, where the recipe knows several.
-        joints: names in the order of the robot, which pick joints of a bag where no recipe does.
+        run: which run, where the recipe describes several.
+        joints: names in the order of the robot, which select joints of a bag where the recipe does
+            not.
+
+    Returns:
+        SI units, joint side, in the joint order of the recipe.
 
     Raises:
-        RecordingError: in one sentence what was expected, what came and what to do.
+        RecordingError: what was expected, what came and what to do.
     """
     return check_consistency(settled(read_raw(path, recipe, run, joints)))
 
@@ -94,10 +98,19 @@ def read_raw(
     run: str | None = None,
     joints: Sequence[str] = (),
 ) -> Raw:
-    """The rows as they lie in the files; arguments of `read_recording`.
+    """Rows of the files before any conversion.
+
+    Args:
+        path: as for `read_recording`.
+        recipe: as for `read_recording`.
+        run: as for `read_recording`.
+        joints: as for `read_recording`.
+
+    Returns:
+        Tables in the units of the files, and the plan by which they are converted.
 
     Raises:
-        RecordingError: no such file, no recipe for a folder, or too few whole rows.
+        RecordingError: there is no such file, no recipe for a folder, or too few whole rows.
     """
     place, chosen = place_and_recipe(path, recipe, run)
     files = LogFiles(place, chosen or Recipe(), tuple(joints))
@@ -148,7 +161,15 @@ def settled(raw: Raw) -> Recording:
 def plan_of(
     path: str | Path, recipe: str | Path | Recipe | None = None, run: str | None = None
 ) -> Recipe:
-    """The recipe that a log is read with, the default convention written out.
+    """Recipe by which a log is read, with the default convention written out.
+
+    Args:
+        path: as for `read_recording`.
+        recipe: as for `read_recording`.
+        run: as for `read_recording`.
+
+    Returns:
+        The complete recipe.
 
     Raises:
         RecordingError: there is no such log or recipe.
@@ -161,7 +182,15 @@ def plan_of(
 def place_and_recipe(
     path: str | Path, recipe: str | Path | Recipe | None, run: str | None
 ) -> tuple[Path, Recipe | None]:
-    """Where a log lies, and the recipe that it is read with; arguments as for `read_recording`.
+    """Path of a log, and the recipe by which it is read.
+
+    Args:
+        path: as for `read_recording`.
+        recipe: as for `read_recording`.
+        run: as for `read_recording`.
+
+    Returns:
+        The existing path, and the recipe or None for the default convention.
 
     Raises:
         RecordingError: there is no such log or recipe.

@@ -205,7 +205,14 @@ class Recording:
         return self.replace(history=(*self.history, sentence))
 
     def take(self, rows: ArrayLike | slice, sentence: str) -> Self:
-        """The rows chosen by a slice, a mask or indices; the sentence says why.
+        """Rows selected by a slice, a mask or indices.
+
+        Args:
+            rows: of the N instants.
+            sentence: the reason, for the history.
+
+        Returns:
+            The recording with these rows.
 
         Raises:
             RecordingError: no row is left.
@@ -227,9 +234,18 @@ class Recording:
         only: tuple[str, ...] = ALL,
         t: FloatArray | None = None,
     ) -> Self:
-        """Every signal that is present, passed through a function along its first axis.
+        """Apply a function to every signal that is present, along its first axis.
 
-        A function that changes the number of rows comes with the new instants t.
+        A function that changes the number of rows needs the new instants t.
+
+        Args:
+            function: (N, …) → (M, …).
+            sentence: for the history.
+            only: names of the signals.
+            t: (M,) new instants [s].
+
+        Returns:
+            The changed recording.
         """
         instants = self.t if t is None else t
         changed = self._mapped(function, only)

@@ -152,13 +152,30 @@ class Friction:
 
 
 def positive(what: str, value: float) -> None:
-    """Raise a RecordingError unless `value` is a finite number above 0; `what` names it."""
+    """Require a finite number above 0.
+
+    Args:
+        what: name of the setting, for the message.
+        value: of the setting.
+
+    Raises:
+        RecordingError: it is not.
+    """
     if isinstance(value, bool) or not (isfinite(value) and value > 0):
         raise RecordingError(f"{what} expects a number above 0, got {value}; correct it")
 
 
 def one_of(what: str, value: str, valid: tuple[str, ...]) -> None:
-    """Raise a RecordingError unless `value` is one of `valid`; `what` names it."""
+    """Require one of several words.
+
+    Args:
+        what: name of the setting, for the message.
+        value: of the setting.
+        valid: the words.
+
+    Raises:
+        RecordingError: it is not among them.
+    """
     if value not in valid:
         choices = ", ".join(each for each in valid if each)
         raise RecordingError(f"{what} expects one of {choices}; got {value!r}")

@@ -50,10 +50,17 @@ class StreamedRecording:
     remarks: tuple[str, ...] = ()
 
     def block(self, start: int, stop: int) -> Recording:
-        """Rows start … stop; corrupt ones among them are dropped and told.
+        """Rows start … stop as a recording; corrupt rows among them are dropped and noted.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            The usable rows.
 
         Raises:
-            RecordingError: they are no recording.
+            RecordingError: they are not a recording.
         """
         stop = min(stop, self.rows)
         values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
@@ -71,10 +78,17 @@ class StreamedRecording:
         )
 
     def instants(self, rows: Sequence[int], reach: int) -> NDArray[np.float64]:
-        """t [s] of rows in ascending order, of the next usable one within `reach` if corrupt.
+        """Times of some rows; for a corrupt row, that of the next usable one within `reach`.
+
+        Args:
+            rows: indices in ascending order.
+            reach: number of rows that are searched.
+
+        Returns:
+            (len(rows),) [s].
 
         Raises:
-            RecordingError: there is none.
+            RecordingError: no usable time is within reach.
         """
         time = self.plan.time
         if time is None or self.clock is None:
@@ -93,7 +107,7 @@ class StreamedRecording:
 
 
 def is_large(path: str | Path) -> bool:
-    """Whether a file or a bag is one that is streamed by default."""
+    """Whether a file or a bag is streamed by default."""
     path = Path(path)
     if path.is_dir():
         return (
@@ -110,10 +124,19 @@ def open_streamed(
     run: str | None = None,
     joints: Sequence[str] = (),
 ) -> StreamedRecording:
-    """A log in uncompressed NPZ, Parquet, CSV, or a bag; arguments as for `read_recording`.
+    """Open a log that stays in its file: uncompressed NPZ, Parquet, CSV, or a bag.
+
+    Args:
+        path: as for `read_recording`.
+        recipe: as for `read_recording`.
+        run: as for `read_recording`.
+        joints: as for `read_recording`.
+
+    Returns:
+        Rows of the log that become recordings block by block.
 
     Raises:
-        RecordingError: another kind of file, or one that is no log.
+        RecordingError: the file has another format, or is not a log.
     """
     place, chosen = place_and_recipe(path, recipe, run)
     files = LogFiles(place, chosen or Recipe(), tuple(joints), in_place=True)

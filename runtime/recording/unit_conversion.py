@@ -42,17 +42,20 @@ def converted(
     first_row: int = 0,
     origin: float | None = None,
 ) -> Converted:
-    """The usable rows of all tables, as the recipe means them.
+    """The usable rows of all tables in SI units and on the joint side, as the recipe states.
 
     Args:
-        plan: says what the tables mean.
-        raw: kind → table; "columns" are friction columns that need no conversion.
-        n_columns: their number k.
+        plan: meaning of the tables.
+        raw: kind → table; "columns" are friction columns, which need no conversion.
+        n_columns: number k of friction columns.
         first_row: of the tables in the log, for a constant rate.
-        origin: first instant of the log in its own unit, where the tables are a part of it.
+        origin: first instant of the log in the unit of the file, where the tables are a part of it.
+
+    Returns:
+        Time, signals and notes of a recording.
 
     Raises:
-        RecordingError: the tables are no recording.
+        RecordingError: the tables are not a recording.
     """
     keep, dropped = usable_rows(raw)
     t, notes = _time(plan.time, raw, keep, first_row, origin)
@@ -70,7 +73,7 @@ def converted(
 
 
 def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
-    """The rows that are whole in every table, and what is said about the others."""
+    """Rows that are whole in every table, and sentences about the others."""
     counts = {kind: len(table.values) for kind, table in raw.items()}
     most, rows = max(counts.values()), min(counts.values())
     good = np.zeros(most, dtype=bool)

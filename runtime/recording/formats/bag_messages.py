@@ -37,14 +37,17 @@ class Message(NamedTuple):
 
 
 def messages(path: Path, notes: list[str]) -> Iterator[Message]:
-    """All JointState messages of a file or bag folder, in the order of the file.
+    """Yield all JointState messages of a file or bag folder, in the order of the file.
 
     Args:
         path: .mcap, .bag, .db3, or a folder with metadata.yaml.
         notes: receives sentences about the file.
 
+    Returns:
+        Messages with instants in ns.
+
     Raises:
-        RecordingError: no such file, or a damaged one.
+        RecordingError: there is no such file, or it is damaged.
     """
     source = _of_mcap if path.suffix.lower() == ".mcap" else _of_rosbag
     try:

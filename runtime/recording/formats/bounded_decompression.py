@@ -24,15 +24,23 @@ _PIECE = 2**20
 
 
 def most_of(size: int) -> int:
-    """Bytes that a compressed piece of `size` bytes may become."""
+    """Largest number of bytes to which a compressed piece of `size` bytes may be decompressed."""
     return min(LARGEST_CHUNK, EXPANSION * size + SLACK)
 
 
 def inflated(data: bytes, codec: str, most: int) -> bytes:
-    """The content of zstd, lz4 or bz2, or its first `most` + 1 bytes.
+    """Content of a piece in zstd, lz4 or bz2, or its first `most` + 1 bytes.
+
+    Args:
+        data: compressed bytes.
+        codec: "zstd", "lz4" or "bz2".
+        most: decompression limit [bytes].
+
+    Returns:
+        Decompressed bytes, more than `most` of them only where the limit is exceeded.
 
     Raises:
-        ValueError: another codec.
+        ValueError: the codec is another one.
     """
     if codec == "zstd":
         zstd = imported("backports.zstd", "compressed bags and MCAP files")
@@ -49,10 +57,17 @@ def inflated(data: bytes, codec: str, most: int) -> bytes:
 
 @contextmanager
 def opened(path: Path, reader: Any) -> Iterator[tuple[Any, Callable[[bytes], bytes]]]:
-    """An open reader of rosbags that inflates within bounds, and what inflates its messages.
+    """Open a reader of rosbags that decompresses within bounds.
+
+    Args:
+        path: file or folder of the bag.
+        reader: of rosbags, not open yet.
+
+    Returns:
+        The open reader, and the function that decompresses its messages.
 
     Raises:
-        ValueError: a file of the bag would become far larger than any log.
+        ValueError: a file of the bag exceeds the decompression limit.
     """
     if path.is_dir():
         _require_flat(text_of(path / "metadata.yaml"))
@@ -100,10 +115,10 @@ def _require_modest(path: Path) -> None:
 
 
 def modest(message: bytes) -> bytes:
-    """A message as it is.
+    """The message itself.
 
     Raises:
-        ValueError: it is longer than the state of any robot.
+        ValueError: it is longer than `LARGEST_MESSAGE`.
     """
     if len(message) > LARGEST_MESSAGE:
         raise ValueError(f"a message has {len(message)} bytes")

@@ -49,7 +49,18 @@ class TextReader(LogReader):
         return columns_convention(cells_of(header)[0], "csv", self.raw.name)
 
     def table(self, kind: str, part: Signal | Time) -> Table:
-        """Columns that a part of the recipe names."""
+        """Columns that a part of the recipe names.
+
+        Args:
+            kind: of signal, for messages.
+            part: columns by name or index.
+
+        Returns:
+            Table of (N, m) numbers.
+
+        Raises:
+            RecordingError: no columns are named, or they are not in the file.
+        """
         text, columns = self.text(), part.columns
         if not columns or columns == ("",):
             raise RecordingError(
@@ -74,7 +85,15 @@ class FlatReader(TextReader):
     rows = LogReader.rows
 
     def table(self, kind: str, part: Signal | Time) -> Table:
-        """Numbers of the file, `width` per sample."""
+        """Numbers of the file, `width` per sample.
+
+        Args:
+            kind: of signal; not used.
+            part: its width.
+
+        Returns:
+            Table of (N, width) numbers.
+        """
         del kind
         return flat_table(self.text(), part.width, self.raw.name)
 

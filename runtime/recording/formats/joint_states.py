@@ -39,19 +39,33 @@ class JointLog:
     _spool: Spool
 
     def table(self, key: str, name: str) -> Table:
-        """One field, or the time from the first message on [s] for the key "".
+        """One field of the messages, or the time from the first message on.
+
+        Args:
+            key: "position", "velocity" or "effort"; "" for the time.
+            name: of the log, for messages.
+
+        Returns:
+            Table of (N, n) numbers, or (N, 1) [s].
 
         Raises:
-            RecordingError: there is no such field.
+            RecordingError: no message has this field.
         """
         values = self.rows({"": key}, name).read(0, self.count)[""]
         return Table(values.copy(), np.arange(self.count, dtype=np.int64), self.remarks)
 
     def rows(self, kinds: Mapping[str, str], name: str) -> "MessageRows":
-        """Several of them, kind by kind, row by row.
+        """Rows of several fields.
+
+        Args:
+            kinds: kind of signal → field, "" for the time.
+            name: of the log, for messages.
+
+        Returns:
+            Source of rows.
 
         Raises:
-            RecordingError: there is no such field.
+            RecordingError: no message has one of the fields.
         """
         for key in kinds.values():
             if key and key not in self.fields:
@@ -85,22 +99,33 @@ class MessageRows:
     count: int
 
     def read(self, start: int, stop: int) -> dict[str, NDArray[np.float64]]:
-        """Kind → its rows start … stop."""
+        """Rows start … stop of every kind of signal.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            kind → (stop − start, m).
+        """
         rows = self.spool.read(start * self.width, (stop - start) * self.width)
         table = rows.reshape(-1, self.width)
         return {kind: table[:, place] for kind, place in self.places.items()}
 
 
 def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointLog:
-    """The joints asked for, all that the messages name by default, from one topic of a bag.
+    """Merged joint states of one topic of a bag, by default with all joints that the messages name.
 
     Args:
         path: file or folder of the bag.
-        topic: its name; needed only where several topics tell these joints.
-        wanted: names of joints, in the order that is wanted.
+        topic: name of the topic; needed only where several topics contain the joints.
+        wanted: names of joints, in the order of the columns.
+
+    Returns:
+        Names, fields and rows.
 
     Raises:
-        RecordingError: which topic is meant is not clear, or joints are missing.
+        RecordingError: the topic is ambiguous, or joints are missing.
     """
     notes: list[str] = []
     topics: dict[str, Topic] = {}

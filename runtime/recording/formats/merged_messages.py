@@ -76,7 +76,7 @@ class Publisher:
             self._put_away()
 
     def in_order(self, by_stamp: bool) -> Iterator[tuple[Ticks, FloatArray]]:
-        """Pieces of ticks (k,) and fields (k, 3 n), sorted by one of the clocks."""
+        """Yield pieces of ticks (k,) [ns] and fields (k, 3 n), sorted by one of the clocks."""
         self._put_away()
         ticks, values = np.zeros(0, dtype=np.int64), np.zeros((0, 3 * len(self.names)))
         earliest = [place[2 if by_stamp else 3] for place in self._places]
@@ -112,7 +112,16 @@ class Publisher:
 def merged(
     publishers: Sequence[Publisher], names: tuple[str, ...], by_stamp: bool
 ) -> Iterator[tuple[Ticks, FloatArray]]:
-    """Pieces of ticks (k,) and fields (k, 3 n) of some joints; NaN where no message tells."""
+    """Yield pieces of ticks and fields of some joints; NaN where no message has a value.
+
+    Args:
+        publishers: of one topic.
+        names: of the n joints, in the order of the columns.
+        by_stamp: sort by the stamps of the messages instead of the instants of logging.
+
+    Returns:
+        Ticks (k,) [ns] and fields (k, 3 n).
+    """
     if len(publishers) == 1:
         columns = _columns(publishers[0].names, names)[1]
         for ticks, values in publishers[0].in_order(by_stamp):

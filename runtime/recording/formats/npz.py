@@ -20,10 +20,17 @@ _LOCAL_HEADER, _LENGTHS = 30, 26  # PKWARE APPNOTE, Sec. 4.3.7
 
 
 def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
-    """All arrays of an NPZ; nothing in it is ever unpickled.
+    """All arrays of an NPZ; nothing in it is unpickled.
+
+    Args:
+        data: bytes of the archive.
+        name: of the file, for messages.
+
+    Returns:
+        key → array.
 
     Raises:
-        RecordingError: truncated, no NPZ, or holding Python objects.
+        RecordingError: it is truncated, not an NPZ, or holds Python objects.
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
@@ -66,10 +73,19 @@ def _require_text(array: NDArray) -> None:
 
 
 def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> Table:
-    """One array of an NPZ as rows, sample-major.
+    """One array of an NPZ as rows, one per sample.
+
+    Args:
+        arrays: of the archive.
+        key: of the array.
+        name: of the file, for messages.
+
+    Returns:
+        Table of (N, m) numbers.
 
     Raises:
-        RecordingError: no such array, no real numbers, or more than two axes.
+        RecordingError: there is no such array, it does not hold real numbers, or has more than two
+            axes.
     """
     if key not in arrays:
         raise RecordingError(
@@ -130,7 +146,15 @@ class NpzRows:
         self.count = counts[0] if counts else 0
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Kind → its rows start … stop."""
+        """Rows start … stop of every kind of signal.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            kind → (stop − start, m).
+        """
         return {kind: self._slice(array, start, stop) for kind, array in self._arrays.items()}
 
     def _slice(self, array: _Array, start: int, stop: int) -> FloatArray:

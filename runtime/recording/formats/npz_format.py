@@ -39,7 +39,15 @@ class NpzReader(LogReader):
         return Recipe(time=Time(key="t", unit="s", layout="npz"), **signals)
 
     def table(self, kind: str, part: Signal | Time) -> Table:
-        """Array of the key of a part."""
+        """Array with the key of a part.
+
+        Args:
+            kind: of signal; not used.
+            part: its key.
+
+        Returns:
+            Table of (N, m) numbers.
+        """
         del kind
         return npz_table(self._content(), part.key, self.raw.name)
 

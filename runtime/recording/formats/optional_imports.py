@@ -7,7 +7,14 @@ from runtime.errors import RecordingError
 
 
 def imported(module: str, kind: str) -> ModuleType:
-    """A module of the extra `logs`.
+    """Module of the extra `logs`.
+
+    Args:
+        module: its name.
+        kind: what it reads or writes, for the message.
+
+    Returns:
+        The imported module.
 
     Raises:
         RecordingError: it is not installed.

@@ -60,7 +60,7 @@ class ParquetLog:
         self._file.close()
 
     def group_start(self, row: int) -> int:
-        """The first row of the row group that holds a row: where decoding can begin."""
+        """First row of the row group that holds a row: decoding can only begin there."""
         return int(self._starts[np.searchsorted(self._starts, row, side="right") - 1])
 
     def table(self, columns: tuple[str, ...]) -> Table:
@@ -78,7 +78,14 @@ class ParquetLog:
         return Table(np.concatenate(parts), np.arange(self.rows, dtype=np.int64))
 
     def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
-        """Batches of rows from a row group's first row on.
+        """Yield batches of rows, beginning with the first row of a row group.
+
+        Args:
+            columns: names.
+            first_row: first row of a row group.
+
+        Returns:
+            Batches with the columns.
 
         Raises:
             RecordingError: as for `table`.
@@ -161,7 +168,15 @@ class ParquetRows:
         self._batches = log.batches(self._columns, 0)
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Kind → its rows start … stop."""
+        """Rows start … stop of every kind of signal.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            kind → (stop − start, m).
+        """
         group = self._log.group_start(start)
         if start < self._first or group > self._next:
             self._held.clear()
@@ -189,10 +204,10 @@ class ParquetRows:
 
 
 def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
-    """What a small table says of itself, and its rows.
+    """Metadata of a small table, and its rows.
 
     Raises:
-        RecordingError: no Parquet, damaged, or too large to be a table of rows.
+        RecordingError: it is not Parquet, damaged, or larger than `MOST_CELLS`.
     """
     pq = imported("pyarrow.parquet", "Parquet")
     with (
@@ -207,7 +222,13 @@ def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
 
 
 def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> None:
-    """Columns of doubles under their titles."""
+    """Write columns of doubles under their titles.
+
+    Args:
+        titles: m names.
+        values: (N, m).
+        file: open for writing.
+    """
     pa = imported("pyarrow", "Parquet")
     pq = imported("pyarrow.parquet", "Parquet")
     table = pa.table({title: values[:, i] for i, title in enumerate(titles)})
@@ -215,7 +236,19 @@ def write_parquet(titles: list[str], values: FloatArray, file: IO[bytes]) -> Non
 
 
 def parquet_columns(columns: Columns, key: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    """The columns that a recipe means: by name, by index, or one column of lists by its key."""
+    """Columns that a recipe means: by name, by index, or one column of lists by its key.
+
+    Args:
+        columns: names or indices, () for none.
+        key: of a column of lists, "" for none.
+        names: of all columns of the file.
+
+    Returns:
+        Names of the columns.
+
+    Raises:
+        RecordingError: an index is beyond the last column, or neither columns nor a key is stated.
+    """
     if columns and columns != ("",):
         if any(isinstance(c, int) and not 0 <= c < len(names) for c in columns):
             raise RecordingError(

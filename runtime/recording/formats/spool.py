@@ -10,7 +10,7 @@ from runtime.recording.formats.tables import FloatArray
 
 
 class Spool:
-    """Numbers one after the other, in a file as soon as they are many.
+    """Sequence of numbers in a temporary file, which stays in memory while it is small.
 
     Args:
         name: of the log, for messages.
@@ -26,10 +26,10 @@ class Spool:
         self.size = 0
 
     def append(self, values: FloatArray) -> int:
-        """Writes numbers behind those that are there; the place of the first of them.
+        """Append numbers and return the place of the first of them.
 
         Raises:
-            RecordingError: there is no room.
+            RecordingError: there is no space on the disk.
         """
         start = self.size
         try:
@@ -44,6 +44,14 @@ class Spool:
         return start
 
     def read(self, start: int, count: int) -> FloatArray:
-        """`count` numbers from a place on."""
+        """Numbers from a place on.
+
+        Args:
+            start: place of the first.
+            count: how many.
+
+        Returns:
+            (count,).
+        """
         self._file.seek(8 * start)
         return np.frombuffer(self._file.read(8 * count), dtype=np.float64)

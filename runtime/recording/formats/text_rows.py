@@ -43,7 +43,15 @@ class CsvRows:
         self.count = self._spool.size // self._width
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
-        """Kind → its rows start … stop."""
+        """Rows start … stop of every kind of signal.
+
+        Args:
+            start: first row.
+            stop: one past the last row.
+
+        Returns:
+            kind → (stop − start, m).
+        """
         count = (stop - start) * self._width
         values = self._spool.read(start * self._width, count).reshape(-1, self._width)
         return {kind: values[:, place] for kind, place in self._places.items()}

@@ -16,10 +16,17 @@ SHOWN = 60
 
 
 def decode(data: bytes, name: str) -> str:
-    """The text of a log.
+    """Text of a log.
+
+    Args:
+        data: bytes of the file.
+        name: of the file, for messages.
+
+    Returns:
+        The text without a byte-order mark.
 
     Raises:
-        RecordingError: it is empty, or no UTF-8 text.
+        RecordingError: it is empty, or not UTF-8 text.
     """
     if not data.strip():
         raise RecordingError(f"{name} is empty; expected rows of numbers, so export the log again")
@@ -36,17 +43,26 @@ def decode(data: bytes, name: str) -> str:
 
 
 def cells_of(line: str) -> tuple[list[str], str | None]:
-    """The cells of a line and its separator: `;`, else tab, else comma, else blanks (None)."""
+    """Cells of a line and its separator: `;`, else tab, else comma, else blanks (None)."""
     line = line.lstrip("# ")  # a header may be written as a comment
     separator = next((mark for mark in (";", "\t", ",") if mark in line), None)
     return _split(line, separator), separator
 
 
 def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
-    """The index of the first line whose cells hold all wanted names.
+    """Index of the first line whose cells contain all wanted names.
+
+    Args:
+        lines: of the text.
+        wanted: names of columns.
+        name: of the file, for messages.
+
+    Returns:
+        Index into lines.
 
     Raises:
-        RecordingError: no such line; names the column that is missing where one line comes near.
+        RecordingError: there is no such line; the message names the columns that the best line
+            lacks.
     """
     best: tuple[int, list[str]] = (0, list(wanted))
     first = ",".join(cells_of(lines[0])[0]) if lines else ""
@@ -72,14 +88,23 @@ def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
 
 
 def csv_table(text: str, columns: Columns, name: str) -> Table:
-    """The chosen columns of a CSV, by header name or by index.
+    """Chosen columns of a CSV, by header name or by index.
 
-    Lines before the header are skipped, repeated headers and comments (#) left out; a row with
-    another number of cells, or a cell that is no number, is NaN. Where the separator is not the
+    Lines before the header are skipped, repeated headers and comments (#) omitted. A row with
+    another number of cells, or a cell that is not a number, is NaN. Where the separator is not the
     comma, a comma inside a number is its decimal mark.
 
+    Args:
+        text: of the file.
+        columns: names or indices.
+        name: of the file, for messages.
+
+    Returns:
+        Table of (N, m) numbers.
+
     Raises:
-        RecordingError: no header, no such column, or rows of another width than the header.
+        RecordingError: there is no header, no such column, or the rows have another width than the
+            header.
     """
     lines = text.splitlines()
     names = tuple(column for column in columns if isinstance(column, str))
@@ -125,7 +150,15 @@ def csv_table(text: str, columns: Columns, name: str) -> Table:
 
 
 def flat_table(text: str, width: int, name: str) -> Table:
-    """One number per line, `width` numbers per sample; a bad line keeps its place as NaN.
+    """Table of a text with one number per line; a bad line keeps its place as NaN.
+
+    Args:
+        text: of the file.
+        width: numbers per sample.
+        name: of the file, for messages.
+
+    Returns:
+        Table of (N, width) numbers.
 
     Raises:
         RecordingError: no line is a number.

@@ -21,7 +21,9 @@ FloatArray = NDArray[np.float64]
 
 
 def directions(gear: ArrayLike) -> FloatArray:
-    """R̂ (n, n): rows of the gear matrix over their largest entry; 0 where one joint is driven."""
+    """R̂ (n, n): rows of the gear matrix over their largest entry; 0 for a motor that drives one
+    joint.
+    """
     R = np.atleast_2d(np.asarray(gear, dtype=np.float64))
     rows = np.zeros_like(R)
     for m, row in enumerate(R):
@@ -43,17 +45,29 @@ class Coupling:
     of_motors: tuple[bool, ...]
 
     def to_joints(self, values: FloatArray, column: int) -> FloatArray:
-        """Torques (…, n) of one column as the joints feel them: R̂ᵀ x for a motor's, else x."""
+        """Torques of one column on the joints: R̂ᵀ x for a motor's column, else x.
+
+        Args:
+            values: (…, n) torques of motors or joints [N·m, N].
+            column: its index.
+
+        Returns:
+            (…, n) [N·m, N].
+        """
         return values @ self.directions if self.of_motors[column] else values
 
     def to_columns(self, values: FloatArray) -> FloatArray:
-        """The adjoint: torques (N, n) of the joints as each column feels them, (N, n, k)."""
+        """Adjoint of `to_joints`: torques (N, n) of the joints for each column, (N, n, k)."""
         motors = values @ self.directions.T
         return np.stack([motors if own else values for own in self.of_motors], axis=-1)
 
 
 def coupling_of(recording: Recording) -> Coupling | None:
-    """What the names of the columns and R̂ of a recording say; None without motor columns."""
+    """Coupling of the columns of a recording by their names and R̂; None without motor columns.
+
+    Raises:
+        RecordingError: there are motor columns but no directions of motors.
+    """
     if recording.columns is None or not has_motors(recording.column_names):
         return None
     if recording.motors is None:
@@ -65,14 +79,14 @@ def coupling_of(recording: Recording) -> Coupling | None:
 
 
 def coupling_of_terms(terms: Friction) -> Coupling | None:
-    """The same of terms that know their gear."""
+    """Coupling of friction terms with a gear matrix; None without motor columns."""
     if not has_motors(terms.columns):
         return None
     return Coupling(directions(terms.gear), _of_motors(terms.columns))
 
 
 def has_motors(names: tuple[str, ...]) -> bool:
-    """Some of the columns are of motors."""
+    """Whether some of the columns belong to motors."""
     return any(_of_motors(names))
 
 
@@ -81,10 +95,17 @@ def _of_motors(names: tuple[str, ...]) -> tuple[bool, ...]:
 
 
 def geared(terms: Friction, recording: Recording) -> Friction:
-    """The terms with R̂ of the recording's recipe, where they ask for columns of motors.
+    """The terms with the gear of the recording's recipe, where they have columns of motors.
+
+    Args:
+        terms: names and widths.
+        recording: the data.
+
+    Returns:
+        The terms with R̂ of the recording, or unchanged.
 
     Raises:
-        RecordingError: they do, and no motor of the recording is coupled.
+        RecordingError: they have columns of motors, and no motor of the recording is coupled.
     """
     if terms.gear or not has_motors(terms.columns):
         return terms
@@ -101,7 +122,15 @@ def geared(terms: Friction, recording: Recording) -> Friction:
 
 
 def spread(columns: FloatArray, coupling: Coupling | None) -> FloatArray:
-    """F (N, n, n k) with F φ = τ_f: the columns of φ joint by joint, or motor by motor."""
+    """Matrix F with F φ = τ_f: the columns for φ joint by joint, or motor by motor.
+
+    Args:
+        columns: (N, n, k).
+        coupling: of motors and joints; None without columns of motors.
+
+    Returns:
+        (N, n, n k).
+    """
     count, n, k = columns.shape
     rows = np.zeros((count, n, n * k))
     for j in range(n):

@@ -18,16 +18,19 @@ MAX_DRIFT = 0.05
 
 
 def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recording:
-    """Drops rows that repeat the previous state and counts the ticks between the others.
+    """Drop rows that repeat the previous state and count the ticks between the others.
 
-    A row repeats when no joint has another q than in the row before: then the state is stale,
-    even if a fresh τ was logged beside it. A robot at rest loses its resting rows this way, too;
-    their ticks are counted from the logged time.
+    A row repeats when no joint has another q than in the row before: the state is stale, even if a
+    new τ was logged with it. Rows of a robot at rest are dropped too; their ticks are counted by
+    the logged time.
 
     Args:
         recording: with dq.
         tick: period of the controller [s].
-        slow: below this norm of dq [rad/s] the logged time decides.
+        slow: norm of dq below which the logged time decides [rad/s].
+
+    Returns:
+        The remaining rows on the rebuilt clock.
 
     Raises:
         RecordingError: no dq, or the rebuilt duration is not that of the log within 5 %.

@@ -42,10 +42,18 @@ def is_filtered(history: Iterable[str]) -> bool:
 
 
 def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butterworth:
-    """The low-pass for the clock of a recording.
+    """Butterworth low-pass for the clock of a recording.
+
+    Args:
+        recording: on a uniform clock.
+        cutoff_hz: cut-off [Hz].
+        order: of the filter; it is applied forwards and backwards.
+
+    Returns:
+        Second-order sections with the rows that they need.
 
     Raises:
-        RecordingError: the clock is not uniform, or the cut-off not below half the rate.
+        RecordingError: the clock is not uniform, or the cut-off is not below half the rate.
     """
     step = uniform_step(recording, "low-pass")
     if not 0.0 < cutoff_hz * step < 0.499:
@@ -61,12 +69,21 @@ def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butte
 def low_pass(
     recording: Recording, cutoff_hz: float, order: int = 4, only: tuple[str, ...] = ALL
 ) -> Recording:
-    """Butterworth forwards and backwards: gain |H(f)|² = 1 / (1 + (f/f_c)^(2·order)), phase 0.
+    """Low-pass forwards and backwards: gain |H(f)|² = 1 / (1 + (f/f_c)^(2·order)), phase 0.
 
-    (Analogue form; the digital one bends frequencies close to half the rate.)
+    This is the analogue form; the digital one bends frequencies close to half the rate.
+
+    Args:
+        recording: on a uniform clock.
+        cutoff_hz: f_c [Hz].
+        order: of the Butterworth filter.
+        only: names of the signals that are filtered.
+
+    Returns:
+        The filtered recording without segments that are too short.
 
     Raises:
-        RecordingError: the clock is not uniform, or the cut-off not below half the rate.
+        RecordingError: the clock is not uniform, or the cut-off is not below half the rate.
     """
     design = butterworth(recording, cutoff_hz, order)
     data = without_short(recording, design.minimum)
@@ -81,9 +98,17 @@ def low_passed(
     rows: NDArray[np.int64],
     period: int = 1,
 ) -> dict[str, FloatArray]:
-    """Some rows of every signal, filtered segment by segment; none of these may be too short.
+    """Selected rows of every signal, filtered segment by segment.
 
-    `period` as for `zero_phase`.
+    Args:
+        recording: without segments that are too short.
+        design: the low-pass.
+        only: names of the signals.
+        rows: (M,) indices of the rows, ascending.
+        period: as for `zero_phase`.
+
+    Returns:
+        name → (M, …).
     """
     present = {k: v for k in only if (v := getattr(recording, k)) is not None}
     flat = [values.reshape(len(recording), -1) for values in present.values()]
@@ -105,12 +130,28 @@ def low_passed(
 
 
 def low_pass_sentence(cutoff_hz: float, order: int) -> str:
-    """What the history says of it."""
+    """Sentence of the history about a low-pass.
+
+    Args:
+        cutoff_hz: cut-off [Hz].
+        order: of the filter.
+
+    Returns:
+        The sentence.
+    """
     return f"Low-passed at {cutoff_hz:g} Hz (Butterworth of order {order}, both directions)."
 
 
 def moving_average(recording: Recording, window_s: float, only: tuple[str, ...] = ALL) -> Recording:
-    """The mean over a centred window of an odd number of samples; it narrows at the ends.
+    """Mean over a centred window of an odd number of samples; it narrows at the ends.
+
+    Args:
+        recording: on a uniform clock.
+        window_s: length of the window [s].
+        only: names of the signals.
+
+    Returns:
+        The averaged recording.
 
     Raises:
         RecordingError: the clock is not uniform.
@@ -134,6 +175,15 @@ def savitzky_golay(
     recording: Recording, window_s: float, order: int = 4, only: tuple[str, ...] = ALL
 ) -> Recording:
     """Least-squares polynomials over a sliding window; missing dq and ddq are their derivatives.
+
+    Args:
+        recording: on a uniform clock.
+        window_s: length of the window [s].
+        order: degree of the polynomials.
+        only: names of the signals.
+
+    Returns:
+        The smoothed recording.
 
     Raises:
         RecordingError: the clock is not uniform, or the window holds too few samples.
@@ -168,9 +218,15 @@ def savitzky_golay(
 
 
 def differentiate(recording: Recording, from_position: bool = False) -> Recording:
-    """Fills dq from q and ddq from dq by central differences, second order at the ends as well.
+    """Fill in dq from q and ddq from dq by central differences, of second order at the ends as
+    well.
 
-    Measured dq and ddq are kept, unless `from_position` asks for both anew from q.
+    Args:
+        recording: with q.
+        from_position: replace measured dq and ddq too.
+
+    Returns:
+        The recording with dq and ddq.
     """
     result = recording
     if from_position or recording.dq is None:
@@ -224,7 +280,15 @@ def _per_segment(
 
 
 def without_short(recording: Recording, minimum: int) -> Recording:
-    """Without the segments that hold fewer samples than a step needs."""
+    """The recording without segments that hold fewer samples than a step needs.
+
+    Args:
+        recording: the data.
+        minimum: number of samples.
+
+    Returns:
+        The remaining segments.
+    """
     edges = np.flatnonzero(np.concatenate([[True], holes(recording.t), [True]]))
     lengths = np.diff(edges)
     short = lengths < minimum

@@ -30,13 +30,16 @@ CHUNK = 2048
 
 
 def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
-    """The recording with the q and dq that momentum and energy are made of, and no ddq.
+    """The recording with the q and dq for momentum and energy, and without ddq.
 
     A missing dq is the derivative of the cubic spline through the smoothed q, exact to h⁴.
 
     Args:
         recording: on a uniform clock.
         smooth: filters q and dq where they need it.
+
+    Returns:
+        The recording with q and dq.
     """
     data = without_short(recording.replace(ddq=None), 4)
     uniform_step(data, "go without accelerations")
@@ -50,7 +53,17 @@ def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Rec
 def balanced(
     recording: Recording, friction: tuple[Friction, ...], lib: Library, power: bool
 ) -> Recording:
-    """S τ, or S dq∘τ for power, with the friction columns that go with it; rows are not there yet.
+    """Averaged torque S τ, or S dq∘τ for power, with its friction columns; the rows are not
+    computed yet.
+
+    Args:
+        recording: with dq and τ, from `moved`.
+        friction: terms whose columns are added.
+        lib: library of the robot.
+        power: balance of power instead of momentum.
+
+    Returns:
+        The inner instants of every segment.
 
     Raises:
         RecordingError: there is no τ.
@@ -78,9 +91,18 @@ def balanced(
 
 
 def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatArray]:
-    """D P − S R, or D E for power, at the inner instants: (N, m, columns), some columns at a time.
+    """Yield D P − S R, or D E for power, at the inner instants, some columns at a time.
 
-    The regressor is evaluated anew for each group, because all of it would be too much to hold.
+    The regressor is evaluated anew for each group of columns, because the whole would exceed the
+    memory.
+
+    Args:
+        recording: with dq, from `moved`.
+        lib: library of the robot.
+        power: balance of power instead of momentum.
+
+    Returns:
+        (N, m, columns) of each group.
     """
     joints = 1 if power else lib.n_joints
     width = max(1, HELD // (len(recording) * joints))

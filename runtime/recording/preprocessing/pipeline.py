@@ -42,20 +42,24 @@ def prepare(
     lib: Library | None = None,
     rows: FloatArray | None = None,
 ) -> Recording:
-    """Clock → grid → delay → friction columns at the full rate → filter → derivative → trim → rate.
+    """Prepare a recording: clock → grid → delay → friction columns → filter → derivative → trim →
+    rate.
 
     Rest is dropped last. Without a preparation that of the recipe is used; without a recipe only
-    missing derivatives are filled in, so a complete recording passes unchanged. Where dq was not
-    measured, the friction columns come from the derivative of the filtered q, because tanh of a
+    missing derivatives are computed, so that a complete recording passes unchanged. Where dq was
+    not measured, the friction columns come from the derivative of the filtered q, because tanh of a
     differentiated encoder signal is noise. Without accelerations (`preparation.regressor`) the rows
-    are those of `momentum`, for energy as well: `prepare_power` has those that it is trained on.
+    are those of `momentum`, for energy as well: `prepare_power` returns those of power.
 
     Args:
         recording: as read.
-        preparation: what to do.
-        friction: friction columns to add, those of several side by side.
-        lib: of the robot, for the columns that need it and for rows without accelerations.
-        rows: of the same recording and preparation, where only the friction is another.
+        preparation: steps and their settings.
+        *friction: friction columns to add, those of several terms side by side.
+        lib: library of the robot, for the columns that need it and for rows without accelerations.
+        rows: of the same recording and preparation, where only the friction differs.
+
+    Returns:
+        The prepared recording; `runtime.recording.prepared` checks that it is complete.
 
     Raises:
         RecordingError: a step cannot be taken; the message says which setting to change.
@@ -83,7 +87,16 @@ def prepare_power(
     *friction: Friction,
     lib: Library,
 ) -> Recording:
-    """The same for rows of power: τ and the columns hold dq τ, the regressor is that of energy.
+    """Prepare rows of power: τ and the columns hold dq τ, the regressor is that of energy.
+
+    Args:
+        recording: as read.
+        preparation: steps and their settings.
+        *friction: friction columns to add.
+        lib: library of the robot.
+
+    Returns:
+        The prepared recording with rows (N, 1, n_b).
 
     Raises:
         RecordingError: a step cannot be taken.
@@ -123,7 +136,16 @@ def _without_accelerations(
 def momentum_torque(
     recording: Recording, preparation: Preparation, lib: Library, beta: FloatArray
 ) -> Recording:
-    """F (D P − S R) β instead of τ: the low-passed torque of a model, without accelerations.
+    """Low-passed torque of a model without accelerations: F (D P − S R) β instead of τ.
+
+    Args:
+        recording: as read.
+        preparation: steps and their settings.
+        lib: library of the robot.
+        beta: (n_b,) base parameters.
+
+    Returns:
+        The prepared recording with that torque as τ.
 
     Raises:
         RecordingError: a step cannot be taken.

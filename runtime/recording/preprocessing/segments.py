@@ -31,10 +31,17 @@ def segments(t: FloatArray) -> list[slice]:
 
 
 def uniform_step(recording: Recording, purpose: str) -> float:
-    """The step of time [s] of a recording whose segments are uniform to 1 %.
+    """Time step of a recording whose segments are uniform to 1 %.
+
+    Args:
+        recording: the data.
+        purpose: verb for the message, such as "decimate".
+
+    Returns:
+        Step [s].
 
     Raises:
-        RecordingError: they are not; filters and decimation mean nothing then.
+        RecordingError: the steps are not uniform, so that filters and decimation are not defined.
     """
     step = 1.0 / recording.rate_hz
     steps = np.diff(recording.t)
@@ -52,10 +59,18 @@ def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recordin
     """All signals on the grid t0 + i / rate, linear between samples; longer gaps stay holes.
 
     Linear because logged stamps may lie close together, where a spline would magnify noise. A clock
-    that is this grid to rounding stays as it is.
+    that equals this grid to rounding stays as it is.
+
+    Args:
+        recording: the data.
+        rate_hz: rate of the grid [Hz].
+        max_gap_s: longest gap that is interpolated [s].
+
+    Returns:
+        The recording on the grid.
 
     Raises:
-        RecordingError: max_gap_s is no more than 1.5 steps of the grid.
+        RecordingError: max_gap_s is 1.5 steps of the grid or less.
     """
     if not max_gap_s * rate_hz > HOLE:
         raise RecordingError(
@@ -110,10 +125,17 @@ def _resampled(rate_hz: float, count: int, filled: int, max_gap_s: float, left: 
 
 
 def advance_torque(recording: Recording, delay_s: float) -> Recording:
-    """τ(t) ← τ_log(t + δ), linear between samples, within each segment: undoes a delay δ of τ.
+    """Compensate a delay δ of τ: τ(t) ← τ_log(t + δ), linear between samples, within each segment.
+
+    Args:
+        recording: the data.
+        delay_s: δ [s].
+
+    Returns:
+        The rows for which τ is known.
 
     Raises:
-        RecordingError: there is no τ, or a segment is shorter than δ and none is left.
+        RecordingError: there is no τ, or every segment is shorter than δ.
     """
     if recording.tau is None:
         raise RecordingError("torque_delay_s expects τ, but there is none; leave it out")
@@ -131,7 +153,16 @@ def advance_torque(recording: Recording, delay_s: float) -> Recording:
 
 
 def trim(recording: Recording, seconds: float) -> Recording:
-    """Without `seconds` at both ends of every segment, where filters know only one side."""
+    """The recording without both ends of every segment, where filters have samples on one side
+    only.
+
+    Args:
+        recording: the data.
+        seconds: length of each end [s].
+
+    Returns:
+        The remaining rows.
+    """
     t = recording.t
     keep = np.zeros(len(t), dtype=bool)
     slack = 1e-9
@@ -144,10 +175,17 @@ def trim(recording: Recording, seconds: float) -> Recording:
 
 
 def drop_rest(recording: Recording, speed: float) -> Recording:
-    """Without the rows in which every |dq| < speed [rad/s]: friction at rest is not determined.
+    """The recording without rows in which every |dq| < speed: friction at rest is not determined.
+
+    Args:
+        recording: with dq.
+        speed: threshold [rad/s].
+
+    Returns:
+        The moving rows.
 
     Raises:
-        RecordingError: there is no dq, or nothing moves.
+        RecordingError: there is no dq, or no row moves.
     """
     if recording.dq is None:
         raise RecordingError("to drop rest expects dq, but there is none; differentiate first")
@@ -159,13 +197,20 @@ def drop_rest(recording: Recording, speed: float) -> Recording:
 
 
 def decimate(recording: Recording, rate_hz: float) -> Recording:
-    """Every k-th instant of the uniform clock; low-pass first, or frequencies fold.
+    """Every k-th instant of the uniform clock; low-pass first, or frequencies alias.
 
-    The instants are those of one clock for all segments. If the rates have no whole ratio k, the
-    signals are interpolated linearly instead.
+    The instants are those of one clock for all segments. If the ratio k of the rates is not an
+    integer, the signals are interpolated linearly instead.
+
+    Args:
+        recording: on a uniform clock.
+        rate_hz: new rate [Hz].
+
+    Returns:
+        The remaining rows.
 
     Raises:
-        RecordingError: the clock is not uniform, or slower than the rate asked for.
+        RecordingError: the clock is not uniform, or slower than the new rate.
     """
     step = uniform_step(recording, "decimate")
     ratio = 1.0 / (step * rate_hz)
@@ -184,10 +229,18 @@ def decimate(recording: Recording, rate_hz: float) -> Recording:
 
 
 def split(recording: Recording, parts: Split) -> tuple[Recording, Recording, Recording]:
-    """Train, validation and test by fractions of the duration; [from, to), the last one closed.
+    """Train, validation and test parts by fractions of the duration; [from, to), the last one
+    closed.
 
     Split first and prepare each part afterwards: then the fractions are those of the log, and no
     filter carries samples of one part into another.
+
+    Args:
+        recording: as read.
+        parts: fractions.
+
+    Returns:
+        Train, validation and test.
 
     Raises:
         RecordingError: a part holds no sample.

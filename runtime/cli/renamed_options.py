@@ -50,7 +50,7 @@ class Command(TyperCommand):
         for word in args:
             if word == "--":
                 break
-            name = word.partition("=")[0]
+            name = str(word).partition("=")[0]
             if name in renamed:
                 raise RuntimeFault(
                     f"'{self.name}' has no option {name} any more; give {renamed[name]}"

@@ -45,8 +45,8 @@ class Row:
     @property
     def conditions(self) -> tuple[float, float, float]:
         """The best, the median, the worst."""
-        found = [start.condition for start in self.starts]
-        return min(found), float(np.median(found)), max(found)
+        result = [start.condition for start in self.starts]
+        return min(result), float(np.median(result)), max(result)
 
     @property
     def seconds(self) -> tuple[float, float]:
@@ -109,11 +109,11 @@ def measure(
         except BenchError as error:
             skipped[label] = str(error)
             continue
-        found = list[Start]()
+        result = list[Start]()
         for number in range(starts):
-            found.append(peers.timed(work, number))
-            tell(f"{label}: start {number + 1} of {starts}, cond {found[-1].condition:.3f}")
-        rows.append(Row(name, label, tuple(found)))
+            result.append(peers.timed(work, number))
+            tell(f"{label}: start {number + 1} of {starts}, cond {result[-1].condition:.3f}")
+        rows.append(Row(name, label, tuple(result)))
     return Report(lib.name, lib.level, processor(), duration, harmonics, tuple(rows), skipped)
 
 

@@ -137,10 +137,10 @@ def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -
     def report(done: int, value: float, best: float) -> None:
         tell(f"{goal.name}: descent {done}, {value:.4g}, best {best:.4g}")
 
-    told = information(lib, NOISE, RATE)
+    known = information(lib, NOISE, RATE)
     processes = cores()
     cpu, wall = _cpu(), time.perf_counter()
-    found = design(
+    result = design(
         lib,
         duration=goal.duration,
         harmonics=goal.harmonics,
@@ -149,17 +149,17 @@ def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -
         progress=report,
         processes=processes,
         criterion=goal.criterion,
-        information=None if goal.criterion == "cond" else told,
+        information=None if goal.criterion == "cond" else known,
         safety=goal.safety,
     )
     cpu, wall = _cpu() - cpu, time.perf_counter() - wall
-    trajectory = pulled_inside(lib, found.trajectory)
-    scores = predict(lib, trajectory, told).scores
+    trajectory = pulled_inside(lib, result.trajectory)
+    scores = predict(lib, trajectory, known).scores
     score = next(s for s in scores if s.samples == SAMPLES and not s.friction)
     proof = certificate_of(lib, trajectory, goal.safety)
     relative, torque = 100 * score.relative_error, score.torque_error
     bounds = (
-        ("cond", found.condition, goal.condition),
+        ("cond", result.condition, goal.condition),
         ("seconds", wall, goal.seconds),
         ("A", relative, goal.relative_error),
         ("V", torque, goal.torque_error),
@@ -167,8 +167,8 @@ def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -
     return Row(
         goal,
         trajectory.duration,
-        found.condition,
-        found.conditions,
+        result.condition,
+        result.conditions,
         wall,
         cpu,
         processes,

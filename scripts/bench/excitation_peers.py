@@ -71,9 +71,9 @@ def _slsqp(
         return cost((spread @ x).reshape(shape))[0]
 
     def both(x: Array) -> tuple[float, Array]:
-        found, gradient = cost((spread @ x).reshape(shape))
+        result, gradient = cost((spread @ x).reshape(shape))
         assert gradient is not None  # noqa: S101  asked for only where there is one
-        return found, spread.T @ gradient.ravel()
+        return result, spread.T @ gradient.ravel()
 
     def start(number: int) -> float:
         rng = np.random.default_rng((problem.seed, number))
@@ -82,7 +82,7 @@ def _slsqp(
         exact = cost((spread @ x).reshape(shape))[1] is not None
         limits = {"type": "ineq", "fun": lambda x: bound - rows @ x, "jac": lambda _: -rows}
         options = {"maxiter": ITERATIONS, "ftol": 1e-6}
-        found = minimize(
+        result = minimize(
             both if exact else value,
             x,
             jac=True if exact else None,
@@ -90,7 +90,7 @@ def _slsqp(
             constraints=[limits],
             options=options,
         )
-        return finish((spread @ found.x).reshape(shape))
+        return finish((spread @ result.x).reshape(shape))
 
     return start
 

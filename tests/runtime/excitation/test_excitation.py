@@ -154,26 +154,26 @@ def test_whitening_makes_the_limits_alike(lib: Library) -> None:
 
 
 @pytest.fixture(scope="module")
-def found(lib: Library) -> Design:
+def result(lib: Library) -> Design:
     return design(lib, duration=DURATION, harmonics=HARMONICS, starts=3)
 
 
-def test_a_few_starts_make_a_good_trajectory(found: Design) -> None:
+def test_a_few_starts_make_a_good_trajectory(result: Design) -> None:
     """Property: the best of three starts; the document's own trajectories lie at 6 to 13."""
     # Measured: 4.01. Descent on log cond alone finds 4.88 as the best of sixty.
-    assert found.condition < 4.3
-    assert len(found.conditions) == 3
+    assert result.condition < 4.3
+    assert len(result.conditions) == 3
     # Measured: 4.00, 4.54, 4.29. D-optimality alone ends at 5.3 to 6.1, without a polish above 4.6.
-    assert max(found.conditions) < 4.8
+    assert max(result.conditions) < 4.8
     # Each start is reported on the coarse grid of the limits; the last polish loses 0.2 % of it.
-    assert found.condition == pytest.approx(min(found.conditions), rel=0.005)
+    assert result.condition == pytest.approx(min(result.conditions), rel=0.005)
 
 
-def test_designs_keep_the_limits_at_1_khz(lib: Library, found: Design) -> None:
+def test_designs_keep_the_limits_at_1_khz(lib: Library, result: Design) -> None:
     """Oracle: positions, velocities and accelerations from the closed form, every ms."""
     t = np.arange(10_001) / 1000
     basis = closed_form(HARMONICS, t, DURATION)
-    q, dq, ddq = (basis[..., k] @ found.trajectory.coefficients.T for k in range(3))
+    q, dq, ddq = (basis[..., k] @ result.trajectory.coefficients.T for k in range(3))
     limits = lib.limits()
     # Rounding of coefficients of 70 that cancel down to 1.
     slack = 1 + 1e-11
@@ -181,11 +181,11 @@ def test_designs_keep_the_limits_at_1_khz(lib: Library, found: Design) -> None:
     assert np.maximum(q / up, -q / down).max() <= slack
     assert (np.abs(dq) / limits["velocity"]).max() <= slack
     assert (np.abs(ddq) / limits["acceleration"]).max() <= slack
-    assert found.use["position"] == pytest.approx(np.maximum(q / up, -q / down).max(), rel=1e-10)
-    assert found.use["velocity"] == pytest.approx((abs(dq) / limits["velocity"]).max(), rel=1e-10)
+    assert result.use["position"] == pytest.approx(np.maximum(q / up, -q / down).max(), rel=1e-10)
+    assert result.use["velocity"] == pytest.approx((abs(dq) / limits["velocity"]).max(), rel=1e-10)
     # A design that left the limits unused would be a poor one.
-    assert max(found.use.values()) > 0.99
-    assert found.assumptions == ()
+    assert max(result.use.values()) > 0.99
+    assert result.assumptions == ()
 
 
 def test_designs_are_deterministic_by_seed(lib: Library) -> None:
@@ -199,7 +199,7 @@ def test_designs_are_deterministic_by_seed(lib: Library) -> None:
 
 def test_the_number_of_processes_does_not_matter(lib: Library) -> None:
     """Property: on two processes the same design to the bit; all starts told, the best so far."""
-    told: list[tuple[int, float, float]] = []
+    reports: list[tuple[int, float, float]] = []
     alone = design(lib, duration=4.0, harmonics=2, starts=5, seed=3)
     together = design(
         lib,
@@ -208,28 +208,28 @@ def test_the_number_of_processes_does_not_matter(lib: Library) -> None:
         starts=5,
         seed=3,
         processes=2,
-        progress=lambda *now: told.append(now),
+        progress=lambda *now: reports.append(now),
     )
     assert np.array_equal(alone.trajectory.coefficients, together.trajectory.coefficients)
     assert alone.conditions == together.conditions
-    assert [done for done, _, _ in told] == [1, 2, 3, 4, 5]
-    assert sorted(condition for _, condition, _ in told) == sorted(alone.conditions)
-    best = np.minimum.accumulate([condition for _, condition, _ in told])
-    assert [now for _, _, now in told] == list(best)
+    assert [done for done, _, _ in reports] == [1, 2, 3, 4, 5]
+    assert sorted(condition for _, condition, _ in reports) == sorted(alone.conditions)
+    best = np.minimum.accumulate([condition for _, condition, _ in reports])
+    assert [now for _, _, now in reports] == list(best)
 
 
 def test_interrupting_processes_keeps_the_best_start(lib: Library) -> None:
     """Property: Ctrl-C stops the workers, keeps what has ended and the order of the starts."""
-    told: list[float] = []
+    reports: list[float] = []
 
     def stop(done: int, condition: float, _: float) -> None:
-        told.append(condition)
+        reports.append(condition)
         if done == 3:
             raise KeyboardInterrupt
 
     kept = design(lib, duration=4.0, harmonics=2, starts=1000, processes=2, progress=stop)
-    assert sorted(kept.conditions) == sorted(told)
-    assert len(told) == 3
+    assert sorted(kept.conditions) == sorted(reports)
+    assert len(reports) == 3
     assert not multiprocessing.active_children()
     everything = design(lib, duration=4.0, harmonics=2, starts=5).conditions
     order = [everything.index(condition) for condition in kept.conditions]
@@ -240,14 +240,14 @@ def _die(_: object) -> None:
     os._exit(1)
 
 
-def test_a_worker_that_dies_is_told(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_worker_that_dies_is_reported(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: one sentence instead of a wait for ever."""
     monkeypatch.setattr("runtime.excitation.search.processes._start", _die)
     with pytest.raises(IdentificationError, match="a process of the search died; try processes=1"):
         design(lib, duration=4.0, harmonics=2, starts=3, processes=2)
 
 
-def test_no_processes_are_told(lib: Library) -> None:
+def test_no_processes_are_reported(lib: Library) -> None:
     """Property: one sentence."""
     with pytest.raises(IdentificationError, match="at least one process, got 0"):
         design(lib, processes=0)
@@ -280,7 +280,7 @@ def test_bad_options(lib: Library, options: dict[str, float]) -> None:
         design(lib, **options)
 
 
-def test_a_home_outside_the_limits_is_told(lib: Library) -> None:
+def test_a_home_outside_the_limits_is_reported(lib: Library) -> None:
     """Property: the joint and its limits are named."""
     home = lib.home.copy()
     home[3] = 0.5
@@ -290,17 +290,17 @@ def test_a_home_outside_the_limits_is_told(lib: Library) -> None:
 
 def test_interrupting_keeps_the_best_start(lib: Library) -> None:
     """Property: Ctrl-C after two of many starts gives the better of two; before one, nothing."""
-    told: list[tuple[int, float, float]] = []
+    reports: list[tuple[int, float, float]] = []
 
     def stop(done: int, condition: float, best: float) -> None:
-        told.append((done, condition, best))
+        reports.append((done, condition, best))
         if done == 2:
             raise KeyboardInterrupt
 
     kept = design(lib, duration=4.0, harmonics=2, starts=1000, progress=stop)
-    assert [done for done, _, _ in told] == [1, 2]
-    assert kept.conditions == tuple(condition for _, condition, _ in told)
-    assert told[-1][2] == min(kept.conditions)
+    assert [done for done, _, _ in reports] == [1, 2]
+    assert kept.conditions == tuple(condition for _, condition, _ in reports)
+    assert reports[-1][2] == min(kept.conditions)
     complete = design(lib, duration=4.0, harmonics=2, starts=2)
     assert np.array_equal(kept.trajectory.coefficients, complete.trajectory.coefficients)
 
@@ -316,9 +316,9 @@ def test_interrupting_before_the_first_start(lib: Library, monkeypatch: pytest.M
         design(lib, duration=4.0, harmonics=2, starts=2)
 
 
-def test_limits_that_nobody_states_are_assumed_and_told(tiny_built: Path) -> None:
+def test_limits_that_no_robot_states_are_assumed_and_reported(tiny_built: Path) -> None:
     """Property: a pendulum without an acceleration limit gets 10 rad/s², and says so."""
     pendulum = load(tiny_built)
-    found = design(pendulum, duration=4.0, harmonics=2, starts=1)
-    assert found.assumptions == ("no acceleration limit for swing: 10 assumed",)
-    assert found.use["acceleration"] <= 1 + 1e-11
+    result = design(pendulum, duration=4.0, harmonics=2, starts=1)
+    assert result.assumptions == ("no acceleration limit for swing: 10 assumed",)
+    assert result.use["acceleration"] <= 1 + 1e-11

@@ -24,14 +24,14 @@ def motion(lib: Library, trajectories: tuple[Trajectory, ...]) -> Trajectory:
 def loaded_message(path: Path) -> dict[str, list[list[float]]]:
     """The YAML of the file, line by line; flow lists are JSON too."""
     text = path.read_text()
-    found = {
+    result = {
         key: [json.loads(row) for row in re.findall(rf"^[- ] {key}: (\[.*\])$", text, re.MULTILINE)]
         for key in ("positions", "velocities", "accelerations", "effort")
     }
     stamps = re.findall(r"^  time_from_start: \{sec: (\d+), nanosec: (\d+)\}$", text, re.MULTILINE)
-    found["t"] = [[int(sec), int(nanosec)] for sec, nanosec in stamps]
-    found["names"] = re.findall(r'^- "(.*)"$', text, re.MULTILINE)
-    return found
+    result["t"] = [[int(sec), int(nanosec)] for sec, nanosec in stamps]
+    result["names"] = re.findall(r'^- "(.*)"$', text, re.MULTILINE)
+    return result
 
 
 @pytest.mark.parametrize("kind", ["csv", "npz"])
@@ -44,9 +44,9 @@ def test_tables_are_the_motion(
     assert path.name == f"m.{kind}"
     log = read_recording(path)
     assert log.t == pytest.approx(np.arange(round(10 * rate) + 1) / rate, abs=1e-15)
-    for found, wanted in zip((log.q, log.dq, log.ddq), motion.at(lib, log.t), strict=False):
+    for result, wanted in zip((log.q, log.dq, log.ddq), motion.at(lib, log.t), strict=False):
         # 17 digits on disk.
-        assert found == pytest.approx(wanted, abs=1e-12)
+        assert result == pytest.approx(wanted, abs=1e-12)
     if kind == "npz":
         with np.load(path) as file:
             assert file["joint_names"].tolist() == list(lib.joint_names)

@@ -24,41 +24,41 @@ def test_shares_are_those_of_the_certificate(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
     """Oracle: the largest share is the proven bound, to the step of the samples."""
-    found = profile_of(certified(lib, trajectories[0], SAFETY), samples=10_001)
+    result = profile_of(certified(lib, trajectories[0], SAFETY), samples=10_001)
     bounds, _ = joint_bounds(lib, trajectories[0])
-    assert tuple(found.shares) == (*KINDS, "torque")
+    assert tuple(result.shares) == (*KINDS, "torque")
     for kind, bound in zip(KINDS, bounds, strict=True):
-        assert found.shares[kind].max(axis=0) == pytest.approx(bound, rel=1e-5)
-    torque = next(use for use in found.certificate.uses if use.kind == "torque")
+        assert result.shares[kind].max(axis=0) == pytest.approx(bound, rel=1e-5)
+    torque = next(use for use in result.certificate.uses if use.kind == "torque")
     # The curvature of a torque between samples 1 ms apart.
-    assert found.shares["torque"].max() == pytest.approx(torque.bound, rel=1e-4)
+    assert result.shares["torque"].max() == pytest.approx(torque.bound, rel=1e-4)
 
 
 def test_torque_and_tip_are_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
     """Oracle: RNEA plus viscous friction, the frame's place; Coulomb friction lowers the limit."""
-    found = profile_of(certified(lib, trajectories[0], SAFETY), samples=41)
+    result = profile_of(certified(lib, trajectories[0], SAFETY), samples=41)
     model = pinocchio_model(lib.urdf())
     data, frame = model.createData(), model.getFrameId(lib.manifest.tip, pinocchio.BODY)
-    q, dq, ddq = (found.motion[kind] for kind in KINDS[:3])
+    q, dq, ddq = (result.motion[kind] for kind in KINDS[:3])
     for k, state in enumerate(zip(q, dq, ddq, strict=True)):
         tau = pinocchio.rnea(model, data, *state) + 0.4 * state[1]
-        assert found.motion["torque"][k] == pytest.approx(tau, abs=1e-10)  # rounding of 50 N·m
+        assert result.motion["torque"][k] == pytest.approx(tau, abs=1e-10)  # rounding of 50 N·m
         pinocchio.framesForwardKinematics(model, data, state[0])
-        assert found.tip[k] == pytest.approx(data.oMf[frame].translation, abs=1e-12)
-    assert found.bands["torque"].upper == pytest.approx(0.9 * lib.limits()["effort"] - 0.2)
-    assert found.bands["torque"].lower == pytest.approx(-found.bands["torque"].upper)
-    assert found.has_friction
+        assert result.tip[k] == pytest.approx(data.oMf[frame].translation, abs=1e-12)
+    assert result.bands["torque"].upper == pytest.approx(0.9 * lib.limits()["effort"] - 0.2)
+    assert result.bands["torque"].lower == pytest.approx(-result.bands["torque"].upper)
+    assert result.has_friction
 
 
 def test_gaps_are_those_of_the_certificate(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
     """Oracle: least distances as proven, per pair and per proxy above the table, in its order."""
-    found = profile_of(certified(lib, trajectories[0], SAFETY), samples=10_001)
+    result = profile_of(certified(lib, trajectories[0], SAFETY), samples=10_001)
     proven = certificate_of(lib, trajectories[0], SAFETY).distances
-    assert [(gap.kind, gap.label) for gap in found.gaps] == [(u.kind, u.where) for u in proven]
-    assert {gap.kind for gap in found.gaps} == {"self-collision", "table"}
-    for gap, use in zip(found.gaps, proven, strict=True):
+    assert [(gap.kind, gap.label) for gap in result.gaps] == [(u.kind, u.where) for u in proven]
+    assert {gap.kind for gap in result.gaps} == {"self-collision", "table"}
+    for gap, use in zip(result.gaps, proven, strict=True):
         assert gap.margin == use.limit
         assert gap.least == pytest.approx(use.value, abs=1e-5)  # the chord of a millisecond
         assert gap.left == pytest.approx(gap.least - gap.margin)
@@ -66,10 +66,10 @@ def test_gaps_are_those_of_the_certificate(
 
 def test_envelopes_end_where_braking_does(lib: Library) -> None:
     """Oracle: max(0, ±dq + c)² = k (q̂ ∓ q) on the edge, nowhere faster than the constant limit."""
-    found = profile_of(certified(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0)))
+    result = profile_of(certified(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0)))
     facts, limits = lib.braking, lib.limits()
     assert facts is not None
-    for j, edge in enumerate(found.envelopes):
+    for j, edge in enumerate(result.envelopes):
         assert edge.q[0] >= limits["lower"][j]
         assert edge.q[-1] <= limits["upper"][j]
         assert edge.upper.max() == limits["velocity"][j] == -edge.lower.min()
@@ -85,18 +85,18 @@ def test_envelopes_end_where_braking_does(lib: Library) -> None:
 def test_little_is_known_of_little(lib: Library, tiny_built: Path) -> None:
     """Property: no proxies, no braking, few limits; document mode shows what it does not check."""
     tiny = load(tiny_built)
-    found = profile_of(certified(tiny, Trajectory(tiny.home, np.full((1, 2), 1e-3), 3.0)))
-    assert tuple(found.shares) == ("position", "velocity", "torque")
-    assert (found.gaps, found.table, found.box, found.has_friction) == ((), None, None, False)
-    assert found.envelopes[0].upper.tolist() == [3.0, 3.0]
-    assert found.bands["torque"].upper.tolist() == [10.0]
-    found = profile_of(certified(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0)))
-    assert {gap.kind for gap in found.gaps} == {"self-collision"}
-    assert "self-collision" in found.certificate.unchecked
-    assert found.bands["torque"].upper == pytest.approx(lib.limits()["effort"])
+    result = profile_of(certified(tiny, Trajectory(tiny.home, np.full((1, 2), 1e-3), 3.0)))
+    assert tuple(result.shares) == ("position", "velocity", "torque")
+    assert (result.gaps, result.table, result.box, result.has_friction) == ((), None, None, False)
+    assert result.envelopes[0].upper.tolist() == [3.0, 3.0]
+    assert result.bands["torque"].upper.tolist() == [10.0]
+    result = profile_of(certified(lib, Trajectory(lib.home, np.zeros((7, 2)), 3.0)))
+    assert {gap.kind for gap in result.gaps} == {"self-collision"}
+    assert "self-collision" in result.certificate.unchecked
+    assert result.bands["torque"].upper == pytest.approx(lib.limits()["effort"])
 
 
-def test_another_robots_motion_is_told(lib: Library, tiny_built: Path) -> None:
+def test_another_robots_motion_is_reported(lib: Library, tiny_built: Path) -> None:
     """Property: one sentence with both shapes; a table needs proxies."""
     motion = Trajectory(lib.home, np.zeros((7, 2)), 3.0)
     tiny = load(tiny_built)

@@ -142,10 +142,10 @@ def test_what_cannot_be_is_one_sentence(
 def test_joints_without_limits_move_about_their_home(double: Library) -> None:
     """Property: a home beyond ±π is as good as any other; the assumption is told."""
     home = np.array([0.0, 4.0])
-    found = design(double, duration=DURATION, harmonics=HARMONICS, starts=1, home=home)
-    turned = found.trajectory.at(double, np.linspace(0, DURATION, 500))[0][:, 1]
+    result = design(double, duration=DURATION, harmonics=HARMONICS, starts=1, home=home)
+    turned = result.trajectory.at(double, np.linspace(0, DURATION, 500))[0][:, 1]
     # Rounding of coefficients of 70 that cancel down to 1.
     assert np.abs(turned - home[1]).max() <= DEFAULT_RANGE + 1e-9
-    assert "no upper position limit for elbow: 3.142 above home assumed" in found.assumptions
+    assert "no upper position limit for elbow: 3.142 above home assumed" in result.assumptions
     with pytest.raises(IdentificationError, match="2 of joint 'shoulder' is not inside"):
         design(double, duration=DURATION, harmonics=HARMONICS, starts=1, home=np.array([2.0, 0.0]))

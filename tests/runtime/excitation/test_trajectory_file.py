@@ -74,7 +74,7 @@ def put(key: str, value: Any) -> Callable[[dict[str, Any]], object]:
         (put("duration", 0.0), "not finite, or a duration that is not positive"),
     ],
 )
-def test_damaged_files_are_told(
+def test_damaged_files_are_reported(
     lib: Library, written: Path, damage: Callable[[dict[str, Any]], object], match: str
 ) -> None:
     """Property: whatever is wrong inside, one sentence names the file."""
@@ -108,7 +108,7 @@ def test_a_place_that_cannot_be_written(
 ) -> None:
     """Property: a file in the way is told and stays what it was."""
     (tmp_path / "file").write_text("mine")
-    found = Design(trajectories[0], 4.88, (4.88,), {}, ())
+    result = Design(trajectories[0], 4.88, (4.88,), {}, ())
     with pytest.raises(RuntimeFault, match="cannot write"):
-        write_trajectory(found, lib, tmp_path / "file" / "t.json")
+        write_trajectory(result, lib, tmp_path / "file" / "t.json")
     assert (tmp_path / "file").read_text() == "mine"

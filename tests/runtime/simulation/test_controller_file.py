@@ -88,9 +88,9 @@ def test_simulate_and_identify_by_the_loop(
     for method in ("didim", "iv"):
         folder = tmp_path / method
         options = ("--method", method, "--cutoff", "20", "--rate", "100", "--out", folder)
-        told = command("identify", *common, *options)
-        assert told.code == 2
-        assert "give the controller's gains and the reference motion by --controller" in told.err
+        known = command("identify", *common, *options)
+        assert known.code == 2
+        assert "give the controller's gains and the reference motion by --controller" in known.err
         assert not folder.exists()
         ran = command("identify", *common, *options, "--controller", "log.loop.toml")
         assert (ran.code, ran.err) == (0, "")

@@ -235,7 +235,7 @@ def test_the_closed_loop_is_pinocchios(
     assert motion.link == pytest.approx(motion.motor - plant.rotor * motion.ddq, abs=1e-12)
 
 
-def test_no_robot_and_no_control_are_told(lib: Library, gentle: Trajectory) -> None:
+def test_no_robot_and_no_control_are_reported(lib: Library, gentle: Trajectory) -> None:
     """Property: an indefinite mass matrix stops the simulation before the first NaN."""
     reference = np.stack(gentle.at(lib, sample_times(1.0, 1000.0))[:3], axis=1)
     with pytest.raises(SimulationError, match="not positive definite, so no such robot exists"):
@@ -247,7 +247,7 @@ def test_no_robot_and_no_control_are_told(lib: Library, gentle: Trajectory) -> N
     assert np.isfinite(loop.log).all()
 
 
-def test_joints_have_values_of_their_own(lib: Library, gentle: Trajectory) -> None:
+def test_joints_have_separate_values(lib: Library, gentle: Trajectory) -> None:
     """Property: an array serves its joints, another length is one sentence."""
     reference = np.stack(gentle.at(lib, sample_times(0.1, 1000.0))[:3], axis=1)
     with pytest.raises(IdentificationError, match="viscous needs one number, or one for each of"):

@@ -82,7 +82,7 @@ def test_what_can_be_learnt(lib: Library, runs: Runs, pi_true: np.ndarray) -> No
     """
     preparation = replace(DOCUMENT, trim_s=0.15)
     terms = Friction(("viscous", "dahl", "offset"), dahl_stroke=4e-3)
-    found = identify(
+    result = identify(
         runs.train,
         lib,
         preparation=preparation,
@@ -92,11 +92,11 @@ def test_what_can_be_learnt(lib: Library, runs: Runs, pi_true: np.ndarray) -> No
         lam0=lib.lam_from_pi(pi_true),
         certify=False,
     )
-    error = torque_error(found.test.tau, found.predict_recording(found.test)).percent
+    error = torque_error(result.test.tau, result.predict_recording(result.test)).percent
     # What a prototype of this estimator reached on a robot of this friction, j1 … j7.
     assert (error < [3.1, 0.65, 2.2, 0.75, 11.5, 2.4, 16]).all()
-    assert found.is_consistent
-    arm = ArmModel(found.pi, found.friction, found.phi, "identified")
+    assert result.is_consistent
+    arm = ArmModel(result.pi, result.friction, result.phi, "identified")
     payload = identify_payload(runs.loaded, lib, arm=arm, preparation=preparation)
     # A gain error of 0.3 % of the torque sensors is 5 g of 1.8 kg; load friction adds some.
     assert payload.pi[0] == pytest.approx(1.8, abs=0.015)

@@ -82,11 +82,11 @@ def test_the_torque_arrives_late(lib: Library, gentle: Trajectory, delay: float)
     q, dq, late = log.recording.q, log.recording.dq, round(delay * 1000)
     wanted = gentle.at(lib, log.recording.t)
     u = wanted[2] + 30 * (wanted[1] - dq) + 225 * (wanted[0] - q)
-    asked = lib.inverse_dynamics(q, dq, u, lib.pi0) + settings.rotor * u
-    count = len(asked) - late
+    requested = lib.inverse_dynamics(q, dq, u, lib.pi0) + settings.rotor * u
+    count = len(requested) - late
     # Rounding of torques up to 90 N·m.
-    assert log.motion.motor[late:] == pytest.approx(asked[:count], abs=1e-10)
-    assert log.motion.motor[:late] == pytest.approx(np.tile(asked[0], (late, 1)), abs=1e-10)
+    assert log.motion.motor[late:] == pytest.approx(requested[:count], abs=1e-10)
+    assert log.motion.motor[:late] == pytest.approx(np.tile(requested[0], (late, 1)), abs=1e-10)
     assert not log.truth.saturated.any()
 
 
@@ -98,8 +98,8 @@ def test_the_feedforward_law(lib: Library, gentle: Trajectory) -> None:
     wanted = gentle.at(lib, log.recording.t)
     known = lib.inverse_dynamics(*wanted[:3], lib.pi0) + settings.rotor * wanted[2]
     inertia = np.diag(lib.mass_matrix(lib.home, lib.pi0)) + settings.rotor
-    asked = known + inertia * (30 * (wanted[1] - dq) + 225 * (wanted[0] - q))
-    assert log.motion.motor == pytest.approx(asked, abs=1e-10)
+    requested = known + inertia * (30 * (wanted[1] - dq) + 225 * (wanted[0] - q))
+    assert log.motion.motor == pytest.approx(requested, abs=1e-10)
 
 
 def test_friction_eats_the_work_of_the_motors(lib: Library, gentle: Trajectory) -> None:
@@ -168,7 +168,7 @@ def test_the_documents_preprocessing() -> None:
     t = np.arange(3000) / 1000
     rng = np.random.default_rng(0)
     q, dq, tau = rng.normal(size=(3, 3000, 2))
-    found = prepare(Recording(t, q, dq, None, tau), DOCUMENT)
+    result = prepare(Recording(t, q, dq, None, tau), DOCUMENT)
 
     def mean(x: np.ndarray) -> np.ndarray:
         return np.stack([np.convolve(c, np.ones(51) / 51, "same") for c in x.T], axis=1)
@@ -176,11 +176,11 @@ def test_the_documents_preprocessing() -> None:
     inner = slice(10, -10)
     for key, raw in (("q", q), ("dq", dq), ("tau", tau)):
         # Rounding of running sums.
-        assert getattr(found, key)[inner] == pytest.approx(mean(raw)[::10][inner], abs=1e-10)
+        assert getattr(result, key)[inner] == pytest.approx(mean(raw)[::10][inner], abs=1e-10)
     ddq = mean(np.gradient(mean(dq), 1e-3, axis=0))
-    assert found.ddq is not None
-    assert found.ddq[inner] == pytest.approx(ddq[::10][inner], abs=1e-8)
-    assert found.rate_hz == pytest.approx(100)
+    assert result.ddq is not None
+    assert result.ddq[inner] == pytest.approx(ddq[::10][inner], abs=1e-8)
+    assert result.rate_hz == pytest.approx(100)
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ EVERYTHING = Safety(table=0.0, box=(0.1, 0.8, -0.6, 0.6, 0.2, 1.0), viscous=(3.0
 KINDS = ("braking", "torque", "torque rate", "tip box", "tip speed", "self-collision", "table")
 
 
-def found(lib: Library, kind: str, safety: Safety = EVERYTHING) -> Constraint:
+def result(lib: Library, kind: str, safety: Safety = EVERYTHING) -> Constraint:
     return next(
         constraint for constraint in constraints(lib, lib.home, safety) if constraint.kind == kind
     )
@@ -52,7 +52,7 @@ def test_slopes_by_taylor(
     if basis != "cosine":
         a = np.hstack([a, 0.02 * rng.normal(size=a.shape)])
     phi = chosen.at(lib, a.shape[1], t, 10.0)
-    rows = LimitRows([found(lib, kind)], lib.home, phi, chosen.is_symmetric)
+    rows = LimitRows([result(lib, kind)], lib.home, phi, chosen.is_symmetric)
     largest = np.sort(np.argsort(rows.values(a))[-3:])
     slope = rows.jacobian(a, largest)
     direction = 0.05 * a * rng.normal(size=a.shape)
@@ -118,12 +118,12 @@ def test_torque_is_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]
         return np.array(rows) + 3.0 * dq
 
     motion = motions(lib, trajectories[1], t)
-    g = found(lib, "torque").values(motion)
+    g = result(lib, "torque").values(motion)
     assert g[:, :7] == pytest.approx(torque(t) / effort - 1, abs=1e-11)
     assert g[:, 7:] == pytest.approx(-torque(t) / effort - 1, abs=1e-11)
     rate = (torque(t + h) - torque(t - h)) / (2 * h)
     # Central differences: truncation h² × 1e3, rounding 1e-13 / h; over limits of 1000 N·m/s.
-    g = found(lib, "torque rate").values(motion)
+    g = result(lib, "torque rate").values(motion)
     assert g[:, :7] == pytest.approx(rate / lib.limits()["torque_rate"] - 1, abs=1e-9)
 
 
@@ -142,20 +142,20 @@ def test_tip_is_pinocchios(lib: Library, trajectories: tuple[Trajectory, ...]) -
 
     t, h = np.array([1.3, 4.4, 7.7]), 1e-5
     motion = motions(lib, trajectories[1], t)
-    g = found(lib, "tip box").values(motion)
+    g = result(lib, "tip box").values(motion)
     upper, lower = np.array([0.8, 0.6, 1.0]), np.array([0.1, -0.6, 0.2])
     expected = np.hstack([place(t) - upper, lower - place(t)]) / 0.1
     assert g == pytest.approx(expected, abs=1e-11)
     speed = np.linalg.norm((place(t + h) - place(t - h)) / (2 * h), axis=1)
     limit = float(lib.limits()["tip_speed"])
     # Differences as above.
-    g = found(lib, "tip speed").values(motion)
+    g = result(lib, "tip speed").values(motion)
     assert g[:, 0] == pytest.approx(((speed / limit) ** 2 - 1) / 2, abs=1e-8)
 
 
 def test_braking_is_the_manufacturers_speed(lib: Library) -> None:
     """Oracle: |dq| ≤ −c + √(k (q̂ − q)) where that is positive; the same set, on its border."""
-    constraint = found(lib, "braking")
+    constraint = result(lib, "braking")
     assert isinstance(constraint, Braking)
     facts = lib.braking
     assert facts is not None
@@ -187,20 +187,20 @@ def test_distances_keep_their_margins(lib: Library) -> None:
     """
     rest = np.zeros((4, 1, 7))
     rest[0] = lib.home
-    constraint = found(lib, "self-collision")
-    own = np.array([pair.margin for pair in lib.pairs])
+    constraint = result(lib, "self-collision")
+    single = np.array([pair.margin for pair in lib.pairs])
     distance = lib.clearance(lib.home)[0].ravel()
-    assert constraint.values(rest)[0] == pytest.approx((own - distance) / 0.1, abs=1e-13)
-    wide = found(lib, "self-collision", Safety(clearance=0.04)).values(rest)[0]
-    expected = np.where(own < own.max(), own, 0.04)
-    assert (own < own.max()).any(), "the FR3 has links that are close by design"
+    assert constraint.values(rest)[0] == pytest.approx((single - distance) / 0.1, abs=1e-13)
+    wide = result(lib, "self-collision", Safety(clearance=0.04)).values(rest)[0]
+    expected = np.where(single < single.max(), single, 0.04)
+    assert (single < single.max()).any(), "the FR3 has links that are close by design"
     assert wide == pytest.approx((expected - distance) / 0.1, abs=1e-13)
     value, limit, unit = constraint.measured(0, float(constraint.values(rest)[0, 0]))
-    assert (value, limit, unit) == (pytest.approx(distance[0]), own[0], "m")
-    low = found(lib, "table").values(rest)[0]
-    high = found(lib, "table", Safety(table=0.1, clearance=0.05)).values(rest)[0]
+    assert (value, limit, unit) == (pytest.approx(distance[0]), single[0], "m")
+    low = result(lib, "table").values(rest)[0]
+    high = result(lib, "table", Safety(table=0.1, clearance=0.05)).values(rest)[0]
     assert high - low == pytest.approx((0.05 + 0.1 - 0.03) / 0.1 * np.ones(len(low)), abs=1e-12)
-    assert "link1" not in found(lib, "table").labels  # turns about the vertical
+    assert "link1" not in result(lib, "table").labels  # turns about the vertical
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_limits_that_home_breaks(lib: Library, safety: Safety, sentence: str) ->
         require_rest(constraints(lib, lib.home, safety), lib.home)
 
 
-def test_a_home_without_speed_is_told(lib: Library) -> None:
+def test_a_home_without_speed_is_reported(lib: Library) -> None:
     """Property: at the very end of the range the FR3 may not move."""
     facts = lib.braking
     assert facts is not None

@@ -36,17 +36,17 @@ Placed = dict[str, tuple[int, coal.CollisionGeometry, pinocchio.SE3]]
 
 
 @pytest.fixture(scope="module")
-def found(lib: Library) -> Design:
+def result(lib: Library) -> Design:
     return design(lib, duration=DURATION, harmonics=HARMONICS, starts=1, safety=SAFETY)
 
 
 @pytest.fixture(scope="module")
-def motion(found: Design) -> np.ndarray:
+def motion(result: Design) -> np.ndarray:
     """q, dq, ddq, dddq at 1 kHz, (4, N, 7)."""
-    t = np.arange(int(found.trajectory.duration * RATE) + 1) / RATE
-    phi = closed_form(HARMONICS, t, found.trajectory.duration)
-    motion = np.stack([phi[..., k] @ found.trajectory.coefficients.T for k in range(4)])
-    motion[0] += found.trajectory.home
+    t = np.arange(int(result.trajectory.duration * RATE) + 1) / RATE
+    phi = closed_form(HARMONICS, t, result.trajectory.duration)
+    motion = np.stack([phi[..., k] @ result.trajectory.coefficients.T for k in range(4)])
+    motion[0] += result.trajectory.home
     return motion
 
 
@@ -54,11 +54,11 @@ def motion(found: Design) -> np.ndarray:
 def poses(lib: Library, motion: np.ndarray) -> list[list[pinocchio.SE3]]:
     """Of the base and of every joint, at every millisecond."""
     model = pinocchio_model(lib.urdf())
-    data, found = model.createData(), []
+    data, result = model.createData(), []
     for q in motion[0]:
         pinocchio.forwardKinematics(model, data, q)
-        found.append([pose.copy() for pose in data.oMi])
-    return found
+        result.append([pose.copy() for pose in data.oMi])
+    return result
 
 
 def capsule(proxy: ProxyFacts) -> tuple[int, coal.CollisionGeometry, pinocchio.SE3]:
@@ -85,16 +85,16 @@ def hulls() -> Placed:
     path = Path(str(urdf.locate())).resolve()
     model, kind = pinocchio.buildModelFromUrdf(str(path)), pinocchio.GeometryType.COLLISION
     folders = [str(path.parents[4])]
-    found = {}
+    result = {}
     for part in pinocchio.buildGeomFromUrdf(
         model, str(path), kind, package_dirs=folders
     ).geometryObjects:
         name = part.name.removeprefix("panda_").removesuffix("_0").replace("link0", "base")
         if name in {"base", *(f"link{k}" for k in range(1, 8))}:
             part.geometry.buildConvexHull(True, "Qt")
-            found[name] = part.parentJoint, part.geometry.convex, part.placement
-    assert len(found) == 8
-    return found
+            result[name] = part.parentJoint, part.geometry.convex, part.placement
+    assert len(result) == 8
+    return result
 
 
 def least(
@@ -103,7 +103,7 @@ def least(
     """Smallest distance of every pair over the motion, m, negative inside; "table" is one, too."""
     request, answer = coal.DistanceRequest(), coal.DistanceResult()
     plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), TABLE)
-    found = dict.fromkeys(pairs, np.inf)
+    result = dict.fromkeys(pairs, np.inf)
     for pose in poses:
         where = {"table": (plane, coal.Transform3s.Identity())}
         for name, (joint, shape, placement) in placed.items():
@@ -112,11 +112,11 @@ def least(
         for pair in pairs:
             answer.clear()
             one, other = (where[name] for name in pair)
-            found[pair] = min(found[pair], coal.distance(*one, *other, request, answer))
-    return found
+            result[pair] = min(result[pair], coal.distance(*one, *other, request, answer))
+    return result
 
 
-def test_joint_limits_hold_at_1_khz(lib: Library, found: Design, motion: np.ndarray) -> None:
+def test_joint_limits_hold_at_1_khz(lib: Library, result: Design, motion: np.ndarray) -> None:
     """Oracle: closed forms of the motion, the manufacturer's speeds; nothing was left unused."""
     q, dq, ddq, dddq = motion
     limits = lib.limits()
@@ -130,8 +130,8 @@ def test_joint_limits_hold_at_1_khz(lib: Library, found: Design, motion: np.ndar
     assert (dq >= facts.c - np.sqrt(facts.k * (q - facts.lower))).all()
     # Limits that are not linear were tightened by 2e-3 of themselves and are used up to there.
     for kind in ("braking", "torque", "tip box", "self-collision", "table"):
-        assert found.use[kind] > 0.99, kind
-    assert found.unchecked == ()
+        assert result.use[kind] > 0.99, kind
+    assert result.unchecked == ()
 
 
 def test_torques_and_tip_hold_by_pinocchio(lib: Library, motion: np.ndarray) -> None:
@@ -190,15 +190,15 @@ def test_meshes_keep_apart_by_coal(
     assert (lib.clearance(FOLDED)[0] < 0).any()
 
 
-def test_its_certificate_holds(lib: Library, found: Design) -> None:
+def test_its_certificate_holds(lib: Library, result: Design) -> None:
     """Property: between samples too, at full and at half speed."""
-    motion = pulled_inside(lib, found.trajectory)
+    motion = pulled_inside(lib, result.trajectory)
     proof = certificate_of(lib, motion, SAFETY)
     assert proof.holds
     for use in proof.uses:
-        if use.kind in found.use:
+        if use.kind in result.use:
             # The chord's error of a millisecond; 1e-3 of 0.1 m.
-            assert use.bound == pytest.approx(found.use[use.kind], abs=1e-3), use.kind
+            assert use.bound == pytest.approx(result.use[use.kind], abs=1e-3), use.kind
 
 
 def test_the_document_forgets_the_table(lib: Library) -> None:

@@ -36,10 +36,10 @@ def motion_of(basis: Basis, home: np.ndarray, size: float = 1e-3) -> Trajectory:
 @BY_BASIS
 def test_rest_at_both_ends(basis: Basis) -> None:
     """Property: φ, φ', φ'' vanish at both ends, φ''' where asked; the next one does not."""
-    found = basis.derivatives(5, SIZE, np.array([0.0, 1.0]))
+    result = basis.derivatives(5, SIZE, np.array([0.0, 1.0]))
     inside = np.abs(basis.derivatives(5, SIZE, np.linspace(0, 1, 501))).max(axis=1)
     # Waves and polynomials cancel: w^5 = (2π6)^5 times ε over the size of the function.
-    rest = np.abs(found).max(axis=1) / inside
+    rest = np.abs(result).max(axis=1) / inside
     assert rest[: 3 + basis.zero_jerk].max() <= 1e-9
     assert rest[3 + basis.zero_jerk].min() > 1e-2 or isinstance(basis, Spline)
     assert basis.is_symmetric == isinstance(basis, Cosine)
@@ -65,12 +65,12 @@ def test_derivatives_by_taylor(basis: Basis, order: int) -> None:
 def test_bounds_hold_and_are_not_idle(basis: Basis) -> None:
     """Property: no sample of |d^k φ| exceeds its bound; up to the jerk's curvature it is near."""
     s = np.linspace(0, 1, 20_001)
-    found = np.abs(basis.derivatives(7, SIZE, s)).max(axis=1)
+    result = np.abs(basis.derivatives(7, SIZE, s)).max(axis=1)
     for k in range(7):
         bound = basis.bound(k, SIZE)
-        assert (found[k] <= bound * (1 + 1e-12)).all()
+        assert (result[k] <= bound * (1 + 1e-12)).all()
     # Where the amplitude is asked for wave and polynomials cancel most of each other.
-    assert (basis.bound(5, SIZE)[:2] <= 5 * found[5][:2]).all()
+    assert (basis.bound(5, SIZE)[:2] <= 5 * result[5][:2]).all()
 
 
 def test_sines_by_hand() -> None:
@@ -90,9 +90,9 @@ def test_sines_by_hand() -> None:
             wanted = [0.0, -w, 0.0, w**3][:conditions] * 2
             line = np.linalg.solve(np.array(rows), np.array(wanted))
             expected = np.sin(w * s) + s[:, None] ** powers @ line
-            found = Fourier(zero_jerk).derivatives(1, 6, s)[0, :, 2 + m]
+            result = Fourier(zero_jerk).derivatives(1, 6, s)[0, :, 2 + m]
             # Conditions of the monomials' matrix (1e4) × ε × w³.
-            assert found == pytest.approx(expected, abs=1e-8)
+            assert result == pytest.approx(expected, abs=1e-8)
 
 
 def test_splines_by_interpolation() -> None:

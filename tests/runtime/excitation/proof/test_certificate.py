@@ -36,10 +36,10 @@ def test_derivatives_are_the_kernel_and_finite_differences(lib: Library) -> None
     """Oracle: the compiled basis for k ≤ 3, central differences of our own below above that."""
     harmonics, duration = 6, 2.5
     s = np.linspace(0, 1, 301)
-    found = COSINE.derivatives(7, harmonics, s)
+    result = COSINE.derivatives(7, harmonics, s)
     kernel = fourier_basis(lib, harmonics, s * duration, duration)
     for k in range(4):
-        scaled = found[k] / duration**k
+        scaled = result[k] / duration**k
         # Rounding of cosines of arguments up to 38 and of factors (2πm)^k.
         assert scaled == pytest.approx(kernel[..., k], abs=1e-13 * np.abs(scaled).max())
     h = 1e-5
@@ -47,7 +47,7 @@ def test_derivatives_are_the_kernel_and_finite_differences(lib: Library) -> None
     for k in range(1, 7):
         slope = (higher[k - 1] - lower[k - 1]) / (2 * h)
         # Truncation (2πM h)²/6 = 2e-8 and rounding ε/(2πM h) = 1e-13 per harmonic.
-        assert slope == pytest.approx(found[k], abs=1e-7 * np.abs(found[k]).max())
+        assert slope == pytest.approx(result[k], abs=1e-7 * np.abs(result[k]).max())
 
 
 @pytest.mark.parametrize("k", range(7))
@@ -95,11 +95,11 @@ def test_a_violation_between_samples_is_caught(lib: Library, order: int) -> None
 
 def test_rest(lib: Library) -> None:
     """Property: a robot that stands still uses nothing, exactly."""
-    found = certificate_of(lib, Trajectory(lib.home, np.zeros((7, 5)), 10.0))
-    assert [use.bound for use in found.uses] == [0.0] * 4
-    assert [use.margin for use in found.uses] == [1.0] * 4
-    assert (found.holds, found.unlimited) == (True, ())
-    assert found.unchecked == ("torque", "self-collision", "table")
+    result = certificate_of(lib, Trajectory(lib.home, np.zeros((7, 5)), 10.0))
+    assert [use.bound for use in result.uses] == [0.0] * 4
+    assert [use.margin for use in result.uses] == [1.0] * 4
+    assert (result.holds, result.unlimited) == (True, ())
+    assert result.unchecked == ("torque", "self-collision", "table")
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1e300])
@@ -109,13 +109,13 @@ def test_no_number_is_no_proof(lib: Library, value: float) -> None:
         a = np.full((7, 3), 1e-4)
         a[joint, 1] = value
         with np.errstate(all="ignore"):
-            found = certificate_of(lib, Trajectory(lib.home, a, 10.0))
-        assert not found.holds
-        assert {use.where for use in found.broken} == {lib.joint_names[joint]}
+            result = certificate_of(lib, Trajectory(lib.home, a, 10.0))
+        assert not result.holds
+        assert {use.where for use in result.broken} == {lib.joint_names[joint]}
     home = lib.home.copy()
     home[2] = np.nan
-    found = certificate_of(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0))
-    assert [use.kind for use in found.broken] == ["position"]
+    result = certificate_of(lib, Trajectory(home, np.full((7, 3), 1e-4), 10.0))
+    assert [use.kind for use in result.broken] == ["position"]
 
 
 @pytest.mark.parametrize("beyond", [0.0, 0.1])
@@ -127,14 +127,14 @@ def test_a_home_on_its_limit_has_no_room(lib: Library, beyond: float) -> None:
     assert (use.bound, use.where, use.holds) == (np.inf, "fr3_joint5", False)
 
 
-def test_limits_that_nobody_states(tiny_built: Path) -> None:
+def test_limits_that_no_robot_states(tiny_built: Path) -> None:
     """Property: without a limit there is no proof, and the certificate says so."""
     lib = load(tiny_built)
-    found = certificate_of(lib, Trajectory(lib.home, np.full((1, 2), 1e-3), 10.0))
-    assert [use.kind for use in found.uses] == ["position", "velocity"]
-    assert found.unlimited == ("acceleration of swing", "jerk of swing")
-    assert found.sentences()[-4] == "no limit stated: jerk of swing"
-    assert found.sentences()[-1] == "NOT checked: table"
+    result = certificate_of(lib, Trajectory(lib.home, np.full((1, 2), 1e-3), 10.0))
+    assert [use.kind for use in result.uses] == ["position", "velocity"]
+    assert result.unlimited == ("acceleration of swing", "jerk of swing")
+    assert result.sentences()[-4] == "no limit stated: jerk of swing"
+    assert result.sentences()[-1] == "NOT checked: table"
 
 
 def test_designs_are_pulled_inside(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
@@ -176,7 +176,7 @@ def test_slowing_keeps_the_path(lib: Library, trajectories: tuple[Trajectory, ..
 @pytest.mark.parametrize(
     ("shape", "duration"), [((6, 5), 10.0), ((7,), 10.0), ((7, 0), 10.0), ((7, 5), 0.0)]
 )
-def test_other_robots_are_told(lib: Library, shape: tuple[int, ...], duration: float) -> None:
+def test_other_robots_are_reported(lib: Library, shape: tuple[int, ...], duration: float) -> None:
     """Property: one sentence with both shapes."""
     with pytest.raises(IdentificationError, match="needs a home of shape"):
         certificate_of(lib, Trajectory(lib.home, np.zeros(shape), duration))

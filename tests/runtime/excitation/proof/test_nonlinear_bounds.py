@@ -39,15 +39,15 @@ def test_bounds_are_above_and_close(lib: Library, kind: str) -> None:
     """Oracle: 20 000 samples of a fast motion: above them, by what a millisecond bends at most."""
     motion = fast_motion(lib)
     constraint = next(x for x in constraints(lib, lib.home, EVERYTHING) if x.kind == kind)
-    found = constraint_bounds(lib, [constraint], motion)
-    bounds = np.array([bound.bound for bound in found])
+    result = constraint_bounds(lib, [constraint], motion)
+    bounds = np.array([bound.bound for bound in result])
     largest = brute(constraint, motion, lib, np.linspace(0, 2, 20_001))
     assert (bounds >= largest - 1e-13).all()  # rounding of two evaluations of the basis
     # δ²/8 g'' with δ = 1 ms and (2π 8 / 2 s)² = 630/s² of the fastest wave, times 2 and its
     # squares in products of speeds.
     assert (bounds - largest).max() < 2e-3
-    assert [bound.is_proven for bound in found] == [kind == "braking"] * len(found)
-    for bound, row in zip(found, range(len(found)), strict=True):
+    assert [bound.is_proven for bound in result] == [kind == "braking"] * len(result)
+    for bound, row in zip(result, range(len(result)), strict=True):
         at = brute(constraint, motion, lib, np.array([bound.time]))[row]
         assert at == pytest.approx(largest[row], abs=2e-3)  # half a step from there, as above
 
@@ -83,16 +83,16 @@ def test_long_intervals_lose_nothing(
     def everything() -> np.ndarray:
         # Joint by joint: long intervals of all rows are divided together.
         motions = [replace(motion, coefficients=a * row[:, None]) for row in np.eye(7)]
-        found = [bound for one in motions for bound in constraint_bounds(lib, braking, one)]
-        rows = np.array([(bound.bound, bound.time) for bound in found]).T
+        result = [bound for one in motions for bound in constraint_bounds(lib, braking, one)]
+        rows = np.array([(bound.bound, bound.time) for bound in result]).T
         return np.hstack([rows, np.reshape(joint_bounds(lib, motion), (2, -1))])
 
-    usual, found = everything(), []
+    usual, result = everything(), []
     for braking_divided, divided in ((1, 1), (300, 3000)):  # few and very long ones
         monkeypatch.setattr("runtime.excitation.proof.nonlinear_bounds._DIVIDED", braking_divided)
         monkeypatch.setattr("runtime.excitation.proof.joint_bounds.DIVIDED", divided)
-        found.append(everything())
-    for other in found:
+        result.append(everything())
+    for other in result:
         assert usual == pytest.approx(other, rel=1e-13)  # the rounding of s
 
 
@@ -140,31 +140,31 @@ def test_what_is_no_number_never_holds(lib: Library) -> None:
     """Property: NaN and infinite motions break every limit; a home without room, braking."""
     for value in (np.nan, np.inf):
         with np.errstate(all="ignore"):
-            found = certificate_of(
+            result = certificate_of(
                 lib, Trajectory(lib.home, np.full((7, 2), value), 5.0), EVERYTHING
             )
-        assert {use.kind for use in found.broken} == {use.kind for use in found.uses}
+        assert {use.kind for use in result.broken} == {use.kind for use in result.uses}
     home = lib.home.copy()
     assert lib.braking is not None
     home[3] = lib.braking.upper[3] - 0.005
-    found = certificate_of(lib, Trajectory(home, np.zeros((7, 2)), 5.0), Safety())
-    assert [use.bound for use in found.broken if use.kind == "braking"] == [np.inf]
+    result = certificate_of(lib, Trajectory(home, np.zeros((7, 2)), 5.0), Safety())
+    assert [use.bound for use in result.broken if use.kind == "braking"] == [np.inf]
 
 
 def test_the_certificate_of_everything(lib: Library) -> None:
     """Property: one use per kind, one distance per pair and lifted proxy, and what is left out."""
     motion = fast_motion(lib, 1e-3)
-    found = certificate_of(lib, motion, EVERYTHING)
-    assert [use.kind for use in found.uses[4:]] == list(KINDS)
-    assert found.unchecked == ()
-    assert len(found.distances) == len(lib.pairs) + len(lib.moving_proxies) - 1  # link 1 turns
+    result = certificate_of(lib, motion, EVERYTHING)
+    assert [use.kind for use in result.uses[4:]] == list(KINDS)
+    assert result.unchecked == ()
+    assert len(result.distances) == len(lib.pairs) + len(lib.moving_proxies) - 1  # link 1 turns
     assert certificate_of(lib, motion, Safety()).unchecked == ("table",)
     assert certificate_of(lib, motion).unchecked == ("torque", "self-collision", "table")
-    closest = min(found.distances[: len(lib.pairs)], key=lambda use: use.value - use.limit)
+    closest = min(result.distances[: len(lib.pairs)], key=lambda use: use.value - use.limit)
     t = np.linspace(0, 2, 2001)
     distance = lib.clearance(motion.at(lib, t)[0])[0].min(axis=0)
     pair = [f"{pair.first} and {pair.second}" for pair in lib.pairs].index(closest.where)
     assert closest.value == pytest.approx(distance[pair], abs=1e-4)  # a tenth of a millimetre
-    sentence = next(text for text in found.sentences() if text.startswith("self-collision"))
+    sentence = next(text for text in result.sentences() if text.startswith("self-collision"))
     assert f"at least {1e3 * closest.value:.2f} mm" in sentence
     assert "measured at 1 kHz" in sentence

@@ -83,15 +83,15 @@ def test_gradients_in_the_coefficients_by_taylor(
             "noise": options.get("noise", 0.05),
             "earlier": 100 * np.einsum("tjk,tjl->kl", rows, rows),
         }
-    told = information(lib, **options)
+    known = information(lib, **options)
     rng, basis = np.random.default_rng(1), basis_of(kind)
     a = 0.8 * trajectories[1].coefficients
     if kind == "fourier":
         a = np.hstack([a, 0.05 * a])
     if kind == "bspline":
         a = rng.normal(size=(7, 8))
-    cost = ConditionCost(lib, lib.home, a.shape[1], DURATION, basis, told)
-    target = CRITERIA[name].goal(lib, lib.home, told).target
+    cost = ConditionCost(lib, lib.home, a.shape[1], DURATION, basis, known)
+    target = CRITERIA[name].goal(lib, lib.home, known).target
     direction = 0.3 * a * rng.normal(size=a.shape)
     slope = float(np.sum(cost.measure(a, target)[1] * direction))
     measured = taylor_slope(
@@ -104,23 +104,23 @@ def test_out_and_back_friction_costs_nothing(
     lib: Library, trajectories: tuple[Trajectory, ...]
 ) -> None:
     """Property: inertia is even and friction odd in dq: orthogonal on cosines, not on the rest."""
-    told, names = information(lib), ("viscous", "coulomb")
+    known, names = information(lib), ("viscous", "coulomb")
     for motion in trajectories[:2]:
-        found = predict(lib, motion, told, names)
+        result = predict(lib, motion, known, names)
         # Rounding × the square of the raw columns' condition number.
-        assert found.sigma_with_friction == pytest.approx(found.sigma, rel=1e-8)
+        assert result.sigma_with_friction == pytest.approx(result.sigma, rel=1e-8)
     bent = np.random.default_rng(0).normal(size=(7, 10)) * 0.05
     motion = Trajectory(lib.home, bent, DURATION, basis_of("bspline"))
-    found = predict(lib, motion, told, names)
-    assert found.sigma_with_friction is not None
-    assert (found.sigma_with_friction / found.sigma).max() > 1.05
+    result = predict(lib, motion, known, names)
+    assert result.sigma_with_friction is not None
+    assert (result.sigma_with_friction / result.sigma).max() > 1.05
 
 
 def test_scores_are_those_of_the_cost(lib: Library, trajectories: tuple[Trajectory, ...]) -> None:
     """Property: at 80 samples what the search minimises; cond as the document counts it."""
-    told, a = information(lib), trajectories[0].coefficients
-    cost = ConditionCost(lib, lib.home, 5, DURATION, information=told)
-    scores = predict(lib, trajectories[0], told).scores
+    known, a = information(lib), trajectories[0].coefficients
+    cost = ConditionCost(lib, lib.home, 5, DURATION, information=known)
+    scores = predict(lib, trajectories[0], known).scores
     assert [s.samples for s in scores] == [*SAMPLES, *SAMPLES]
     assert [s.columns for s in scores] == [43, 43, 64, 64]
     for name, value in (
@@ -129,22 +129,22 @@ def test_scores_are_those_of_the_cost(lib: Library, trajectories: tuple[Trajecto
         ("d", scores[0].half_axis),
         ("cond", scores[0].condition),
     ):
-        target = CRITERIA[name].goal(lib, lib.home, told).target
+        target = CRITERIA[name].goal(lib, lib.home, known).target
         # Rounding × cond² of raw columns.
         assert value == pytest.approx(np.exp(cost.measure(a, target)[0]), rel=1e-8)
-    assert np.sqrt(np.sum(predict(lib, trajectories[0], told).torque ** 2)) == pytest.approx(
+    assert np.sqrt(np.sum(predict(lib, trajectories[0], known).torque ** 2)) == pytest.approx(
         scores[1].torque_error, rel=1e-12
     )
 
 
-def test_each_criterion_is_best_at_its_own(lib: Library) -> None:
+def test_each_criterion_is_best_by_its_measure(lib: Library) -> None:
     """Property: of four designs from one start each wins where it was meant to."""
-    told, kinds = information(lib), ("v", "a", "d", "cond")
+    known, kinds = information(lib), ("v", "a", "d", "cond")
     scores = {}
     for name in kinds:
-        found = design(lib, duration=5.0, harmonics=4, starts=1, criterion=name, information=told)
-        scores[name] = predict(lib, found.trajectory, told, ()).scores[0]
-        assert found.criterion == name
+        result = design(lib, duration=5.0, harmonics=4, starts=1, criterion=name, information=known)
+        scores[name] = predict(lib, result.trajectory, known, ()).scores[0]
+        assert result.criterion == name
     by = {
         "v": lambda s: s.torque_error,
         "a": lambda s: s.relative_error,
@@ -158,10 +158,10 @@ def test_each_criterion_is_best_at_its_own(lib: Library) -> None:
 
 def test_mixed_gives_good_predictions_and_a_good_condition_number(lib: Library) -> None:
     """Property: M = 5, 10 s; V-opt alone has cond 8, log cond alone 12 mN·m and more."""
-    found = design(lib, criterion="mixed", information=information(lib), starts=2)
-    score = predict(lib, found.trajectory, information(lib), ()).scores[0]
+    result = design(lib, criterion="mixed", information=information(lib), starts=2)
+    score = predict(lib, result.trajectory, information(lib), ()).scores[0]
     # Measured: 4.36, 2.7 %, 8.2 mN·m from two starts; 4.97, 1.97 %, 7.0 from 24.
-    assert found.condition < 5.5
+    assert result.condition < 5.5
     assert score.relative_error < 0.03
     assert score.torque_error < 0.0085
 

@@ -13,7 +13,7 @@ import pytest
 from runtime import parallel as room
 from runtime.errors import IdentificationError
 from runtime.excitation import design
-from runtime.excitation.search import dask_workers as own
+from runtime.excitation.search import dask_workers
 from runtime.library import Library
 from tests.runtime.conftest import Command
 
@@ -27,8 +27,8 @@ SMALL = {"duration": 4.0, "harmonics": 2}
 def cluster() -> Iterator[Any]:
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
-    ) as found:
-        yield found
+    ) as result:
+        yield result
 
 
 def test_a_killed_worker_does_not_matter(lib: Library, cluster: Any) -> None:
@@ -36,11 +36,11 @@ def test_a_killed_worker_does_not_matter(lib: Library, cluster: Any) -> None:
     starts = 4
     victim = cluster.workers[0]
     pid = victim.pid
-    told: list[tuple[int, float, float]] = []
+    reports: list[tuple[int, float, float]] = []
 
     def kill(*now: Any) -> None:
-        told.append(now)
-        if len(told) == 1:
+        reports.append(now)
+        if len(reports) == 1:
             os.kill(pid, signal.SIGKILL)
 
     far = design(
@@ -49,7 +49,7 @@ def test_a_killed_worker_does_not_matter(lib: Library, cluster: Any) -> None:
     alone = design(lib, **SMALL, starts=starts, seed=3)
     assert np.array_equal(far.trajectory.coefficients, alone.trajectory.coefficients)
     assert far.conditions == alone.conditions
-    assert [done for done, _, _ in told] == list(range(1, starts + 1))
+    assert [done for done, _, _ in reports] == list(range(1, starts + 1))
     assert victim.pid != pid
 
 
@@ -62,16 +62,16 @@ def test_the_command_on_a_cluster_and_interrupted(
     words = ("--duration", 4, "--harmonics", 2, "--starts", 2, "--document")
     ran = command("excite", "--robot", folder, *words, "--scheduler", address)
     assert ran.code == 0, ran.err
-    told: list[float] = []
+    reports: list[float] = []
 
     def stop(done: int, condition: float, _: float) -> None:
-        told.append(condition)
+        reports.append(condition)
         if done == 2:
             raise KeyboardInterrupt
 
     kept = design(lib, **SMALL, starts=500, progress=stop, scheduler=address)
-    assert sorted(kept.conditions) == sorted(told)
-    assert len(told) == 2
+    assert sorted(kept.conditions) == sorted(reports)
+    assert len(reports) == 2
 
 
 def test_errors_of_a_cluster_are_one_sentence(
@@ -82,7 +82,7 @@ def test_errors_of_a_cluster_are_one_sentence(
     for address in ("tcp://127.0.0.1:9", "nonsense://x", ""):
         with pytest.raises(IdentificationError, match="there is no dask scheduler at"):
             design(lib, **SMALL, scheduler=address)
-    monkeypatch.setattr(own, "_start", os.listdir)  # on a worker: too many arguments
+    monkeypatch.setattr(dask_workers, "_start", os.listdir)  # on a worker: too many arguments
     with pytest.raises(IdentificationError, match=r"on a worker of the cluster: TypeError: .*see"):
         design(lib, **SMALL, scheduler=cluster.scheduler_address)
     monkeypatch.setitem(sys.modules, "distributed", None)
@@ -92,7 +92,9 @@ def test_errors_of_a_cluster_are_one_sentence(
     assert "pip install 'symgen[cluster]'" in ran.err
 
 
-def test_a_cluster_without_workers_is_told(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cluster_without_workers_is_reported(
+    lib: Library, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Property: a wait that ends."""
     monkeypatch.setattr(room, "PATIENCE", 0.2)
     with (

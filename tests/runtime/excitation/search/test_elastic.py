@@ -43,14 +43,14 @@ def rosenbrock(x: np.ndarray) -> tuple[float, np.ndarray]:
 def test_the_least_rosenbrock_in_a_disc() -> None:
     """Oracle: SLSQP; the optimum lies on the circle, its multiplier is 0.15."""
     disc = Discs(np.zeros((1, 2)), np.array([0.9]))
-    found = descend(
+    result = descend(
         rosenbrock, np.array([-0.4, 0.3]), box(2, 2.0), 200, tolerance=1e-12, nonlinear=disc
     )
     rule = {"type": "ineq", "fun": lambda x: -disc.values(x)}
     oracle = minimize(rosen, [0.1, 0.1], jac=rosen_der, constraints=rule, options={"ftol": 1e-14})
     # SLSQP stops at 1e-14 of f; curvature 0.4 and more.
-    assert found.x == pytest.approx(oracle.x, abs=2e-6)
-    assert disc.violation(found.x) <= 1e-9
+    assert result.x == pytest.approx(oracle.x, abs=2e-6)
+    assert disc.violation(result.x) <= 1e-9
 
 
 def test_many_discs_against_slsqp() -> None:
@@ -66,7 +66,7 @@ def test_many_discs_against_slsqp() -> None:
         ) -> tuple[float, np.ndarray]:
             return float(0.5 * x @ hessian @ x - want @ x), hessian @ x - want
 
-        found = descend(objective, np.zeros(4), box(4, 3.0), 200, tolerance=1e-11, nonlinear=discs)
+        result = descend(objective, np.zeros(4), box(4, 3.0), 200, tolerance=1e-11, nonlinear=discs)
         rule = {"type": "ineq", "fun": lambda x, d=discs: -d.values(x)}
         oracle = minimize(
             lambda x, f=objective: f(x)[0],
@@ -77,8 +77,8 @@ def test_many_discs_against_slsqp() -> None:
         )
         assert (oracle.success, discs.values(oracle.x).max() > -1e-6) == (True, True)
         # Ends when a step promises less than 1e-11, three of which may be missed.
-        assert found.value == pytest.approx(oracle.fun, abs=1e-8)
-        assert discs.violation(found.x) <= 1e-9
+        assert result.value == pytest.approx(oracle.fun, abs=1e-8)
+        assert discs.violation(result.x) <= 1e-9
 
 
 def test_a_start_outside_comes_inside() -> None:
@@ -131,11 +131,11 @@ class Stretched:
 def test_the_polish_ends_on_a_curved_row() -> None:
     """Oracle: log cond on a fine grid of the circle that keeps the optimum, the origin, out."""
     disc = Discs(np.array([[1.0, 0.3]]), np.array([0.5]))
-    found = polish(Stretched(), np.array([1.2, 0.5]), box(2, 3.0), 60, 1e-10, disc)
+    result = polish(Stretched(), np.array([1.2, 0.5]), box(2, 3.0), 60, 1e-10, disc)
     grid = np.linspace(0, 2 * np.pi, 200_001)
     circle = np.array([1.0, 0.3]) + 0.5 * np.stack([np.cos(grid), np.sin(grid)], axis=1)
     spread = np.ptp(np.column_stack([circle, np.zeros(len(circle))]), axis=1) / 2
     # The circle's points lie 3e-5 apart; the merit stops at 1e-10, and log cond bends with 1/0.5.
-    assert found.value == pytest.approx(spread.min(), abs=1e-8)
-    assert disc.violation(found.x) <= 1e-9
-    assert (np.diff(found.history) < 0).all()
+    assert result.value == pytest.approx(spread.min(), abs=1e-8)
+    assert disc.violation(result.x) <= 1e-9
+    assert (np.diff(result.history) < 0).all()

@@ -40,26 +40,26 @@ def test_prediction_by_monte_carlo(
     """Oracle: 200 fits by numpy's least squares to Pinocchio's regressor with simulated noise."""
     rows, dq = at_100_hz
     sigma = np.array([0.05, 0.05, 0.08, 0.05, 0.02, 0.05, 0.01])
-    told = information(lib, sigma)
+    reports = information(lib, sigma)
     count = len(lib.base_columns)
-    found = errors(with_friction(rows[:, :, lib.base_columns], dq, names), sigma, 0)[:, :count]
-    spread = covariance_of(lib, trajectories[0], told, names)
-    whitened = np.linalg.solve(np.linalg.cholesky(spread), found.T)
+    result = errors(with_friction(rows[:, :, lib.base_columns], dq, names), sigma, 0)[:, :count]
+    spread = covariance_of(lib, trajectories[0], reports, names)
+    whitened = np.linalg.solve(np.linalg.cholesky(spread), result.T)
     assert_variance(np.sum(whitened**2, axis=0), count, count)
     for k in range(count):
-        assert_variance(found[:, k] ** 2, spread[k, k], 1)
-    told_all = predict(lib, trajectories[0], told, names)
+        assert_variance(result[:, k] ** 2, spread[k, k], 1)
+    reported_all = predict(lib, trajectories[0], reports, names)
     # Samples of 1000 and of 1001 equally spaced points: the sum over both differs by 0.3 %.
-    assert told_all.sigma_with_friction == pytest.approx(np.sqrt(np.diag(spread)), rel=3e-3)
-    score = told_all.scores[-1]
+    assert reported_all.sigma_with_friction == pytest.approx(np.sqrt(np.diag(spread)), rel=3e-3)
+    score = reported_all.scores[-1]
     assert (score.samples, score.columns) == (1000, count + 7 * len(names))
     size = np.maximum(np.abs(lib.base_matrix @ lib.pi0), 0.01)
     # Mean squares: as many degrees of freedom as the weights count, (tr M)² / tr M².
     relative = spread / np.outer(size, size)
     freedom = np.trace(relative) ** 2 / np.sum(relative**2)
-    assert_variance(np.mean((found / size) ** 2, axis=1), score.relative_error**2, freedom)
+    assert_variance(np.mean((result / size) ** 2, axis=1), score.relative_error**2, freedom)
     seen = unseen_torque(lib, lib.home)
-    torque = np.einsum("ik,kl,il->i", found, seen, found)
+    torque = np.einsum("ik,kl,il->i", result, seen, result)
     freedom = np.trace(seen @ spread) ** 2 / np.trace(seen @ spread @ seen @ spread)
     assert_variance(torque, score.torque_error**2, freedom)
     if not names:
@@ -67,13 +67,13 @@ def test_prediction_by_monte_carlo(
         band = torque_band(lib, spread, *trajectories[1].at(lib, np.array([2.0, 3.3]))[:3])
         there = lib.base_regressor(*trajectories[1].at(lib, np.array([2.0, 3.3]))[:3])
         for j in range(7):
-            assert_variance(np.square(there[1, j] @ found.T), band[1, j] ** 2, 1)
-            mean = np.mean(np.square(unseen[:, j] @ found.T), axis=0)
-            own = unseen[:, j].T @ unseen[:, j] / len(unseen)
-            freedom = np.trace(own @ spread) ** 2 / np.trace(own @ spread @ own @ spread)
+            assert_variance(np.square(there[1, j] @ result.T), band[1, j] ** 2, 1)
+            mean = np.mean(np.square(unseen[:, j] @ result.T), axis=0)
+            single = unseen[:, j].T @ unseen[:, j] / len(unseen)
+            freedom = np.trace(single @ spread) ** 2 / np.trace(single @ spread @ single @ spread)
             # Every seventh sample of the motions stands for all: 5 %.
-            assert_variance(mean, np.trace(own @ spread), freedom)
-            assert told_all.torque[j] ** 2 == pytest.approx(np.trace(own @ spread), rel=0.05)
+            assert_variance(mean, np.trace(single @ spread), freedom)
+            assert reported_all.torque[j] ** 2 == pytest.approx(np.trace(single @ spread), rel=0.05)
 
 
 def test_payloads_by_monte_carlo(
@@ -84,14 +84,14 @@ def test_payloads_by_monte_carlo(
     truth = np.zeros(17)
     truth[0], truth[3] = 1.0, 0.1
     payload = with_friction(rows[:, :, -10:], dq, ("offset",))
-    found = truth + errors(payload, np.full(7, 0.05), 1)
-    told = predict(lib, trajectories[0], information(lib))
-    assert told.payload_mass is not None
-    assert told.payload_com is not None
-    assert_variance((found[:, 0] - 1) ** 2, told.payload_mass**2, 1)
-    com = found[:, 1:4] / found[:, :1] - [0.0, 0.0, 0.1]
+    result = truth + errors(payload, np.full(7, 0.05), 1)
+    reports = predict(lib, trajectories[0], information(lib))
+    assert reports.payload_mass is not None
+    assert reports.payload_com is not None
+    assert_variance((result[:, 0] - 1) ** 2, reports.payload_mass**2, 1)
+    com = result[:, 1:4] / result[:, :1] - [0.0, 0.0, 0.1]
     for k in range(3):
-        assert_variance(com[:, k] ** 2, told.payload_com[k] ** 2, 1)
+        assert_variance(com[:, k] ** 2, reports.payload_com[k] ** 2, 1)
     alone = predict(lib, trajectories[0], information(lib, payload=True))
     assert alone.payload_only
     free = errors(payload[:, :10], np.full(7, 0.05), 2)
@@ -105,8 +105,8 @@ def test_earlier_logs_count_as_rows(
     """Oracle: the covariance of one least-squares problem over both logs, each with friction."""
     sigma = np.linspace(0.02, 0.08, 7)
     log = ideal(lib, trajectories[1], Plant(pi_true, viscous=0.5), rate_hz=50.0)
-    told = information(lib, sigma, earlier=information_of_logs(lib, [log, log], sigma))
-    found = covariance_of(lib, trajectories[0], told, samples=1000)
+    reports = information(lib, sigma, earlier=information_of_logs(lib, [log, log], sigma))
+    result = covariance_of(lib, trajectories[0], reports, samples=1000)
     parts = []
     for motion, times, repeat, names in (
         (trajectories[1], log.t, 1, FRICTION),
@@ -126,17 +126,17 @@ def test_earlier_logs_count_as_rows(
         row, column = row + len(part), column + width
     expected = np.linalg.inv(whole.T @ whole)[:43, :43]
     # Rounding × the square of the raw columns' condition number.
-    assert found == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
+    assert result == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
 
 
 def test_sizes_and_payload_columns(lib: Library, at_100_hz: tuple[np.ndarray, ...]) -> None:
     """Oracle: Pinocchio's last ten columns are our base regressor times T; sizes never vanish."""
-    told = information(lib, payload=True)
+    reports = information(lib, payload=True)
     rows = at_100_hz[0][::50]
-    ours = rows[:, :, lib.base_columns] @ told.columns
+    ours = rows[:, :, lib.base_columns] @ reports.columns
     assert ours == pytest.approx(rows[:, :, -10:], abs=1e-11)
     assert sizes(lib, information(lib)).min() == 0.01
-    assert sizes(lib, told) == pytest.approx([1, 0.1, 0.1, 0.1, *6 * [0.01]])
+    assert sizes(lib, reports) == pytest.approx([1, 0.1, 0.1, 0.1, *6 * [0.01]])
 
 
 def test_more_unknowns_than_the_motion_excites(
@@ -144,17 +144,17 @@ def test_more_unknowns_than_the_motion_excites(
 ) -> None:
     """Property: a payload on a pendulum, a joint that rests: one sentence each, with numbers."""
     pendulum = load(tiny_built)
-    told = information(pendulum, payload=True)
+    reports = information(pendulum, payload=True)
     with pytest.raises(IdentificationError, match=r"excites 3 of 10 unknown columns; raise"):
-        design(pendulum, duration=4.0, harmonics=2, starts=1, criterion="a", information=told)
+        design(pendulum, duration=4.0, harmonics=2, starts=1, criterion="a", information=reports)
     a = trajectories[0].coefficients.copy()
     a[6] = 0.0
     # The others turn link 7 enough, but a joint that rests has no friction to tell.
-    found = predict(lib, Trajectory(lib.home, a, DURATION), information(lib))
-    assert found.sigma_with_friction is None
-    assert [score.friction for score in found.scores] == [(), ()]
+    result = predict(lib, Trajectory(lib.home, a, DURATION), information(lib))
+    assert result.sigma_with_friction is None
+    assert [score.friction for score in result.scores] == [(), ()]
     expected = "with friction viscous, coulomb, offset: the motion .* excites 62 of 64 unknown"
-    assert re.match(expected, found.notes[0])
+    assert re.match(expected, result.notes[0])
     a[1:] = 0.0
     with pytest.raises(IdentificationError, match=r"\(5 functions per joint\) excites \d+ of 43"):
         predict(lib, Trajectory(lib.home, a, DURATION), information(lib))
@@ -190,7 +190,7 @@ def test_excite_tells_what_to_expect(command: Command, lib: Library, tmp_path: P
     facts = json.loads((tmp_path / "b.json").read_text())
     assert (facts["criterion"], facts["basis_name"]) == ("mixed", "bspline")
     assert facts["zero_jerk_at_ends"] is True
-    told = facts["prediction"]
-    assert (told["rate_hz"], told["torque_noise"]) == (200.0, [0.02] * 7)
-    assert len(told["sigma"]) == 43
-    assert [entry["samples"] for entry in told["criteria"]] == [80, 1000, 80, 1000]
+    reports = facts["prediction"]
+    assert (reports["rate_hz"], reports["torque_noise"]) == (200.0, [0.02] * 7)
+    assert len(reports["sigma"]) == 43
+    assert [entry["samples"] for entry in reports["criteria"]] == [80, 1000, 80, 1000]

@@ -44,10 +44,10 @@ def log_cond(matrix: np.ndarray) -> float:
 def test_the_optimum_where_all_eigenvalues_meet() -> None:
     """Oracle: diag(1 + x₁, 2 + x₂, 3 + x₃) is best where its entries are equal, with cond 1."""
     toy = Affine(np.diag([1.0, 2.0, 3.0]), np.stack([np.diag(row) for row in np.eye(3)]))
-    found = polish(toy, np.zeros(3), box(3, 2.0), tolerance=1e-12)
+    result = polish(toy, np.zeros(3), box(3, 2.0), tolerance=1e-12)
     # log cond ≥ 0 is reached by steps that converge quadratically.
-    assert found.value == pytest.approx(0.0, abs=1e-6)
-    assert len(found.history) < 15
+    assert result.value == pytest.approx(0.0, abs=1e-6)
+    assert len(result.history) < 15
 
 
 def built_in() -> tuple[Affine, np.ndarray, np.ndarray]:
@@ -74,11 +74,11 @@ def test_an_optimum_with_clusters_at_both_ends() -> None:
     for seed in range(5):
         x = 0.2 * np.random.default_rng(seed).normal(size=4)
         start = log_cond(toy.at(x[None])[0])
-        found = polish(toy, x, box(4, 3.0), tolerance=1e-10)
+        result = polish(toy, x, box(4, 3.0), tolerance=1e-10)
         assert start > best + 0.05
         # The model is exact to second order: what is left is the tolerance times a few.
-        assert found.value == pytest.approx(best, abs=1e-7)
-        assert found.x == pytest.approx(np.zeros(4), abs=1e-4)
+        assert result.value == pytest.approx(best, abs=1e-7)
+        assert result.x == pytest.approx(np.zeros(4), abs=1e-4)
 
 
 def test_multipliers_at_the_optimum() -> None:
@@ -123,11 +123,11 @@ def test_curved_matrices_converge_superlinearly() -> None:
     rng = np.random.default_rng(3)
     constant = np.diag([1.0, 1.2, 2.0, 3.0])
     toy = Affine(constant, 0.3 * symmetric(rng, 6, 4, 4), 0.5 * symmetric(rng, 6, 4, 4))
-    found = polish(toy, np.zeros(6), box(6, 1.0), iterations=40, tolerance=1e-10)
-    again = polish(toy, found.x, box(6, 1.0), iterations=40, tolerance=1e-12)
-    assert found.value < log_cond(constant) - 0.1
-    assert found.value - again.value < 1e-8
-    assert len(found.history) < 25
+    result = polish(toy, np.zeros(6), box(6, 1.0), iterations=40, tolerance=1e-10)
+    again = polish(toy, result.x, box(6, 1.0), iterations=40, tolerance=1e-12)
+    assert result.value < log_cond(constant) - 0.1
+    assert result.value - again.value < 1e-8
+    assert len(result.history) < 25
 
 
 @pytest.mark.parametrize("rounds", [1, 30])
@@ -144,17 +144,17 @@ def test_never_worse_and_always_inside(
     constant = np.diag(rng.uniform(1.0, 4.0, size=6))
     toy = Affine(constant, symmetric(rng, 5, 6, 6) / 4, symmetric(rng, 5, 6, 6))
     rows = LinearRows(rng.normal(size=(60, 5)), np.full(60, 0.3))
-    found = polish(toy, np.zeros(5), rows)
-    assert found.history[0] == pytest.approx(log_cond(constant), rel=1e-12)
-    assert (np.diff(found.history) < 0).all()
-    assert found.value == found.history[-1]
-    assert found.value == pytest.approx(log_cond(toy.at(found.x[None])[0]), rel=1e-12)
-    assert (rows.matrix @ found.x / rows.bound).max() <= 1 + 2 * SLACK
+    result = polish(toy, np.zeros(5), rows)
+    assert result.history[0] == pytest.approx(log_cond(constant), rel=1e-12)
+    assert (np.diff(result.history) < 0).all()
+    assert result.value == result.history[-1]
+    assert result.value == pytest.approx(log_cond(toy.at(result.x[None])[0]), rel=1e-12)
+    assert (rows.matrix @ result.x / rows.bound).max() <= 1 + 2 * SLACK
 
 
 def test_a_singular_start_is_returned() -> None:
     """Property: where log cond is infinite there is no model, and nothing happens."""
     toy = Affine(np.diag([1.0, 0.0]), np.zeros((1, 2, 2)))
-    found = polish(toy, np.zeros(1), box(1, 1.0))
-    assert found.value == np.inf
-    assert not found.x.any()
+    result = polish(toy, np.zeros(1), box(1, 1.0))
+    assert result.value == np.inf
+    assert not result.x.any()

@@ -27,29 +27,29 @@ def disc(count: int, radius: float = 1.0) -> LinearRows:
 
 def test_an_optimum_inside() -> None:
     """Oracle: Rosenbrock's function is least at (1, …, 1)."""
-    found = descend(rosenbrock, np.full(4, -0.5), box(4, 2.0), 300, tolerance=1e-14)
+    result = descend(rosenbrock, np.full(4, -0.5), box(4, 2.0), 300, tolerance=1e-14)
     # Newton's step of a value within 1e-14, curvature at least 0.4 (in the valley).
-    assert found.x == pytest.approx(np.ones(4), abs=1e-6)
-    assert found.value <= 1e-12
-    assert 10 < found.iterations < 100  # plain descent needs thousands
+    assert result.x == pytest.approx(np.ones(4), abs=1e-6)
+    assert result.value <= 1e-12
+    assert 10 < result.iterations < 100  # plain descent needs thousands
 
 
 def test_an_optimum_on_a_bound() -> None:
     """Oracle: in |x| ≤ ½ the least Rosenbrock lies at (½, ¼) with the value ¼."""
-    found = descend(rosenbrock, np.array([-0.3, 0.4]), box(2, 0.5), 200, tolerance=1e-12)
+    result = descend(rosenbrock, np.array([-0.3, 0.4]), box(2, 0.5), 200, tolerance=1e-12)
     # The bound is kept to SLACK.
-    assert found.x == pytest.approx([0.5, 0.25], abs=2 * SLACK)
-    assert found.value == pytest.approx(0.25, abs=2 * SLACK)
+    assert result.x == pytest.approx([0.5, 0.25], abs=2 * SLACK)
+    assert result.value == pytest.approx(0.25, abs=2 * SLACK)
 
 
 def test_an_optimum_in_a_corner_of_many_rows() -> None:
     """Oracle: a linear function on a polygon of 1000 sides, whose corners are known."""
     rows, corner = disc(1000), np.pi * 0.501
     want = np.array([np.cos(corner), np.sin(corner)]) / np.cos(np.pi / 1000)
-    found = descend(lambda x: (float(-want @ x), -want), np.zeros(2), rows, tolerance=1e-12)
+    result = descend(lambda x: (float(-want @ x), -want), np.zeros(2), rows, tolerance=1e-12)
     # Nearly flat corner: the place is only as good as SLACK over its angle of 6e-3.
-    assert -found.value == pytest.approx(want @ want, rel=2 * SLACK)
-    assert found.x == pytest.approx(want, abs=1e-3)
+    assert -result.value == pytest.approx(want @ want, rel=2 * SLACK)
+    assert result.x == pytest.approx(want, abs=1e-3)
     # Of a thousand rows a handful were ever looked at.
     assert rows.used < 30
 
@@ -73,7 +73,7 @@ def test_against_scipy_on_random_problems() -> None:
             value, gradient = of(x)
             return value / scale, gradient / scale
 
-        found = descend(scaled, np.zeros(6), LinearRows(matrix, np.ones(40)), 300, tolerance=1e-10)
+        result = descend(scaled, np.zeros(6), LinearRows(matrix, np.ones(40)), 300, tolerance=1e-10)
         keep = {"type": "ineq", "fun": lambda x, m=matrix: 1 - m @ x, "jac": lambda _, m=matrix: -m}
         oracle = minimize(
             scaled,
@@ -83,9 +83,9 @@ def test_against_scipy_on_random_problems() -> None:
             method="SLSQP",
             options={"ftol": 1e-12, "maxiter": 500},
         )
-        assert (matrix @ found.x).max() <= 1 + 2 * SLACK
+        assert (matrix @ result.x).max() <= 1 + 2 * SLACK
         # SLACK on bounds times multipliers of at most a few times the value.
-        assert found.value == pytest.approx(oracle.fun, rel=20 * SLACK)
+        assert result.value == pytest.approx(oracle.fun, rel=20 * SLACK)
 
 
 @pytest.mark.parametrize("rounds", [1, 30])
@@ -98,14 +98,14 @@ def test_every_iterate_is_admissible_and_no_step_goes_up(
     """
     monkeypatch.setattr(conic, "_ROUNDS", rounds)
     rows = disc(200)
-    asked: list[np.ndarray] = []
+    requested: list[np.ndarray] = []
 
     def objective(x: np.ndarray) -> tuple[float, np.ndarray]:
-        asked.append(x)
+        requested.append(x)
         return rosenbrock(x)
 
     values = [descend(objective, np.zeros(2), rows, k).value for k in range(1, 12)]
-    assert all((rows.matrix @ x).max() <= 1 + 2 * SLACK for x in asked)
+    assert all((rows.matrix @ x).max() <= 1 + 2 * SLACK for x in requested)
     assert all(after <= before for before, after in pairwise(values))
     assert values[-1] < values[0] < 1.0
 
@@ -113,7 +113,7 @@ def test_every_iterate_is_admissible_and_no_step_goes_up(
 def test_a_curvature_that_is_known_is_used() -> None:
     """Oracle: with its Hessian a quadratic of condition 1e4 is solved by one step."""
     hessian = np.diag([1.0, 1e4])
-    found = descend(
+    result = descend(
         lambda x: (float(x @ hessian @ x) / 2, hessian @ x),
         np.array([0.7, 0.3]),
         box(2, 1.0),
@@ -121,14 +121,14 @@ def test_a_curvature_that_is_known_is_used() -> None:
         curvature=hessian,
     )
     # Clarabel's tolerance and the shift of 1e-9, on a value of 450.
-    assert found.value < 1e-5
+    assert result.value < 1e-5
 
 
 def test_a_programme_that_fails_ends_the_descent(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: without a direction the start is what is returned."""
     monkeypatch.setattr("runtime.excitation.search.sqp.solve", lambda *_: None)
-    found = descend(rosenbrock, np.zeros(2), box(2, 0.5), curvature=2 * np.eye(2))
-    assert (found.iterations, found.value) == (0, 1.0)
+    result = descend(rosenbrock, np.zeros(2), box(2, 0.5), curvature=2 * np.eye(2))
+    assert (result.iterations, result.value) == (0, 1.0)
 
 
 def test_a_quadratic_programme() -> None:
@@ -161,13 +161,13 @@ def test_an_infeasible_programme_is_none() -> None:
 def test_rows_are_added_until_all_are_kept() -> None:
     """Property: a step past rows that were not looked at comes back inside, or is cut."""
     rows = disc(500)
-    found = rows.solve(
+    result = rows.solve(
         np.zeros(2), lambda a, b: solve(np.eye(2), np.array([-2.0, -3.0]), [Block(a, b)])
     )
-    assert found is not None
-    assert (rows.matrix @ found[0]).max() <= 1 + SLACK
-    assert rows.reach(np.zeros(2), 4 * found[0]) == pytest.approx(0.25, rel=1e-5)
-    assert rows.reach(np.zeros(2), 0.5 * found[0]) == 1.0
+    assert result is not None
+    assert (rows.matrix @ result[0]).max() <= 1 + SLACK
+    assert rows.reach(np.zeros(2), 4 * result[0]) == pytest.approx(0.25, rel=1e-5)
+    assert rows.reach(np.zeros(2), 0.5 * result[0]) == 1.0
     # A quarter of the five hundred is violated by the first step; only peaks are taken in.
     assert rows.used < 15
 
@@ -184,9 +184,9 @@ def test_rounds_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: with one round only, `reach` cuts what the rows not looked at would not allow."""
     monkeypatch.setattr(conic, "_ROUNDS", 1)
     rows = disc(500)
-    found = rows.solve(
+    result = rows.solve(
         np.zeros(2), lambda a, b: solve(np.eye(2), np.array([-2.0, -3.0]), [Block(a, b)])
     )
-    assert found is not None
-    assert (rows.matrix @ found[0]).max() > 1.01
-    assert (rows.matrix @ (rows.reach(np.zeros(2), found[0]) * found[0])).max() <= 1 + 2 * SLACK
+    assert result is not None
+    assert (rows.matrix @ result[0]).max() > 1.01
+    assert (rows.matrix @ (rows.reach(np.zeros(2), result[0]) * result[0])).max() <= 1 + 2 * SLACK

@@ -31,14 +31,14 @@ def test_variations_are_better_than_starts(alone: Design) -> None:
 
 def test_the_number_of_processes_does_not_matter(lib: Library, alone: Design) -> None:
     """Property: rounds wait for each other, so the parents of variations agree, to the bit."""
-    told: list[tuple[int, float, float]] = []
+    reports: list[tuple[int, float, float]] = []
     together = design(
-        lib, **SMALL, starts=STARTS, seed=0, processes=3, progress=lambda *now: told.append(now)
+        lib, **SMALL, starts=STARTS, seed=0, processes=3, progress=lambda *now: reports.append(now)
     )
     assert np.array_equal(alone.trajectory.coefficients, together.trajectory.coefficients)
     assert (alone.conditions, alone.variations) == (together.conditions, together.variations)
-    assert [done for done, _, _ in told] == list(range(1, STARTS + VARIATIONS + 1))
-    assert sorted(value for _, value, _ in told[:STARTS]) == sorted(alone.conditions)
+    assert [done for done, _, _ in reports] == list(range(1, STARTS + VARIATIONS + 1))
+    assert sorted(value for _, value, _ in reports[:STARTS]) == sorted(alone.conditions)
 
 
 def test_interrupting_variations_keeps_the_best(lib: Library, alone: Design) -> None:
@@ -58,8 +58,8 @@ def test_interrupting_variations_keeps_the_best(lib: Library, alone: Design) -> 
 def test_rounds() -> None:
     """Property: starts first; then the best and different ones become parents, round by round."""
     values = 1 + np.random.default_rng(2).permutation(20) // 2 / 10  # every value twice
-    found = {k: (float(value), np.array([[value]])) for k, value in enumerate(values)}
-    every = rounds("cond", 20, found)
+    result = {k: (float(value), np.array([[value]])) for k, value in enumerate(values)}
+    every = rounds("cond", 20, result)
     assert [task.number for task in next(every)] == list(range(20))
     numbers = []
     for k, tasks in enumerate(every):
@@ -70,11 +70,11 @@ def test_rounds() -> None:
         assert task.best == shown[0]
         wanted = [1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8][: PARENTS - k]
         assert shown == pytest.approx([1 - 0.1 * j for j in range(k, 0, -1)] + wanted)
-        found[task.number] = (0.9 - 0.1 * k, np.array([[0.9 - 0.1 * k]]))
+        result[task.number] = (0.9 - 0.1 * k, np.array([[0.9 - 0.1 * k]]))
     assert k == ROUNDS - 1
     assert numbers == list(range(20, 40))
     for criterion, starts in (("cond", FEWEST - 1), ("mixed", 20)):
-        assert len(list(rounds(criterion, starts, found))) == 1
+        assert len(list(rounds(criterion, starts, result))) == 1
 
 
 def test_variations_of_a_start(lib: Library) -> None:

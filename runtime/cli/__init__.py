@@ -1,4 +1,4 @@
-"""`python -m runtime COMMAND`: inspect, identify, compare, payload, export, excite and others."""
+"""Commands that use the library of a robot: `python -m runtime COMMAND` or `symgen COMMAND`."""
 
 import sys
 from inspect import getdoc
@@ -13,6 +13,7 @@ from runtime.cli import (
     gains,
     identify,
     inspect,
+    locate,
     payload,
     predict,
     report,
@@ -31,8 +32,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Find the true inertial parameters of a robot arm from measured motion.",
-    epilog="The robot's library comes from: python -m symgen build",
+    help="Identify the inertial parameters of robot arms from measured motion.",
+    epilog="`symgen build` compiles the library of a robot, which these commands load.",
 )
 app.command("inspect", cls=Command)(inspect.inspect_command)
 app.command("identify", cls=Command)(identify.identify_command)
@@ -47,7 +48,7 @@ app.command("simulate", cls=Command)(simulate.simulate_command)
 app.command("reproduce", cls=Command)(reproduce.reproduce_command)
 app.command("report", cls=Command)(report.report_command)
 app.command("view", cls=Command)(view.view_command)
-app.command("locate", cls=Command)(evaluate.locate_command)
+app.command("locate", cls=Command)(locate.locate_command)
 app.command("tutorial", cls=Command)(tutorial.tutorial_command)
 for command in app.registered_commands:
     command.help = flowing(getdoc(command.callback) or "")

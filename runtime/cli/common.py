@@ -1,6 +1,5 @@
-"""What the commands share: the console, the option types, the table of torque errors."""
+"""Parts that the commands share: console, common options, help text, table of torque errors."""
 
-import dataclasses
 import shlex
 import sys
 from pathlib import Path
@@ -11,27 +10,30 @@ from rich.console import Console
 from rich.table import Column, Table
 
 from runtime.errors import IdentificationError, RuntimeFault
-from runtime.recording import Preparation, Recording
 from runtime.registry import Registry
 
 console = Console()
 
 INTERRUPTED = 130
-"""Exit code that typer makes of a KeyboardInterrupt which no method has caught."""
+"""Exit code after Ctrl-C, where no method returns its best result so far."""
 
 Robot = Annotated[
-    str, typer.Option("--robot", help="Name of a generated robot, or its folder under generated/.")
+    str,
+    typer.Option("--robot", help="Name or folder of a generated robot."),
 ]
-Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
+Seed = Annotated[
+    int,
+    typer.Option(help="Seed of the random numbers.", min=0),
+]
 
 
 def say(text: str) -> None:
-    """One line, as it is."""
+    """Print one line to the terminal without markup."""
     console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
 def flowing(doc: str) -> str:
-    r"""A docstring as help: a paragraph flows with the terminal, one after \b keeps its lines."""
+    r"""Help text of a docstring; a paragraph after \b keeps its lines, others are refilled."""
     blocks = doc.split("\n\n")
     return "\n\n".join(
         block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
@@ -75,7 +77,10 @@ def command_line() -> str:
 
 
 def torque_table(facts: dict[str, Any]) -> Table:
-    """Torque errors before and after, per joint and overall."""
+    """Table of torque errors per joint and overall, before and after identification.
+
+    The percentages are relative to the RMS torque of the joint, the RMS values in its unit.
+    """
     percent, rms = facts["torque_error_percent"], facts["torque_rms"]
     table = Table(
         Column("joint", overflow="fold"),
@@ -107,10 +112,18 @@ def torque_table(facts: dict[str, Any]) -> Table:
 
 
 def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
-    """`count` comma-separated numbers.
+    """Numbers separated by commas.
+
+    Args:
+        text: value of the option.
+        count: how many numbers are expected.
+        option: name of the option, for the message.
+
+    Returns:
+        The numbers, in the unit of the option.
 
     Raises:
-        IdentificationError: something else was given.
+        IdentificationError: the text is not that many numbers.
     """
     try:
         values = tuple(float(word) for word in text.split(","))
@@ -119,22 +132,3 @@ def numbers_option(text: str, count: int, option: str) -> tuple[float, ...]:
     if len(values) != count:
         raise IdentificationError(f"{option} needs {count} numbers with commas, got '{text}'")
     return values
-
-
-def preparation_of(
-    recording: Recording,
-    cutoff: float | None,
-    rate: float | None,
-    regressor: str | None = None,
-) -> Preparation | None:
-    """The recipe's preparation with --cutoff, --rate and --regressor; None where none is given."""
-    if cutoff is None and rate is None and regressor is None:
-        return None
-    base = recording.preparation
-    if regressor is not None:
-        base = dataclasses.replace(base, regressor=regressor)
-    if cutoff is not None:
-        base = dataclasses.replace(base, filter="butterworth", cutoff_hz=cutoff)
-        if base.max_gap_s is None:
-            base = dataclasses.replace(base, max_gap_s=3.0 / recording.rate_hz)
-    return dataclasses.replace(base, rate_hz=rate) if rate is not None else base

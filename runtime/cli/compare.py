@@ -1,4 +1,4 @@
-"""`python -m runtime compare`."""
+"""`symgen compare`."""
 
 import dataclasses
 from pathlib import Path
@@ -9,9 +9,8 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from runtime.cli.common import Robot, Seed, command_line, console, say
-from runtime.cli.options import (
+from runtime.cli.log_options import (
     AUTO,
-    Asked,
     ControllerFile,
     CoulombSpeed,
     Cutoff,
@@ -23,10 +22,9 @@ from runtime.cli.options import (
     Regressor,
     Run,
     Stream,
-    listed,
-    read_data,
 )
-from runtime.cli.progress import TOLD, counting
+from runtime.cli.prepared_log import LogOptions, listed, read_prepared_log
+from runtime.cli.progress import STATE, counting
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison import (
     Comparison,
@@ -47,10 +45,14 @@ def compare_command(
     log: Log,
     robot: Robot = "fr3",
     methods: Annotated[
-        str | None, typer.Option(metavar="A,B,…", help=f"Some of {', '.join(METHODS)}; else all.")
+        str | None,
+        typer.Option(
+            metavar="A,B,…", help=f"Methods with commas, of {', '.join(METHODS)}; default all."
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the tables; default results/LOG-compare.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-compare."),
     ] = None,
     recipe: Recipe = None,
     run: Run = None,
@@ -65,31 +67,36 @@ def compare_command(
     truth: Annotated[
         Path | None,
         typer.Option(
-            help="JSON with the true pi; default LOG.truth.json, where simulate wrote it."
+            metavar="FILE",
+            help="JSON with the true parameters pi; default LOG.truth.json, which simulate writes.",
         ),
     ] = None,
     seed: Seed = 0,
 ) -> None:
     r"""Compare all identification methods on one log.
 
-    All have the same data, split, weights and bandwidth; rules then say which to trust.
-
     \b
-    python -m runtime compare panda_gaz --robot fr3
-    python -m runtime compare log.csv --methods map,pc-ols,ols --friction auto --cutoff 10
-    python -m runtime compare log.csv --controller log.loop.toml --friction viscous,coulomb
+    symgen compare panda_gaz --robot fr3
+    symgen compare log.csv --methods map,pc-ols,ols --friction auto --cutoff 10
+    symgen compare log.csv --controller log.loop.toml --friction viscous,coulomb
 
-    Writes compare.json, compare.md and report.html. A method that lacks something or fails is a
-    row with its reason; Ctrl-C keeps the rows that are finished. Of a streamed log, methods that
-    need no samples one by one.
+    All methods have the same training, validation and test parts, the same weights and the same
+    cut-off. The table shows their errors, consistency and time, and sentences by rule say which
+    of them to use. A method that needs more than the log offers, or that fails, is a row with the
+    reason. Of a streamed log only methods that need no single samples are compared.
+
+    Written to the folder --out: compare.json, compare.md and report.html. Ctrl-C keeps the rows
+    that are complete.
     """
     lib = load(robot)
     names = listed(methods, tuple(METHODS), "--methods") if methods else None
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None
     streams = _streams(stream, names, controller, friction)
-    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, streams, regressor)
-    data = read_data(lib, log, asked)
+    log_options = LogOptions(
+        recipe, run, friction, coulomb_speed, cutoff, rate, split, streams, regressor
+    )
+    data = read_prepared_log(lib, log, log_options)
     options: dict[str, Any] = {
         "preparation": data.preparation,
         "splitting": data.splitting,
@@ -112,36 +119,39 @@ def compare_command(
         )
         passes = assemble_streamed(data.streamed, lib, **options)
         assembly, notes = passes.assembly, (*notes, passes.note(passes.counts()))
-    told = {
+    settings = {
         "methods": list(names),
-        **dataclasses.asdict(asked),
+        **dataclasses.asdict(log_options),
         "loop": None if controller is None else controller.name,
         "truth": None if place is None else place.name,
         "seed": seed,
     }
-    found = _with_progress(assembly, names, known)
+    comparison = _with_progress(assembly, names, known)
     folder = out or Path("results") / f"{Path(log).stem}-compare"
-    _finish(write_comparison(found, folder, command_line(), told, notes), folder)
+    _finish(write_comparison(comparison, folder, command_line(), settings, notes), folder)
 
 
 def _streams(
-    asked: bool | None, names: tuple[str, ...] | None, controller: Path | None, friction: str | None
+    stream: bool | None,
+    names: tuple[str, ...] | None,
+    controller: Path | None,
+    friction: str | None,
 ) -> bool | None:
-    """Whether the log stays in its file: as asked, or not where something needs the whole of it."""
+    """--stream, or False where an option needs the samples of the whole log."""
     whole = controller or friction == AUTO or not set(names or ()) <= set(methods_from_statistics())
-    return False if asked is None and whole else asked
+    return False if stream is None and whole else stream
 
 
 def _with_progress(assembly: Assembly, names: tuple[str, ...], truth: Truth | None) -> Comparison:
-    with counting(TOLD) as progress:
-        task = progress.add_task("comparing", total=len(names), told="")
+    with counting(STATE) as progress:
+        task = progress.add_task("comparing", total=len(names), state="")
 
         def started(method: str) -> None:
             done = names.index(method)
-            progress.update(task, description=method, completed=done, told="")
+            progress.update(task, description=method, completed=done, state="")
 
         def reported(iteration: int, best: float) -> None:
-            progress.update(task, told=f"iteration {iteration}, best validation loss {best:.6g}")
+            progress.update(task, state=f"iteration {iteration}, best validation loss {best:.6g}")
 
         return compare(assembly, names, truth=truth, started=started, progress=reported)
 

@@ -1,4 +1,4 @@
-"""`python -m runtime evaluate` and `locate`."""
+"""`symgen evaluate`."""
 
 import json
 from pathlib import Path
@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from runtime.cli.common import console, preparation_of, say, torque_table
-from runtime.cli.options import Rate
+from runtime.cli.common import console, say, torque_table
+from runtime.cli.log_options import CutoffHz, Rate, Recipe, Run
+from runtime.cli.prepared_log import preparation_of
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of
@@ -15,47 +16,41 @@ from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import read_result, require_model
 from runtime.library import load
 from runtime.recording import Preparation, read_recording
-from runtime.recording.datasets import locate
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
 
-ALIKE = "the log is prepared as that of identify was; --cutoff and --rate replace it"
+ALIKE = "the log is prepared as the log of identify; --cutoff and --rate change that"
 RAW = (
-    "the model was identified from a low-passed log, this one is raw: "
-    "give --cutoff and --rate as there"
+    "the model was identified from a low-passed log, but this log is not filtered; give the same "
+    "--cutoff and --rate as identify"
 )
 
-Result = Annotated[Path, typer.Argument(help="Folder that identify wrote.")]
+Result = Annotated[Path, typer.Argument(help="Folder written by identify.")]
 
 
 def evaluate_command(
     result: Result,
-    log: Annotated[str, typer.Argument(metavar="LOG", help="A recording, as for identify.")],
+    log: Annotated[str, typer.Argument(metavar="LOG", help="Another log of the same robot.")],
     robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default: the result's.")
+        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
     ] = None,
-    recipe: Annotated[str | None, typer.Option(help="How to read the log.")] = None,
-    run: Annotated[str | None, typer.Option(help="Which run of the recipe.")] = None,
-    cutoff: Annotated[
-        float | None,
-        typer.Option(
-            help="Low-pass q, dq, tau at this frequency, Hz: that of identify; default from the "
-            "recipe."
-        ),
-    ] = None,
+    recipe: Recipe = None,
+    run: Run = None,
+    cutoff: CutoffHz = None,
     rate: Rate = None,
-    as_json: Annotated[bool, typer.Option("--json", help="The figures as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
     r"""Evaluate an identified model on another log.
 
-    Percentages compare in one band only: a wider one has more of the noise of the torque.
+    Printed per joint: the torque error of the URDF and of the identified model, in percent of the
+    RMS torque and in N·m or N. Errors of two logs compare only where both have the same cut-off: a
+    wider band holds more torque noise.
 
     \b
-    python -m runtime evaluate results/first-map second.csv
-    python -m runtime evaluate results/first-map second.csv --cutoff 20 --rate 100
+    symgen evaluate results/first-map second.csv
+    symgen evaluate results/first-map second.csv --cutoff 20 --rate 100
 
-    A log without a preparation of its own is prepared as that of identify was: a model of
-    low-passed torque cannot predict the noise that is left in a raw one.
+    A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
     saved = read_result(result)
     lib = load(robot or saved.robot)
@@ -88,13 +83,3 @@ def evaluate_command(
         console.print(torque_table(figures))
         for note in notes:
             say(f"note: {note}")
-
-
-def locate_command(
-    name: Annotated[str, typer.Argument(help="Name of a known data set, such as panda_gaz.")],
-) -> None:
-    """Print the folder of a known data set.
-
-    A data set that is not on this machine is downloaded first.
-    """
-    say(str(locate(name)))

@@ -1,4 +1,4 @@
-"""`python -m runtime excite`."""
+"""`symgen excite`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -167,9 +167,9 @@ def excite_command(
     Ctrl-C keeps the best start so far; the result depends on the seed, not on the processes.
 
     \b
-    python -m runtime excite --robot fr3 --duration 10 --starts 10
-    python -m runtime excite --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0 --harmonics 8 --duration 20
-    python -m runtime excite --export libfranka --speed 10 --speed 50 --speed 100
+    symgen excite --robot fr3 --duration 10 --starts 10
+    symgen excite --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0 --harmonics 8 --duration 20
+    symgen excite --export libfranka --speed 10 --speed 50 --speed 100
     """
     lib = load(robot)
     path = _json(out or Path("results") / f"{lib.name}-excite.json")

@@ -1,4 +1,4 @@
-"""`python -m runtime export`."""
+"""`symgen export`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import say
-from runtime.cli.options import listed
+from runtime.cli.prepared_log import listed
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
 from runtime.library import load
@@ -43,8 +43,8 @@ def export_command(
     r"""Export an identified model to simulators and controllers.
 
     \b
-    python -m runtime export results/log-map
-    python -m runtime export results/log-map --to urdf,mjcf --out robots/mine
+    symgen export results/log-map
+    symgen export results/log-map --to urdf,mjcf --out robots/mine
 
     Each file is read again by a program that it is meant for. It is kept where that program
     gives the torques of the library at 1000 random states. `--formats` lists the formats.

@@ -1,4 +1,4 @@
-"""`python -m runtime gains`."""
+"""`symgen gains`."""
 
 import dataclasses
 from pathlib import Path
@@ -8,8 +8,9 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import Robot, command_line, console, preparation_of, say
-from runtime.cli.options import CarryingLink, CoulombSpeed, Rate, Recipe, Run, friction_of
+from runtime.cli.common import Robot, command_line, console, say
+from runtime.cli.log_options import CarryingLink, CoulombSpeed, Rate, Recipe, Run
+from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.errors import RecordingError
 from runtime.files import replacing
 from runtime.identification.payload import read_known_payload
@@ -55,9 +56,9 @@ def gains_command(
     r"""Identify gain and bias of every torque sensor or drive.
 
     \b
-    python -m runtime gains empty.csv loaded.csv --robot fr3 --payload 3.021,0,0,0.045
-    python -m runtime gains empty.csv loaded.csv --payload payload.json --recipe-out recipe.toml
-    python -m runtime identify log.csv --recipe recipe.toml
+    symgen gains empty.csv loaded.csv --robot fr3 --payload 3.021,0,0,0.045
+    symgen gains empty.csv loaded.csv --payload payload.json --recipe-out recipe.toml
+    symgen identify log.csv --recipe recipe.toml
 
     Record any exciting motion without and with a payload of known mass and centre of mass, the
     heavier the better. Gains, biases, friction and the arm's parameters are found together; a gain

@@ -1,4 +1,4 @@
-"""`python -m runtime identify`."""
+"""`symgen identify`."""
 
 import dataclasses
 from pathlib import Path
@@ -7,13 +7,11 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import Robot, Seed, command_line, console, say, torque_table
-from runtime.cli.options import (
+from runtime.cli.log_options import (
     AUTO,
-    Asked,
     ControllerFile,
     CoulombSpeed,
     Cutoff,
-    Data,
     FrictionNames,
     Parts,
     Rate,
@@ -21,9 +19,9 @@ from runtime.cli.options import (
     Regressor,
     Run,
     Stream,
-    read_data,
 )
-from runtime.cli.progress import TOLD, counting
+from runtime.cli.prepared_log import LogOptions, PreparedLog, read_prepared_log
+from runtime.cli.progress import STATE, counting
 from runtime.cli.several_logs import Logs, PayloadOf, identify_several, print_agreement, runs_of
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
@@ -46,21 +44,30 @@ def identify_command(
     robot: Robot = "fr3",
     method: Annotated[
         str | None,
-        typer.Option(help=f"{' | '.join(METHODS)}; default map, with a preset adam."),
+        typer.Option(
+            metavar="NAME",
+            help=f"Estimator: {', '.join(METHODS)}; default map, with --preset adam.",
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the result; default results/LOG-METHOD.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-METHOD."),
     ] = None,
     preset: Annotated[
         str | None,
         typer.Option(
-            help=f"Settings of adam: {' | '.join(PRESETS)}; simulation and real are the "
-            "document's Tables 5.1 and 5.8, full takes all samples at every step."
+            metavar="|".join(PRESETS),
+            help="Settings of the method adam: simulation and real are Tables 5.1 and 5.8 of the "
+            "document, full uses all samples in every step; default full.",
         ),
     ] = None,
     prior: Annotated[
         Path | None,
-        typer.Option(help="TOML: trust in the URDF, masses, centres of mass, symmetries."),
+        typer.Option(
+            metavar="FILE",
+            help="Inertial prior as TOML: uncertainty of the URDF, known masses, centres of mass "
+            "and symmetries.",
+        ),
     ] = None,
     recipe: Recipe = None,
     run: Run = None,
@@ -77,42 +84,49 @@ def identify_command(
 ) -> None:
     r"""Identify the inertial parameters of a robot from logs.
 
-    Written: result.json, identified.urdf and report.html.
-
     \b
-    python -m runtime identify panda_gaz --robot fr3
-    python -m runtime identify log.csv --robot my --friction viscous,coulomb --cutoff 10
-    python -m runtime identify log.csv --robot my --friction auto --cutoff 10
-    python -m runtime identify log.csv --robot my --method pc-ols --out results/convex
-    python -m runtime identify log.csv --robot my --prior my-arm.toml
-    python -m runtime identify log.csv --robot my --regressor momentum --cutoff 2
-    python -m runtime identify log.csv --method didim --controller log.loop.toml --friction viscous
-    python -m runtime identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
+    symgen identify panda_gaz --robot fr3
+    symgen identify log.csv --robot my --friction viscous,coulomb --cutoff 10
+    symgen identify log.csv --robot my --friction auto --cutoff auto
+    symgen identify log.csv --robot my --method pc-ols --out results/convex
+    symgen identify log.csv --robot my --prior my-arm.toml
+    symgen identify log.csv --robot my --regressor momentum --cutoff 2
+    symgen identify log.csv --method didim --controller log.loop.toml --friction viscous
+    symgen identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
 
-    A CSV has the header t,q1…,dq1…,ddq1…,tau1… in SI units (dq and ddq optional); anything else
-    is described by a recipe. Ctrl-C keeps the best point so far. A report of the same folder is
-    replaced. Several logs (or --run 1,2,3) have an offset each and are told how well the others
-    predict every one of them.
+    A CSV log has the header t,q1…,dq1…,ddq1…,tau1… in SI units (s, rad or m, N·m or N); dq and
+    ddq are optional. Every other layout is described by a recipe, which inspect proposes.
+
+    Written to the folder --out: result.json (parameters, uncertainty, errors), identified.urdf and
+    report.html. The test part of the log is not used for the fit.
+
+    Several logs, or --run 1,2,3, give one set of parameters; every log has its own torque offset,
+    and the output shows how well the other logs predict each of them. Ctrl-C keeps the best
+    parameters so far.
     """
     lib, log = load(robot), logs[0]
     if stream is None and (controller or friction == AUTO or not _is_streamable(method, preset)):
-        stream = False  # what only a whole log has
-    asked = Asked(recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor)
+        stream = False  # these need the samples of the whole log
+    options = LogOptions(
+        recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
+    )
     known = None if prior is None else read_prior(prior, lib)
     settings = Settings(method=method, preset=preset, prior=known, seed=seed)
     runs = runs_of(logs, run)
     if len(runs) > 1 or payload_of:
         if controller is not None:
-            raise IdentificationError("a closed loop belongs to one log; leave out --controller")
-        result, agreement = identify_several(runs, lib, settings, payload_of or (), asked)
+            raise IdentificationError(
+                "--controller belongs to one log, but several are given; leave it out"
+            )
+        result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
         _finish(result, out or _folder(log, f"{len(runs)}-{result.method}"), agreement)
         return
-    data = read_data(lib, log, asked)
+    data = read_prepared_log(lib, log, options)
     if data.streamed is not None:
         if controller is not None:
             raise IdentificationError(
-                "a closed loop is simulated sample by sample, but the log is streamed; leave out "
-                "--controller, or give --no-stream"
+                "the closed loop of --controller is simulated over all samples, but the log is "
+                "streamed; leave out --controller, or give --no-stream"
             )
         result = _streamed(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
@@ -149,9 +163,9 @@ def _is_streamable(method: str | None, preset: str | None) -> bool:
 
 
 def _streamed(
-    log: StreamedRecording, data: Data, lib: Library, settings: Settings
+    log: StreamedRecording, data: PreparedLog, lib: Library, settings: Settings
 ) -> Identification:
-    say(f"streaming {log.rows} rows of {log.name}; --no-stream reads them as a whole")
+    say(f"streaming {log.rows} rows of {log.name}; --no-stream reads the log as a whole")
     with console.status("streaming") as status:
         return identify_streamed(
             log,
@@ -167,12 +181,12 @@ def _streamed(
 def _with_progress(recording: Recording, lib: Library, settings: Settings) -> Identification:
     method = chosen_method(settings.method, settings.preset, settings.prior)
     chosen = PRESETS.get(str(settings.preset or "full"))
-    with counting(TOLD) as progress:
+    with counting(STATE) as progress:
         total = chosen.rule.max_iterations if chosen and METHODS[method].takes_preset else None
-        task = progress.add_task(f"{method} on {lib.name}", total=total, told="")
+        task = progress.add_task(f"{method} on {lib.name}", total=total, state="")
 
         def report(iteration: int, best: float) -> None:
-            progress.update(task, completed=iteration, told=f"best validation loss {best:.6g}")
+            progress.update(task, completed=iteration, state=f"best validation loss {best:.6g}")
 
         return identify(recording, lib, settings, progress=report)
 
@@ -185,7 +199,7 @@ def _finish(result: Identification, folder: Path, agreement: LogAgreement | None
     if agreement is not None:
         print_agreement(agreement)
     say(f"status: {result.status}")
-    verdict = "consistent" if result.is_consistent else "NOT consistent"
+    verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
     smallest = float(result.relative_eigenvalues.min())
     say(f"links: all {len(facts['links'])} {verdict}, smallest relative eigenvalue {smallest:.1e}"
         if result.is_consistent
@@ -202,7 +216,7 @@ def _finish(result: Identification, folder: Path, agreement: LogAgreement | None
         say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
     else:
         (folder / "identified.urdf").unlink(missing_ok=True)  # of a result that this one replaces
-        say("URDF:   not written, because a simulator could not use an inconsistent model")
+        say("URDF:   not written, because the model is not physically consistent")
     say(f"report: {write_report(folder)}")
 
 

@@ -1,4 +1,4 @@
-"""`python -m runtime inspect`: a log in, a table, sentences, a recipe and an exit code out."""
+"""`symgen inspect`: a log in, a table, sentences, a recipe and an exit code out."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, say
-from runtime.cli.options import Log, Run
+from runtime.cli.log_options import Log, Run
 from runtime.errors import RecordingError
 from runtime.files import replacing
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
@@ -51,9 +51,9 @@ def inspect_command(
     proposed, for you to read and for identify to take.
 
     \b
-    python -m runtime inspect log.csv --robot my
-    python -m runtime inspect raw/ --robot my --recipe-out recipe.toml
-    python -m runtime identify raw/ --robot my --recipe recipe.toml
+    symgen inspect log.csv --robot my
+    symgen inspect raw/ --robot my --recipe-out recipe.toml
+    symgen identify raw/ --robot my --recipe recipe.toml
     Exit code: 0 nothing to do, 1 warnings or errors, 2 not readable.
     """
     lib = load(robot)

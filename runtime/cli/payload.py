@@ -1,4 +1,4 @@
-"""`python -m runtime payload`."""
+"""`symgen payload`."""
 
 import json
 from pathlib import Path
@@ -7,8 +7,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from runtime.cli.common import Robot, command_line, console, preparation_of, say
-from runtime.cli.options import CarryingLink, Rate, Recipe, Run
+from runtime.cli.common import Robot, command_line, console, say
+from runtime.cli.log_options import CarryingLink, Rate, Recipe, Run
+from runtime.cli.prepared_log import preparation_of
 from runtime.identification.payload import (
     Payload,
     arm_model,
@@ -58,8 +59,8 @@ def payload_command(
     r"""Identify mass, centre of mass and inertia of a payload.
 
     \b
-    python -m runtime payload loaded.csv --robot fr3 --link fr3_link7 --empty empty.csv
-    python -m runtime payload loaded.csv --robot fr3 --model results/first-map --cutoff 10
+    symgen payload loaded.csv --robot fr3 --link fr3_link7 --empty empty.csv
+    symgen payload loaded.csv --robot fr3 --model results/first-map --cutoff 10
 
     Best: record one motion twice, with and without the payload, and give both (--empty). The wrist
     has to turn the payload against gravity; ten seconds weigh 1 kg to half a gram where the torque

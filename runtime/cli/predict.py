@@ -1,4 +1,4 @@
-"""`python -m runtime predict`."""
+"""`symgen predict`."""
 
 import json
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import Robot, console, say
-from runtime.cli.options import Asked, Cutoff, Rate, Recipe, Run, read_data
+from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
 from runtime.cli.predict_situation import Situation, situation_of
 from runtime.cli.predict_tables import (
     EarlierLogs,
@@ -19,6 +19,7 @@ from runtime.cli.predict_tables import (
     torque_sentence,
     worth_table,
 )
+from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import NOISE, RATE, information
 from runtime.excitation.search.prediction import FRICTION
@@ -104,9 +105,9 @@ def predict_command(
     residuals are worth (N_eff).
 
     \b
-    python -m runtime predict results/motion.json --robot fr3 --noise 0.05 --log-rate 100
-    python -m runtime predict log.csv --robot fr3 --more same
-    python -m runtime predict log.csv --robot fr3 --more results/motion.json --plot sigma.png
+    symgen predict results/motion.json --robot fr3 --noise 0.05 --log-rate 100
+    symgen predict log.csv --robot fr3 --more same
+    symgen predict log.csv --robot fr3 --more results/motion.json --plot sigma.png
 
     --more is a rule when to stop: go on while anything improves by more than 10 %.
     """
@@ -116,14 +117,14 @@ def predict_command(
     _require_rates_apply(
         [trajectory, *([] if more in {None, SAME} else [str(more)])], log_rate, rate
     )
-    asked = Asked(recipe=recipe, run=run, friction=friction, cutoff=cutoff, rate=rate)
+    options = LogOptions(recipe=recipe, run=run, friction=friction, cutoff=cutoff, rate=rate)
     situation = situation_of(
-        lib, _moved(lib, trajectory, asked, log_rate), noise, earlier_log, payload_only
+        lib, _moved(lib, trajectory, options, log_rate), noise, earlier_log, payload_only
     )
     now = situation.expected()
-    worths = () if more is None else _worths(situation, now, more, asked, log_rate)
+    worths = () if more is None else _worths(situation, now, more, options, log_rate)
     if plot is not None:
-        _draw(situation, more, asked, log_rate, plot)
+        _draw(situation, more, options, log_rate, plot)
     if as_json:
         told = _facts(situation, now, worths)
         print(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
@@ -169,7 +170,7 @@ def _unseen(now: Expected, lib: Library) -> Array:
 def _moved(
     lib: Library,
     source: str,
-    asked: Asked,
+    options: LogOptions,
     log_rate: float | None,
     terms: Friction | None = None,
 ) -> MotionSamples:
@@ -178,8 +179,8 @@ def _moved(
         found = read_trajectory(Path(source), lib)
         t = sample_times(found.duration, log_rate or RATE)
         recording = planned_recording(found, t, lib, Path(source).stem)
-        return motion_samples_of(recording, lib, None, terms or _friction(asked.friction))
-    data = read_data(lib, source, asked)
+        return motion_samples_of(recording, lib, None, terms or _friction(options.friction))
+    data = read_prepared_log(lib, source, options)
     terms = terms or data.friction or _friction(None)
     return motion_samples_of(data.recording, lib, data.preparation, terms)
 
@@ -215,13 +216,13 @@ def _friction(text: str | None) -> Friction:
 
 
 def _further(
-    situation: Situation, more: str, asked: Asked, log_rate: float | None
+    situation: Situation, more: str, given: LogOptions, log_rate: float | None
 ) -> MotionSamples:
     """The motion that goes on, with the friction of the one before."""
     moved = situation.moved
     if more == SAME:
         return moved
-    options = Asked(cutoff=asked.cutoff, rate=asked.rate)
+    options = LogOptions(cutoff=given.cutoff, rate=given.rate)
     further = _moved(situation.lib, more, options, log_rate or moved.rate, moved.terms)
     further.require_columns(moved.columns)
     return further
@@ -231,10 +232,10 @@ def _worths(
     situation: Situation,
     now: Expected,
     more: str,
-    asked: Asked,
+    options: LogOptions,
     log_rate: float | None,
 ) -> tuple[GainOfRecording, ...]:
-    further, lib = _further(situation, more, asked, log_rate), situation.lib
+    further, lib = _further(situation, more, options, log_rate), situation.lib
     name = "the same motion" if more == SAME else further.name
     only = situation.known.payload_only
     before = now.by_name(lib, only)
@@ -244,12 +245,12 @@ def _worths(
 
 
 def _draw(
-    situation: Situation, more: str | None, asked: Asked, log_rate: float | None, path: Path
+    situation: Situation, more: str | None, options: LogOptions, log_rate: float | None, path: Path
 ) -> None:
     from runtime.outputs.report.accuracy_figure import draw_growth  # matplotlib loads slowly
 
     lib = situation.lib
-    further = None if more in {None, SAME} else _further(situation, str(more), asked, log_rate)
+    further = None if more in {None, SAME} else _further(situation, str(more), options, log_rate)
     until = SECONDS[-1] if more is not None else 0.0
     common = lib, situation.moved, situation.noise, situation.known, situation.unit
     draw_growth(growth(*common, base_names(lib), more=further, until=until), path)

@@ -1,4 +1,4 @@
-"""The bars of commands that count what they have done."""
+"""Progress bars."""
 
 from rich.progress import (
     BarColumn,
@@ -11,12 +11,12 @@ from rich.progress import (
 
 from runtime.cli.common import console
 
-TOLD = TextColumn("{task.fields[told]}")
-"""What a task says of itself: `told=` of `add_task` and `update`."""
+STATE = TextColumn("{task.fields[state]}")
+"""Column of free text, set by `state=` of `add_task` and `update`."""
 
 
 def counting(*columns: ProgressColumn) -> Progress:
-    """What is being done, how much of it, the time since it began, and further columns."""
+    """Progress bar with the task, the count, the elapsed time and further columns."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),

@@ -1,4 +1,4 @@
-"""`python -m runtime report`."""
+"""`symgen report`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -34,8 +34,8 @@ def report_command(
     r"""Write the results of a folder as one HTML page.
 
     \b
-    python -m runtime report results/first-map
-    python -m runtime report results/experiments --markdown tables.md --figures figures
+    symgen report results/first-map
+    symgen report results/experiments --markdown tables.md --figures figures
     """
     # matplotlib is slow to import
     from runtime.outputs.report import write_report

@@ -1,4 +1,4 @@
-"""`python -m runtime reproduce`."""
+"""`symgen reproduce`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -51,9 +51,9 @@ def reproduce_command(
     r"""Reproduce the tables and figures of the document.
 
     \b
-    python -m runtime reproduce list
-    python -m runtime reproduce table-5.2 --trials 20
-    python -m runtime reproduce all
+    symgen reproduce list
+    symgen reproduce table-5.2 --trials 20
+    symgen reproduce all
 
     Several ids share a study; what is computed already is taken from the folder, and a run that
     was interrupted or killed goes on where it ended. Written per study: trials.parquet,

@@ -1,4 +1,4 @@
-"""Several logs on the command line: which they are, what they carried, what they say together."""
+"""Several logs on the command line: their runs and payloads, the joint fit and its agreement."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +9,8 @@ import typer
 from rich.table import Column, Table
 
 from runtime.cli.common import console, say
-from runtime.cli.options import AUTO, Asked, read_data
+from runtime.cli.log_options import AUTO
+from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.errors import IdentificationError
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
@@ -25,22 +26,30 @@ Logs = Annotated[
     list[str],
     typer.Argument(
         metavar="LOG...",
-        help="CSV, NPZ, Parquet, MCAP, a ROS bag, a folder with a recipe, or a known data set such "
-        "as panda_gaz; several are fitted together.",
+        help="One or several logs: CSV, NPZ, Parquet, MCAP or ROS bags, folders with a recipe, or "
+        "names of known data sets such as panda_gaz.",
     ),
 ]
 PayloadOf = Annotated[
     list[str] | None,
     typer.Option(
         metavar="LOG=FILE",
-        help="A known payload that one of several logs carried: what the command payload wrote. "
-        "Repeatable.",
+        help="Known payload of one of several logs: the payload.json that the command payload "
+        "wrote; repeatable.",
     ),
 ]
 
 
 def runs_of(logs: Sequence[str], run: str | None) -> list[tuple[str, str | None]]:
-    """The logs with their runs; `--run 1,2,3` makes three of one."""
+    """Logs with their runs; `--run 1,2,3` of one log gives three.
+
+    Args:
+        logs: names on the command line.
+        run: value of --run.
+
+    Returns:
+        Pairs of log and run.
+    """
     if len(logs) == 1 and run is not None and "," in run:
         return [(logs[0], each.strip()) for each in run.split(",")]
     return [(log, run) for log in logs]
@@ -51,7 +60,7 @@ def identify_several(
     lib: Library,
     settings: Settings,
     payload_of: Sequence[str],
-    asked: Asked,
+    options: LogOptions,
 ) -> tuple[Identification, LogAgreement]:
     """Identify one set of parameters from several logs, and compare the logs.
 
@@ -60,29 +69,35 @@ def identify_several(
         lib: library of the robot.
         settings: as for `identify_logs`, without splitting and friction columns.
         payload_of: LOG=FILE of the known payloads.
-        asked: options on how a log is read and prepared.
+        options: how the logs are read and prepared.
 
     Returns:
         The joint identification, and how well the logs agree.
 
     Raises:
-        RuntimeFault: a log or an option is none.
+        RuntimeFault: a log cannot be read, or an option does not apply to several logs.
     """
     if len(runs) < 2:
-        raise IdentificationError("--payload-of belongs to a fit of several logs; name them all")
-    if asked.stream:
-        raise IdentificationError("several logs are read as a whole; leave out --stream")
-    if (asked.friction or "").split(",")[0] == AUTO:
         raise IdentificationError(
-            "a friction model is chosen on one log; name the columns with --friction"
+            "--payload-of needs several logs, got one; give also the logs without this payload"
         )
-    if asked.regressor == AUTO:
+    if options.stream:
         raise IdentificationError(
-            "accelerations are judged log by log, but all logs are fitted alike; name the "
-            "regressor with --regressor"
+            "several logs are read as a whole, but --stream is given; leave it out"
+        )
+    if (options.friction or "").split(",")[0] == AUTO:
+        raise IdentificationError(
+            "a friction model is chosen on one log, but several are given; give --friction COLUMNS"
+        )
+    if options.regressor == AUTO:
+        raise IdentificationError(
+            "--regressor auto checks the accelerations of one log, but several are given; give "
+            "--regressor acceleration, momentum or energy"
         )
     carried = _carried(payload_of, [log for log, _ in runs], lib)
-    data = [read_data(lib, log, replace(asked, run=run, stream=False)) for log, run in runs]
+    data = [
+        read_prepared_log(lib, log, replace(options, run=run, stream=False)) for log, run in runs
+    ]
     names = _names(runs)
     named = [
         NamedLog(name, each.recording, each.preparation, carried.get(log))
@@ -96,18 +111,18 @@ def identify_several(
             splitting=data[0].splitting,
             friction_columns=data[0].friction,
         )
-    told = [
+    notes = [
         f"{name}: {note}" for name, each in zip(names, data, strict=True) for note in each.notes
     ]
-    return replace(result, notes=(*told, *result.notes)), agreement
+    return replace(result, notes=(*notes, *result.notes)), agreement
 
 
 def print_agreement(agreement: LogAgreement) -> None:
-    """Leave-one-log-out and repeatability, as a table and a line."""
+    """Print the leave-one-log-out errors and the repeatability."""
     table = Table(
-        Column("log", overflow="fold"), title="Each log as the others predict it: torque error, %"
+        Column("log", overflow="fold"), title="Leave one log out: torque error of each log, %"
     )
-    for head in ("payload kg", "URDF", "the others", "with its own offset", "its own fit"):
+    for head in ("payload kg", "URDF", "fit of the others", "with its offset", "fit of this log"):
         table.add_column(head, justify="right")
     for log, mass in zip(agreement.left_out, agreement.carried, strict=True):
         errors = (log.before.overall, log.after.overall, log.with_offset.overall, log.alone)
@@ -117,19 +132,19 @@ def print_agreement(agreement: LogAgreement) -> None:
 
 
 def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Any]:
-    found = {}
+    payloads = {}
     for text in payload_of:
         log, mark, file = text.rpartition("=")
         if not mark or log not in logs:
             raise IdentificationError(
                 f"--payload-of expects LOG=FILE with a log of {', '.join(logs)}; got '{text}'"
             )
-        found[log] = read_carried(Path(file), lib)
-    return found
+        payloads[log] = read_carried(Path(file), lib)
+    return payloads
 
 
 def _names(runs: Sequence[tuple[str, str | None]]) -> list[str]:
-    """Short names of the logs, none twice."""
+    """Short names of the logs, all different."""
     same = len({log for log, _ in runs}) == 1
     names: list[str] = []
     for log, run in runs:

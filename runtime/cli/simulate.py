@@ -1,4 +1,4 @@
-"""`python -m runtime simulate`."""
+"""`symgen simulate`."""
 
 import hashlib
 import json
@@ -111,10 +111,10 @@ def simulate_command(
     the motion it was asked for as NAME.loop.toml and NAME.motion.json.
 
     \b
-    python -m runtime simulate --robot fr3 --coulomb 0.3 --out results/sim.csv
-    python -m runtime simulate --robot my --ideal --torque-noise 0
-    python -m runtime simulate --robot fr3 --engine mujoco --seed 1 --out results/empty.csv
-    python -m runtime simulate --robot fr3 --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1
+    symgen simulate --robot fr3 --coulomb 0.3 --out results/sim.csv
+    symgen simulate --robot my --ideal --torque-noise 0
+    symgen simulate --robot fr3 --engine mujoco --seed 1 --out results/empty.csv
+    symgen simulate --robot fr3 --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1
     """
     virtual = _is_virtual(context, engine)
     lib = load(robot)

@@ -1,4 +1,4 @@
-"""`python -m runtime tutorial`."""
+"""`symgen tutorial`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,9 +20,9 @@ def tutorial_command(
     In a terminal it is formatted; into a file or a pipe it goes as Markdown.
 
     \b
-    python -m runtime tutorial
-    python -m runtime tutorial fr3
-    python -m runtime tutorial fr3 > fr3.md
+    symgen tutorial
+    symgen tutorial fr3
+    symgen tutorial fr3 > fr3.md
     """
     texts = {path.stem: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
     if name is None:

@@ -1,4 +1,4 @@
-"""`python -m runtime view`."""
+"""`symgen view`."""
 
 import webbrowser
 from pathlib import Path
@@ -37,8 +37,8 @@ def view_command(
     r"""Show the moving robot in a web browser.
 
     \b
-    python -m runtime view motion.json --robot fr3
-    python -m runtime view log.csv --urdf fr3.urdf --package-dir ~/franka_description
+    symgen view motion.json --robot fr3
+    symgen view log.csv --urdf fr3.urdf --package-dir ~/franka_description
 
     Visual meshes are drawn where the URDF names them and they are found, else the collision
     capsules, else plain lines. Ctrl-C ends it.

@@ -53,7 +53,7 @@ def test_help_on_a_narrow_terminal() -> None:
         for name in ("identify", "excite")
     ]
     assert "motor_rotor" in told[0]
-    assert "anything else is described by a recipe" in told[0]
+    assert "Every other layout is described by a recipe" in told[0]
     assert "'symgen[cluster]'" in " ".join(told[1].replace("│", " ").split())
     assert "\\b" not in "".join(told)
 
@@ -179,10 +179,10 @@ def test_evaluate_prepares_the_log_as_identify_did(
     bare = json.loads(command(*asked, "--json").out)
     assert bare["torque_error_percent"] == told["torque_error_percent"]
     assert bare["notes"] == [
-        "the log is prepared as that of identify was; --cutoff and --rate replace it"
+        "the log is prepared as the log of identify; --cutoff and --rate change that"
     ]
     raw = command(*asked, "--rate", "50").out
-    assert "note: the model was identified from a low-passed log, this" in raw
+    assert "note: the model was identified from a low-passed log, but this" in raw
 
 
 def test_the_chain_on_a_second_robot(

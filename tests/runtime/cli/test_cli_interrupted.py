@@ -113,7 +113,7 @@ def test_ctrl_c_before_there_is_anything(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("runtime.cli.options.read_recording", interrupt)
+    monkeypatch.setattr("runtime.cli.prepared_log.read_recording", interrupt)
     ran = command("identify", log, "--robot", lib.folder)
     assert (ran.code, ran.err.count("\n")) == (130, 1)
     assert "interrupted" in ran.err

@@ -151,7 +151,7 @@ def test_auto_on_the_command_line_says_what_it_chose(lib, ideal_runs, command, t
     words = ("--friction", "auto", "--coulomb-speed", "0.02", "--out", "out")
     ran = command("identify", "log.csv", "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
-    assert "Friction ladder" in ran.out
+    assert "Friction model: cross-validation error" in ran.out
     assert "note: friction model 'viscous' (offset, viscous) chosen by cross-validation" in ran.out
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["friction"]["columns"] == ["offset", "viscous"]

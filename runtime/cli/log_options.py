@@ -1,0 +1,108 @@
+"""Options on logs that several commands share."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.recording import REGRESSORS, Friction
+from runtime.recording.friction import COLUMNS
+
+AUTO = "auto"
+"""Word for a friction model, cut-off or regressor that is chosen from the log."""
+
+Log = Annotated[
+    str,
+    typer.Argument(
+        metavar="LOG",
+        help="A log as CSV, NPZ, Parquet, MCAP or ROS bag, a folder with a recipe, or the name of "
+        "a known data set such as panda_gaz.",
+    ),
+]
+Recipe = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE",
+        help="TOML that describes the log: columns, units, joint order, signs, gears, filters; "
+        "default recipe.toml in the folder LOG, or the bundled recipe of a known data set.",
+    ),
+]
+Run = Annotated[str | None, typer.Option(help="Name of the run, where a recipe lists several.")]
+FrictionNames = Annotated[
+    str | None,
+    typer.Option(
+        metavar="COLUMNS|auto|none",
+        help="Friction columns with commas, of "
+        f"{', '.join(COLUMNS)}; auto chooses them by cross-validation, 'auto,rotor' adds a column "
+        "to every candidate; default from the recipe, else none.",
+    ),
+]
+CoulombSpeed = Annotated[
+    float | None,
+    typer.Option(
+        help="Speed over which the smooth Coulomb sign changes, rad/s or m/s; default from the "
+        f"recipe, else {Friction(columns=()).coulomb_speed:g}."
+    ),
+]
+CutoffHz = Annotated[
+    float | None,
+    typer.Option(
+        metavar="HZ",
+        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the recipe, "
+        "else no filter.",
+    ),
+]
+Cutoff = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HZ|auto",
+        help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; auto chooses it by "
+        "cross-validation; default from the recipe, else no filter.",
+    ),
+]
+CarryingLink = Annotated[
+    str | None,
+    typer.Option("--link", help="Link that carries the payload; default the link of the tip."),
+]
+Regressor = Annotated[
+    str | None,
+    typer.Option(
+        metavar="|".join((*REGRESSORS, AUTO)),
+        help="Form of the equations: acceleration needs ddq, momentum does not, energy gives one "
+        "row for all joints and less information; auto takes momentum where the differentiation "
+        "of dq fails. Default from the recipe, else acceleration.",
+    ),
+]
+Rate = Annotated[
+    float | None,
+    typer.Option(
+        metavar="HZ",
+        help="Rate of rows to which the log is decimated, Hz; default from the recipe, else every "
+        "sample.",
+    ),
+]
+Parts = Annotated[
+    str | None,
+    typer.Option(
+        "--split",
+        metavar="A,B",
+        help="Fractions of the duration: training from 0 to A, validation from A to B, test from "
+        "B to 1; default from the recipe, else 0.48,0.6.",
+    ),
+]
+Stream = Annotated[
+    bool | None,
+    typer.Option(
+        "--stream/--no-stream",
+        help="Read the log block by block instead of as a whole; default for NPZ, Parquet, CSV "
+        "and bags above 200 MB.",
+    ),
+]
+ControllerFile = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="TOML with the controller's gains and the reference motion, which the methods iv and "
+        "didim need; simulate writes one as LOG.loop.toml.",
+    ),
+]

@@ -1,0 +1,232 @@
+"""From the options on a log to a recording with its preparation, split and friction columns."""
+
+import dataclasses
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+from runtime.cli.choice_tables import cutoff_table, friction_table
+from runtime.cli.common import console, numbers_option
+from runtime.cli.log_options import AUTO
+from runtime.errors import IdentificationError, RecordingError
+from runtime.identification.long_logs import head_of
+from runtime.inspection.cutoff_choice import choose_cutoff
+from runtime.inspection.friction_choice import choose_friction
+from runtime.inspection.regressor_choice import choose_regressor
+from runtime.library import Library
+from runtime.recording import (
+    Friction,
+    Preparation,
+    Recording,
+    Split,
+    StreamedRecording,
+    is_large,
+    open_streamed,
+    read_recording,
+)
+
+_ANY_HZ = 1.0
+"""Placeholder of a cut-off that cross-validation replaces, Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogOptions:
+    """Values of the options on a log; None where an option is not given.
+
+    The names are also keys of compare.json.
+
+    Attributes:
+        recipe: file that describes the log.
+        run: name of the run in the recipe.
+        friction: column names with commas, "auto" or "none".
+        coulomb_speed: width of the smooth Coulomb sign, rad/s.
+        cutoff: cut-off of the low-pass in Hz as text, or "auto".
+        rate: rate of rows after decimation, Hz.
+        split: "A,B", fractions of the duration.
+        stream: True reads block by block, False as a whole, None decides by the file's size.
+        regressor: form of the equations, or "auto".
+    """
+
+    recipe: str | None = None
+    run: str | None = None
+    friction: str | None = None
+    coulomb_speed: float | None = None
+    cutoff: str | None = None
+    rate: float | None = None
+    split: str | None = None
+    stream: bool | None = False
+    regressor: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedLog:
+    """A log that is read, with its preparation, split and friction columns.
+
+    Attributes:
+        recording: the log, or its first rows where it is streamed.
+        preparation: filter, decimation and form of the equations; None for those of the recipe.
+        splitting: training, validation and test parts; None for those of the recipe.
+        friction: friction columns; None for those of the recipe.
+        notes: sentences about what was chosen automatically.
+        streamed: the log in its file; None where it is read as a whole.
+    """
+
+    recording: Recording
+    preparation: Preparation | None
+    splitting: Split | None
+    friction: Friction | None
+    notes: tuple[str, ...] = ()
+    streamed: StreamedRecording | None = None
+
+
+def read_prepared_log(lib: Library, log: str, options: LogOptions) -> PreparedLog:
+    """Read a log and choose its cut-off, regressor and friction model where options say auto.
+
+    Args:
+        lib: library of the robot.
+        log: file, folder or name of a known data set.
+        options: values of the command's options.
+
+    Returns:
+        The log with its preparation; `notes` hold one sentence per automatic choice.
+
+    Raises:
+        RuntimeFault: the log cannot be read, or an option does not apply to it.
+    """
+    streamed = _streamed(lib, log, options)
+    if streamed is not None:
+        recording = head_of(streamed)
+    else:
+        recording = read_recording(log, options.recipe, options.run, lib.joint_names)
+    parts = _split(options.split)
+    terms = friction_of(recording, options.friction, options.coulomb_speed)
+    chooses_friction = terms is not None and terms.columns[:1] == (AUTO,)
+    if streamed is not None and (chooses_friction or options.cutoff == AUTO):
+        raise IdentificationError(
+            "a cut-off or a friction model is chosen on a log that is read as a whole, but this "
+            "one is streamed; give --cutoff and --friction values, or give --no-stream"
+        )
+    notes: tuple[str, ...] = ()
+    chooses_regressor = options.regressor == AUTO
+    regressor = None if chooses_regressor else options.regressor
+    prepared = preparation_of(recording, _hz(options.cutoff), options.rate, regressor)
+    if options.cutoff == AUTO:
+        base = preparation_of(recording, _ANY_HZ, options.rate, regressor)
+        with console.status("choosing a cut-off"):
+            cutoff = choose_cutoff(recording, lib, base, parts, None if chooses_friction else terms)
+        console.print(cutoff_table(cutoff))
+        prepared, notes = cutoff.preparation, (cutoff.sentence,)
+    with console.status("checking the accelerations"):
+        prepared, sentences = choose_regressor(recording, lib, prepared, chooses_regressor)
+    notes += sentences
+    if terms is None or not chooses_friction:
+        return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
+    with console.status("choosing a friction model"):
+        choice = choose_friction(
+            recording, lib, prepared, parts, options.coulomb_speed, extra=terms.columns[1:]
+        )
+    console.print(friction_table(choice))
+    return PreparedLog(recording, prepared, parts, choice.chosen.terms, (*notes, choice.sentence))
+
+
+def friction_of(recording: Recording, names: str | None, speed: float | None) -> Friction | None:
+    """Friction columns of --friction and --coulomb-speed, else of the recipe.
+
+    Args:
+        recording: log, with its recipe.
+        names: column names with commas, "auto" or "none"; None for those of the recipe.
+        speed: width of the smooth Coulomb sign, rad/s; None for that of the recipe.
+
+    Returns:
+        The columns; None where neither the options nor the recipe name any.
+    """
+    default = recording.recipe.friction if recording.recipe else None
+    if names is None and speed is None:
+        return default
+    known = default or Friction(columns=())
+    columns, width = known.columns, known.coulomb_speed if speed is None else speed
+    if names is not None:
+        columns = () if names == "none" else tuple(names.split(","))
+    return dataclasses.replace(known, columns=columns, coulomb_speed=width)
+
+
+def preparation_of(
+    recording: Recording,
+    cutoff: float | None,
+    rate: float | None,
+    regressor: str | None = None,
+) -> Preparation | None:
+    """Preparation of the recipe with --cutoff, --rate and --regressor in place.
+
+    Args:
+        recording: log, with its recipe.
+        cutoff: of the low-pass, Hz.
+        rate: of the rows after decimation, Hz.
+        regressor: form of the equations.
+
+    Returns:
+        The preparation; None where no option is given.
+    """
+    if cutoff is None and rate is None and regressor is None:
+        return None
+    base = recording.preparation
+    if regressor is not None:
+        base = dataclasses.replace(base, regressor=regressor)
+    if cutoff is not None:
+        base = dataclasses.replace(base, filter="butterworth", cutoff_hz=cutoff)
+        if base.max_gap_s is None:
+            base = dataclasses.replace(base, max_gap_s=3.0 / recording.rate_hz)
+    return dataclasses.replace(base, rate_hz=rate) if rate is not None else base
+
+
+def listed(text: str, known: Sequence[str], option: str) -> tuple[str, ...]:
+    """Names separated by commas.
+
+    Args:
+        text: value of the option.
+        known: names to choose from.
+        option: name of the option, for the message.
+
+    Returns:
+        The names, each once.
+
+    Raises:
+        IdentificationError: a name is unknown.
+    """
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    if any(name not in known for name in names):
+        raise IdentificationError(
+            f"{option} needs names with commas of {', '.join(known)}; got '{text}'"
+        )
+    return names
+
+
+def _streamed(lib: Library, log: str, options: LogOptions) -> StreamedRecording | None:
+    """The log in its file, where --stream says so, or where it is large and can be streamed."""
+    if options.stream:
+        return open_streamed(log, options.recipe, options.run, lib.joint_names)
+    if options.stream is None and is_large(log):
+        with suppress(RecordingError):  # compressed or damaged: `read_recording` says which
+            return open_streamed(log, options.recipe, options.run, lib.joint_names)
+    return None
+
+
+def _hz(text: str | None) -> float | None:
+    """Number of --cutoff; None where the option is not given or says auto."""
+    if text is None or text == AUTO:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise IdentificationError(
+            f"--cutoff needs a frequency in Hz or auto, got '{text}'"
+        ) from None
+
+
+def _split(text: str | None) -> Split | None:
+    if text is None:
+        return None
+    a, b = numbers_option(text, 2, "--split")
+    if not 0 < a < b < 1:
+        raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")
+    return Split((0.0, a), (a, b), (b, 1.0))

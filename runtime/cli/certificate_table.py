@@ -1,4 +1,4 @@
-"""The options of limits, and the certificate as a table."""
+"""Options of the limits of a motion, notes on a design, and the certificate as a table."""
 
 import numpy as np
 from rich.table import Column, Table
@@ -10,7 +10,7 @@ from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
 from runtime.library import Library
 
 BOX = 6
-"""Numbers of --box."""
+"""Count of the numbers of --box."""
 
 
 def safety_of(
@@ -22,7 +22,23 @@ def safety_of(
     viscous: str | None,
     coulomb: str | None,
 ) -> Safety:
-    """The limits that the options ask for, on top of all that the robot states."""
+    """Limits of the options, which hold besides those that the robot states.
+
+    Args:
+        lib: library of the robot.
+        torque_fraction: fraction of the torque limits that may be used, 0 to 1.
+        clearance: least distance of links from each other and the table, m.
+        table: height of a table in the base frame, m.
+        box: six numbers with commas, range of the tip along x, y and z, m.
+        viscous: one number or one per joint, N·m·s/rad.
+        coulomb: one number or one per joint, N·m.
+
+    Returns:
+        The limits.
+
+    Raises:
+        RuntimeFault: an option is not of this form.
+    """
     return Safety(
         torque_fraction=torque_fraction,
         clearance=clearance,
@@ -40,21 +56,40 @@ def _per_joint(lib: Library, text: str | None, option: str) -> tuple[float, ...]
     return numbers_option(text, lib.n_joints if "," in text else 1, option)
 
 
-def notes(lib: Library, asked: float, taken: float) -> tuple[str, ...]:
-    """What else must be said: more time than was asked for, s, and a robot without proxies."""
-    found = []
-    if taken != asked:
-        found.append(f"note: {asked:g} s would break a limit; it takes {taken:g} s")
-    if not lib.pairs:
-        found.append(
-            f"note: '{lib.name}' has no collision proxies: nobody looked whether its links meet "
-            f"each other or what is around them; {FIT_PROXIES}"
+def design_notes(lib: Library, requested: float, taken: float) -> tuple[str, ...]:
+    """Notes on a designed motion: a longer duration, and a robot without collision proxies.
+
+    Args:
+        lib: library of the robot.
+        requested: duration of the option, s.
+        taken: duration of the motion, s.
+
+    Returns:
+        One sentence per note.
+    """
+    sentences = []
+    if taken != requested:
+        sentences.append(
+            f"note: {requested:g} s would break a limit, so the motion takes {taken:g} s"
         )
-    return tuple(found)
+    if not lib.pairs:
+        sentences.append(
+            f"note: '{lib.name}' has no collision proxies, so collisions between its links and "
+            f"with its surroundings are not checked; {FIT_PROXIES}"
+        )
+    return tuple(sentences)
 
 
 def certificate_table(proof: Certificate, percent: float) -> Table:
-    """The largest use of every limit: how much, where and when."""
+    """Largest use of every limit: how much, where and when.
+
+    Args:
+        proof: certificate of the motion.
+        percent: speed of the motion in % of the designed one.
+
+    Returns:
+        Table with one row per limit; distances in mm, all others in % of the limit.
+    """
     verdict = "holds at every instant" if proof.holds else "does NOT hold"
     table = Table(
         Column("limit", overflow="fold"), title=f"certificate at {percent:g} % speed: {verdict}"
@@ -74,9 +109,9 @@ def certificate_table(proof: Certificate, percent: float) -> Table:
 
 def _amount(use: Use) -> tuple[str, str]:
     if use.kind in DISTANCES:
-        # Rounded downwards: 20.00 mm is never what is left of 19.996.
+        # Rounded downwards, so that 19.996 mm is not printed as 20.00 mm.
         distance = np.floor(1e5 * use.value + 1e-6) / 100
         return f"{distance:.2f} mm", f"{distance - 1e3 * use.limit:.2f} mm"
-    # Rounded upwards: 100.00 is never what is left of 100.004.
+    # Rounded upwards, so that 100.004 % is not printed as 100.00 %.
     bound = np.ceil(1e4 * use.bound - 1e-6) / 100
     return f"{bound:.2f}", f"{100 - bound:.2f}"

@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from runtime.cli.certificate_table import certificate_table, notes, safety_of
+from runtime.cli.certificate_table import certificate_table, design_notes, safety_of
 from runtime.cli.common import Robot, Seed, console, say, sentences_of
-from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, tell
+from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.errors import RuntimeFault
 from runtime.excitation import (
     BASES,
@@ -39,22 +39,24 @@ from runtime.parallel import cores
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
-WORTH_PROCESSES = {True: 10, False: 4}
-"""Starts from which on more processes, which take two seconds to begin, end earlier, as long as
-one start itself with all limits; in document mode it takes a third of that."""
+STARTS_FOR_PROCESSES = {True: 10, False: 4}
+"""Least number of starts for which several processes are faster than one, by document mode.
+
+A process takes two seconds to begin, as long as one start with all limits; a start in document mode
+takes a third of that.
+"""
 
 
 def excite_command(
     robot: Robot = "fr3",
-    duration: Annotated[float, typer.Option(help="t_f, s.")] = 10.0,
-    harmonics: Annotated[
-        int, typer.Option(help="M: cosines, cosines and sines, or splines per joint.")
-    ] = 5,
-    starts: Annotated[int, typer.Option(help="Searches from random starts.")] = 5,
+    duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0,
+    harmonics: Annotated[int, typer.Option(help="Number M of harmonics or splines per joint.")] = 5,
+    starts: Annotated[int, typer.Option(help="Number of searches, each from a random start.")] = 5,
     processes: Annotated[
         int | None,
         typer.Option(
-            help="Searching side by side; default: one per core, for less than ten starts 1."
+            help="Number of parallel processes; default one per core, 1 for few starts (fewer than "
+            "4, with --document 10)."
         ),
     ] = None,
     scheduler: Annotated[
@@ -62,16 +64,18 @@ def excite_command(
         typer.Option(
             metavar="tcp://HOST:PORT",
             help="Search on the workers of this dask cluster instead (pip install "
-            "'symgen\\[cluster]'); they must see the same file system: each loads the robot's "
-            "folder by itself.",
+            "'symgen\\[cluster]'). Each worker loads the robot's folder, so it needs the same file "
+            "system.",
         ),
     ] = None,
     export_rate: Annotated[
-        float, typer.Option(help="Rows per second of the exported csv, npz and ros, Hz.")
+        float,
+        typer.Option(help="Rate of the rows of exported files, Hz; libfranka has 1000 Hz always."),
     ] = 1000.0,
     seed: Seed = 0,
     out: Annotated[
-        Path | None, typer.Option(help="JSON of the trajectory; default results/ROBOT-excite.json")
+        Path | None,
+        typer.Option(metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."),
     ] = None,
     export: Annotated[
         list[str] | None,
@@ -84,16 +88,17 @@ def excite_command(
     speed: Annotated[
         list[float] | None,
         typer.Option(
-            help="Percent of the designed speed, same path; repeatable: 10, 50, 100 are three "
-            "stages to try on a robot, each checked anew. The file names end in -speed10."
+            help="Speed of an exported motion in % of the designed speed, on the same path; "
+            "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
+            "a robot. File names end in -speed10. Default 100."
         ),
     ] = None,
     document: Annotated[
         bool,
         typer.Option(
             "--document",
-            help="The document's problem: --criterion cond, limits of position, velocity and "
-            "acceleration alone. Its optimum drives an FR3 through the table.",
+            help="Problem of the document: criterion cond, limits of position, velocity and "
+            "acceleration only. Such a motion can hit the table that an FR3 stands on.",
         ),
     ] = False,
     criterion: Annotated[
@@ -104,46 +109,57 @@ def excite_command(
         str, typer.Option(help=f"Functions of the motion. {sentences_of(BASES)}.")
     ] = "cosine",
     zero_jerk: Annotated[
-        bool, typer.Option("--zero-jerk", help="Begin and end without jerk, too.")
+        bool, typer.Option("--zero-jerk", help="Begin and end with zero jerk too.")
     ] = False,
     noise: Annotated[
-        str, typer.Option(metavar="σ", help="Torque noise, N·m: one number or one per joint.")
+        str,
+        typer.Option(
+            metavar="σ",
+            help="Standard deviation of the torque noise, N·m: one number or one per joint "
+            "with commas.",
+        ),
     ] = "0.05",
-    log_rate: Annotated[float, typer.Option(help="Rate at which the robot will log, Hz.")] = 100.0,
+    log_rate: Annotated[
+        float, typer.Option(help="Rate at which the robot will record the motion, Hz.")
+    ] = 100.0,
     earlier_log: EarlierLogs = None,
     payload_only: PayloadOnly = False,
     table: Annotated[
-        float | None, typer.Option(metavar="Z", help="Height of a table, m in the base frame.")
+        float | None,
+        typer.Option(
+            metavar="Z", help="Height of a table that the arm stays above, m in the base frame."
+        ),
     ] = None,
     box: Annotated[
         str | None,
         typer.Option(
-            metavar="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX", help="Keeps the tip inside, m; inf is open."
+            metavar="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX",
+            help="Box that the tip stays in, m in the base frame; inf leaves a side open.",
         ),
     ] = None,
     clearance: Annotated[
         float | None,
         typer.Option(
-            help="m between links and above the table; default: the robot's own margins, "
-            f"{TABLE_MARGIN:g} above the table."
+            help="Least distance between links and above the table, m; default the margins of the "
+            f"robot, {TABLE_MARGIN:g} above the table."
         ),
     ] = None,
     torque_fraction: Annotated[
-        float, typer.Option(help="Share of the torque limit that may be used.")
+        float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
     ] = 0.95,
     viscous: Annotated[
         str | None,
         typer.Option(
             metavar="FV",
-            help="Viscous friction that counts as torque, N·m·s/rad: one number, or one per joint "
-            "with commas; default 0.",
+            help="Viscous friction in the torque limit, N·m·s/rad: a number, or one per joint with "
+            "commas; default 0.",
         ),
     ] = None,
     coulomb: Annotated[
         str | None,
         typer.Option(
             metavar="FC",
-            help="Coulomb friction that counts as torque, N·m: one number, or one per joint with "
+            help="Coulomb friction in the torque limits, N·m: one number or one per joint with "
             "commas; default 0.",
         ),
     ] = None,
@@ -151,30 +167,34 @@ def excite_command(
         bool,
         typer.Option(
             "--pictures",
-            help="PNGs beside the JSON: every joint's motion and torque with limits, velocity over "
-            "position (-speed), the tip's path and distances (-space).",
+            help="Write PNG files beside the JSON: motion and torque of every joint with limits, "
+            "velocity over position (-speed), path of the tip and distances (-space).",
         ),
     ] = False,
 ) -> None:
     r"""Design an excitation motion within all limits of a robot.
 
-    All criteria of the motion are told, for the unknowns alone and with friction (viscous,
-    Coulomb, offset) estimated beside them, with the errors to be expected of a log.
-    The motion keeps every limit that the robot states: position, velocity (near the ends of the
-    range, too), acceleration, torque and its rate, speed of the tip, distances between links; a
-    table and a box for the tip where asked. The certificate tells at every instant, between
-    samples too, how much of each is used; what it did NOT check it lists.
-    Ctrl-C keeps the best start so far; the result depends on the seed, not on the processes.
-
     \b
     symgen excite --robot fr3 --duration 10 --starts 10
     symgen excite --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0 --harmonics 8 --duration 20
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
+
+    The motion makes the base parameters identifiable with the least error (--criterion). It
+    respects every limit that the robot states: position, velocity (lower near the ends of the
+    range), acceleration, torque and its rate, speed of the tip, distances between links; with
+    --table and --box also those.
+
+    Printed are all criteria with the standard deviations that a log will give, without and with
+    friction (viscous, Coulomb, offset) as further unknowns; then the certificate: the largest use
+    of every limit over continuous time, not only at the samples, and what was NOT checked.
+
+    Written: the motion as JSON, and sampled as CSV or in the formats of --export. Ctrl-C keeps
+    the best start so far. The result depends on --seed, not on --processes.
     """
     lib = load(robot)
     path = _json(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
-    told = information_of(lib, noise, log_rate, earlier_log, payload_only)
+    planned = information_of(lib, noise, log_rate, earlier_log, payload_only)
     # The document's criterion is a function of the regressor alone.
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or payload_only
     sample_times(duration, export_rate)  # before the search: they may be too many
@@ -188,7 +208,7 @@ def excite_command(
             "--criterion cond instead, which keeps all limits"
         )
     safety = None if document else safety_of(lib, torque_fraction, *options)
-    side_by_side = cores() if starts >= WORTH_PROCESSES[document] else 1
+    side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts + variation_count(wanted, starts))
@@ -198,7 +218,7 @@ def excite_command(
             text = f"{min(done, starts)} starts{after}: {wanted} {value:.4g}, best {best:.4g}"
             progress.update(task, completed=done, description=text)
 
-        found = design(
+        optimum = design(
             lib,
             DesignSettings(
                 duration=duration,
@@ -207,26 +227,26 @@ def excite_command(
                 seed=seed,
                 criterion=wanted,
                 basis=basis_of(basis, zero_jerk),
-                information=told if is_informed else None,
+                information=planned if is_informed else None,
                 safety=safety,
             ),
             progress=report,
             processes=processes if processes is not None else side_by_side,
             scheduler=scheduler,
         )
-    found = replace(found, trajectory=pulled_inside(lib, found.trajectory))
-    expected = predict(lib, found.trajectory, told)
-    write_trajectory(found, lib, path, expected)
+    optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory))
+    expected = predict(lib, optimum.trajectory, planned)
+    write_trajectory(optimum, lib, path, expected)
     written = [path]
     if not export:
-        written.append(_log(found, lib, export_rate, path.with_suffix(".csv")))
-    motion = certified(lib, found.trajectory, safety)
+        written.append(_log(optimum, lib, export_rate, path.with_suffix(".csv")))
+    motion = certified(lib, optimum.trajectory, safety)
     if pictures:
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
 
         written += write_pictures(profile_of(motion), path.with_suffix(".png"))
-    tell(found, expected, len(lib.base_columns))
-    for note in notes(lib, duration, found.trajectory.duration):
+    print_design(optimum, expected, len(lib.base_columns))
+    for note in design_notes(lib, duration, optimum.trajectory.duration):
         say(note)
     stages = {100 * share: _at_speed(motion, share) for share in speeds}
     for percent, stage in stages.items():
@@ -237,10 +257,10 @@ def excite_command(
 
 
 def _require_no_log(path: Path) -> None:
-    """Refuse to put the designed motion where a measured one lies.
+    """Refuse to overwrite a log with the designed motion.
 
     Raises:
-        RuntimeFault: the file has columns of torque, which no design has.
+        RuntimeFault: the file has columns of torque, which a designed motion has not.
     """
     if path.is_file():
         with path.open(encoding="utf-8", errors="replace") as file:
@@ -252,11 +272,11 @@ def _require_no_log(path: Path) -> None:
             )
 
 
-def _log(found: Design, lib: Library, rate: float, path: Path) -> Path:
-    """The designed motion at the rate, as a log without torque."""
-    t = sample_times(found.trajectory.duration, rate)
-    q, dq, ddq, _ = found.trajectory.at(lib, t)
-    sentence = f"Designed by symgen, condition number {found.condition:.4f}."
+def _log(optimum: Design, lib: Library, rate: float, path: Path) -> Path:
+    """Write the designed motion, sampled at the rate, as a log without torque."""
+    t = sample_times(optimum.trajectory.duration, rate)
+    q, dq, ddq, _ = optimum.trajectory.at(lib, t)
+    sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
     names = lib.joint_names
     write_recording(
         Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,)), path
@@ -265,7 +285,7 @@ def _log(found: Design, lib: Library, rate: float, path: Path) -> Path:
 
 
 def _at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
-    """The same path at this share of the speed, certified anew only where the speed changes."""
+    """The same path at a fraction of the speed, with the certificate of that speed."""
     if speed == 1:
         return motion
     return certified(motion.lib, slowed(motion.trajectory, speed), motion.safety)
@@ -278,15 +298,15 @@ def _export(
     for stage in stages.values():
         stage.require_limits()
     for percent, stage in stages.items():
-        own = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
-        files = [str(export_trajectory(stage, own, kind, rate)) for kind in kinds]
-        say(f"exported: {', '.join(files)}, {own}.certificate.json")
+        stem = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
+        files = [str(export_trajectory(stage, stem, kind, rate)) for kind in kinds]
+        say(f"exported: {', '.join(files)}, {stem}.certificate.json")
 
 
 def _json(path: Path) -> Path:
     if path.suffix != ".json":
         raise RuntimeFault(
             f"the trajectory needs a file that ends in .json, got '{path}'; "
-            "its motion is written beside it as .csv"
+            "the sampled motion is written beside it as .csv"
         )
     return path

@@ -22,22 +22,27 @@ def _list_formats(wanted: bool) -> None:
 
 
 def export_command(
-    result: Annotated[Path, typer.Argument(help="Folder that identify wrote.")],
+    result: Annotated[Path, typer.Argument(help="Folder written by identify.")],
     to: Annotated[
         str | None,
         typer.Option(
             metavar="A,B,…",
-            help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default: all.",
+            help=f"Formats with commas, of {', '.join(EXPORT_FORMATS)}; default all.",
         ),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder; default RESULT/export.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of the files; default RESULT/export."),
+    ] = None,
     robot: Annotated[
-        str | None, typer.Option(help="Name or folder of the robot; default: the result's.")
+        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
     formats: Annotated[
         bool,
-        typer.Option("--formats", callback=_list_formats, is_eager=True, help="List the formats."),
+        typer.Option(
+            "--formats", callback=_list_formats, is_eager=True, help="List the formats and exit."
+        ),
     ] = False,
 ) -> None:
     r"""Export an identified model to simulators and controllers.

@@ -1,4 +1,4 @@
-"""`symgen inspect`: a log in, a table, sentences, a recipe and an exit code out."""
+"""`symgen inspect LOG`: findings about a log, and a recipe that reads it."""
 
 import json
 from pathlib import Path
@@ -15,86 +15,94 @@ from runtime.files import replacing
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 from runtime.library import load
 
-_COLOURS = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
+_STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 
 
 def inspect_command(
     log: Log,
     robot: Robot = "fr3",
     recipe: Annotated[
-        str | None, typer.Option(help="TOML to read the log with; default is what identify takes.")
+        str | None,
+        typer.Option(
+            metavar="FILE",
+            help="TOML that describes the log; default the one that identify would use.",
+        ),
     ] = None,
     run: Run = None,
     recipe_out: Annotated[
         Path | None,
         typer.Option(
-            help="Write the proposed recipe here. Without --recipe the files alone are asked, "
-            "whatever recipe lies beside them."
+            metavar="FILE",
+            help="Write the proposed recipe. Without --recipe it is derived from the log files "
+            "alone, and a recipe in their folder is ignored.",
         ),
     ] = None,
     log_rate: Annotated[
-        float | None, typer.Option(help="Rate of a log without a clock, Hz.", min=1e-3)
+        float | None,
+        typer.Option(help="Rate at which a log without time stamps was recorded, Hz.", min=1e-3),
     ] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw clock, motion and torque: .png, .pdf or .svg.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw clock, motion and torque; .png, .pdf or .svg."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
     strict: Annotated[
-        bool, typer.Option("--strict", help="Exit code 1 for information, too.")
+        bool,
+        typer.Option("--strict", help="Exit code 1 also for findings of the level information."),
     ] = False,
 ) -> None:
     r"""Check a log and propose a recipe that reads it.
 
-    Units, order and signs of the joints, clock, rest, saturation, corrupt rows, sign and unit of
-    the torque, delay between q and τ, gravity, tools, and torques that no sensor has measured:
-    each finding is one sentence with its numbers. Nothing is changed; --recipe-out writes what is
-    proposed, for you to read and for identify to take.
+    Checked are units, order and signs of the joints, time stamps, phases of rest, saturation,
+    corrupt rows, sign and unit of the torque, delay between q and τ, direction of gravity, an
+    unmodelled tool, and torques that are computed instead of measured. Each finding is one
+    sentence with its numbers. The log is not changed; --recipe-out writes a recipe for identify.
 
     \b
     symgen inspect log.csv --robot my
     symgen inspect raw/ --robot my --recipe-out recipe.toml
     symgen identify raw/ --robot my --recipe recipe.toml
-    Exit code: 0 nothing to do, 1 warnings or errors, 2 not readable.
+    Exit code: 0 no findings, 1 warnings or errors, 2 the log cannot be read.
     """
     lib = load(robot)
     bare = recipe_out is not None and recipe is None
     options: dict[str, Any] = {"bare": bare, "rate_hz": log_rate, "propose": recipe_out is not None}
-    with console.status("asking the log"):
-        found = inspect_log(log, lib, recipe, run, **options)
+    with console.status("inspecting the log"):
+        inspection = inspect_log(log, lib, recipe, run, **options)
     if recipe_out is not None:
-        _write_recipe(recipe_out, recipe_text(found).encode())
+        _write_recipe(recipe_out, recipe_text(inspection).encode())
     if plot is not None:
         from runtime.outputs.report.log_figure import draw_log  # matplotlib is slow to import
 
-        draw_log(found.recording, plot, found.rest)
+        draw_log(inspection.recording, plot, inspection.rest)
     if as_json:
-        print(json.dumps(_facts(found), indent=1, ensure_ascii=False, allow_nan=False))
+        print(json.dumps(_facts(inspection), indent=1, ensure_ascii=False, allow_nan=False))
     else:
-        _show(found)
+        _show(inspection)
         for what, path in (("recipe", recipe_out), ("plot", plot)):
             if path is not None:
                 say(f"{what}: {path}")
-    todo = found.findings if strict else found.of_level(ERROR, WARNING)
+    todo = inspection.findings if strict else inspection.of_level(ERROR, WARNING)
     raise typer.Exit(int(bool(todo)))
 
 
 def _write_recipe(path: Path, text: bytes) -> None:
-    """Write the proposal, unless a recipe that says something else is there.
+    """Write the proposed recipe, but do not replace a different one.
 
     Raises:
-        RecordingError: it is; by hand or by `gains` it may hold what no log tells.
+        RecordingError: the file exists and differs; entries from `gains` or by hand would be lost.
     """
     if path.is_file() and path.read_bytes() != text:
         raise RecordingError(
-            f"'{path}' is there already and differs from what is proposed now; give --recipe-out "
-            "another name and compare them, or remove the old one"
+            f"'{path}' exists and differs from the proposed recipe; give --recipe-out another "
+            "name and compare them, or remove the existing file"
         )
     with replacing(path) as file:
         file.write(text)
 
 
-def _show(found: Inspection) -> None:
-    recording = found.recording
+def _show(inspection: Inspection) -> None:
+    recording = inspection.recording
     rate = f", {recording.rate_hz:.4g} Hz" if len(recording) > 1 else ""
     title = f"{recording.name}: {len(recording)} rows, {recording.duration:.4g} s{rate}"
     table = Table("joint", title=title)
@@ -116,19 +124,19 @@ def _show(found: Inspection) -> None:
                 cells.append(f"{size:.3g}")
         table.add_row(name, *cells)
     console.print(table)
-    for finding in found.findings:
-        colour = _COLOURS[finding.level]
-        console.print(f"[{colour}]{finding.level}[/] {finding.kind}: ", end="", highlight=False)
+    for finding in inspection.findings:
+        style = _STYLES[finding.level]
+        console.print(f"[{style}]{finding.level}[/] {finding.kind}: ", end="", highlight=False)
         say(finding.sentence)
-    count = {level: len(found.of_level(level)) for level in (ERROR, WARNING)}
+    count = {level: len(inspection.of_level(level)) for level in (ERROR, WARNING)}
     say(f"{count[ERROR]} error(s), {count[WARNING]} warning(s)")
 
 
-def _facts(found: Inspection) -> dict[str, Any]:
-    recording = found.recording
+def _facts(inspection: Inspection) -> dict[str, Any]:
+    recording = inspection.recording
     return {
         "command": command_line(),
-        "robot": found.robot,
+        "robot": inspection.robot,
         "log": recording.name,
         "rows": len(recording),
         "joints": recording.n_joints,
@@ -144,7 +152,7 @@ def _facts(found: Inspection) -> dict[str, Any]:
                 "sentence": f.sentence,
                 "evidence": f.evidence,
             }
-            for f in found.findings
+            for f in inspection.findings
         ],
-        "recipe": recipe_text(found),
+        "recipe": recipe_text(inspection),
     }

@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, say
-from runtime.cli.log_options import CarryingLink, Rate, Recipe, Run
+from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
 from runtime.cli.prepared_log import preparation_of
 from runtime.identification.payload import (
     Payload,
@@ -27,34 +27,36 @@ _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 
 
 def payload_command(
-    log: Annotated[
-        str, typer.Argument(metavar="LOG", help="A recording with the payload, as for identify.")
-    ],
+    log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")],
     robot: Robot = "fr3",
     link: CarryingLink = None,
     empty: Annotated[
         str | None,
         typer.Option(
-            metavar="LOG0", help="The same motion without it: friction and bias cancel, whatever."
+            metavar="LOG",
+            help="A log of the same motion without payload; friction and bias then cancel.",
         ),
     ] = None,
     model: Annotated[
         Path | None,
         typer.Option(
-            help="Folder that identify wrote of the empty arm; default the URDF, no friction."
+            metavar="FOLDER",
+            help="Folder written by identify for the arm without payload; default the URDF without "
+            "friction.",
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the result; default results/LOG-payload.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of the result; default results/LOG-payload."),
     ] = None,
     recipe: Recipe = None,
     run: Run = None,
-    empty_run: Annotated[str | None, typer.Option(help="Which run is the empty one.")] = None,
-    cutoff: Annotated[
-        float | None, typer.Option(help="Low-pass q, dq, tau at this frequency, Hz.")
+    empty_run: Annotated[
+        str | None, typer.Option(help="Run of the log without payload; default --run.")
     ] = None,
+    cutoff: CutoffHz = None,
     rate: Rate = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print payload.json only.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print payload.json instead.")] = False,
 ) -> None:
     r"""Identify mass, centre of mass and inertia of a payload.
 
@@ -62,9 +64,10 @@ def payload_command(
     symgen payload loaded.csv --robot fr3 --link fr3_link7 --empty empty.csv
     symgen payload loaded.csv --robot fr3 --model results/first-map --cutoff 10
 
-    Best: record one motion twice, with and without the payload, and give both (--empty). The wrist
-    has to turn the payload against gravity; ten seconds weigh 1 kg to half a gram where the torque
-    is good to 0.05 N·m. The values hold in the flange's frame where the link carries the flange.
+    The most accurate way is to record one motion twice, with and without the payload, and to give
+    both logs (--empty). The wrist must turn the payload against gravity. With 0.05 N·m of torque
+    noise, ten seconds determine a mass of 1 kg to half a gram. The values are in the frame of the
+    flange if the link carries a flange, else in the frame of the link.
 
     Written: payload.json (values, σ, intervals), set_load.json (arguments of libfranka's setLoad),
     endeffector-config.json (Franka Desk) and payload.urdf (a link to append).
@@ -73,7 +76,7 @@ def payload_command(
     loaded = read_recording(log, recipe, run, lib.joint_names)
     joints = lib.joint_names
     bare = read_recording(empty, recipe, empty_run or run, joints) if empty else None
-    found = identify_payload(
+    payload = identify_payload(
         loaded,
         lib,
         link,
@@ -82,25 +85,25 @@ def payload_command(
         preparation=preparation_of(loaded, cutoff, rate),
     )
     folder = out or Path("results") / f"{Path(log).stem}-payload"
-    paths = write_payload(found, lib, folder, command_line())
+    paths = write_payload(payload, lib, folder, command_line())
     if as_json:
-        print(json.dumps(load_facts(found, lib), indent=1, ensure_ascii=False))
+        print(json.dumps(load_facts(payload, lib), indent=1, ensure_ascii=False))
         return
-    console.print(_table(found))
-    say(f"status: {found.status}")
-    way = "against the empty run" if found.differential else f"arm: {found.arm}"
-    say(f"{way}; {found.n_samples} samples count as {found.n_effective:.0f} independent ones")
-    for note in found.notes:
+    console.print(_table(payload))
+    say(f"status: {payload.status}")
+    way = "against the empty run" if payload.differential else f"arm: {payload.arm}"
+    say(f"{way}; {payload.n_samples} samples count as {payload.n_effective:.0f} independent ones")
+    for note in payload.notes:
         say(f"note: {note}")
     say(f"written: {', '.join(map(str, paths))}")
 
 
-def _table(found: Payload) -> Table:
-    title = f"Payload on {found.mount.link}, in the frame of {found.mount.frame}"
+def _table(payload: Payload) -> Table:
+    title = f"Payload on {payload.mount.link}, in the frame of {payload.mount.frame}"
     table = Table("value", title=title)
-    for head in ("found", "± 95 %", "± 95 % if white", "unit", ""):
+    for head in ("estimate", "± 95 %", "± 95 % white noise", "unit", ""):
         table.add_column(head, justify="left" if head in {"unit", ""} else "right")
-    body, white = found.body, found.white
+    body, white = payload.body, payload.white
     for k, (name, unit) in enumerate(zip(NAMES, _UNITS, strict=True)):
         table.add_row(
             name,
@@ -108,6 +111,6 @@ def _table(found: Payload) -> Table:
             f"{NORMAL_95 * body.sigma[k]:.2g}",
             f"{NORMAL_95 * white.sigma[k]:.2g}",
             unit,
-            "the prior's" if name in found.prior_dominated else "",
+            "from the prior" if name in payload.prior_dominated else "",
         )
     return table

@@ -14,10 +14,10 @@ from runtime.cli.predict_tables import (
     EarlierLogs,
     PayloadOnly,
     base_table,
+    gain_table,
     link_table,
     payload_sentence,
     torque_sentence,
-    worth_table,
 )
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.errors import IdentificationError
@@ -43,7 +43,7 @@ from runtime.recording import Friction
 from runtime.simulation import sample_times
 
 SAME = "same"
-"""Instead of a motion: this one again."""
+"""Value of --more: the same motion again."""
 
 
 def predict_command(
@@ -59,8 +59,8 @@ def predict_command(
         str | None,
         typer.Option(
             metavar="σ",
-            help="Torque noise, N·m: one number or one per joint; default from the residuals of a "
-            f"log with torque, else {NOISE:g}.",
+            help="Standard deviation of the torque noise, N·m: one number or one per joint with "
+            f"commas; default from the residuals of a log with torque, else {NOISE:g}.",
         ),
     ] = None,
     log_rate: Annotated[
@@ -75,7 +75,7 @@ def predict_command(
         str | None,
         typer.Option(
             metavar="COLUMNS",
-            help="Friction estimated beside, a list as for identify, or none; default from the "
+            help="Friction columns that are estimated too, with commas, or none; default from the "
             f"recipe, else {','.join(FRICTION)}.",
         ),
     ] = None,
@@ -85,31 +85,35 @@ def predict_command(
         str | None,
         typer.Option(
             metavar=f"MOTION|{SAME}",
-            help=f"What {', '.join(f'{s:g}' for s in SECONDS)} s more would improve, of the {SAME} "
-            "motion again, or of another motion or log.",
+            help=f"Show what {', '.join(f'{s:g}' for s in SECONDS)} s of recording would add, "
+            f"with the {SAME} motion again or with another motion or log.",
         ),
     ] = None,
     recipe: Recipe = None,
     run: Run = None,
     cutoff: Cutoff = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw σ over recording time: .png, .pdf or .svg.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON, in SI.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print JSON in SI units instead.")
+    ] = False,
 ) -> None:
     r"""Predict the accuracy that a motion or a log allows.
-
-    Standard deviations by least squares and by MAP with the URDF as prior: base parameters, every
-    link's mass, centre of mass and inertia, a payload of 1 kg on a known arm, and the torque of
-    motions never seen. A log with torque tells its own noise, and how many samples its correlated
-    residuals are worth (N_eff).
 
     \b
     symgen predict results/motion.json --robot fr3 --noise 0.05 --log-rate 100
     symgen predict log.csv --robot fr3 --more same
     symgen predict log.csv --robot fr3 --more results/motion.json --plot sigma.png
 
-    --more is a rule when to stop: go on while anything improves by more than 10 %.
+    Printed are standard deviations by least squares and by MAP with the URDF as prior: of the base
+    parameters, of mass, centre of mass and inertia of every link, of a payload of 1 kg on a known
+    arm, and of the torque of motions that are not in the log.
+
+    A log with torque gives its noise by its residuals, and the effective sample size N_eff of
+    these correlated residuals. With --more, record on while any σ improves by more than
+    10 %.
     """
     lib = load(robot)
     if log_rate is not None:
@@ -122,34 +126,35 @@ def predict_command(
         lib, _moved(lib, trajectory, options, log_rate), noise, earlier_log, payload_only
     )
     now = situation.expected()
-    worths = () if more is None else _worths(situation, now, more, options, log_rate)
+    steps = () if more is None else _gains(situation, now, more, options, log_rate)
     if plot is not None:
         _draw(situation, more, options, log_rate, plot)
     if as_json:
-        told = _facts(situation, now, worths)
-        print(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
+        figures = _facts(situation, now, steps)
+        print(json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False))
         return
-    _show(situation, now, worths)
+    _show(situation, now, steps)
     if plot is not None:
         say(f"plot: {plot}")
 
 
 def _facts(
-    situation: Situation, now: Expected, worths: tuple[GainOfRecording, ...]
+    situation: Situation, now: Expected, steps: tuple[GainOfRecording, ...]
 ) -> dict[str, object]:
     lib, alone = situation.lib, situation.known.payload_only
-    told = situation.facts() | facts(now, lib, alone)
+    figures = situation.facts() | facts(now, lib, alone)
     if not alone:
-        told["torque_of_unseen_motions"] = _unseen(now, lib).tolist()
-    if worths:
-        told["more"] = [
-            {"seconds": w.seconds, "motion": w.motion, "gains": dict(w.gains)} for w in worths
+        figures["torque_of_unseen_motions"] = _unseen(now, lib).tolist()
+    if steps:
+        figures["more"] = [
+            {"seconds": step.seconds, "motion": step.motion, "gains": dict(step.gains)}
+            for step in steps
         ]
-        told["verdict"] = verdict(worths)
-    return told
+        figures["verdict"] = verdict(steps)
+    return figures
 
 
-def _show(situation: Situation, now: Expected, worths: tuple[GainOfRecording, ...]) -> None:
+def _show(situation: Situation, now: Expected, steps: tuple[GainOfRecording, ...]) -> None:
     lib, alone = situation.lib, situation.known.payload_only
     say(situation.sentence())
     if not alone:
@@ -157,9 +162,9 @@ def _show(situation: Situation, now: Expected, worths: tuple[GainOfRecording, ..
         console.print(link_table(now, lib))
         say(torque_sentence(_unseen(now, lib)))
     say(payload_sentence(now, alone))
-    if worths:
-        console.print(worth_table(worths))
-        say(verdict(worths))
+    if steps:
+        console.print(gain_table(steps))
+        say(verdict(steps))
 
 
 def _unseen(now: Expected, lib: Library) -> Array:
@@ -176,9 +181,9 @@ def _moved(
 ) -> MotionSamples:
     """A trajectory, sampled, or a log, prepared; `terms` are those of the motion before."""
     if _is_motion(source):
-        found = read_trajectory(Path(source), lib)
-        t = sample_times(found.duration, log_rate or RATE)
-        recording = planned_recording(found, t, lib, Path(source).stem)
+        motion = read_trajectory(Path(source), lib)
+        t = sample_times(motion.duration, log_rate or RATE)
+        recording = planned_recording(motion, t, lib, Path(source).stem)
         return motion_samples_of(recording, lib, None, terms or _friction(options.friction))
     data = read_prepared_log(lib, source, options)
     terms = terms or data.friction or _friction(None)
@@ -228,7 +233,7 @@ def _further(
     return further
 
 
-def _worths(
+def _gains(
     situation: Situation,
     now: Expected,
     more: str,

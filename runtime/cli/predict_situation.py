@@ -1,4 +1,4 @@
-"""What `predict` speaks of: a motion, the noise of its torque, and what is known before."""
+"""Input of `predict`: a motion, the noise of its torque, and the knowledge before it."""
 
 from dataclasses import dataclass, replace
 
@@ -22,7 +22,16 @@ from runtime.recording import read_recording
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """A motion, its noise, and what is known before."""
+    """A motion or log, the noise of its torque, and the knowledge before it.
+
+    Attributes:
+        lib: library of the robot.
+        moved: samples of the motion.
+        noise: σ of the torque, (n,) N·m.
+        unit: samples per independent sample, at least 1.
+        from_residuals: whether `noise` is from the residuals of a log.
+        known: prior and earlier logs.
+    """
 
     lib: Library
     moved: MotionSamples
@@ -32,34 +41,47 @@ class Situation:
     known: Knowledge
 
     def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
-        """σ of the motion, and of some more seconds of another one."""
+        """Expected accuracy of the motion, and of some seconds of another motion after it.
+
+        Args:
+            more: the other motion.
+            seconds: duration of it, s.
+
+        Returns:
+            σ of all parameters.
+
+        Raises:
+            IdentificationError: only a payload is unknown, and the motion does not determine it.
+        """
         statistics = self.moved.statistics(self.lib, self.noise)
         if more is not None:
             statistics = statistics.merged(more.statistics(self.lib, self.noise, seconds))
-        found = expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
-        if self.known.payload_only and found.payload is None:
+        sigmas = expected(self.lib, statistics, self.known, self.unit, self.moved.columns)
+        if self.known.payload_only and sigmas.payload is None:
             raise IdentificationError(
-                f"'{self.moved.name}' does not tell all ten parameters of a payload; give a motion "
-                "that turns the last link about all axes (excite --payload-only designs one)"
+                f"'{self.moved.name}' does not determine all ten parameters of a payload; give a "
+                "motion that turns the last link about all axes (excite --payload-only designs one)"
             )
-        return found
+        return sigmas
 
     def sentence(self) -> str:
-        """What is taken for granted."""
+        """Sentence on duration, samples, noise and unknowns."""
         low, high = self.noise.min(), self.noise.max()
         size = f"{low:.3g}" + ("" if low == high else f"–{high:.3g}")
         origin = " (RMS of the log's residuals)" if self.from_residuals else ""
         count = len(self.moved.samples)
-        worth = f", worth {count / self.unit:.0f} independent ones" if self.unit > 1 else ""
+        effective = (
+            f", as good as {count / self.unit:.0f} independent ones" if self.unit > 1 else ""
+        )
         earlier = ", earlier logs counted" if self.known.earlier is not None else ""
         beside = ", ".join(self.moved.columns) or "none"
         return (
-            f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{worth}; torque noise "
-            f"{size} N·m{origin}; friction beside: {beside}{earlier}"
+            f"{self.moved.name}: {self.moved.seconds:.3g} s, {count} samples{effective}; torque "
+            f"noise {size} N·m{origin}; friction columns: {beside}{earlier}"
         )
 
     def facts(self) -> dict[str, object]:
-        """The same for JSON files."""
+        """The same as JSON-ready values."""
         count = len(self.moved.samples)
         return {
             "robot": self.lib.name,
@@ -82,28 +104,33 @@ def situation_of(
     earlier: list[str] | None,
     payload_only: bool,
 ) -> Situation:
-    """What the options say, and where they say nothing, what the log's residuals do.
+    """Situation of the options; the noise is by default that of the log's residuals.
 
     Args:
         lib: the robot.
         moved: the motion.
-        noise: of the torque, N·m, as --noise.
+        noise: value of --noise, N·m.
         earlier: logs that are recorded already.
         payload_only: only the last link is unknown.
 
+    Returns:
+        The situation.
+
     Raises:
-        RuntimeFault: the noise or an earlier log is none.
+        RuntimeFault: the noise is out of range, or an earlier log cannot be read.
     """
     given = None if noise is None else information(lib, torque_noise(noise, lib.n_joints)).noise
-    own: Noise | None = noise_of(lib, moved)
+    residual_noise: Noise | None = noise_of(lib, moved)
     known = replace(Knowledge.of(lib), payload_only=payload_only)
-    if own is not None:
-        known = replace(known, pi=own.pi)
-    sigma = given if given is not None else own.sigma if own is not None else None
+    if residual_noise is not None:
+        known = replace(known, pi=residual_noise.pi)
+    sigma = (
+        given if given is not None else residual_noise.sigma if residual_noise is not None else None
+    )
     if sigma is None:
         sigma = np.full(lib.n_joints, NOISE)
     if earlier:
         logs = [read_recording(log, joints=lib.joint_names) for log in earlier]
         known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
-    unit = own.inflation if own is not None else 1.0
-    return Situation(lib, moved, sigma, unit, given is None and own is not None, known)
+    unit = residual_noise.inflation if residual_noise is not None else 1.0
+    return Situation(lib, moved, sigma, unit, given is None and residual_noise is not None, known)

@@ -1,4 +1,4 @@
-"""What a motion will tell, as tables and sentences; and the options that decide about it."""
+"""Expected accuracy of a motion as tables and sentences, and the options that it depends on."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -21,63 +21,94 @@ EarlierLogs = Annotated[
     typer.Option(
         "--earlier-log",
         metavar="LOG",
-        help="A log that is recorded already: its information is added; repeatable.",
+        help="A log that is recorded already; its information is added. Repeatable.",
     ),
 ]
 PayloadOnly = Annotated[
     bool,
     typer.Option(
         "--payload-only",
-        help="Only the ten parameters of the last link are unknown, the arm is known.",
+        help="Only the ten parameters of the last link are unknown; the arm is known.",
     ),
 ]
 
 
 def torque_noise(text: str, joints: int) -> Array:
-    """One number for all joints or one for each, separated by commas, N·m."""
+    """Standard deviation of the torque noise from --noise.
+
+    Args:
+        text: one number, or one per joint with commas, N·m.
+        joints: n.
+
+    Returns:
+        (n,) N·m.
+
+    Raises:
+        IdentificationError: the text is something else.
+    """
     count = joints if "," in text else 1
     return np.broadcast_to(np.array(numbers_option(text, count, "--noise")), joints).copy()
 
 
 def information_of(
-    lib: Library, noise: str, rate: float, logs: Sequence[str] | None, payload: bool
+    lib: Library, noise: str, rate: float, logs: Sequence[str] | None, payload_only: bool
 ) -> Information:
-    """Noise, rate, earlier logs and unknowns as the options name them."""
-    told = information(lib, torque_noise(noise, lib.n_joints), rate, payload=payload)
+    """Noise, rate, earlier logs and unknowns of a planned log.
+
+    Args:
+        lib: library of the robot.
+        noise: value of --noise, N·m.
+        rate: rate at which the log will be recorded, Hz.
+        logs: earlier logs.
+        payload_only: only the ten parameters of the last link are unknown.
+
+    Returns:
+        Settings of the criteria of a motion.
+
+    Raises:
+        RuntimeFault: a value is out of range, or an earlier log cannot be read.
+    """
+    planned = information(lib, torque_noise(noise, lib.n_joints), rate, payload=payload_only)
     if not logs:
-        return told
+        return planned
     known = information_of_logs(
-        lib, [read_recording(log, joints=lib.joint_names) for log in logs], told.noise
+        lib, [read_recording(log, joints=lib.joint_names) for log in logs], planned.noise
     )
-    return information(lib, told.noise, rate, known, payload)
+    return information(lib, planned.noise, rate, known, payload_only)
 
 
-def tell(found: Design, expected: Prediction, columns: int) -> None:
-    """The design's criteria, their spread over the starts, and what the motion will tell."""
+def print_design(optimum: Design, expected: Prediction, columns: int) -> None:
+    """Print the criteria of a design, their spread over the starts, and the expected accuracy.
+
+    Args:
+        optimum: the designed motion.
+        expected: accuracy of a log of it.
+        columns: number of base parameters.
+    """
     say(
-        f"condition number {found.condition:.4f} of the column-normalised base regressor "
+        f"condition number {optimum.condition:.4f} of the column-normalised base regressor "
         f"({columns} columns, {COST_SAMPLES} samples)"
     )
-    spreads = {"cond": found.conditions}
-    if found.criterion != "cond":
-        spreads = {f"{found.criterion} ({found.unit})": found.values, **spreads}
+    spreads = {"cond": optimum.conditions}
+    if optimum.criterion != "cond":
+        spreads = {f"{optimum.criterion} ({optimum.unit})": optimum.values, **spreads}
     for label, values in spreads.items():
         say(
             f"starts, {label}: best {min(values):.4g}, median {np.median(values):.4g}, "
             f"worst {max(values):.4g}"
         )
-    if found.variations:
-        best = min(found.variations)
-        say(f"{len(found.variations)} variations of the best starts, cond: best {best:.4g}")
+    if optimum.variations:
+        best = min(optimum.variations)
+        say(f"{len(optimum.variations)} variations of the best starts, cond: best {best:.4g}")
     console.print(criteria_table(expected))
     for sentence in prediction_sentences(expected):
         say(sentence)
-    for assumption in found.assumptions:
+    for assumption in optimum.assumptions:
         say(f"note: {assumption}")
 
 
 def criteria_table(prediction: Prediction) -> Table:
-    """All criteria, for every set of columns and number of samples."""
+    """All criteria, for each set of unknowns and each number of samples."""
     unknowns = "payload" if prediction.payload_only else "base"
     prior = ", with earlier logs" if prediction.has_earlier_logs else ""
     sigma = prediction.noise
@@ -103,7 +134,7 @@ def criteria_table(prediction: Prediction) -> Table:
 
 
 def prediction_sentences(prediction: Prediction) -> tuple[str, ...]:
-    """What the table does not hold."""
+    """Expected accuracy of torque and payload, and notes."""
     lines = [torque_sentence(prediction.torque)]
     if prediction.payload_mass is not None and prediction.payload_com is not None:
         lines.append(_payload(prediction.payload_mass, prediction.payload_com))
@@ -111,84 +142,115 @@ def prediction_sentences(prediction: Prediction) -> tuple[str, ...]:
 
 
 def torque_sentence(bands: Array) -> str:
-    """σ of torques of motions never seen."""
-    told = ", ".join(f"{1000 * value:.2f}" for value in bands)
-    return f"expected σ of the predicted torque, joint by joint: {told} mN·m"
+    """Sentence on the σ of predicted torque, (n,) N·m, for motions that are not in the log."""
+    sigmas = ", ".join(f"{1000 * value:.2f}" for value in bands)
+    return f"expected σ of the predicted torque, joint by joint: {sigmas} mN·m"
 
 
 def _payload(mass: float, com: Array) -> str:
-    told = " ".join(f"{1000 * value:.2f}" for value in com)
+    position = " ".join(f"{1000 * value:.2f}" for value in com)
     return (
         f"a payload of 1 kg on a known arm: mass to ±{1000 * mass:.2f} g, "
-        f"centre of mass to ±({told}) mm"
+        f"centre of mass to ±({position}) mm"
     )
 
 
-def payload_sentence(found: Expected, alone: bool) -> str:
-    """What is told of a payload; its inertia, too, where nothing else is asked for."""
-    if found.payload is None or found.payload_com is None:
-        return "note: a payload on the last link stays untold; too few joints turn it"
-    told = _payload(float(mass(found.payload)), found.payload_com)
+def payload_sentence(expected: Expected, alone: bool) -> str:
+    """Sentence on the expected accuracy of a payload.
+
+    Args:
+        expected: accuracy of the motion.
+        alone: only the payload is unknown; its inertia is then in the sentence too.
+
+    Returns:
+        Mass in g, centre of mass in mm, inertia in kg·m².
+    """
+    if expected.payload is None or expected.payload_com is None:
+        return "note: a payload on the last link is not identifiable: too few joints turn it"
+    sentence = _payload(float(mass(expected.payload)), expected.payload_com)
     if not alone:
-        return told
-    sigmas = " ".join(f"{value:.2g}" for value in inertia(found.payload))
-    return f"{told}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
+        return sentence
+    sigmas = " ".join(f"{value:.2g}" for value in inertia(expected.payload))
+    return f"{sentence}, inertia xx yy zz xy xz yz about the link's origin to ±({sigmas}) kg·m²"
 
 
-def base_table(found: Expected, lib: Library) -> Table:
-    """σ of every base parameter, the worst relative to its size first."""
-    table = Table(title="base parameters: expected σ, the worst first")
+def base_table(expected: Expected, lib: Library) -> Table:
+    """Expected σ of every base parameter, the largest relative to its value first.
+
+    Args:
+        expected: accuracy of the motion.
+        lib: library of the robot.
+
+    Returns:
+        Table of σ by least squares and by MAP, in the unit of each parameter, and in %.
+    """
+    table = Table(title="base parameters: expected σ, the largest relative σ first")
     table.add_column("around", overflow="fold")
-    for head in ("least squares", "with prior", "% of size"):
+    for head in ("least squares", "MAP", "MAP % of value"):
         table.add_column(head, justify="right")
     names = base_names(lib)
-    for k in np.argsort(-found.relative):
+    for k in np.argsort(-expected.relative):
         table.add_row(
             names[k].removeprefix("base "),
-            "untold" if found.base is None else f"{found.base[k]:.3g}",
-            f"{found.base_map[k]:.3g}",
-            f"{100 * found.relative[k]:.2f}",
+            "not identifiable" if expected.base is None else f"{expected.base[k]:.3g}",
+            f"{expected.base_map[k]:.3g}",
+            f"{100 * expected.relative[k]:.2f}",
         )
     return table
 
 
-def link_table(found: Expected, lib: Library) -> Table:
-    """σ of every link's mass, centre of mass and inertia, and what of it is the prior's."""
+def link_table(expected: Expected, lib: Library) -> Table:
+    """Expected σ of mass, centre of mass and inertia of every link by MAP.
+
+    Args:
+        expected: accuracy of the motion.
+        lib: library of the robot.
+
+    Returns:
+        Table in g, mm and kg·m²; the last column counts parameters that the data determine.
+    """
     table = Table(Column("link", overflow="fold"), title="links: expected σ with the URDF as prior")
-    for head in ("mass g", "CoM mm", "inertia kg·m²", "the data tell"):
+    for head in ("mass g", "CoM mm", "inertia kg·m²", "from the data"):
         table.add_column(head, justify="right")
     rows = zip(
         lib.link_names,
-        links(found.pi),
-        found.com,
-        links(found.share),
+        links(expected.pi),
+        expected.com,
+        links(expected.share),
         strict=True,
     )
-    for name, own, com, share in rows:
+    for name, pi, com, share in rows:
         table.add_row(
             name,
-            f"{1000 * mass(own):.2f}",
+            f"{1000 * mass(pi):.2f}",
             " ".join(f"{1000 * value:.2f}" for value in com),
-            f"{inertia(own).max():.2g}",
+            f"{inertia(pi).max():.2g}",
             f"{np.sum(share < DETERMINED)} of {N_PARAMETERS}",
         )
     return table
 
 
-def worth_table(worths: Sequence[GainOfRecording]) -> Table:
-    """What some more seconds improve: the payload, how many numbers, and which most of all."""
-    table = Table("more", title=f"expected gain of σ by more of {worths[0].motion}, %")
-    names = [name for name in worths[0].gains if name.startswith("payload")]
-    for head in (*sorted(names), "most", "above 10 %"):
+def gain_table(steps: Sequence[GainOfRecording]) -> Table:
+    """Improvement of σ by more recording: payload, largest, and count of those above 10 %.
+
+    Args:
+        steps: gains for increasing numbers of seconds.
+
+    Returns:
+        Table in % of the present σ.
+    """
+    table = Table("more", title=f"expected gain of σ by more of {steps[0].motion}, %")
+    names = [name for name in steps[0].gains if name.startswith("payload")]
+    for head in (*sorted(names), "largest", "above 10 %"):
         table.add_column(head, justify="right")
-    table.add_column("most of all")
-    for worth in worths:
-        top, gain = next(iter(worth.gains.items()))
+    table.add_column("largest gain of")
+    for step in steps:
+        top, gain = next(iter(step.gains.items()))
         table.add_row(
-            f"{worth.seconds:g} s",
-            *(f"{100 * worth.gains[name]:.1f}" for name in sorted(names)),
+            f"{step.seconds:g} s",
+            *(f"{100 * step.gains[name]:.1f}" for name in sorted(names)),
             f"{100 * gain:.1f}",
-            f"{len(worth.gaining)} of {len(worth.gains)}",
+            f"{len(step.gaining)} of {len(step.gains)}",
             top,
         )
     return table

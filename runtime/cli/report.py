@@ -12,14 +12,18 @@ from runtime.errors import IdentificationError
 def report_command(
     results: Annotated[
         Path,
-        typer.Argument(metavar="RESULTS", help="Folder of identify, of compare or of reproduce."),
+        typer.Argument(metavar="RESULTS", help="Folder written by identify, compare or reproduce."),
     ],
-    out: Annotated[Path | None, typer.Option(help="The page; default RESULTS/report.html.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="HTML page; default RESULTS/report.html.")
+    ] = None,
     markdown: Annotated[
-        Path | None, typer.Option(help="All tables of the experiments as Markdown.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write all tables of reproduce as Markdown, too."),
     ] = None,
     figures: Annotated[
-        Path | None, typer.Option(help="Folder for all figures of the experiments as PNG.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Write all figures of reproduce as PNG, too."),
     ] = None,
     into: Annotated[
         Path | None,
@@ -36,6 +40,9 @@ def report_command(
     \b
     symgen report results/first-map
     symgen report results/experiments --markdown tables.md --figures figures
+
+    The page needs no network: its tables sort and its figures zoom. identify and compare write it
+    themselves.
     """
     # matplotlib is slow to import
     from runtime.outputs.report import write_report
@@ -54,8 +61,8 @@ def report_command(
         )
     elif markdown or figures or into or readme:
         raise IdentificationError(
-            "--markdown, --figures, --into and --readme need the folder of experiments, and "
-            f"'{results}' holds none; give the folder that reproduce wrote"
+            "--markdown, --figures, --into and --readme need a folder written by reproduce, got "
+            f"'{results}'; leave these options out"
         )
     else:
         written = (write_report(results, page),)

@@ -27,25 +27,33 @@ EVERYTHING, LISTED = "all", "list"
 def reproduce_command(
     what: Annotated[
         str,
-        typer.Argument(metavar="ID|all|list", help="A table or figure, all of them, or a list."),
+        typer.Argument(
+            metavar="ID|all|list",
+            help="Id of a table or figure; all for every one; list for their ids and states.",
+        ),
     ],
     robot: Robot = "fr3",
     trials: Annotated[
-        int, typer.Option(help="Monte Carlo trials, as the document has them.", min=1)
+        int, typer.Option(help="Number of Monte Carlo trials; default that of the document.", min=1)
     ] = DEFAULT_TRIALS,
-    out: Annotated[Path, typer.Option(help="Folder; every study has one of its own in it.")] = Path(
-        "results/experiments"
-    ),
+    out: Annotated[
+        Path,
+        typer.Option(metavar="FOLDER", help="Folder of the results, with one folder per study."),
+    ] = Path("results/experiments"),
     seed: Annotated[
         int | None,
-        typer.Option(help="Of the trials; the designed motions stay. Default 0.", min=0),
+        typer.Option(
+            help="Seed of the trials; the designed motions stay the same. Default 0.", min=0
+        ),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(help="Address of a dask scheduler, as tcp://host:8786: chunks go there."),
+        typer.Option(
+            metavar="tcp://HOST:PORT", help="Compute on the workers of this dask cluster instead."
+        ),
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Throw the trials away that are there, and start anew.")
+        bool, typer.Option("--fresh", help="Delete the trials in the folder and compute all again.")
     ] = False,
 ) -> None:
     r"""Reproduce the tables and figures of the document.
@@ -55,9 +63,10 @@ def reproduce_command(
     symgen reproduce table-5.2 --trials 20
     symgen reproduce all
 
-    Several ids share a study; what is computed already is taken from the folder, and a run that
-    was interrupted or killed goes on where it ended. Written per study: trials.parquet,
-    series.npz and result.json with config, hash, versions and seeds.
+    The numbers stand beside those of the document and those of our best method. Several ids share
+    a study. Trials that are in the folder are not computed again, so an interrupted run continues
+    with the same command. Written per study: trials.parquet, series.npz, and result.json with
+    settings, hash, versions and seeds; report makes a page of them.
     """
     if what == LISTED:
         _list(load(robot), Request(out, trials, seed))
@@ -83,12 +92,12 @@ def reproduce_command(
             notify=say,
         )
         try:
-            found = [reproduce(lib, study, request) for study in studies]
+            results = [reproduce(lib, study, request) for study in studies]
         except KeyboardInterrupt:
             progress.stop()
-            say("interrupted; finished chunks are kept, the same command goes on from them")
+            say("interrupted; complete chunks are kept, and the same command continues from them")
             raise typer.Exit(INTERRUPTED) from None
-    for study, facts in zip(studies, found, strict=True):
+    for study, facts in zip(studies, results, strict=True):
         place = out / study.name / RESULT
         say(f"{study.title}: {place} (config {facts['config_hash'][:12]})")
 

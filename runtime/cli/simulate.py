@@ -32,7 +32,7 @@ from runtime.simulation.controller_file import ClosedLoop, write_controller
 
 
 class Engine(StrEnum):
-    """Who moves the robot."""
+    """Simulator of the robot."""
 
     compiled = "compiled"
     mujoco = "mujoco"
@@ -45,76 +45,97 @@ _ONLY_COMPILED = (
 _ONLY_MUJOCO = ("payload", "settings", "truth_seed")
 
 Made = tuple[Recording, dict[str, Any], ClosedLoop | None]
-"""A log, its truth, and the loop it came from."""
+"""A log, its true parameters, and its closed-loop description."""
 
 
 def simulate_command(
     context: typer.Context,
     robot: Robot = "fr3",
     trajectory: Annotated[
-        Path | None, typer.Option(help="JSON of excite; default: one quick design.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Motion written by excite; default a design with one start."
+        ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="CSV or NPZ; default results/ROBOT-simulated.csv")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Log as CSV or NPZ; default results/ROBOT-simulated.csv."
+        ),
     ] = None,
     engine: Annotated[
         Engine | None,
         typer.Option(
-            help="compiled: our own physics, simple friction, white noise. mujoco: like a real "
-            "log, see above; the default with --payload, --settings or --truth-seed."
+            help="compiled: compiled dynamics, linear friction, white noise. mujoco: effects of a "
+            "real robot, see above; default with --payload, --settings or --truth-seed."
         ),
     ] = None,
-    keep_every: Annotated[int, typer.Option(help="Log every n-th sample only.", min=1)] = 1,
+    keep_every: Annotated[int, typer.Option(help="Record every n-th sample only.", min=1)] = 1,
     seed: Seed = 0,
     payload: Annotated[
         str | None,
         typer.Option(
             metavar="MASS,CX,CY,CZ[,LX,LY,LZ]",
-            help="mujoco: a box in the hand, kg and m in the frame of the last link; or a TOML.",
+            help="mujoco: a box as payload, in kg and m in the frame of the last link; or a TOML "
+            "file.",
         ),
     ] = None,
     settings: Annotated[
         Path | None,
-        typer.Option(help="mujoco: TOML that replaces entries of the robot's friction, sensors …"),
+        typer.Option(
+            metavar="FILE",
+            help="mujoco: TOML whose entries replace those of the robot: friction, sensors, delay.",
+        ),
     ] = None,
     truth_seed: Annotated[
-        int, typer.Option(help="mujoco: which robot; --seed is the noise of one log.", min=0)
+        int,
+        typer.Option(help="mujoco: seed of the true robot; --seed is that of the noise.", min=0),
     ] = 0,
     exact: Annotated[
         bool,
-        typer.Option("--ideal", help="Exact motion along the trajectory instead of closed loop."),
+        typer.Option("--ideal", help="Follow the trajectory exactly, without a controller."),
     ] = False,
     perturb: Annotated[
-        float, typer.Option(help="True robot: each lambda of the URDF changed by this fraction.")
+        float, typer.Option(help="Fraction by which each λ of the URDF differs in the true robot.")
     ] = 0.05,
     control_rate: Annotated[
         float | None,
         typer.Option(
-            help="Cycles of the controller per second, each a row of the log, Hz; default 1000, "
+            help="Rate of the controller and of the rows before --keep-every, Hz; default 1000, "
             "with --ideal 100."
         ),
     ] = None,
-    torque_noise: Annotated[float, typer.Option(help="Standard deviation, N·m.")] = 0.05,
-    position_noise: Annotated[float, typer.Option(help="Standard deviation, rad.")] = 1e-5,
-    velocity_noise: Annotated[float, typer.Option(help="Standard deviation, rad/s.")] = 1e-3,
-    viscous: Annotated[float, typer.Option(help="Friction of every joint, N·m·s/rad.")] = 0.0,
-    coulomb: Annotated[float, typer.Option(help="Friction of every joint, N·m.")] = 0.0,
-    rotor: Annotated[float, typer.Option(help="Reflected motor inertia, kg·m².")] = 0.1,
+    torque_noise: Annotated[
+        float, typer.Option(help="Standard deviation of the torque noise, N·m.")
+    ] = 0.05,
+    position_noise: Annotated[
+        float, typer.Option(help="Standard deviation of the position noise, rad.")
+    ] = 1e-5,
+    velocity_noise: Annotated[
+        float, typer.Option(help="Standard deviation of the velocity noise, rad/s.")
+    ] = 1e-3,
+    viscous: Annotated[
+        float, typer.Option(help="Viscous friction of every joint, N·m·s/rad.")
+    ] = 0.0,
+    coulomb: Annotated[float, typer.Option(help="Coulomb friction of every joint, N·m.")] = 0.0,
+    rotor: Annotated[
+        float, typer.Option(help="Motor inertia reflected to the joint, kg·m².")
+    ] = 0.1,
 ) -> None:
     r"""Simulate the log of a robot with known parameters.
-
-    With --engine mujoco the log is like a real one: physics of MuJoCo, a robot that differs from
-    its model as manufacturing makes it, friction with memory, quantised sensors with bias, a
-    controller whose torque arrives late.
-
-    The true parameters are written beside the recording as NAME.truth.json, the controller and
-    the motion it was asked for as NAME.loop.toml and NAME.motion.json.
 
     \b
     symgen simulate --robot fr3 --coulomb 0.3 --out results/sim.csv
     symgen simulate --robot my --ideal --torque-noise 0
     symgen simulate --robot fr3 --engine mujoco --seed 1 --out results/empty.csv
     symgen simulate --robot fr3 --payload 1.8,0.01,0.02,0.167,0.1,0.08,0.1
+
+    With --engine mujoco the log has the effects of a real robot: parameters that differ from the
+    model within manufacturing tolerances, friction with memory, quantised sensors with bias, and a
+    controller whose torque arrives late.
+
+    The true parameters are written beside the log as NAME.truth.json, the controller as
+    NAME.loop.toml and its reference motion as NAME.motion.json.
     """
     virtual = _is_virtual(context, engine)
     lib = load(robot)
@@ -128,11 +149,11 @@ def simulate_command(
         )
         progress.update(task, description="simulating")
 
-        def tell(part: float) -> None:
+        def report(part: float) -> None:
             progress.update(task, completed=part)
 
         if virtual:
-            made = _virtual(lib, motion, settings, payload, seed, truth_seed, tell)
+            made = _virtual(lib, motion, settings, payload, seed, truth_seed, report)
         else:
             noise = {
                 "position_noise": position_noise,
@@ -142,15 +163,15 @@ def simulate_command(
             parts = {"viscous": viscous, "coulomb": coulomb, "rotor": rotor}
             usual = 100.0 if exact else 1000.0
             rate = usual if control_rate is None else control_rate
-            made = _compiled(lib, motion, perturb, parts, noise, rate, exact, seed, tell)
+            made = _compiled(lib, motion, perturb, parts, noise, rate, exact, seed, report)
     _write(lib, motion, made, path, keep_every)
 
 
 def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
-    """Whether MuJoCo is asked for.
+    """Whether the engine is MuJoCo.
 
     Raises:
-        IdentificationError: so is something that only the other engine has.
+        IdentificationError: an option belongs to the other engine.
     """
     given = {
         name
@@ -164,8 +185,8 @@ def _is_virtual(context: typer.Context, engine: Engine | None) -> bool:
         named = ", ".join(options.get(name, f"--{name.replace('_', '-')}") for name in foreign)
         used, other = ("mujoco", "compiled") if virtual else ("compiled", "mujoco")
         raise IdentificationError(
-            f"{named} belongs to the engine '{other}', this is a log of '{used}'; "
-            f"leave it out, or take --engine {other}"
+            f"{named} belongs to the engine '{other}', not to '{used}'; leave it out, or "
+            f"give --engine {other}"
         )
     return virtual
 
@@ -177,7 +198,7 @@ def _virtual(
     payload: str | None,
     seed: int,
     truth_seed: int,
-    tell: Callable[[float], None],
+    report: Callable[[float], None],
 ) -> Made:
     settings = settings_of(lib, settings_file)
     box = None if payload is None else read_payload(payload)
@@ -188,7 +209,7 @@ def _virtual(
         seed=seed,
         truth_seed=truth_seed,
         payload=box,
-        progress=tell,
+        progress=report,
     )
     controller = Controller(stiffness=settings.stiffness, damping=settings.damping)
     loop = ClosedLoop(motion, controller, settings.rotor, settings.rate_hz)
@@ -205,7 +226,7 @@ def _compiled(
     rate: float,
     exact: bool,
     seed: int,
-    tell: Callable[[float], None],
+    report: Callable[[float], None],
 ) -> Made:
     rng = np.random.default_rng(seed)
     lam = perturbed_lam(lib, perturb, rng)
@@ -222,12 +243,12 @@ def _compiled(
     }
     if exact:
         return ideal(lib, motion, plant, rate, rng), truth, None
-    recording = closed_loop(lib, motion, plant, rng, rate, tell)
+    recording = closed_loop(lib, motion, plant, rng, rate, report)
     return recording, truth, ClosedLoop(motion, Controller(), parts["rotor"], rate)
 
 
 def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every: int) -> None:
-    """The log, and beside it what it is of: truth, motion and loop."""
+    """Write the log, and beside it the true parameters, the motion and the controller."""
     recording, facts, loop = made
     if keep_every > 1:
         rows = np.arange(0, len(recording), keep_every)

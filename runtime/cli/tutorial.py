@@ -13,11 +13,14 @@ FOLDER = Path(__file__).resolve().parents[1] / "tutorials"
 
 
 def tutorial_command(
-    name: Annotated[str | None, typer.Argument(help="Which one; without it, their names.")] = None,
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="Name of a tutorial; default a list of all."),
+    ] = None,
 ) -> None:
     r"""Show a tutorial.
 
-    In a terminal it is formatted; into a file or a pipe it goes as Markdown.
+    A terminal shows it formatted; a file or a pipe receives Markdown.
 
     \b
     symgen tutorial

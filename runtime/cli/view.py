@@ -8,6 +8,7 @@ import numpy as np
 import typer
 
 from runtime.cli.common import Robot, say
+from runtime.cli.log_options import Recipe, Run
 from runtime.files import replacing
 from runtime.library import load
 from runtime.outputs.viewer import Player, Scene, look_of, read_motion
@@ -16,22 +17,32 @@ from runtime.outputs.viewer.scene import FRAME_S
 
 def view_command(
     motion: Annotated[
-        str, typer.Argument(metavar="TRAJECTORY|LOG", help="A file of excite, or a recording.")
+        str, typer.Argument(metavar="MOTION", help="A motion written by excite (.json), or a log.")
     ],
     robot: Robot = "fr3",
-    recipe: Annotated[str | None, typer.Option(help="How to read the log.")] = None,
-    run: Annotated[str | None, typer.Option(help="Which run of the recipe.")] = None,
+    recipe: Recipe = None,
+    run: Run = None,
     urdf: Annotated[
-        Path | None, typer.Option(help="A URDF with visual meshes; default the generated one.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="URDF with visual meshes; default that of the generated robot."
+        ),
     ] = None,
     package_dir: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder that holds the packages of the meshes; repeatable."),
+        typer.Option(
+            metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
+        ),
     ] = None,
-    port: Annotated[int, typer.Option(help="Of the server; the next free one is taken.")] = 8080,
+    port: Annotated[
+        int, typer.Option(help="Port of the server; if it is used, the next one.")
+    ] = 8080,
     no_open: Annotated[bool, typer.Option("--no-open", help="Do not open a browser.")] = False,
     html: Annotated[
-        Path | None, typer.Option(help="Write the film as one HTML file instead, and end.")
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write the animation as one HTML file instead of serving it."
+        ),
     ] = None,
 ) -> None:
     r"""Show the moving robot in a web browser.
@@ -40,8 +51,9 @@ def view_command(
     symgen view motion.json --robot fr3
     symgen view log.csv --urdf fr3.urdf --package-dir ~/franka_description
 
-    Visual meshes are drawn where the URDF names them and they are found, else the collision
-    capsules, else plain lines. Ctrl-C ends it.
+    The page plays the motion with the limits of position, velocity and torque. Links are drawn by
+    the visual meshes of the URDF, else by the collision capsules, else by lines. Ctrl-C ends the
+    server.
     """
     lib = load(robot)
     played = read_motion(motion, lib, recipe, run)

@@ -93,7 +93,7 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -
         (("other.npz",), "has 6 joints, the robot 'fr3"),
         (("motion.json", "--more", "other.npz"), "has 6 joints, the robot 'fr3"),
         (("foreign.json",), "belongs to another robot"),
-        (("short.json", "--payload-only"), "does not tell all ten parameters of a payload"),
+        (("short.json", "--payload-only"), "does not determine all ten parameters of a payload"),
         (("motion.json", "--plot", "sigma.txt"), "a picture is expected to end in"),
         (("motion.json", "--earlier-log", "nowhere.csv"), "nowhere.csv"),
     ],

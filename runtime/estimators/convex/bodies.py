@@ -1,6 +1,6 @@
 """−log det P of every link with gradient and Hessian in π, from the library's own P(π).
 
-P is linear in π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) say all about it:
+P is linear in π (Eqs. 3.9, 3.10), so its ten basis matrices B_i = P(e_i) determine it:
 
     ∂(−log det P)/∂π_i = −tr(P⁻¹ B_i),   ∂²/∂π_i∂π_j = tr(P⁻¹ B_i P⁻¹ B_j).
 """
@@ -25,7 +25,7 @@ _SYMMETRIC = np.array(
 
 @dataclass(frozen=True, slots=True)
 class Bodies:
-    """P(π) = Σ π_i B_i of one body; the same for every link of every robot.
+    """Map P(π) = Σ π_i B_i of one body, the same for every link of every robot.
 
     Attributes:
         basis: B, (10, 4, 4).
@@ -34,11 +34,11 @@ class Bodies:
     basis: Array
 
     def pseudo_inertia(self, pi: Array) -> Array:
-        """P_k, (n, 4, 4), from π (10 n,)."""
+        """Pseudo-inertia P_k, (n, 4, 4), from π (10 n,)."""
         return (links(pi) @ self.basis.reshape(N_PARAMETERS, 16)).reshape(-1, 4, 4)
 
     def against(self, matrices: Array) -> Array:
-        """tr(M_k B_i) of symmetric (n, 4, 4), flat (10 n,): the slope of Σ tr(M_k P_k) in π."""
+        """Slope tr(M_k B_i) of Σ tr(M_k P_k) in π, (10 n,), for symmetric M (n, 4, 4)."""
         return (matrices.reshape(-1, 16) @ self.basis.reshape(N_PARAMETERS, 16).T).ravel()
 
     def log_det(self, pi: Array) -> Array | None:
@@ -51,7 +51,7 @@ class Bodies:
         return np.asarray(2 * np.log(diagonal).sum(axis=1))
 
     def curvature(self, pi: Array) -> tuple[Array, Array]:
-        """tr(P_k⁻¹ B_i), (n, 10), and tr(P_k⁻¹ B_i P_k⁻¹ B_j), (n, 10, 10)."""
+        """Traces tr(P_k⁻¹ B_i), (n, 10), and tr(P_k⁻¹ B_i P_k⁻¹ B_j), (n, 10, 10)."""
         inverse = np.linalg.inv(self.pseudo_inertia(pi))
         moved = inverse[:, None] @ self.basis
         count = len(inverse)
@@ -62,10 +62,11 @@ class Bodies:
         )
 
     def spread(self, pi: Array) -> Array:
-        """(n, 10, 10): R with R Rᵀ the inverse of the second derivative, also beside the boundary.
+        """Root R of the inverse Hessian of −log det P, R Rᵀ, per body, (n, 10, 10).
 
-        With P = C Cᵀ the change C E Cᵀ has the length ‖E‖, whatever the symmetric E; the columns
-        are those of an orthonormal basis of them. Nothing is inverted.
+        It is accurate next to the boundary, too: with P = C Cᵀ the change C E Cᵀ has the length
+        ‖E‖ for every symmetric E, so the columns are those of an orthonormal basis of them, and
+        nothing is inverted.
         """
         lower = np.linalg.cholesky(self.pseudo_inertia(pi))[:, None]
         change = lower @ _SYMMETRIC @ np.swapaxes(lower, 2, 3)
@@ -74,6 +75,6 @@ class Bodies:
 
 
 def bodies_of(lib: Library) -> Bodies:
-    """The basis read off the library's kernel, which is evaluated on unit vectors."""
+    """Basis matrices from the kernel of the library, evaluated at unit vectors."""
     unit = np.tile(np.eye(N_PARAMETERS), (1, lib.n_joints))
     return Bodies(np.ascontiguousarray(lib.pseudo_inertia(unit)[:, 0]))

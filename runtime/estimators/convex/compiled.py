@@ -1,6 +1,6 @@
-"""The same minimisers by the library's C, many at once over threads; NumPy where there is none.
+"""The minimisers of `newton` and `path` in compiled C, many at once over threads.
 
-Further linear priors are rare and small, and stay with `newton.minimise`.
+Without a compiled library, and for problems with linear priors, `newton.minimise` is used.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,16 @@ from runtime.library.parameters import N_PARAMETERS
 
 
 def solve(lib: Library, problem: ConvexProblem, start: Array | None = None) -> Minimum:
-    """`newton.minimise` by the compiled loop where there is one."""
+    """Minimise a convex problem by the compiled Newton method where there is one.
+
+    Args:
+        lib: library of the robot.
+        problem: data, prior and constraints.
+        start: first point, (10 n,); default is the centre of the prior.
+
+    Returns:
+        The minimiser.
+    """
     return solve_many(lib, [problem], [start])[0]
 
 
@@ -26,7 +35,17 @@ def solve_many(
     starts: Sequence[Array | None] | None = None,
     threads: int = 1,
 ) -> list[Minimum]:
-    """Minimise many problems of one robot: Monte Carlo. The answers do not depend on `threads`."""
+    """Minimise many problems of one robot, for Monte Carlo.
+
+    Args:
+        lib: library of the robot.
+        problems: data, prior and constraints of each.
+        starts: first points, None for the centre of the prior.
+        threads: number of threads; the results do not depend on it.
+
+    Returns:
+        The minimisers, in order.
+    """
     firsts = list(starts) if starts is not None else [None] * len(problems)
     plain = all(p.inside is None and p.free is None for p in problems)
     if not lib.solves_convex or not plain or not problems:
@@ -43,7 +62,18 @@ def follow_compiled(
     shrink: float = SHRINK,
     most_steps: int = PATIENCE,
 ) -> Path:
-    """`path.follow` by the compiled loop where there is one."""
+    """Follow a path by the compiled Newton method where there is one.
+
+    Args:
+        lib: library of the robot.
+        data: least squares over π.
+        prior: entropic prior; its centre starts the path.
+        shrink: ratio from one weight γ to the next.
+        most_steps: limit of Newton steps per γ.
+
+    Returns:
+        The path with its certificate.
+    """
     return follow_many(lib, [data], [prior], 1, shrink, most_steps)[0]
 
 
@@ -55,22 +85,34 @@ def follow_many(
     shrink: float = SHRINK,
     most_steps: int = PATIENCE,
 ) -> list[Path]:
-    """The paths of many problems of one robot."""
+    """Follow the paths of many problems of one robot.
+
+    Args:
+        lib: library of the robot.
+        data: least squares over π of each problem.
+        priors: entropic prior of each problem.
+        threads: number of threads; the results do not depend on it.
+        shrink: ratio from one weight γ to the next.
+        most_steps: limit of Newton steps per γ.
+
+    Returns:
+        The paths, in order.
+    """
     pairs = list(zip(data, priors, strict=True))
-    ladders = [gamma_sequence(d, p.centre.size // N_PARAMETERS, shrink) for d, p in pairs]
+    sequences = [gamma_sequence(d, p.centre.size // N_PARAMETERS, shrink) for d, p in pairs]
     if not lib.solves_convex or not pairs:
-        return [follow(d, p, g, most_steps) for (d, p), g in zip(pairs, ladders, strict=True)]
+        return [follow(d, p, g, most_steps) for (d, p), g in zip(pairs, sequences, strict=True)]
     tasks = [
-        _task(ConvexProblem(d, p, np.ones(p.centre.size // N_PARAMETERS)), ladder)
-        for (d, p), ladder in zip(pairs, ladders, strict=True)
+        _task(ConvexProblem(d, p, np.ones(p.centre.size // N_PARAMETERS)), gammas)
+        for (d, p), gammas in zip(pairs, sequences, strict=True)
     ]
     answers = lib.convex(tasks, DECREMENT, most_steps).run(threads)
-    found = []
-    for (_, prior), ladder, a in zip(pairs, ladders, answers, strict=True):
+    paths = []
+    for (_, prior), gammas, a in zip(pairs, sequences, answers, strict=True):
         ended, steps = float(a.decrements[-1]), int(a.steps.sum())
-        tried = ladder[: len(a.losses)]
-        found.append(path_of(prior, tried, a.points, a.losses, ended, steps, a.converged))
-    return found
+        tried = gammas[: len(a.losses)]
+        paths.append(path_of(prior, tried, a.points, a.losses, ended, steps, a.converged))
+    return paths
 
 
 def _task(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:

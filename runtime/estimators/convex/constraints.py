@@ -1,9 +1,9 @@
-"""Further priors, linear in π: equations E π = e and half-spaces a·π ≤ l, each with a name.
+"""Inertial priors that are linear in π: equations E π = e and half-spaces a·π ≤ l, each named.
 
 Masses, centres of mass (m·c is linear where c ∈ {c : n·c ≤ d} is n·(m c) ≤ d m) and symmetry planes
-are of this kind. A first point strictly inside comes from one cone program; where there is none its
-multipliers name the priors that contradict each other (Farkas). Then the Newton of `newton` goes on
-within the subspace of the equations, with logarithmic barriers.
+are of this kind. A first point strictly inside comes from one cone program; where there is none,
+its multipliers name the priors that contradict each other (Farkas). Then the Newton method of
+`newton` minimises within the subspace of the equations, with logarithmic barriers.
 """
 
 from dataclasses import dataclass
@@ -21,20 +21,26 @@ from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
 
 BARRIER = 1e-2
-"""Weight of a half-space's logarithm relative to γ: it then moves nothing that is not near it."""
+"""Weight of the logarithm of a half-space relative to γ: small, so that only near points move."""
 ROOM = 0.05
-"""How far inside the first point lies where there is room, in units of the prior."""
+"""Largest distance of the first point from the constraints, in units of the prior."""
 LEAST_ROOM = 1e-6
-"""Less is none: priors that leave only a surface have no strictly consistent answer."""
-HURRY = 1e4
-"""Cost of a lack of room against distance from the prior."""
+"""Distance below which no strictly consistent point exists."""
+ROOM_COST = 1e4
+"""Cost of missing distance from the constraints, relative to distance from the prior."""
 ACTIVE = 1e-2
-"""A half-space whose slack is below this share of its scale holds with equality."""
+"""Slack, relative to its scale, below which a half-space holds with equality."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """coefficients · π = value, or ≤ value, and what the user called it."""
+    """One linear prior, coefficients · π = value or ≤ value.
+
+    Attributes:
+        name: entry of the file that states it.
+        coefficients: (10 n,).
+        value: kg, kg·m or kg·m², as the coefficients require.
+    """
 
     name: str
     coefficients: Array
@@ -43,7 +49,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Constraints:
-    """Named linear priors."""
+    """Linear priors: equations, and upper bounds."""
 
     equations: tuple[Row, ...] = ()
     bounds: tuple[Row, ...] = ()
@@ -52,7 +58,16 @@ class Constraints:
 def constrained(
     constraints: Constraints, data: Reduced, prior: Prior, gamma: float | Array
 ) -> tuple[Minimum, tuple[str, ...]]:
-    """The minimum under all priors, and sentences about those that hold with equality.
+    """Minimise under entropic and linear priors.
+
+    Args:
+        constraints: linear priors.
+        data: least squares over π.
+        prior: entropic prior.
+        gamma: weight of the entropic prior, one number or one per body, (n,).
+
+    Returns:
+        The minimum, and a sentence that names the bounds which hold with equality.
 
     Raises:
         IdentificationError: priors that contradict each other, by name.
@@ -66,19 +81,25 @@ def constrained(
         matrix, _ = _stacked(constraints.equations, start.size)
         scaled = np.linalg.solve(whiten.T, matrix.T).T  # E in whitened unknowns
         free = Subspace(start, np.linalg.solve(whiten, null_space(scaled)))
-    found = minimise(convex_problem(data, prior, gamma, inside, free), start)
+    minimum = minimise(convex_problem(data, prior, gamma, inside, free), start)
     notes: tuple[str, ...] = ()
     if len(rows):
         scale = np.linalg.norm(np.linalg.solve(whiten.T, rows.T), axis=0)
-        tight = (limits - rows @ found.pi) < ACTIVE * scale
+        tight = (limits - rows @ minimum.pi) < ACTIVE * scale
         names = dict.fromkeys(b.name for b, t in zip(constraints.bounds, tight, strict=True) if t)
         if names:
-            notes = (f"the data press against the prior on {', '.join(names)}",)
-    return found, notes
+            notes = (
+                f"the prior on {', '.join(names)} holds with equality: the data point beyond it",
+            )
+    return minimum, notes
 
 
 def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
-    """The point nearest to the prior that keeps some room: min d − HURRY t, t ≤ ROOM."""
+    """Point near the centre of the prior, strictly inside: min d − ROOM_COST t, t ≤ ROOM.
+
+    Unknowns are x of π = centre + W⁻¹ x in units of the prior, the distance t from all
+    constraints, and d ≥ ‖x‖.
+    """
     size = prior.centre.size
     e, e_value = _stacked(constraints.equations, size)
     a, limit = _stacked(constraints.bounds, size)
@@ -87,9 +108,13 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     a_x, e_x = a @ back, e @ back
     scale, length = np.linalg.norm(a_x, axis=1), np.linalg.norm(e_x, axis=1)
     if (scale == 0).any() or (length == 0).any():
-        raise IdentificationError("a prior says nothing about any parameter; correct its numbers")
+        raise IdentificationError(
+            "a prior has coefficients that are all zero, so it restricts no parameter; correct its "
+            "numbers"
+        )
     zero = np.zeros
     cone, room = _consistency(prior, back)
+    # Rows b − A x ∈ K: equations, bounds with distance t, t ≤ ROOM, ‖x‖ ≤ d, P̃_k ⪰ t.
     blocks = [
         np.hstack([e_x / length[:, None], zero((len(e), 2))]),
         np.hstack([a_x / scale[:, None], np.ones((len(a), 1)), zero((len(a), 1))]),
@@ -117,7 +142,7 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     settings.verbose = False
     solution = clarabel.DefaultSolver(
         sparse.csc_matrix((size + 2, size + 2)),
-        np.concatenate([zero(size), [-HURRY, 1.0]]),
+        np.concatenate([zero(size), [-ROOM_COST, 1.0]]),
         sparse.csc_matrix(np.vstack(blocks)),
         np.concatenate(sides),
         cones if len(e) else cones[1:],
@@ -131,6 +156,7 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
 
 
 def _contradiction(constraints: Constraints, multipliers: Array) -> None:
+    """Raise with the priors whose multipliers prove that no point satisfies all of them."""
     rows = (*constraints.equations, *constraints.bounds)
     shares = multipliers[: len(rows)]
     guilty = shares > 1e-3 * max(float(shares.max()), 1e-300)
@@ -141,7 +167,7 @@ def _contradiction(constraints: Constraints, multipliers: Array) -> None:
         else f"the prior on {names[0]} cannot hold"
     )
     raise IdentificationError(
-        f"{what}: no bodies that can exist satisfy them; correct or remove one of them"
+        f"{what}: no physically consistent bodies satisfy them; correct or remove one of them"
     )
 
 
@@ -152,19 +178,20 @@ def _consistency(prior: Prior, back: Array) -> tuple[Array, Array]:
     places = [(i, j) for j in range(4) for i in range(j + 1)]
     weight = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in places])
     blocks = []
-    for own in lower:
-        turned = own @ basis @ own.T
+    for inverse in lower:
+        turned = inverse @ basis @ inverse.T
         blocks.append(np.array([turned[:, i, j] for i, j in places]) * weight[:, None])
     unit = np.tile([1.0 if i == j else 0.0 for i, j in places], size // N_PARAMETERS)
     return block_diag(*blocks) @ back, unit
 
 
 def _whitening(prior: Prior) -> Array:
-    """W with Wᵀ W the prior's curvature: ‖W (π − π0)‖² / 2 is D to second order."""
+    """W with Wᵀ W the curvature of the prior: ‖W (π − π0)‖² / 2 is D to second order."""
     _, blocks = prior.bodies.curvature(prior.centre)
     return np.asarray(block_diag(*(np.linalg.cholesky(b).T for b in blocks)))
 
 
 def _stacked(rows: tuple[Row, ...], size: int) -> tuple[Array, Array]:
+    """Coefficients (rows, size) and values (rows,)."""
     matrix = np.array([r.coefficients for r in rows]).reshape(len(rows), size)
     return matrix, np.array([r.value for r in rows])

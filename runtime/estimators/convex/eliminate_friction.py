@@ -13,19 +13,19 @@ from runtime.estimators.regression import Statistics
 from runtime.library import Array
 
 RANK_TOLERANCE = 1e-9
-"""Relative size below which a direction of unit columns counts as silent."""
+"""Pivot of unit columns, relative to the first, below which a column counts as dependent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reduced:
-    """‖A π − b‖² + ρ = Σ rᵀ W r at the best φ; the mean loss is half of that over N.
+    """Least squares over π: ‖A π − b‖² + ρ = Σ rᵀ W r at the best φ, the mean loss half of it / N.
 
     Attributes:
         factor: A, (m, 10 n).
         target: b, (m,).
-        rest: ρ, what no π explains.
+        rest: ρ, the part that no π explains.
         count: N samples.
-        freedom: equations less the columns that were determined: the ρ of unit noise.
+        freedom: equations less determined columns, the expected ρ of unit noise.
     """
 
     factor: Array
@@ -35,7 +35,7 @@ class Reduced:
     freedom: float
 
     def value(self, pi: Array) -> float:
-        """L at π with its best φ."""
+        """Mean loss L at π, (10 n,), with the best φ."""
         residual = self.factor @ pi - self.target
         return float(residual @ residual + self.rest) / (2 * self.count)
 
@@ -47,7 +47,15 @@ class Reduced:
 
 @dataclass(frozen=True, slots=True)
 class Elimination:
-    """How φ follows from π: the linear columns' own triangle."""
+    """Triangular system that gives the best φ at a given π.
+
+    Attributes:
+        matrix: upper triangle of the determined columns, (rank, rank).
+        over_pi: R K in the rows of the triangle, (rank, 10 n).
+        target: r in the rows of the triangle, (rank,).
+        order: columns of φ by falling pivot, (n k,).
+        lengths: lengths of the columns of φ, (n k,).
+    """
 
     matrix: Array
     over_pi: Array
@@ -56,7 +64,7 @@ class Elimination:
     lengths: Array
 
     def phi(self, pi: Array) -> Array:
-        """The best φ at π, flat; a silent or repeated column gets 0."""
+        """Best φ at π (10 n,), flat (n k,); a zero or dependent column gets 0."""
         phi = np.zeros(self.lengths.size)
         rank = len(self.matrix)
         if rank:
@@ -66,12 +74,16 @@ class Elimination:
 
 
 def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:
-    """Eliminate φ.
+    """Eliminate φ from compressed samples.
 
     Args:
-        statistics: of the samples; W lies in them.
+        statistics: compressed samples, weighted by W.
         joints: equations per sample.
+
+    Returns:
+        Least squares over π alone, and the system that gives φ.
     """
+    # Columns of φ at unit length, so that one tolerance serves N·m and N·m·s alike.
     n_base = statistics.n_base
     columns = statistics.factor[:, n_base:]
     lengths = np.linalg.norm(columns, axis=0)
@@ -79,6 +91,7 @@ def reduce(statistics: Statistics, joints: int) -> tuple[Reduced, Elimination]:
     over_pi = statistics.factor[:, :n_base] @ statistics.base_matrix
     target, rank = statistics.target, 0
     order, upper = np.zeros(0, dtype=int), np.zeros((0, 0))
+    # F = Q [U; 0] with pivoting: the first rank rows of Qᵀ determine φ, the others contain no φ.
     if lengths.size:
         q, upper, order = qr(columns / lengths, pivoting=True)
         diagonal = np.abs(np.diagonal(upper))

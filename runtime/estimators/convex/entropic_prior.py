@@ -21,18 +21,18 @@ THIN = 0.05
 is wrong in the URDF would otherwise outweigh the data."""
 
 CAD, GRIPPER, NONE = 16.0, 4.0, 1.0
-"""κ for a model from CAD, for a gripper or payload, and for one that nobody trusts."""
+"""Trust κ in a model from CAD, in a gripper or payload, and in a model of unknown quality."""
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What was believed before the data.
+    """Entropic prior around given bodies.
 
     Attributes:
-        bodies: P(π).
+        bodies: map P(π) of one body.
         centre: π0 after the floor, (10 n,); P0_k ≻ 0.
         slope: tr(P0_k⁻¹ B_i), (10 n,): Σ tr(P0_k⁻¹ P_k) = slope · π.
-        notes: what had to be repaired.
+        notes: sentences on what had to be repaired.
     """
 
     bodies: Bodies
@@ -42,7 +42,15 @@ class Prior:
 
 
 def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Prior:
-    """The prior around bodies that exist strictly, of any number.
+    """Entropic prior around strictly consistent bodies.
+
+    Args:
+        bodies: map P(π) of one body.
+        centre: π0 of any number n of bodies, (10 n,) or (n, 10).
+        notes: sentences on what had to be repaired.
+
+    Returns:
+        The prior.
 
     Raises:
         IdentificationError: a P0_k is not positive definite.
@@ -50,7 +58,7 @@ def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Pr
     flat = np.ascontiguousarray(centre, dtype=float).ravel()
     if flat.size % N_PARAMETERS or not np.isfinite(flat).all() or bodies.log_det(flat) is None:
         raise IdentificationError(
-            "the prior needs bodies that exist strictly (P ≻ 0 for every link); take "
+            "the prior needs strictly consistent bodies (P ≻ 0 for every link); take "
             "nearest_realisable(pi) of the library first"
         )
     inverse = np.asarray(np.linalg.inv(bodies.pseudo_inertia(flat)), dtype=np.float64)
@@ -58,12 +66,15 @@ def prior_from(bodies: Bodies, centre: Array, notes: tuple[str, ...] = ()) -> Pr
 
 
 def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> Prior:
-    """The prior of a robot: the URDF's π (or a given one) with `floor` under its thin axes.
+    """Entropic prior of a robot, with the eigenvalues of Σ_com raised to a floor.
 
     Args:
-        lib: of the robot.
-        pi: (10 n,) [kg, kg·m, kg·m²], default is the URDF's.
+        lib: library of the robot.
+        pi: π0, (10 n,) [kg, kg·m, kg·m²]; default is that of the URDF.
         floor: smallest eigenvalue of Σ_com relative to their sum.
+
+    Returns:
+        The prior; its notes name links that were not consistent.
 
     Raises:
         IdentificationError: a mass that is not above 0.
@@ -81,6 +92,7 @@ def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> 
     if absent.any():
         names = ", ".join(np.array(lib.link_names)[absent])
         notes = (
-            f"the first guess of {names} is no body that can exist; the prior is the nearest one",
+            f"the first guess of {names} is not physically consistent; the nearest consistent "
+            "one is taken as prior",
         )
     return prior_from(bodies_of(lib), lib.nearest_realisable(given, floor), notes)

@@ -1,9 +1,9 @@
 """Maximum a posteriori with an entropic prior: the default method.
 
-Weights w_j = 1/s_j² come from the residuals, γ = κ s²/N_eff from the trust in the URDF and from how
-many independent samples the residuals are worth, N_eff = N / (1 + 2 Σ ρ_l) over 24 lags. Slower
-patterns are rather friction that the model lacks than noise, and for friction the URDF stands in no
-better; how far they bend the answer is told by its σ, which counts them (`coloured_noise`).
+Weights w_j = 1/s_j² come from the residuals, γ = κ s²/N_eff from the trust in the URDF and the
+effective sample size N_eff = N / (1 + 2 Σ ρ_l) over 24 lags. Slower patterns are unmodelled
+friction rather than noise, and the prior does not help against friction; the covariance, which
+uses `coloured_noise`, includes them.
 """
 
 import numpy as np
@@ -23,45 +23,50 @@ from runtime.library import Array, Library
 PASSES = 3
 """Re-estimations of the weights."""
 ENOUGH = 2000
-"""Samples that give a weight to 2 %; the passes before the last take no more than these."""
+"""Samples that determine a weight to 2 %; the passes before the last take no more."""
 LEAST_VARIANCE = 1e-4
-"""Of weighted residuals, whose variance is about one; below, torques are exact to rounding and the
-prior speaks only where the data are silent."""
+"""Smallest variance of the weighted residuals, which is about one. Below it torques are exact to
+rounding, and the prior decides only what the motion does not excite."""
 
 
 def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | None = None) -> Fit:
-    """The most probable bodies, strictly consistent, with the friction that goes with them.
+    """Maximum a posteriori of π, strictly consistent, with the best friction coefficients.
 
     Args:
-        problem: its weights are only where the passes begin.
-        kappa: trust in the first guess: 16 from CAD, 4 for a gripper, 1 for none.
-        constraints: further linear priors.
+        problem: samples and first guess; its weights start the first pass.
+        kappa: trust κ in the first guess: 16 from CAD, 4 for a gripper, 1 for none.
+        constraints: linear priors.
+
+    Returns:
+        π, φ, λ, the estimated weights and the noise.
 
     Raises:
         IdentificationError: κ that is not above 0, or priors that contradict each other.
     """
     if not (np.isfinite(kappa) and kappa > 0):
         raise IdentificationError(
-            f"expected a trust κ above 0, got {kappa:g}; 16 for a URDF from CAD, 1 for none"
+            f"expected a trust κ above 0, got {kappa:g}; use 16 for a URDF from CAD, 1 for none"
         )
     lib, train = problem.lib, problem.train
     prior = prior_of(lib, lib.pi_from_lam(problem.start))
     few = _thinned(train)
     weights = problem.weights
+    # Weights from the residuals of a thinned log, then of all samples.
     for _ in range(PASSES):
-        phi, found, _ = _fitted(lib, compress(lib, few, weights), weights, prior, kappa)
-        rest = residuals(lib, few, found.pi, phi)
+        phi, minimum, _ = _fitted(lib, compress(lib, few, weights), weights, prior, kappa)
+        rest = residuals(lib, few, minimum.pi, phi)
         weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = problem.statistics(weights)
-    phi, found, _ = _fitted(lib, statistics, weights, prior, kappa)
-    worth = inflation(residuals(lib, train, found.pi, phi), weights)
-    phi, found, notes = _fitted(lib, statistics, weights, prior, kappa, worth, constraints)
+    phi, minimum, _ = _fitted(lib, statistics, weights, prior, kappa)
+    # The autocorrelation of the residuals sets γ = κ s²/N_eff of the last pass.
+    ratio = inflation(residuals(lib, train, minimum.pi, phi), weights)
+    phi, minimum, notes = _fitted(lib, statistics, weights, prior, kappa, ratio, constraints)
     return Fit(
-        pi=found.pi,
+        pi=minimum.pi,
         phi=phi.reshape(train.columns.shape[1:]),
-        lam=lib.lam_from_pi(found.pi),
-        status=_status(found),
-        iterations=found.steps,
+        lam=lib.lam_from_pi(minimum.pi),
+        status=_status(minimum),
+        iterations=minimum.steps,
         notes=(*prior.notes, *notes),
         statistics=statistics,
         weights=weights,
@@ -70,10 +75,10 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
 
 
 def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
-    """The same with κ and the linear priors of a file.
+    """Maximum a posteriori with κ and the linear priors of a file.
 
     Args:
-        problem: its weights are only where the passes begin.
+        problem: samples and first guess; its weights start the first pass.
         prior: file of inertial priors; None for the URDF alone.
 
     Returns:
@@ -92,31 +97,32 @@ def _fitted(
     weights: Array,
     prior: Prior,
     kappa: float,
-    worth: float = 1.0,
+    inflation: float = 1.0,
     constraints: Constraints | None = None,
 ) -> tuple[Array, Minimum, tuple[str, ...]]:
-    """φ and the minimum of one weighting, a weight per equation of a sample; worth is N/N_eff."""
+    """Best φ, minimum and notes for one set of weights (m,), with N / N_eff."""
     data, eliminated = reduce(statistics, len(weights))
-    gamma = kappa * max(data.variance, LEAST_VARIANCE) * worth / data.count
+    gamma = kappa * max(data.variance, LEAST_VARIANCE) * inflation / data.count
     notes: tuple[str, ...] = ()
     if constraints is None:
-        found = solve(lib, convex_problem(data, prior, gamma))
+        minimum = solve(lib, convex_problem(data, prior, gamma))
     else:
-        found, notes = constrained(constraints, data, prior, gamma)
-    return eliminated.phi(found.pi), found, notes
+        minimum, notes = constrained(constraints, data, prior, gamma)
+    return eliminated.phi(minimum.pi), minimum, notes
 
 
 def _thinned(samples: Samples) -> Samples:
+    """About `ENOUGH` samples, evenly spread."""
     step = max(1, len(samples) // ENOUGH)
     return samples.rows(slice(None, None, step))
 
 
-def _status(found: Minimum) -> str:
-    if found.converged:
-        return f"converged: most probable consistent model, {found.steps} Newton steps"
+def _status(minimum: Minimum) -> str:
+    if minimum.converged:
+        return f"converged: most probable consistent model, {minimum.steps} Newton steps"
     return (
-        f"stopped after {found.steps} Newton steps, decrement {found.decrement:.1e}; the model is "
-        "consistent, but check units and outliers of the torque"
+        f"stopped after {minimum.steps} Newton steps, decrement {minimum.decrement:.1e}; the model "
+        "is consistent, but check units and outliers of the torque"
     )
 
 

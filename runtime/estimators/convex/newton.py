@@ -1,4 +1,4 @@
-"""Damped Newton for the maximum a posteriori: one smooth convex problem, a handful of steps.
+"""Damped Newton method for the maximum a posteriori: one smooth convex problem.
 
     min over π of  (‖A π − b‖² + ρ)/2N + Σ_k γ_k [tr(P0_k⁻¹ P_k) − log det P_k]
                    − Σ_c μ log(l_c − a_c·π)
@@ -20,30 +20,44 @@ from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, link_columns
 
 ARMIJO = 1e-4
+"""Share of the predicted decrease that a step must reach."""
 RIDGE, RIDGE_GROWTH, RIDGE_MOST = 1e-14, 10.0, 1e-2
+"""First ridge on the scaled Hessian, its growth where Cholesky fails, and the largest one."""
 DECREMENT = 1e-3
 """½ gᵀH⁻¹g at the end, in units of the smallest γ: the cost is then that close to its minimum."""
 MOST_STEPS = 200
-"""From absurd starts; from a prior 5 to 8 are usual."""
+"""Limit of Newton steps; from the centre of the prior 5 to 8 are usual."""
 MOST_HALVINGS = 60
+"""Limit of halvings of one step."""
 
 
 @dataclass(frozen=True, slots=True)
 class HalfSpaces:
-    """a_c · π ≤ l_c for all rows, strictly inside; μ is the weight of their logarithms."""
+    """Half-spaces a_c · π ≤ l_c, kept strictly by a logarithmic barrier.
+
+    Attributes:
+        rows: a, (c, 10 n).
+        limits: l, (c,).
+        weight: μ of the logarithms.
+    """
 
     rows: Array
     limits: Array
     weight: float
 
     def slack(self, pi: Array) -> Array:
-        """l − a π, (c,)."""
+        """Slack l − a π, (c,)."""
         return np.asarray(self.limits - self.rows @ pi)
 
 
 @dataclass(frozen=True, slots=True)
 class Subspace:
-    """π = origin + basis z: what linear equations leave free."""
+    """Affine subspace π = origin + basis z that linear equations leave free.
+
+    Attributes:
+        origin: (10 n,).
+        basis: (10 n, free directions).
+    """
 
     origin: Array
     basis: Array
@@ -51,12 +65,12 @@ class Subspace:
 
 @dataclass(frozen=True, slots=True)
 class ConvexProblem:
-    """One problem; γ one number or one per body.
+    """Least squares over π with an entropic prior and optional linear constraints.
 
     Attributes:
         data: least squares over π.
-        prior: of all bodies.
-        gamma: (n,), above 0.
+        prior: entropic prior of all bodies.
+        gamma: weight γ of the prior per body, (n,), above 0.
         inside: half-spaces, or None.
         free: subspace, or None.
     """
@@ -70,15 +84,15 @@ class ConvexProblem:
 
 @dataclass(frozen=True, slots=True)
 class Minimum:
-    """The answer and what vouches for it.
+    """Minimiser of a convex problem with its optimality measure.
 
     Attributes:
-        problem: that was solved.
-        pi: (10 n,), P_k ≻ 0.
-        loss: L there, without the prior's share.
+        problem: the problem that was solved.
+        pi: π, (10 n,), P_k ≻ 0.
+        loss: L at π, without the share of the prior.
         decrement: ½ gᵀH⁻¹g, how far the cost is above its minimum, to second order.
         steps: Newton steps.
-        converged: the decrement is small enough; else the last point that was better.
+        converged: whether the decrement is small enough; else π is the last point that was better.
     """
 
     problem: ConvexProblem = field(repr=False)
@@ -89,7 +103,7 @@ class Minimum:
     converged: bool
 
     def hessian(self) -> Array:
-        """∇² of the whole cost at π, (10 n, 10 n)."""
+        """Hessian of the whole cost at π, (10 n, 10 n)."""
         return _Cost(self.problem).slope(self.pi)[1]
 
 
@@ -100,7 +114,17 @@ def convex_problem(
     inside: HalfSpaces | None = None,
     free: Subspace | None = None,
 ) -> ConvexProblem:
-    """Check that the parts fit together.
+    """Return the problem of these parts, after checking that they fit together.
+
+    Args:
+        data: least squares over π, (m, 10 n).
+        prior: entropic prior of the same n bodies.
+        gamma: weight of the prior, one number or one per body, (n,).
+        inside: half-spaces to keep strictly.
+        free: affine subspace to stay in.
+
+    Returns:
+        The problem with γ per body.
 
     Raises:
         IdentificationError: shapes, values that are not finite, or a γ that is not above 0.
@@ -124,7 +148,15 @@ def convex_problem(
 def minimise(
     problem: ConvexProblem, start: Array | None = None, most_steps: int = MOST_STEPS
 ) -> Minimum:
-    """Newton from a point inside (default: the prior's centre).
+    """Minimise a convex problem by damped Newton steps.
+
+    Args:
+        problem: data, prior and constraints.
+        start: first point, (10 n,), strictly inside; default is the centre of the prior.
+        most_steps: limit of Newton steps.
+
+    Returns:
+        The minimiser; `converged` is False where the limit or rounding ended the descent.
 
     Raises:
         IdentificationError: the start is not strictly inside.
@@ -134,18 +166,20 @@ def minimise(
     value = cost.value(pi)
     if value is None:
         raise IdentificationError(
-            "the start of the convex problem lies outside (a body that cannot exist, or a prior "
-            "that is violated); start from the prior's centre"
+            "the start of the convex problem lies outside its domain (a link is not physically "
+            "consistent, or a linear prior is violated); start from the centre of the prior"
         )
     goal = DECREMENT * float(problem.gamma.min())
     # A cost whose digits end above the goal can still be solved to its last digit.
     goal = max(goal, 4 * np.finfo(float).eps * abs(value))
     decrement, steps, converged = np.inf, 0, False
     while steps < most_steps and not converged:
+        # δ = −H⁻¹ g; ½ gᵀ H⁻¹ g is how far the cost is above its minimum, to second order.
         gradient, hessian = cost.slope(pi)
         step = -_solved(hessian, gradient, problem.free)
         decrement = -float(gradient @ step) / 2
         converged = decrement < goal
+        # Without a step that lowers the cost, rounding has been reached.
         moved = None if converged else cost.search(pi, step, value, decrement)
         if moved is None:
             break
@@ -165,7 +199,7 @@ class _Cost:
         self.linear = self.per_parameter * problem.prior.slope
 
     def value(self, pi: Array) -> float | None:
-        """The cost, or None outside."""
+        """Cost at π; None outside of the domain."""
         p = self.problem
         logs = p.prior.bodies.log_det(pi)
         if logs is None:
@@ -179,17 +213,19 @@ class _Cost:
         return value
 
     def slope(self, pi: Array) -> tuple[Array, Array]:
-        """Gradient and Hessian inside."""
+        """Gradient (10 n,) and Hessian (10 n, 10 n) of the cost inside of the domain."""
         p = self.problem
         traces, blocks = p.prior.bodies.curvature(pi)
         # Through the residual: G π − g of normal equations would cancel half of the digits.
         residual = p.data.factor @ pi - p.data.target
         gradient = residual @ p.data.factor / p.data.count + self.linear
         gradient -= self.per_parameter * traces.ravel()
+        # The prior couples the ten parameters of one body only.
         hessian = self.gram.copy()
         for k, block in enumerate(blocks):
             at = link_columns(k)
             hessian[at, at] += p.gamma[k] * block
+        # Barrier −μ Σ log s_c: gradient μ Σ a_c/s_c, Hessian μ Σ a_c a_cᵀ/s_c².
         if p.inside is not None:
             push = p.inside.rows / p.inside.slack(pi)[:, None]
             gradient = gradient + p.inside.weight * push.sum(axis=0)
@@ -199,22 +235,23 @@ class _Cost:
     def search(
         self, pi: Array, step: Array, value: float, decrement: float
     ) -> tuple[Array, float] | None:
-        """The first of 1, ½, ¼, … of the step that is inside and lowers the cost enough."""
+        """First of 1, ½, ¼, … of the step that is inside and lowers the cost by Armijo's rule."""
         share = 1.0
         for _ in range(MOST_HALVINGS):
             tried = pi + share * step
-            found = self.value(tried)
-            if found is not None and found <= value - ARMIJO * share * 2 * decrement:
-                return tried, found
+            cost = self.value(tried)
+            if cost is not None and cost <= value - ARMIJO * share * 2 * decrement:
+                return tried, cost
             share /= 2
         return None
 
 
 def _solved(hessian: Array, gradient: Array, free: Subspace | None) -> Array:
-    """H⁻¹ g, within the subspace; Jacobi-scaled, with a ridge where Cholesky fails."""
+    """H⁻¹ g within the subspace; Jacobi scaling, with a ridge where Cholesky fails."""
     if free is not None:
         inner = free.basis.T @ hessian @ free.basis
         return np.asarray(free.basis @ _solved(inner, free.basis.T @ gradient, None))
+    # Unit diagonal: kg, kg·m and kg·m² differ by orders of magnitude.
     scale = 1 / np.sqrt(np.diagonal(hessian))
     scaled = hessian * np.outer(scale, scale)
     eye, ridge = np.eye(len(scaled)), 0.0
@@ -225,6 +262,7 @@ def _solved(hessian: Array, gradient: Array, free: Subspace | None) -> Array:
         except LinAlgError:
             if ridge > RIDGE_MOST:
                 raise IdentificationError(
-                    "the convex problem is singular beyond repair; check units and weights"
+                    "the Hessian of the convex problem is singular even with a ridge; check the units "
+                    "of the torque and the weights"
                 ) from None
             ridge = ridge * RIDGE_GROWTH or RIDGE

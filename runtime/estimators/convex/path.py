@@ -1,9 +1,9 @@
-"""PC-IDIM-OLS by following γ down: min ‖A π − b‖² subject to P_k ⪰ 0 (Eq. 3.8), no cone solver.
+"""PC-IDIM-OLS by a path of falling γ: min ‖A π − b‖² subject to P_k ⪰ 0 (Eq. 3.8).
 
 At weight γ the minimiser satisfies ∇L = γ Σ_k (P_k⁻¹ − P0_k⁻¹) on P_k, so every consistent π with
 Σ tr(P0_k⁻¹ P_k) no larger than the minimiser's has L(π) ≥ L(π_γ) − 4 n_links γ: the certificate.
-The path starts where the prior rules and each answer starts the next. Without the prior's trace
-the logarithm alone would have no minimiser.
+The path starts where the prior dominates, and each minimiser starts the next. Without the trace
+term of the prior the logarithm alone would have no minimiser. No cone solver is needed.
 """
 
 from collections.abc import Iterator
@@ -22,23 +22,23 @@ SMALLEST_GAP = 1e-7
 FIRST, SHRINK = 1e-1, 10.0
 """γ at the start in units of the loss, and its ratio from step to step."""
 PATIENCE = 60
-"""Newton steps per γ: more are needed only where the optimum drifts off to absurd bodies."""
+"""Newton steps per γ: more are needed only where the optimum drifts to implausible bodies."""
 EXPLAINED = 1e-9
 """Losses below this share of that of τ̂ = 0 count as rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Path:
-    """The way to the optimum of all consistent models.
+    """Minimisers at falling weights γ, towards the optimum of all consistent models.
 
     Attributes:
         gammas: weights, falling.
         points: the minimisers π, one row each.
         losses: L at them.
         gap: 4 n_links γ at the end plus the Newton decrement: L − L* is no larger.
-        weight: Σ tr(P0_k⁻¹ P_k) / 4 n at the end: 1 at the prior, large for absurd bodies.
-        steps: Newton steps in all.
-        converged: at every γ.
+        weight: Σ tr(P0_k⁻¹ P_k) / 4 n at the end: 1 at the prior, large for implausible bodies.
+        steps: total number of Newton steps.
+        converged: whether the minimisation converged at every γ.
     """
 
     gammas: Array
@@ -50,9 +50,14 @@ class Path:
     converged: bool
 
     def nearest(self, slack: float, optimum: float | None = None) -> Array | None:
-        """The first point, so the nearest to the prior, within a relative `slack` of an optimum.
+        """First point, so the nearest to the prior, within a relative slack of an optimum.
 
-        By default that is the path's own end; None where no point comes so near.
+        Args:
+            slack: admitted loss above the optimum, relative to it.
+            optimum: L*; default is the loss at the end of the path.
+
+        Returns:
+            π, (10 n,); None where no point comes so near.
         """
         bar = float(self.losses[-1]) if optimum is None else optimum
         good = np.flatnonzero(self.losses <= (1 + slack) * bar)
@@ -60,9 +65,20 @@ class Path:
 
 
 def gamma_sequence(data: Reduced, bodies: int, shrink: float = SHRINK) -> Array:
-    """Falling weights, from the loss that no model explains down to `SMALLEST_GAP` of it."""
-    silent = data.value(np.zeros(data.factor.shape[1]))
-    unit = max(data.rest / (2 * data.count), EXPLAINED * silent, 1e-300)
+    """Falling weights γ, from `FIRST` of the unexplained loss down to a gap of `SMALLEST_GAP`.
+
+    Args:
+        data: least squares over π.
+        bodies: number n of links.
+        shrink: ratio from one weight to the next.
+
+    Returns:
+        γ, (count,), in units of the loss.
+    """
+    # The unexplained loss sets the unit; where it is rounding, a share of the loss of τ̂ = 0 does.
+    zero_torque = data.value(np.zeros(data.factor.shape[1]))
+    unit = max(data.rest / (2 * data.count), EXPLAINED * zero_torque, 1e-300)
+    # Certificate: the gap at the end is 4 n γ.
     last = SMALLEST_GAP * unit / (4 * bodies)
     count = int(np.ceil(np.log(FIRST * unit / last) / np.log(shrink))) + 1
     return np.geomspace(FIRST * unit, last, count)
@@ -75,20 +91,23 @@ def follow(
 
     Args:
         data: least squares over π.
-        prior: its centre starts the path.
-        gammas: default is `gamma_sequence`.
-        most_steps: per γ.
+        prior: entropic prior; its centre starts the path.
+        gammas: falling weights, (count,); default is `gamma_sequence`.
+        most_steps: limit of Newton steps per γ.
+
+    Returns:
+        The path with its certificate.
     """
-    ladder = (
+    weights = (
         gamma_sequence(data, prior.centre.size // N_PARAMETERS)
         if gammas is None
         else np.asarray(gammas, dtype=float)
     )
-    found = list(_descent((convex_problem(data, prior, float(g)) for g in ladder), most_steps))
-    ladder, ended = ladder[: len(found)], len(found) == len(ladder)
-    points, losses = np.array([m.pi for m in found]), np.array([m.loss for m in found])
-    steps, converged = sum(m.steps for m in found), ended and found[-1].converged
-    return path_of(prior, ladder, points, losses, found[-1].decrement, steps, converged)
+    minima = list(_descent((convex_problem(data, prior, float(g)) for g in weights), most_steps))
+    tried, ended = weights[: len(minima)], len(minima) == len(weights)
+    points, losses = np.array([m.pi for m in minima]), np.array([m.loss for m in minima])
+    steps, converged = sum(m.steps for m in minima), ended and minima[-1].converged
+    return path_of(prior, tried, points, losses, minima[-1].decrement, steps, converged)
 
 
 def path_of(
@@ -100,7 +119,20 @@ def path_of(
     steps: int,
     converged: bool,
 ) -> Path:
-    """A path with its certificate."""
+    """Path of given minimisers, with its certificate.
+
+    Args:
+        prior: entropic prior of the path.
+        gammas: weights that were tried, (count,).
+        points: minimisers, (count, 10 n).
+        losses: L at the minimisers, (count,).
+        decrement: Newton decrement at the last point.
+        steps: total number of Newton steps.
+        converged: whether the minimisation converged at every weight.
+
+    Returns:
+        The path.
+    """
     degree = 4 * (points.shape[1] // N_PARAMETERS)
     gap = degree * float(gammas[-1]) + decrement
     weight = float(prior.slope @ points[-1]) / degree
@@ -108,10 +140,11 @@ def path_of(
 
 
 def _descent(problems: Iterator[ConvexProblem], most_steps: int) -> Iterator[Minimum]:
+    """Minima of the problems, each started at the one before, up to the first not converged."""
     start = None
     for problem in problems:
-        found = minimise(problem, start, most_steps)
-        start = found.pi
-        yield found
-        if not found.converged:
+        minimum = minimise(problem, start, most_steps)
+        start = minimum.pi
+        yield minimum
+        if not minimum.converged:
             return

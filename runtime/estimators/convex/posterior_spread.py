@@ -1,4 +1,4 @@
-"""Covariance of π where data and prior meet, C = (ÃᵀÃ + κ B)⁻¹, without inverting anything.
+"""Posterior covariance of π, C = (ÃᵀÃ + κ B)⁻¹, without a matrix inverse.
 
 Ã are the data's rows over their noise, B the curvature of Σ_k [tr(P0_k⁻¹ P_k) − log det P_k]. In
 units of the prior the information is 1 + (Ã R)ᵀ(Ã R), R Rᵀ = (κ B)⁻¹, which has no cancellation.
@@ -22,7 +22,7 @@ from runtime.library.parameters import (
 )
 
 DETERMINED = 0.1
-"""Posterior variance below this share of the prior's: the data say ten times more."""
+"""Posterior over prior variance below which a parameter counts as determined by the data."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,8 @@ class Spread:
     Attributes:
         root: C = root rootᵀ, (10 n, 10 n).
         share: posterior over prior variance of every entry, (10 n,), in (0, 1].
-        determined: directions of which the data say ten times more than the prior.
+        determined: number of directions in which the data carry ten times the information of the
+            prior.
     """
 
     root: Array
@@ -41,18 +42,38 @@ class Spread:
 
 
 def spread_of(bodies: Bodies, pi: Array, rows: Array, kappa: float) -> Spread:
-    """The covariance at bodies π that exist strictly; `rows` is Ã, (m, 10 n)."""
+    """Posterior covariance at strictly consistent bodies.
+
+    Args:
+        bodies: map P(π) of one body.
+        pi: π, (10 n,), P_k ≻ 0.
+        rows: Ã, weighted data over their noise, (m, 10 n).
+        kappa: trust κ in the prior.
+
+    Returns:
+        Root of the covariance and the share of the prior in it.
+    """
+    # R Rᵀ = (κ B)⁻¹: in units of the prior the information is 1 + (Ã R)ᵀ(Ã R).
     shrink = block_diag(*bodies.spread(pi)) / np.sqrt(kappa)
-    _, said, turn = np.linalg.svd(rows @ shrink)
+    _, information, turn = np.linalg.svd(rows @ shrink)
+    # Singular directions of Ã R keep 1/(1 + s²) of the prior variance, the others all of it.
     left = np.ones(len(turn))
-    left[: said.size] = 1 / np.sqrt(1 + said**2)
+    left[: information.size] = 1 / np.sqrt(1 + information**2)
     root = np.asarray(shrink @ turn.T * left)
     share = np.minimum(np.sum(root**2, axis=1) / np.sum(shrink**2, axis=1), 1.0)
     return Spread(root, share, int(np.sum(left**2 < DETERMINED)))
 
 
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:
-    """Standard deviation of every link's centre of mass c = (m c)/m, (3,) m; None without m."""
+    """Standard deviation of the centre of mass c = (m c)/m of every link.
+
+    Args:
+        root: C = root rootᵀ of π, (10 n, 10 n).
+        pi: π, (10 n,).
+
+    Returns:
+        σ of c per link, (3,) [m]; None for a link without mass.
+    """
     roots = root.reshape(-1, N_PARAMETERS, pi.size)
     return [
         _com_deviation(body, rows) if mass(body) else None
@@ -61,6 +82,6 @@ def com_sigma(root: Array, pi: Array) -> list[Array | None]:
 
 
 def _com_deviation(pi: Array, root: Array) -> Array:
-    """σ of c, (3,): δc = (δ(m c) − c δm) / m."""
+    """σ of c, (3,), of one body: δc = (δ(m c) − c δm) / m."""
     slope = root[FIRST_MOMENT] - np.outer(centre_of_mass(pi), root[MASS])
     return np.asarray(np.linalg.norm(slope / mass(pi), axis=1))

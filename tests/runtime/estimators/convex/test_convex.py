@@ -214,7 +214,7 @@ def test_what_is_no_problem_is_refused(fr3):
         convex_problem(data, prior, 0.0)
     with pytest.raises(IdentificationError, match="same bodies"):
         convex_problem(data, prior_from(prior.bodies, prior.centre[:10]), 1.0)
-    with pytest.raises(IdentificationError, match="exist strictly"):
+    with pytest.raises(IdentificationError, match="strictly consistent bodies"):
         prior_from(prior.bodies, np.zeros(10))
     light = fr3.pi0.copy()
     light[10] = 0.0

@@ -142,13 +142,13 @@ class Uncertainty:
         if self.rank < count:
             return (
                 f"the motion excites {self.rank} of {count} base parameters; the others keep the "
-                "values of the first guess. Record a motion that moves every joint (the command "
+                "values of the first guess; record a motion that moves every joint (the command "
                 "excite designs one)"
             )
         if self.inflation > 2:
             return (
                 f"the residuals are autocorrelated: the effective sample size of {self.n_samples} "
-                f"samples is {self.n_eff:.0f}. Friction, the filter or the clock leave a pattern; "
+                f"samples is {self.n_eff:.0f}; friction, the filter or the clock leave a pattern, and "
                 "a better friction model helps more than more samples"
             )
         return (

@@ -89,7 +89,7 @@ def constrained(
         names = dict.fromkeys(b.name for b, t in zip(constraints.bounds, tight, strict=True) if t)
         if names:
             notes = (
-                f"the prior on {', '.join(names)} holds with equality: the data point beyond it",
+                f"the estimate lies at the limit of the prior on {', '.join(names)}; check that entry",
             )
     return minimum, notes
 

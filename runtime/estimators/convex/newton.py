@@ -262,7 +262,7 @@ def _solved(hessian: Array, gradient: Array, free: Subspace | None) -> Array:
         except LinAlgError:
             if ridge > RIDGE_MOST:
                 raise IdentificationError(
-                    "the Hessian of the convex problem is singular even with a ridge; check the units "
-                    "of the torque and the weights"
+                    "the Hessian of the convex problem is singular even with a ridge; check the "
+                    "units of the torque and the weights"
                 ) from None
             ridge = ridge * RIDGE_GROWTH or RIDGE

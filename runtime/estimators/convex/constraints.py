@@ -89,7 +89,7 @@ def constrained(
         names = dict.fromkeys(b.name for b, t in zip(constraints.bounds, tight, strict=True) if t)
         if names:
             notes = (
-                f"the estimate lies at the limit of the prior on {', '.join(names)}; check that entry",
+                f"the estimate lies at the limit of the prior on {', '.join(names)}; check it",
             )
     return minimum, notes
 

@@ -176,11 +176,12 @@ def test_a_notebook_runs(name: str, tmp_path: Path, fr3, monkeypatch: pytest.Mon
         kernel_name="python3",
     )
     client.execute()
-    shown = "".join(
-        output.get("text", "") for cell in notebook.cells for output in cell.get("outputs", [])
-    )
-    shown = ESCAPE.sub("", shown)
-    assert {"own-robot": "links: all 2 consistent", "payload": "1.0000 kg"}[name] in shown
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    shown = ESCAPE.sub("", "".join(output.get("text", "") for output in outputs))
+    words = {"own-robot": "links: all 2 consistent", "payload": "found 1.00"}[name]
+    assert words in " ".join(shown.split())
+    tables = [output.get("data", {}).get("text/html", "") for output in outputs]
+    assert sum("<table>" in table for table in tables) == 1  # the result shows itself
 
 
 def _program(path: Path, line: str) -> None:
@@ -198,3 +199,15 @@ def test_scripts_docs_refuses_what_it_does_not_know(tmp_path: Path) -> None:
     )
     assert run.returncode == 2
     assert "--serve" in run.stderr
+
+
+def test_every_figure_is_drawn_and_committed(tmp_path: Path, monkeypatch, fr3) -> None:
+    """Property: the script of the figures runs, and docs/images has each for both schemes."""
+    (tmp_path / "generated").mkdir()
+    (tmp_path / "generated" / "fr3").symlink_to(fr3.folder)
+    monkeypatch.chdir(tmp_path)
+    from scripts.site.figures import FIGURES, IMAGES, SCHEMES, draw
+
+    for name in FIGURES:
+        assert b"<svg" in draw(name, "light", tmp_path).read_bytes()
+        assert all((IMAGES / f"{name}-{scheme}.svg").exists() for scheme in SCHEMES)

@@ -30,7 +30,7 @@ ORANGE, TEAL, GREY = "#d9822b", "#0f8b8d", "#8a949e"
 SIZE = (6.4, 3.2)
 
 
-def consistency(axes: plt.Axes, ink: str) -> None:
+def _consistency(axes: plt.Axes, ink: str) -> None:
     """Principal moments of the FR3's links, scaled to sum 1, in the plane of the first two."""
     lib = runtime.load("fr3")
     corners = np.array([[1, 0], [0, 1], [0, 0], [1, 0]])
@@ -53,7 +53,7 @@ def consistency(axes: plt.Axes, ink: str) -> None:
     axes.set(xlabel="J₁ / (J₁ + J₂ + J₃)", ylabel="J₂ / (J₁ + J₂ + J₃)", aspect="equal")
 
 
-def torque(axes: plt.Axes, ink: str) -> None:
+def _torque(axes: plt.Axes, ink: str) -> None:
     """Measured torque of joint 5 on the test part, with the URDF's and the identified one."""
     result = _identified()
     test, joint = result.test, 4
@@ -67,7 +67,7 @@ def torque(axes: plt.Axes, ink: str) -> None:
     _legend(axes, ink)
 
 
-def uncertainty(axes: plt.Axes, ink: str) -> None:
+def _uncertainty(axes: plt.Axes, ink: str) -> None:
     """σ of the mass of every link: of the prior and after the log."""
     result = _identified()
     u = result.uncertainty
@@ -83,7 +83,7 @@ def uncertainty(axes: plt.Axes, ink: str) -> None:
     _legend(axes, ink)
 
 
-def excitation(axes: plt.Axes, ink: str) -> None:
+def _excitation(axes: plt.Axes, ink: str) -> None:
     """Singular values of the base regressor with unit columns for two motions."""
     lib = runtime.load("fr3")
     designed = _motion()
@@ -105,7 +105,7 @@ def excitation(axes: plt.Axes, ink: str) -> None:
     _legend(axes, ink)
 
 
-def certificate(axes: plt.Axes, ink: str) -> None:
+def _certificate(axes: plt.Axes, ink: str) -> None:
     """Velocity of the joint nearest to its limit in a certified motion, with the braking limits."""
     lib = runtime.load("fr3")
     motion = design(lib, duration=5.0, harmonics=3, starts=1, safety=Safety(table=0.0)).trajectory
@@ -125,7 +125,7 @@ def certificate(axes: plt.Axes, ink: str) -> None:
     axes.legend(frameon=False, labelcolor=ink, fontsize=8, ncols=2, loc="upper center")
 
 
-def house(axes: plt.Axes, ink: str) -> None:
+def _house(axes: plt.Axes, ink: str) -> None:
     """Levels of the import contract of pyproject.toml, one box per room of either package."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
     (layers,) = (c["layers"] for c in contracts["contracts"] if c["type"] == "layers")
@@ -162,12 +162,12 @@ def _is_room(package: str, name: str) -> bool:
 
 
 FIGURES: dict[str, tuple[Callable[[plt.Axes, str], None], tuple[float, float]]] = {
-    "consistency": (consistency, (4.6, 4.2)),
-    "torque": (torque, SIZE),
-    "uncertainty": (uncertainty, SIZE),
-    "excitation": (excitation, SIZE),
-    "certificate": (certificate, SIZE),
-    "house": (house, (7.2, 4.4)),
+    "consistency": (_consistency, (4.6, 4.2)),
+    "torque": (_torque, SIZE),
+    "uncertainty": (_uncertainty, SIZE),
+    "excitation": (_excitation, SIZE),
+    "certificate": (_certificate, SIZE),
+    "house": (_house, (7.2, 4.4)),
 }
 
 

@@ -1,7 +1,7 @@
-"""Run a study chunk by chunk, on from wherever the last run ended.
+"""Compute a study chunk by chunk, continuing an earlier run.
 
-Every finished chunk is a file; result.json comes last. A kill between any two steps leaves chunks
-that the next run takes up; a file that is not whole is computed again.
+Every finished chunk is a file; result.json is written last. A run that was killed leaves chunks,
+from which the next run continues; damaged files are computed again.
 """
 
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -31,23 +31,23 @@ from runtime.library import Library
 from runtime.parallel import cores, one_blas_thread
 
 DEFAULT_TRIALS = 150
-"""Of the document."""
+"""Number of Monte Carlo trials of the document."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """How to run.
+    """Options of a run.
 
     Attributes:
         out: folder of all studies.
-        trials: of the studies that do not fix their number.
-        seed: None is each study's own.
-        scheduler: of a dask cluster; None computes here.
-        threads: here; None is one per core. The rows do not depend on it.
-        fresh: throw earlier trials of the study away.
-        command: for the provenance.
-        progress: called with the study's name, how many trials are done, and of how many.
-        notify: called with sentences.
+        trials: number of trials of studies that do not fix it.
+        seed: of the trials; None for the default of each study.
+        scheduler: address of a dask cluster; None computes on this machine.
+        threads: on this machine; None for one per core. The rows do not depend on it.
+        fresh: remove earlier trials of the study.
+        command: command line, for the provenance.
+        progress: called with the name of the study, finished trials, and all trials.
+        notify: called with sentences on damaged files.
     """
 
     out: Path
@@ -63,10 +63,18 @@ class Request:
 
 @one_blas_thread
 def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
-    """Compute what is missing of a study and of those it needs; what result.json says.
+    """Compute the missing trials of a study and of the studies that it needs.
+
+    Args:
+        lib: the robot.
+        study: to be computed.
+        request: output folder, seed, number of trials and workers.
+
+    Returns:
+        Content of result.json.
 
     Raises:
-        RuntimeFault: the folder holds another config's trials or is in use, cannot be written,
+        RuntimeFault: the folder has trials of another config, is in use, or cannot be written,
             or a trial cannot be computed.
         KeyboardInterrupt: finished chunks are kept.
     """
@@ -88,7 +96,7 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
             return known
         _claim(folder, facts, mark, trials, request)
         if known is None and (folder / RESULT).exists():
-            request.notify(f"'{folder / RESULT}' is not whole; it is made again from the trials")
+            request.notify(f"'{folder / RESULT}' is damaged; it is written again from the trials")
         chunks = Chunks(folder, mark, request.notify)
         chunks.sweep()
         done = chunks.read(trials)
@@ -107,10 +115,17 @@ def reproduce(lib: Library, study: Study, request: Request) -> dict[str, Any]:
 
 
 def requested(study: Study, request: Request) -> tuple[StudyConfig, int]:
-    """StudyConfig and number of trials.
+    """Config and number of trials of a request.
+
+    Args:
+        study: with its default config.
+        request: seed and number of trials.
+
+    Returns:
+        Config with the requested seed, and the number of trials.
 
     Raises:
-        RuntimeFault: no trials.
+        RuntimeFault: the number of trials is below one.
     """
     trials = request.trials if study.trials is None else study.trials
     if trials < 1:
@@ -139,25 +154,25 @@ def _computed(
 def _claim(
     folder: Path, facts: Mapping[str, Any], mark: str, trials: int, request: Request
 ) -> None:
-    """Write config.json, unless the folder is of another config.
+    """Write config.json.
 
     Raises:
-        RuntimeFault: it is.
+        RuntimeFault: the folder has trials of another config.
     """
     path = folder / CONFIG
     existing = folder_hash(folder)
     if existing is not None and existing != mark:
         raise RuntimeFault(
-            f"'{folder}' holds trials of another config (hash {existing[:12]}, asked for is "
+            f"'{folder}' holds trials of another config (hash {existing[:12]}, requested: "
             f"{mark[:12]}); replace them with --fresh, or choose another place with --out"
         )
     if existing is None and path.exists():
-        request.notify(f"'{path}' is not whole; it is written again")
+        request.notify(f"'{path}' is damaged; it is written again")
     write_json(path, {"config_hash": mark, "trials": trials, "config": dict(facts)})
 
 
 def folder_hash(folder: Path) -> str | None:
-    """Hash of the config that a study's folder is of; None where nothing tells."""
+    """Config hash of the folder of a study; None where it cannot be read."""
     try:
         return str(json_of(folder / CONFIG)["config_hash"])
     except (OSError, ValueError, KeyError, TypeError):
@@ -165,7 +180,7 @@ def folder_hash(folder: Path) -> str | None:
 
 
 def _clear(folder: Path) -> None:
-    """Remove what this package writes, and nothing else."""
+    """Remove the files of a study, and no others."""
     files = [folder / name for name in (RESULT, TRIALS, SERIES, CONFIG)]
     for path in [*files, *(folder / "chunks").glob("*")]:
         path.unlink(missing_ok=True)

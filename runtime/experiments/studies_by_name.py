@@ -1,4 +1,7 @@
-"""Every id of the command line and the study that answers it."""
+"""Studies by name, and the study of every id of the command line.
+
+A study is one module with a `Study`, and one line here.
+"""
 
 from runtime.errors import RuntimeFault
 from runtime.experiments.studies import (
@@ -32,11 +35,13 @@ IDS: dict[str, Study] = {view.id: study for study in STUDIES.values() for view i
 
 
 def study_of(name: str) -> Study:
-    """By an id.
+    """Study of an id.
 
     Raises:
-        RuntimeFault: there is no such id.
+        RuntimeFault: the id is unknown.
     """
     if name not in IDS:
-        raise RuntimeFault(f"there is no experiment '{name}'; choose one of {', '.join(IDS)}")
+        raise RuntimeFault(
+            f"expected an experiment of {', '.join(IDS)}, got '{name}'; choose one of them"
+        )
     return IDS[name]

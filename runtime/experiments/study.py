@@ -1,8 +1,8 @@
-"""What an experiment is: a frozen config, trials that depend on (config, number) alone, views.
+"""Definition of a study: a frozen config, trials that depend on (config, number) only, views.
 
-A `Study` is data and three functions, which a worker elsewhere finds by the study's name:
-`prepare` makes what all trials share, `run` does some trials, `finish` turns all rows into curves
-and facts.
+A `Study` has three functions, which a remote worker imports by the name of the study: `prepare`
+computes what all trials share, `run` computes some trials, `finish` turns all rows into series and
+facts.
 """
 
 import hashlib
@@ -16,10 +16,10 @@ import numpy as np
 from runtime.library import Array, Library
 
 FORMAT = 1
-"""Of everything that is written; another one is another hash."""
+"""Format number of all files; it is part of the config hash."""
 
 Row = dict[str, Any]
-"""One line of trials.parquet: case, method, trial, then figures by name; `curve` is a list."""
+"""One row of trials.parquet: case, method, trial, then metrics by name; `curve` is a list."""
 Arrays = Mapping[str, Array]
 
 
@@ -28,35 +28,44 @@ class StudyConfig(Protocol):
 
     @property
     def seed(self) -> int:
-        """Of everything random in the trials."""
+        """Seed of all random numbers of the trials."""
 
 
 @dataclass(frozen=True, slots=True)
 class FixedConfig:
-    """The config of a study in which nothing is random and nothing to be chosen."""
+    """Config of a study without random numbers and parameters."""
 
     seed: int = 0
 
 
 def library_alone(lib: Library, config: StudyConfig, needed: Arrays) -> Library:
-    """What trials share that need nothing but the library."""
+    """Prepared input of a study that needs only the library.
+
+    Args:
+        lib: the robot.
+        config: not used.
+        needed: not used.
+
+    Returns:
+        The robot.
+    """
     del config, needed
     return lib
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One id: a table or a figure of the document, and where its numbers stand.
+    """One table or figure of the document, and the names of its numbers.
 
     Attributes:
-        id: as on the command line.
+        id: name on the command line.
         kind: table, band (mean ± std), lines, path (3-d), motion (q dq ddq tau), loglog or bars.
-        title: for people.
-        cases: of the rows, in the order of the columns; empty is all.
-        metrics: names of columns of trials.parquet, in the order of the lines.
-        series: names in series.npz, of a figure.
-        axes: labels of x and y, of a figure.
-        document: the id under which document.toml holds its numbers, where that is another one.
+        title: displayed title.
+        cases: of the rows, in the order of the columns; empty for all.
+        metrics: columns of trials.parquet, in the order of the rows.
+        series: names in series.npz, for a figure.
+        axes: labels of x and y, for a figure.
+        document: id of its numbers in document_numbers.toml, where it differs from `id`.
     """
 
     id: str
@@ -71,12 +80,12 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class StudyOutcome:
-    """What all rows together give.
+    """Results of all rows of a study.
 
     Attributes:
         series: arrays by name.
-        facts: what must be reported of the data: rates, counts, filters, conditions.
-        rows: further lines of trials.parquet that only all trials together give.
+        facts: facts of the data: rates, counts, filters, condition numbers.
+        rows: further rows of trials.parquet, computed from all trials.
     """
 
     series: dict[str, Array] = field(default_factory=dict)
@@ -86,21 +95,22 @@ class StudyOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """One experiment, from which several ids may be read.
+    """One experiment, which may have several views.
 
     Attributes:
-        name: of its folder.
-        run: (prepared, numbers, threads) → rows; a row depends on its number alone.
-        finish: (prepared, all rows) → curves and facts.
-        views: its ids.
+        name: name of its folder.
+        title: displayed title.
+        run: (prepared, numbers, threads) → rows; a row depends on its trial number only.
+        finish: (prepared, all rows) → series and facts.
+        views: its tables and figures.
         config: default; its seed may be replaced.
-        prepare: (library, config, arrays of `needs`) → what `run` and `finish` are given.
+        prepare: (library, config, arrays of `needs`) → prepared input of `run` and `finish`.
         cases, methods: name → a sentence.
-        robot_facts: what else of the library's robot belongs to the config.
-        trials: number of them where that is fixed, None where it is asked for.
-        takes_seed: False where another seed would be another experiment for the others.
-        needs: studies whose series come first.
-        per_chunk: trials between two files.
+        robot_facts: facts of the robot that belong to the config.
+        trials: fixed number of trials; None where the request determines it.
+        takes_seed: False where another seed would change the input of other studies.
+        needs: studies whose series are needed.
+        per_chunk: number of trials per file.
     """
 
     name: str
@@ -120,19 +130,37 @@ class Study:
 
 
 def canonical(value: object) -> str:
-    """JSON with sorted keys, without blanks: one text per value."""
+    """JSON with sorted keys and without blanks: equal values give equal text."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
 def config_facts(study: Study, config: StudyConfig, lib: Library) -> dict[str, Any]:
-    """A config as plain data, with its study and the format."""
+    """Config as plain data, with the study and the format number.
+
+    Args:
+        study: of the config.
+        config: its values.
+        lib: the robot.
+
+    Returns:
+        Plain values by name.
+    """
     plain = json.loads(canonical(asdict(config)))  # type: ignore[call-overload]
     more = study.robot_facts(lib) if study.robot_facts else {}
     return {"format": FORMAT, "study": study.name, **plain, **more}
 
 
 def config_hash(facts: Mapping[str, Any], model_hash: str, needed: Arrays) -> str:
-    """sha256 of config, robot and what was taken from other studies: same hash, same digits."""
+    """SHA-256 of config, robot and arrays of other studies; equal hashes give equal digits.
+
+    Args:
+        facts: from `config_facts`.
+        model_hash: of the robot.
+        needed: arrays of other studies, by name.
+
+    Returns:
+        64 hexadecimal digits.
+    """
     digest = hashlib.sha256(canonical([facts, model_hash]).encode())
     for name in sorted(needed):
         digest.update(name.encode() + np.ascontiguousarray(needed[name], dtype=float).tobytes())

@@ -1,4 +1,4 @@
-"""How far a study is, from its folder alone."""
+"""State of a study, read from its folder."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ MISSING, PARTIAL, DONE, DIFFERS = "missing", "partial", "done", "hash differs"
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """One study in one folder.
+    """State of one study in one folder.
 
     Attributes:
         word: missing, partial, done or hash differs.
-        done: trials that are there.
-        trials: that are asked for.
+        done: number of finished trials.
+        trials: number of requested trials.
     """
 
     word: str
@@ -32,7 +32,16 @@ class State:
 
 
 def state_of(lib: Library, study: Study, request: Request) -> State:
-    """What `reproduce` would find."""
+    """State of a study without computing anything.
+
+    Args:
+        lib: the robot.
+        study: of which the folder is read.
+        request: output folder, seed and number of trials.
+
+    Returns:
+        The state.
+    """
     folder = request.out / study.name
     config, trials = requested(study, request)
     existing = folder_hash(folder)

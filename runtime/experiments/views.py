@@ -1,24 +1,51 @@
-"""The views that several studies have, told by what differs."""
+"""Views that several studies share, apart from names and titles."""
 
 from runtime.experiments.study import View
 
 TORQUE = tuple(f"tau_error_{joint}" for joint in range(1, 8))
-"""Lines of the document's tables of torque errors."""
+"""Rows of the tables of torque errors in the document."""
 MOTION = ("t", "q", "dq", "ddq", "tau")
-"""Curves of a motion, each behind the motion's prefix."""
+"""Series of a motion, without the prefix of the motion."""
 
 
 def torque_table(name: str, title: str, cases: tuple[str, ...]) -> View:
-    """Torque error of every joint."""
+    """Table of the torque errors of all joints.
+
+    Args:
+        name: its id.
+        title: its title.
+        cases: its columns.
+
+    Returns:
+        The view.
+    """
     return View(name, "table", f"{title}: torque errors, %", cases, TORQUE)
 
 
 def torque_bars(name: str, title: str, cases: tuple[str, ...]) -> View:
-    """Torque error of every joint, the methods side by side."""
+    """Bars of the torque errors of all joints, grouped by method.
+
+    Args:
+        name: its id.
+        title: its title.
+        cases: its panels.
+
+    Returns:
+        The view.
+    """
     return View(name, "bars", title, cases, TORQUE, axes=("joint", "torque error [%]"))
 
 
 def motion(name: str, title: str, prefix: str) -> View:
-    """A motion under the names that `motions.curves` gives it."""
+    """Figure of a motion, from the series of `motions.curves`.
+
+    Args:
+        name: its id.
+        title: its title.
+        prefix: of the series.
+
+    Returns:
+        The view.
+    """
     series = tuple(f"{prefix}_{key}" for key in MOTION)
     return View(name, "motion", title, series=series, axes=("time [s]", ""))

@@ -13,12 +13,12 @@ from runtime.library import Library, load
 from runtime.parallel import on_cluster
 
 _here = threading.local()
-"""What a worker's thread has prepared last, and its key."""
+"""Last prepared input of a thread of a worker, with its key."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """A study, small enough to be sent: a worker finds its functions by the name."""
+    """Message to a worker, which imports the functions of the study by its name."""
 
     study: str
     config: StudyConfig
@@ -35,7 +35,18 @@ def on_workers(
     runs: Sequence[range],
     scheduler: str,
 ) -> Generator[tuple[range, list[Row]], None, None]:
-    """Rows of every run of trials, as they end.
+    """Compute ranges of trials on a dask cluster.
+
+    Args:
+        study: of the trials.
+        lib: the robot.
+        config: of the study.
+        needed: arrays of other studies, by name.
+        runs: ranges of trials.
+        scheduler: address of the scheduler.
+
+    Returns:
+        Generator of (numbers, rows), in the order of completion.
 
     Raises:
         IdentificationError: see `runtime.parallel.on_cluster`.

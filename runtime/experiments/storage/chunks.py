@@ -1,7 +1,7 @@
-"""StudyOutcome trials on disk: chunks/00000-00024.parquet, each whole or not there.
+"""Finished trials on disk: chunks/00000-00024.parquet, each complete or absent.
 
-A chunk carries the hash of its config and checksums of its pages: what is truncated, altered or
-of another config is told and computed again.
+A chunk has the hash of its config and checksums of its pages. A chunk that is truncated, altered or
+of another config is reported and computed again.
 """
 
 from collections.abc import Callable, Iterable
@@ -19,23 +19,29 @@ _TEXT, _WHOLE, _CLAIM, _LIST = ("case", "method", "status"), ("trial",), ("consi
 
 
 def arrow() -> Any:
-    """pyarrow with its parquet, where it is installed.
+    """Import pyarrow and its Parquet module.
 
     Raises:
-        RuntimeFault: it is not.
+        RuntimeFault: pyarrow is not installed.
     """
     try:
         import_module("pyarrow.parquet")
         return import_module("pyarrow")
     except ImportError:
         raise RuntimeFault(
-            "experiments keep their trials as Parquet, which needs pyarrow; install it with: "
+            "trials of experiments are Parquet files, which need pyarrow; install it with: "
             "pip install 'symgen[experiments]'"
         ) from None
 
 
 def write_rows(rows: list[Row], path: Path, mark: str) -> None:
-    """Rows as Parquet, columns in the order of their first appearance."""
+    """Write rows as Parquet, with columns in the order of their first appearance.
+
+    Args:
+        rows: values by column name.
+        path: file to write.
+        mark: config hash.
+    """
     pa = arrow()
     names = list(dict.fromkeys(name for row in rows for name in row))
     fields = [pa.field(name, _type(pa, name)) for name in names]
@@ -46,7 +52,15 @@ def write_rows(rows: list[Row], path: Path, mark: str) -> None:
 
 
 def read_rows(path: Path, mark: str) -> list[Row] | None:
-    """Rows of a file; None where it is damaged or of another config."""
+    """Read rows of a file.
+
+    Args:
+        path: Parquet file.
+        mark: expected config hash.
+
+    Returns:
+        Rows; None where the file is damaged or of another config.
+    """
     arrow()
     try:
         metadata, rows = rows_of(path)
@@ -68,18 +82,18 @@ def _type(pa: Any, name: str) -> Any:
 
 
 class Chunks:
-    """The chunks of one study's folder."""
+    """Chunks in the folder of one study."""
 
     def __init__(self, folder: Path, mark: str, notify: Callable[[str], None]) -> None:
         """Args:
         folder: of the study.
         mark: hash of its config.
-        notify: called with a sentence about what could not be used.
+        notify: called with a sentence on each chunk that cannot be used.
         """
         self._folder, self._mark, self._notify = folder / "chunks", mark, notify
 
     def read(self, trials: int) -> dict[int, list[Row]]:
-        """Rows of every trial below `trials` that is there; the first file that has one counts."""
+        """Rows of the finished trials below `trials`; the first file of a trial counts."""
         rows_by_trial: dict[int, list[Row]] = {}
         for path in sorted(self._folder.glob("*.parquet")):
             rows, numbers = read_rows(path, self._mark), _numbers(path)
@@ -95,18 +109,32 @@ class Chunks:
         return rows_by_trial
 
     def sweep(self) -> None:
-        """Remove the drafts of a run that was killed; only for who holds the lock."""
+        """Remove unfinished files of a killed run. The caller must hold the lock."""
         for draft in self._folder.glob(".*"):
             draft.unlink(missing_ok=True)
 
     def write(self, numbers: range, rows: list[Row]) -> None:
-        """One finished chunk."""
+        """Write one finished chunk.
+
+        Args:
+            numbers: of the trials.
+            rows: of these trials.
+        """
         name = f"{numbers.start:05d}-{numbers.stop - 1:05d}.parquet"
         write_rows(rows, self._folder / name, self._mark)
 
 
 def missing(done: Iterable[int], trials: int, size: int) -> list[range]:
-    """The trials below `trials` that are not done, in runs of at most `size`."""
+    """Consecutive ranges of trials that are not done.
+
+    Args:
+        done: numbers of finished trials.
+        trials: total number.
+        size: largest length of a range.
+
+    Returns:
+        Ranges of at most `size` trials, which do not cross multiples of `size`.
+    """
     have, runs = set(done), list[range]()
     for number in range(trials):
         if number in have:
@@ -119,7 +147,7 @@ def missing(done: Iterable[int], trials: int, size: int) -> list[range]:
 
 
 def _numbers(path: Path) -> range:
-    """The trials that a file's name promises; none where it is no such name."""
+    """Numbers of the trials in the name of a file; empty for other names."""
     first, _, last = path.stem.partition("-")
     if not (first.isdigit() and last.isdigit()):
         return range(0)

@@ -1,4 +1,4 @@
-"""The document's own numbers, from document_numbers.toml, each with the table it stands in."""
+"""Numbers of the document, from document_numbers.toml, each with its table in the document."""
 
 import tomllib
 from collections.abc import Iterable
@@ -9,7 +9,7 @@ _FILE = Path(__file__).with_name("document_numbers.toml")
 
 
 def document_values(ids: Iterable[str]) -> list[dict[str, Any]]:
-    """{id, source, case, method, metric, mean, std} of the ids that have numbers.
+    """Entries {id, source, case, method, metric, mean, std} of the ids that have numbers.
 
     A metric with a list of pairs is one per joint: `tau_error` gives tau_error_1, tau_error_2, …
     """

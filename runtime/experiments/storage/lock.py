@@ -1,7 +1,7 @@
-"""One run at a time in a folder: a lock that its holder's death opens.
+"""Lock of a folder for one run at a time, released when its process ends.
 
-The operating system holds the lock of an open file and drops it with the process, so no stale lock
-is left by a kill; the process id in the file is for the message.
+The operating system releases the lock of an open file with its process, so that a killed run leaves
+no stale lock. The process id in the file serves the message only.
 """
 
 import os
@@ -16,10 +16,10 @@ NAME = "run.lock"
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Hold a folder while the block runs.
+    """Lock a folder within the block.
 
     Raises:
-        RuntimeFault: another process holds it, or it cannot be written.
+        RuntimeFault: another process has locked it, or it cannot be written.
     """
     path = folder / NAME
     try:
@@ -33,10 +33,10 @@ def locked(folder: Path) -> Iterator[None]:
         if not _take(file):
             holder = os.read(file, 20).decode(errors="replace").strip() or "unknown"
             raise RuntimeFault(
-                f"process {holder} is at work in '{folder}' already; wait for it, or choose "
+                f"process {holder} is using '{folder}'; wait for it, or choose "
                 "another place with --out"
             )
-        with suppress(OSError):  # the id is a courtesy, also on a full disk
+        with suppress(OSError):  # the process id is optional, and the disk may be full
             os.ftruncate(file, 0)
             os.pwrite(file, f"{os.getpid()}\n".encode(), 0)
         yield

@@ -1,4 +1,4 @@
-"""All rows of a study → trials.parquet, series.npz and, last, result.json that vouches for both."""
+"""All rows of a study → trials.parquet, series.npz and, last, result.json with their SHA-256."""
 
 import hashlib
 import json
@@ -31,7 +31,22 @@ def write_outcome(
     finished: StudyOutcome,
     command: str,
 ) -> dict[str, Any]:
-    """Write the three files and return what result.json says."""
+    """Write trials.parquet, series.npz and result.json.
+
+    Args:
+        study: that was computed.
+        folder: of the study.
+        lib: the robot.
+        config: from `config_facts`.
+        mark: config hash.
+        trials: their number.
+        rows: of all trials.
+        finished: series, facts and further rows.
+        command: command line, for the provenance.
+
+    Returns:
+        Content of result.json.
+    """
     both = [*rows, *finished.rows]
     flat = [{k: v for k, v in row.items() if k != "curve"} for row in both]
     write_rows(flat, folder / TRIALS, mark)
@@ -62,7 +77,7 @@ def write_outcome(
 
 
 def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Mean, standard deviation (n − 1) and count of every figure of every case and method."""
+    """Mean, standard deviation (n − 1) and count of every metric, case and method."""
     values: dict[tuple[str, str, str], list[float]] = {}
     for row in rows:
         for name, value in row.items():
@@ -82,7 +97,15 @@ def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def valid_result(folder: Path, mark: str | None = None) -> dict[str, Any] | None:
-    """What result.json says, where it and the files it vouches for are whole and of this hash."""
+    """Content of result.json where it matches its files.
+
+    Args:
+        folder: of a study.
+        mark: expected config hash; None for any.
+
+    Returns:
+        The content; None where a file is missing, damaged or of another hash.
+    """
     try:
         facts = json_of(folder / RESULT)
         whole = all(sha256(folder / name) == digest for name, digest in facts["files"].items())
@@ -93,18 +116,23 @@ def valid_result(folder: Path, mark: str | None = None) -> dict[str, Any] | None
 
 
 def read_series(folder: Path) -> dict[str, Array]:
-    """The curves of a result that `valid_result` has found whole."""
+    """Series of a study, after `valid_result` has checked them."""
     with np.load(folder / SERIES) as file:
         return {name: file[name] for name in file.files}
 
 
 def write_json(path: Path, facts: Mapping[str, Any]) -> None:
-    """Indented, without NaN, whole or not at all."""
+    """Write indented JSON without NaN, complete or not at all.
+
+    Args:
+        path: file to write.
+        facts: plain values.
+    """
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     with replacing(path) as file:
         file.write(text.encode())
 
 
 def sha256(path: Path) -> str:
-    """Of a file's bytes."""
+    """SHA-256 of a file."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

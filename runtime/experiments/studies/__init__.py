@@ -1,1 +1,1 @@
-"""The studies, one module each; `runtime.experiments.studies_by_name` lists them."""
+"""Studies, one module each; `runtime.experiments.studies_by_name` lists them."""

@@ -9,7 +9,16 @@ LINKS, BASE = 7, 43
 
 
 def run(lib: Library, numbers: range, threads: int) -> list[Row]:
-    """Π and λ of every link, and β = K π."""
+    """Compute π and λ of every link, and β = K π.
+
+    Args:
+        lib: the robot.
+        numbers: of the trials.
+        threads: not used.
+
+    Returns:
+        Rows of trials.parquet.
+    """
     del numbers, threads
     pi = document_robot(lib)
     bodies, lam = links(pi), links(lib.lam_from_pi(pi))
@@ -24,7 +33,15 @@ def run(lib: Library, numbers: range, threads: int) -> list[Row]:
 
 
 def finish(lib: Library, rows: list[Row]) -> StudyOutcome:
-    """No curves."""
+    """Facts of the tables; there are no series.
+
+    Args:
+        lib: the robot.
+        rows: not used.
+
+    Returns:
+        Series and facts.
+    """
     del rows
     return StudyOutcome(
         facts={

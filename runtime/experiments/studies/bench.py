@@ -27,11 +27,11 @@ from runtime.recording import Friction
 from runtime.recording.preprocessing import prepare as prepared
 
 GUESS, BATCHES = 0, 3
-"""Streams of a trial, those of the simulated Monte Carlo."""
+"""Random streams of a trial, as in the Monte Carlo studies."""
 LOGS = {"tuning": EMPTY, "payload": LOADED}
-"""Case → logs."""
-HELD = "tuning"
-"""The case in which the document holds link 7: Table 5.9 has 107.58 ± 0.00 % (errata)."""
+"""Logs of each case."""
+FROZEN = "tuning"
+"""Case in which link 7 is constant in the document: Table 5.9 has 107.58 ± 0.00 % (errata)."""
 PLAIN = Friction(())
 SMOOTH = Friction(("viscous", "coulomb", "offset"))
 DAHL = Friction(("viscous", "dahl", "offset"), dahl_stroke=4e-3)
@@ -42,8 +42,8 @@ class BenchConfig:
     """Perturbed CAD model, Table 5.8.
 
     Attributes:
-        friction: columns of map-friction.
-        dahl: columns of map-dahl, whose stroke is twice the virtual robot's.
+        friction: friction columns of map-friction.
+        dahl: friction columns of map-dahl; their stroke is twice that of the virtual robot.
     """
 
     seed: int = 0
@@ -56,7 +56,7 @@ class BenchConfig:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One set of logs with one set of friction columns."""
+    """Samples of one case with one set of friction columns."""
 
     train: Samples
     held: Samples
@@ -66,7 +66,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class BenchSetup:
-    """Both cases, by case and friction columns."""
+    """Input that all trials share; `parts` by case and method."""
 
     lib: Library
     config: BenchConfig
@@ -76,7 +76,16 @@ class BenchSetup:
 
 
 def prepare(lib: Library, config: BenchConfig, needed: Arrays) -> BenchSetup:
-    """The logs, prepared as in the document, with the columns of every method."""
+    """Prepare the logs as the document does, with the friction columns of every method.
+
+    Args:
+        lib: the robot.
+        config: of the study.
+        needed: arrays of the studies excitation and logs, by name.
+
+    Returns:
+        What all trials share.
+    """
     parts = {}
     for case, logs in LOGS.items():
         for name, terms in _terms(config).items():
@@ -95,7 +104,16 @@ def _terms(config: BenchConfig) -> dict[str, Friction]:
 
 
 def run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
-    """All methods of both cases."""
+    """Fit all methods to both cases.
+
+    Args:
+        setup: from `prepare`.
+        numbers: of the trials.
+        threads: number of them.
+
+    Returns:
+        Rows of trials.parquet.
+    """
     lib, config = setup.lib, setup.config
     rows: list[Row] = []
     for case in LOGS:
@@ -104,7 +122,7 @@ def run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
         for number, problem in zip(numbers, problems, strict=True):
             head = {"case": case, "method": "before", "trial": number}
             rows.append(head | plain.scorer.row(lib.pi_from_lam(problem.start)))
-        if case == HELD:
+        if case == FROZEN:
             descents = [
                 timed(lambda p: fit_frozen(p, setup.lam, config.adam, []), p) for p in problems
             ]
@@ -126,7 +144,7 @@ def run(setup: BenchSetup, numbers: range, threads: int) -> list[Row]:
 def _problem(setup: BenchSetup, part: Part, number: int, case: str) -> Problem:
     config = setup.config
     guess = stream(config.seed, number, GUESS).normal(size=setup.lam.size)
-    guess[link_rows(setup.lib)] *= case != HELD
+    guess[link_rows(setup.lib)] *= case != FROZEN
     start = setup.lam * (1 + config.perturbation * guess)
     batches = int(stream(config.seed, number, BATCHES).integers(2**63))
     weights = thesis_weights(part.train.tau)
@@ -144,13 +162,21 @@ def _row(
 
 
 def finish(setup: BenchSetup, rows: list[Row]) -> StudyOutcome:
-    """The payload on the fixed arm, and what must be told of the data."""
+    """Identify the payload on the known arm, and collect the facts of the data.
+
+    Args:
+        setup: from `prepare`.
+        rows: not used.
+
+    Returns:
+        Series and facts.
+    """
     del rows
     return StudyOutcome(facts=_facts(setup), rows=_fixed_arm(setup))
 
 
 def _fixed_arm(setup: BenchSetup) -> list[Row]:
-    """Ten unknowns against the empty run of the same motion, for every repeat of the training."""
+    """Payload from the difference to the run without payload, for every training log."""
     lib, logs = setup.lib, setup.logs
     names = [name.split("/")[1] for name in logs if name.startswith(f"{LOADED}/")]
     truth = links(logs[f"{LOADED}/pi"] - logs[f"{EMPTY}/pi"])[-1]
@@ -214,13 +240,13 @@ STUDY = Study(
         "payload": "CAD model, unknown payload of 1.8 kg",
     },
     methods={
-        "before": "the perturbed CAD model",
+        "before": "perturbed CAD model",
         "adam": "λ-Adam on mini-batches, exactly as in Table 5.8",
         "pc-ols": "PC-IDIM-OLS, same weights",
         "map": "most probable consistent model, no friction columns",
         "map-friction": "the same with viscous and Coulomb friction and offset",
         "map-dahl": "the same with Dahl friction, its stroke wrong by a factor of two",
-        "fixed-arm": "ten unknowns of the payload alone, against the empty run",
+        "fixed-arm": "payload alone, from the difference to the run without payload",
     },
     needs=("excitation", "logs"),
     views=(

@@ -1,4 +1,4 @@
-"""Sec. 3.4.2: the search for exciting motions, its starts, and the path of the best one."""
+"""Sec. 3.4.2: search for exciting motions from several starts, and the path of the best one."""
 
 from dataclasses import dataclass
 
@@ -18,10 +18,10 @@ from runtime.simulation import Plant, ideal
 
 @dataclass(frozen=True, slots=True)
 class ExcitationConfig:
-    """Five harmonics, 10 s, five starts, the limits of joints alone.
+    """Five harmonics, 10 s, five starts, joint limits only.
 
-    The seed was chosen: of 20 it is the one whose designs give the torque errors of the ideal
-    case nearest to the document's, which does not tell its motions.
+    The document does not state its motions. Of 20 seeds, this one gives the torque errors of the
+    ideal case that are closest to those of the document.
     """
 
     seed: int = 12
@@ -33,7 +33,7 @@ class ExcitationConfig:
 
 @dataclass(frozen=True, slots=True)
 class ExcitationSetup:
-    """The search of all starts."""
+    """Input that all starts share."""
 
     lib: Library
     config: ExcitationConfig
@@ -41,9 +41,18 @@ class ExcitationSetup:
 
 
 def prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> ExcitationSetup:
-    """The search in document mode."""
+    """Set up the search in document mode.
+
+    Args:
+        lib: the robot.
+        config: of the study.
+        needed: not used.
+
+    Returns:
+        What all trials share.
+    """
     del needed
-    document_robot(lib)  # no other one
+    document_robot(lib)  # refuses other robots
     problem = SearchProblem(
         lib.folder, lib.level, lib.home, config.harmonics, config.duration, config.seed
     )
@@ -51,7 +60,16 @@ def prepare(lib: Library, config: ExcitationConfig, needed: Arrays) -> Excitatio
 
 
 def run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
-    """One row per start: log cond before and after."""
+    """Run the search from some starts: log cond before and after.
+
+    Args:
+        setup: from `prepare`.
+        numbers: of the trials.
+        threads: not used; trials are computed one after another.
+
+    Returns:
+        Rows of trials.parquet.
+    """
     del threads
     search = setup.search
     rows: list[Row] = []
@@ -67,7 +85,15 @@ def run(setup: ExcitationSetup, numbers: range, threads: int) -> list[Row]:
 
 
 def finish(setup: ExcitationSetup, rows: list[Row]) -> StudyOutcome:
-    """The best three, strictly inside their limits at 1 kHz; the path of the tip."""
+    """Best three motions, strictly within their limits at 1 kHz, and the path of the tip.
+
+    Args:
+        setup: from `prepare`.
+        rows: rows of all trials.
+
+    Returns:
+        Series and facts.
+    """
     lib, config, search = setup.lib, setup.config, setup.search
     ranked = sorted(rows, key=lambda row: (row["cost_after"], row["trial"]))[: len(ROLES)]
     shape = (lib.n_joints, -1)
@@ -94,8 +120,8 @@ def finish(setup: ExcitationSetup, rows: list[Row]) -> StudyOutcome:
         "use_of_limits": [end.use for end in ends],
         "roles": list(ROLES),
         "seed": config.seed,
-        "seed_choice": "of the seeds 0 to 19 the one nearest to the torque errors of Table 5.3; "
-        "the document does not tell its motions",
+        "seed_choice": "of the seeds 0 to 19 the one closest to the torque errors of Table 5.3; "
+        "the document does not state its motions",
         "assumptions": list(search.limits.assumptions),
     }
     return StudyOutcome(series, facts, [row])

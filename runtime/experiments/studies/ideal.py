@@ -1,23 +1,41 @@
-"""Sec. 5.1.1: noise-free data, three sizes of the first guess's error."""
+"""Sec. 5.1.1: noise-free data, three perturbations of the initial guess."""
 
 from runtime.experiments.study import Row, StudyOutcome, View
 from runtime.experiments.trials.montecarlo import Case, MonteCarloSetup
 from runtime.experiments.trials.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 
-CASES = {Case(f"p={p:g}", p): f"first guess perturbed by {100 * p:g} %" for p in (0.05, 0.15, 0.25)}
+CASES = {
+    Case(f"p={p:g}", p): f"initial guess perturbed by {100 * p:g} %" for p in (0.05, 0.15, 0.25)
+}
 
 
 def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
-    """The mean AIRM over the iterations of Adam."""
+    """Mean AIRM over the iterations of Adam.
+
+    Args:
+        setup: from `prepare`.
+        rows: rows of all trials.
+
+    Returns:
+        Series and facts.
+    """
     return StudyOutcome(bands(setup, rows), data_facts(setup))
 
 
 def figure(name: str, case: Case) -> View:
-    """One of Figs. 5.1 to 5.3."""
+    """View of one of Figs. 5.1 to 5.3.
+
+    Args:
+        name: id of the figure.
+        case: perturbation that it shows.
+
+    Returns:
+        The view.
+    """
     return View(
         name,
         "band",
-        f"AIRM on the way of λ-Adam, p = {case.perturbation:g}",
+        f"AIRM over the iterations of λ-Adam, p = {case.perturbation:g}",
         cases=(case.name,),
         series=tuple(f"{case.name}/adam/{part}" for part in ("iteration", "mean", "std")),
         axes=("iteration", "AIRM"),
@@ -26,7 +44,7 @@ def figure(name: str, case: Case) -> View:
 
 STUDY = monte_carlo(
     "ideal",
-    "Ideal case: noise-free data, perturbed first guess",
+    "Ideal case: noise-free data, perturbed initial guess",
     CASES,
     finish,
     views=(

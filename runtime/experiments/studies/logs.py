@@ -1,7 +1,7 @@
-"""Logs of the virtual FR3, empty and with the payload, in place of the document's real ones.
+"""Logs of the virtual FR3 without and with payload, instead of the measured ones of the document.
 
-Every log is a trial: MuJoCo's physics, an arm that differs from its CAD model, friction with
-memory, sensors with bias. The repeats are the training motion again, with other noise.
+Every log is a trial: an arm in MuJoCo that differs from its CAD model, with friction that has
+memory and sensors that have bias. Repeats are the training motion with other noise.
 """
 
 from dataclasses import dataclass, replace
@@ -26,21 +26,21 @@ from runtime.simulation import Box, read_payload, record, sample_times, settings
 EMPTY, LOADED = "empty", "payload"
 KEYS = ("q", "dq", "tau")
 PREPARATION = replace(DOCUMENT, trim_s=0.15)
-"""The document's, without the ends, where centred windows narrow and ddq is not averaged like τ."""
+"""Preparation of the document without both ends, where centred windows are shorter."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogsConfig:
-    """Which arm, which noise, what is carried.
+    """Arm, noise and payload.
 
     Attributes:
-        truth_seed: of the arm, one whose errors before tuning and with the payload are within a
-            quarter of the document's at joints 1 to 6.
-        test_seed: of the test motion, a design of its own (one start): on it the joints work as
-            hard as in the document, whose motions are not told; training and validation are the
-            best two of the excitation study.
-        payload: a box, kg and m in the frame of link 7.
-        repeats: further logs of the training motion.
+        seed: of the noise.
+        truth_seed: of the arm; its errors before tuning and with payload are within a quarter of
+            those of the document at joints 1 to 6.
+        test_seed: of the test motion, a separate design from one start with torques as large as
+            in the document; training and validation are the best two of the excitation study.
+        payload: a box: mass [kg], position and size [m] in the frame of link 7.
+        repeats: number of further logs of the training motion.
     """
 
     seed: int = 0
@@ -52,7 +52,7 @@ class LogsConfig:
 
 @dataclass(frozen=True, slots=True)
 class LogsSetup:
-    """The arm and its motions."""
+    """Input that all logs share."""
 
     lib: Library
     config: LogsConfig
@@ -62,12 +62,21 @@ class LogsSetup:
 
 
 def roles(config: LogsConfig) -> tuple[str, ...]:
-    """Training, validation, test, and training again."""
+    """Roles of the logs: training, validation, test, and repeats of the training."""
     return (*ROLES, *(f"repeat {k}" for k in range(1, config.repeats + 1)))
 
 
 def prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
-    """The designed motions."""
+    """Design the motions of all logs.
+
+    Args:
+        lib: the robot.
+        config: of the study.
+        needed: arrays of the excitation study, by name.
+
+    Returns:
+        What all trials share.
+    """
     designs = designed(lib, needed)
     designs[2] = _design(lib, designs[0], config.test_seed)
     motions = {role: designs[k if k < len(ROLES) else 0] for k, role in enumerate(roles(config))}
@@ -75,7 +84,7 @@ def prepare(lib: Library, config: LogsConfig, needed: Arrays) -> LogsSetup:
 
 
 def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
-    """One start in document mode."""
+    """Design from one start in document mode."""
     harmonics = like.coefficients.shape[1]
     search = Search(
         lib, SearchProblem(lib.folder, lib.level, lib.home, harmonics, like.duration, seed)
@@ -84,7 +93,16 @@ def _design(lib: Library, like: Trajectory, seed: int) -> Trajectory:
 
 
 def run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
-    """One log per trial: first all empty ones, then all with the payload."""
+    """Record one log per trial: first all without payload, then all with it.
+
+    Args:
+        setup: from `prepare`.
+        numbers: of the trials.
+        threads: not used; trials are computed one after another.
+
+    Returns:
+        Rows of trials.parquet.
+    """
     del threads
     names = roles(setup.config)
     rows: list[Row] = []
@@ -109,7 +127,15 @@ def run(setup: LogsSetup, numbers: range, threads: int) -> list[Row]:
 
 
 def finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
-    """`CASE/ROLE/q`, `…/dq`, `…/tau` as measured, `CASE/pi`, and the training of Figs. A.3, A.4."""
+    """Series `CASE/ROLE/q`, `…/dq`, `…/tau`, `CASE/pi`, and the motions of Figs. A.3 and A.4.
+
+    Args:
+        setup: from `prepare`.
+        rows: rows of all trials.
+
+    Returns:
+        Series and facts.
+    """
     lib, config = setup.lib, setup.config
     settings = settings_of(lib)
     motion = setup.motions["training"]
@@ -135,15 +161,25 @@ def finish(setup: LogsSetup, rows: list[Row]) -> StudyOutcome:
         "preparation": list(history),
         "seed": config.seed,
         "truth_seed": config.truth_seed,
-        "test_motion": f"a design of its own, seed {config.test_seed}, chosen so that the joints "
-        "work as hard as in the document",
+        "test_motion": f"a separate design, seed {config.test_seed}, chosen so that the torques "
+        "are as large as in the document",
         "payload": setup.box.facts(lib),
     }
     return StudyOutcome(series, facts)
 
 
 def log_of(lib: Library, series: Arrays, case: str, role: str) -> Recording:
-    """A log as it was measured."""
+    """Recording of one log.
+
+    Args:
+        lib: the robot.
+        series: arrays of this study.
+        case: `EMPTY` or `LOADED`.
+        role: motion, see `roles`.
+
+    Returns:
+        The recording, without acceleration.
+    """
     q, dq, tau = (series[f"{case}/{role}/{key}"] for key in KEYS)
     return Recording(
         series["t"], q, dq, None, tau, name=f"{case} {role}", joint_names=lib.joint_names
@@ -151,7 +187,7 @@ def log_of(lib: Library, series: Arrays, case: str, role: str) -> Recording:
 
 
 def robot_facts(lib: Library) -> dict[str, Any]:
-    """The virtual robot's settings are part of the config."""
+    """Hash of the settings of the virtual robot, which belong to the config."""
     return {"settings_sha256": settings_of(lib).sha256}
 
 

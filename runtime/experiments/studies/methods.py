@@ -1,7 +1,7 @@
-"""Table 3.1, measured: every method on one log of the common simulated plant.
+"""Table 3.1 as an experiment: every method on one log of the same simulated plant.
 
-The plant has rotors, viscous and Coulomb friction; a computed-torque controller believes in a CAD
-model that is 5 % off. Judged on another motion, closed loop without noise.
+The plant has rotors, viscous and Coulomb friction, and a computed-torque controller whose CAD model
+has an error of 5 %. The test is another motion in closed loop, without noise.
 """
 
 from dataclasses import dataclass, replace
@@ -24,20 +24,20 @@ from runtime.simulation import Controller, Plant, closed_loop
 from runtime.simulation.controller_file import ClosedLoop
 
 CAD, TRAINING, VALIDATION = range(3)
-"""Streams."""
+"""Random streams of the study."""
 FRICTION = Friction(("coulomb", "viscous"), 0.03)
 PREPARATION = Preparation(filter="butterworth", cutoff_hz=20.0, trim_s=0.05, rate_hz=100.0)
 
 
 @dataclass(frozen=True, slots=True)
 class MethodsConfig:
-    """The common plant.
+    """Simulated plant.
 
     Attributes:
-        methods: each is one trial.
-        cad: relative error of the CAD model's λ.
-        sigma_q, sigma_tau: noise of positions and torques, rad and N·m.
-        speed_hz: of the filter behind the controller's speed: σ_dq = 2π f σ_q.
+        methods: one trial each.
+        cad: relative error of λ of the CAD model.
+        sigma_q, sigma_tau: noise of positions [rad] and torques [N·m].
+        speed_hz: cut-off f of the velocity filter of the controller: σ_dq = 2π f σ_q.
     """
 
     seed: int = 0
@@ -55,7 +55,7 @@ class MethodsConfig:
 
 @dataclass(frozen=True, slots=True)
 class MethodsSetup:
-    """The problem that all methods share, and the truth."""
+    """Problem that all methods share, and the truth."""
 
     lib: Library
     config: MethodsConfig
@@ -65,7 +65,16 @@ class MethodsSetup:
 
 
 def prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetup:
-    """Three logs of the plant."""
+    """Simulate three logs of the plant and set up the common problem.
+
+    Args:
+        lib: the robot.
+        config: of the study.
+        needed: arrays of the excitation study, by name.
+
+    Returns:
+        What all trials share.
+    """
     pi = document_robot(lib)
     lam = lib.lam_from_pi(pi)
     cad = lam * (1 + config.cad * stream(config.seed, 0, CAD).normal(size=lam.size))
@@ -105,10 +114,18 @@ def prepare(lib: Library, config: MethodsConfig, needed: Arrays) -> MethodsSetup
 
 
 def run(setup: MethodsSetup, numbers: range, threads: int) -> list[Row]:
-    """One method per trial.
+    """Fit one method per trial.
+
+    Args:
+        setup: from `prepare`.
+        numbers: of the trials.
+        threads: not used; trials are computed one after another.
+
+    Returns:
+        Rows of trials.parquet.
 
     Raises:
-        KeyboardInterrupt: a method was interrupted and has kept its best point.
+        KeyboardInterrupt: a method was interrupted.
     """
     del threads
     return [_row(setup, number) for number in numbers]
@@ -140,7 +157,15 @@ def _figures(setup: MethodsSetup, f: Figures) -> Row:
 
 
 def finish(setup: MethodsSetup, rows: list[Row]) -> StudyOutcome:
-    """What must be told of the data; no curves."""
+    """Facts of the data; there are no series.
+
+    Args:
+        setup: from `prepare`.
+        rows: not used.
+
+    Returns:
+        Series and facts.
+    """
     del rows
     config, parts = setup.config, setup.assembly.parts
     facts: dict[str, Any] = {

@@ -1,7 +1,7 @@
-"""Secs. 3.1.2, 3.2 and 4.5: the model against itself, along the best exciting trajectory.
+"""Secs. 3.1.2, 3.2 and 4.5: checks of the model along the best exciting trajectory.
 
 Fig. 3.1 compares Y π of the regressor with the recursive Newton–Euler torque τ(q, dq, ddq, π) and
-with τ of λ (Eq. 4.3), which are kernels of their own; Fig. 3.2 compares Y π with Y_b β; Fig. 4.1 is
+with τ of λ (Eq. 4.3), which are separate kernels; Fig. 3.2 compares Y π with Y_b β; Fig. 4.1 is
 the Taylor remainder of the loss (Eqs. 4.38–4.41).
 """
 
@@ -19,17 +19,19 @@ from runtime.recording import Recording
 from runtime.simulation import Plant, ideal
 
 JOINT = 4
-"""Of Fig. 3.2, from 0."""
+"""Joint of Fig. 3.2, from 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class ModelConfig:
-    """Steps of the Taylor test, and where it is made.
+    """Steps and point of the Taylor test.
 
     Attributes:
-        perturbation: of λ̄ from the truth, relative; Δ ~ N(0, 1) per entry.
-        steps: exponents of the largest and smallest ε, and how many.
-        straight: exponents between which the slope is fitted, above rounding.
+        seed: of the point and of the direction.
+        rate_hz: sample rate [Hz].
+        perturbation: relative distance of λ̄ from the truth; Δ ~ N(0, 1) per entry.
+        steps: exponents of the largest and smallest ε, and their number.
+        straight: exponents between which the slope is fitted, above rounding errors.
     """
 
     seed: int = 0
@@ -41,7 +43,7 @@ class ModelConfig:
 
 @dataclass(frozen=True, slots=True)
 class ModelSetup:
-    """The best trajectory with the torque of the document's robot."""
+    """Best trajectory with the torque of the true robot."""
 
     lib: Library
     config: ModelConfig
@@ -51,14 +53,32 @@ class ModelSetup:
 
 
 def prepare(lib: Library, config: ModelConfig, needed: Arrays) -> ModelSetup:
-    """Exact motion and torque."""
+    """Exact motion and torque of the best trajectory.
+
+    Args:
+        lib: the robot.
+        config: of the study.
+        needed: arrays of the excitation study, by name.
+
+    Returns:
+        What all trials share.
+    """
     pi = document_robot(lib)
     recording = ideal(lib, designed(lib, needed)[0], Plant(pi), config.rate_hz)
     return ModelSetup(lib, config, pi, recording, samples_of(recording, lib))
 
 
 def run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
-    """The largest differences and the slope of the remainder."""
+    """Largest torque differences and the slope of the Taylor remainder.
+
+    Args:
+        setup: from `prepare`.
+        numbers: of the trials.
+        threads: not used.
+
+    Returns:
+        Rows of trials.parquet.
+    """
     del numbers, threads
     tau = _torques(setup)
     steps, remainders = _taylor(setup)
@@ -80,7 +100,15 @@ def run(setup: ModelSetup, numbers: range, threads: int) -> list[Row]:
 
 
 def finish(setup: ModelSetup, rows: list[Row]) -> StudyOutcome:
-    """The curves of the three figures."""
+    """Curves of the three figures.
+
+    Args:
+        setup: from `prepare`.
+        rows: not used.
+
+    Returns:
+        Series and facts.
+    """
     del rows
     tau, (steps, remainders) = _torques(setup), _taylor(setup)
     middle = int(np.flatnonzero(_straight(setup.config, steps))[0])
@@ -140,7 +168,7 @@ def _straight(config: ModelConfig, steps: Array) -> Array:
 
 STUDY = Study(
     name="model",
-    title="The model against itself: regressors and gradient",
+    title="Checks of the model: regressors and gradient",
     config=ModelConfig(),
     prepare=prepare,
     run=run,

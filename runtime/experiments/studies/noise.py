@@ -6,10 +6,10 @@ from runtime.experiments.trials.montecarlo import Case, MonteCarloSetup
 from runtime.experiments.trials.montecarlo_study import bands, data_facts, final_tables, monte_carlo
 
 SEVERE, THIRD = 0.1, 2
-"""Noise in N·m and trial of Fig. 5.4; the last one where there are fewer."""
+"""Noise [N·m] and trial of Fig. 5.4, or the last trial where there are fewer."""
 WORST = f"sigma={SEVERE:g}"
 BOTH = ("adam", "adam-frozen")
-"""Ways of Fig. 5.4."""
+"""Methods of Fig. 5.4."""
 
 
 def _case(sigma: float) -> Case:
@@ -21,7 +21,15 @@ CASES = {_case(sigma): f"σ = {sigma:g} N·m on the torque" for sigma in (0.01, 
 
 
 def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
-    """Bands of all cases, and the two ways of one trial."""
+    """Bands of all cases, and both curves of one trial.
+
+    Args:
+        setup: from `prepare`.
+        rows: rows of all trials.
+
+    Returns:
+        Series and facts.
+    """
     series = bands(setup, rows)
     number = min(THIRD, max(row["trial"] for row in rows))
     for method in BOTH:
@@ -44,7 +52,7 @@ STUDY = monte_carlo(
         View(
             "fig-5.4",
             "lines",
-            f"AIRM of one trial at {SEVERE:g} N·m: all links, and link 7 left out",
+            f"AIRM of one trial at {SEVERE:g} N·m: all links, and without link 7",
             cases=(WORST,),
             series=tuple(
                 f"{WORST}/{method}/single_{part}"

@@ -1,4 +1,4 @@
-"""Sec. 5.1.2: trained on plain sines or on the designed motion, p = 0.15, noise-free."""
+"""Sec. 5.1.2: training on sines or on the designed motion, p = 0.15, noise-free."""
 
 from dataclasses import replace
 
@@ -28,21 +28,38 @@ def _sines(lib: Library, config: MonteCarloConfig, setup: MonteCarloSetup) -> Re
 
 
 def prepare(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
-    """The sines beside the designed motion."""
+    """Add samples of the sinusoidal motion to those of the designed motions.
+
+    Args:
+        lib: the robot.
+        config: of the study.
+        needed: arrays of the excitation study, by name.
+
+    Returns:
+        What all trials share.
+    """
     setup = setup_of(lib, config, needed)
     sines = samples_of(_sines(lib, config, setup), lib)
     return replace(setup, train={"sinusoidal": sines, **setup.train})
 
 
 def finish(setup: MonteCarloSetup, rows: list[Row]) -> StudyOutcome:
-    """The motion of Fig. A.1."""
+    """Motion of Fig. A.1.
+
+    Args:
+        setup: from `prepare`.
+        rows: not used.
+
+    Returns:
+        Series and facts.
+    """
     del rows
     lib, config = setup.lib, setup.config
     _, amplitude = sinusoidal(lib, 1.0, config.rate_hz, *config.sinusoid)
     facts = data_facts(setup) | {
         "sinusoid": f"q = default pose + b sin(2 t + phase), b = {config.sinusoid[0]:g} of the "
-        "largest within the limits, phases from their seed; the document gives neither, so "
-        "Table 5.4 need not come out",
+        "largest within the limits, phases from their seed; the document states neither, so that "
+        "Table 5.4 may differ",
         "sinusoid_amplitude": amplitude.tolist(),
         "sinusoid_seed": config.sinusoid[1],
     }

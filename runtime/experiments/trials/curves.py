@@ -1,4 +1,4 @@
-"""AIRM on the way of many descents → mean and standard deviation over the trials."""
+"""AIRM over the iterations of many descents → mean and standard deviation over the trials."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,20 @@ from runtime.library import Array
 
 
 def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> dict[str, Array]:
-    """`CASE/METHOD/iteration`, `…/mean`, `…/std`: a trial that has ended keeps its last value."""
+    """Mean and standard deviation of the AIRM over the iterations.
+
+    A trial that has ended keeps its last value.
+
+    Args:
+        rows: of all trials.
+        case: name.
+        method: name.
+        every: iterations between two points.
+        last: largest iteration.
+
+    Returns:
+        Series `CASE/METHOD/iteration`, `…/mean` and `…/std`.
+    """
     chosen = [row for row in rows if row["case"] == case and row["method"] == method]
     grid = np.arange(0, last + 1, every)
     lines = np.empty((len(chosen), grid.size))
@@ -25,11 +38,24 @@ def band(rows: Sequence[Row], case: str, method: str, every: int, last: int) -> 
 def single(
     rows: Sequence[Row], case: str, method: str, number: int, every: int
 ) -> dict[str, Array]:
-    """`CASE/METHOD/single_iteration` and `…/single_airm` of one trial, up to its answer."""
+    """AIRM of one trial over the iterations, up to its result.
+
+    Args:
+        rows: of all trials.
+        case: name.
+        method: name.
+        number: of the trial.
+        every: iterations between two points.
+
+    Returns:
+        Series `CASE/METHOD/single_iteration` and `…/single_airm`.
+    """
     for row in rows:
         if (row["case"], row["method"], row["trial"]) == (case, method, number):
             curve = np.array([*row["curve"], row["airm"]])
             name = f"{case}/{method}/single"
             grid = np.minimum(np.arange(len(curve)) * every, row["iterations"])
             return {f"{name}_iteration": grid, f"{name}_airm": curve}
-    raise IdentificationError(f"there is no trial {number} of '{case}' by '{method}'")
+    raise IdentificationError(
+        f"expected a trial {number} of '{case}' by '{method}', got none; increase --trials"
+    )

@@ -1,7 +1,7 @@
-"""λ-Adam with link 7 left out (Fig. 5.4): its λ stays, the torque of joint 7 weighs nothing.
+"""λ-Adam without link 7 (Fig. 5.4): its λ is constant, the weight of joint 7 is zero.
 
-The text keeps "the gradient-based update associated with link 7" off; what it started from it does
-not say. Here it is the truth: neither perturbed nor updated, as Table 5.9 suggests (errata).
+The document omits "the gradient-based update associated with link 7" and does not state its initial
+value. Here link 7 has its true parameters, as Table 5.9 suggests (errata).
 """
 
 from dataclasses import replace
@@ -17,22 +17,25 @@ from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, Library
 
 LINK = 6
-"""From 0."""
+"""Index of link 7, from 0."""
 
 
 def link_rows(lib: Library) -> NDArray[np.bool_]:
-    """(10 n,): the entries of λ that belong to the link."""
+    """Mask (10 n,) of the entries of λ that belong to link 7."""
     return np.arange(lib.lam0.size) // (lib.lam0.size // lib.n_joints) == LINK
 
 
 def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Array]) -> Fit:
-    """The reference loop in NumPy, as the compiled one updates every link.
+    """Fit by the descent in NumPy, because the compiled one updates every link.
 
     Args:
-        problem: with all links perturbed.
-        truth: true λ, (10 n,).
-        preset: of the document.
-        places: every λ on the way is appended.
+        problem: initial guess with all links perturbed.
+        truth: (10 n,) true λ.
+        preset: settings of the document.
+        places: every evaluated λ is appended.
+
+    Returns:
+        The fit.
     """
     lib, batch = problem.lib, preset.batch or len(problem.train)
     frozen = link_rows(lib)

@@ -1,8 +1,8 @@
-"""The document's Monte Carlo (Sec. 5.1): exact motion, perturbed first guess, many trials.
+"""Monte Carlo of the document (Sec. 5.1): exact motion, perturbed initial guess, many trials.
 
 λ₀ = λ_true + p λ_true ⊙ ε (Eq. 5.2), τ_noisy = τ + σ ε (Eq. 5.8), one weighting of Eq. 4.8 per
-trial. Every trial has three streams of random numbers of its own (guess, noise, mini-batches), the
-same in all cases and for all methods.
+trial. Every trial has independent random streams (guess, noise, mini-batches), which are
+the same in all cases and for all methods.
 """
 
 from collections.abc import Sequence
@@ -24,12 +24,12 @@ from runtime.library import Array, Library
 from runtime.simulation import Plant, ideal
 
 GUESS, NOISE, HELD_NOISE, BATCHES = range(4)
-"""Streams of a trial."""
+"""Random streams of a trial."""
 METHODS = {
     "adam": "λ-Adam on mini-batches, exactly as in Table 5.1",
-    "map": "most probable consistent model, the trial's own first guess as prior (κ = 16)",
+    "map": "most probable consistent model, initial guess of the trial as prior (κ = 16)",
     "lm": "MAP, then Levenberg–Marquardt in log-Cholesky coordinates to the optimum of the data",
-    "pc-ols": "the convex program's answer nearest to the first guess (PC-IDIM-OLS, same weights)",
+    "pc-ols": "PC-IDIM-OLS, same weights: optimum of the convex problem nearest to the guess",
     "adam-frozen": "λ-Adam with link 7 neither perturbed nor updated, and w₇ = 0",
 }
 
@@ -39,11 +39,11 @@ class Case:
     """One column of a table.
 
     Attributes:
-        name: in all files.
-        perturbation: p.
-        noise: σ of the torque, N·m.
-        training: name of the motion trained on.
-        methods: of `METHODS`.
+        name: name in all files.
+        perturbation: relative perturbation p of the initial guess.
+        noise: σ of the torque [N·m].
+        training: name of the training motion.
+        methods: names of `METHODS`.
     """
 
     name: str
@@ -55,15 +55,15 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class MonteCarloConfig:
-    """One Monte Carlo.
+    """Config of a Monte Carlo study.
 
     Attributes:
         seed: of all trials.
         rate_hz: of the samples.
-        adam: Table 5.1, with the improvement that counts (2e-6, not in the document).
-        configurations: of the test trajectory at which mass matrices are compared.
+        adam: Table 5.1; its stopping threshold (2e-6) is not in the document.
+        configurations: number of configurations at which mass matrices are compared.
         curve_every: iterations between two points of an AIRM curve.
-        sinusoid: amplitude of Eq. 5.5 as a share of what the limits allow, and its phases' seed.
+        sinusoid: amplitude of Eq. 5.5 as a share of the limits, and the seed of its phases.
     """
 
     cases: tuple[Case, ...]
@@ -77,11 +77,11 @@ class MonteCarloConfig:
 
 @dataclass(frozen=True, slots=True)
 class MonteCarloSetup:
-    """What all trials share.
+    """Input that all trials share.
 
     Attributes:
-        lam: of the true robot.
-        train: samples without noise by the name of their motion.
+        lam: (10 n,) λ of the true robot.
+        train: samples without noise by name of the motion.
         held: validation samples without noise.
     """
 
@@ -94,7 +94,16 @@ class MonteCarloSetup:
 
 
 def setup_of(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCarloSetup:
-    """The designs of the excitation study, best first: training, validation, test."""
+    """Samples of the designed motions, best first: training, validation, test.
+
+    Args:
+        lib: the robot.
+        config: of the study.
+        needed: arrays of the excitation study, by name.
+
+    Returns:
+        What all trials share.
+    """
     pi = document_robot(lib)
     runs = [
         samples_of(ideal(lib, motion, Plant(pi), config.rate_hz), lib)
@@ -111,7 +120,16 @@ def setup_of(lib: Library, config: MonteCarloConfig, needed: Arrays) -> MonteCar
 
 
 def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]:
-    """All cases and methods of some trials, every case's Adam in one call of the C."""
+    """Fit all cases and methods of some trials; Adam runs all trials of a case in one C call.
+
+    Args:
+        setup: from `prepare`.
+        numbers: of the trials.
+        threads: number of them.
+
+    Returns:
+        Rows of trials.parquet.
+    """
     solvers = {"map": fit_map, "lm": fit_from_map, "pc-ols": fit_pc_ols}
     rows: list[Row] = []
     for case in setup.config.cases:
@@ -130,7 +148,16 @@ def run_cases(setup: MonteCarloSetup, numbers: range, threads: int) -> list[Row]
 
 
 def problem_of(setup: MonteCarloSetup, case: Case, number: int) -> Problem:
-    """One trial of one case."""
+    """Identification problem of one trial of one case.
+
+    Args:
+        setup: from `setup_of`.
+        case: perturbation, noise and training motion.
+        number: of the trial.
+
+    Returns:
+        Perturbed initial guess and noisy samples.
+    """
     config, lib = setup.config, setup.lib
     train, held = setup.train[case.training], setup.held
     if case.noise:
@@ -148,7 +175,7 @@ def _noisy(samples: Samples, sigma: float, seed: int, number: int, which: int) -
 
 
 TimedFit = tuple[Fit, float, list[float]]
-"""An answer, its seconds, and its AIRM on the way."""
+"""A fit, its time [s], and its AIRM over the iterations."""
 
 
 def _adam(setup: MonteCarloSetup, problems: Sequence[Problem], threads: int) -> list[TimedFit]:
@@ -179,7 +206,7 @@ def _frozen(setup: MonteCarloSetup, problem: Problem) -> TimedFit:
 
 
 def fit_from_map(problem: Problem) -> Fit:
-    """MAP, then the last trace of its prior removed: without noise the data alone decide."""
+    """MAP, then Levenberg–Marquardt without the prior, because the data have no noise."""
     near = problem.lib.lam_from_pi(fit_map(problem).pi)
     return fit_levenberg(replace(problem, start=near), cholesky=True)
 
@@ -190,5 +217,5 @@ def _row(
     row: Row = {"case": case.name, "method": method, "trial": number, "status": fit.status}
     row |= setup.scorer.row(fit.pi)
     row |= {"iterations": fit.iterations, "loss": problem.statistics().value(fit.pi, fit.phi)}
-    # Without noise the residuals are rounding, which no number of samples describes.
+    # Without noise the residuals are rounding errors, which have no effective sample size.
     return row | ({} if fit.n_eff is None or not case.noise else {"n_eff": fit.n_eff})

@@ -1,4 +1,4 @@
-"""A study of the document's Monte Carlo (Sec. 5.1): told by its cases, its curves and its views."""
+"""Studies of the Monte Carlo of the document (Sec. 5.1): cases, series and views."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -19,7 +19,7 @@ from runtime.experiments.views import torque_table
 from runtime.library import Array, Library
 
 MAIN = ("airm", "frobenius_rms", "iterations", "time_s", "consistent")
-"""Lines of Tables 5.2, 5.4 and 5.6."""
+"""Rows of Tables 5.2, 5.4 and 5.6."""
 
 
 def monte_carlo(
@@ -30,15 +30,18 @@ def monte_carlo(
     views: tuple[View, ...],
     prepare: Callable[[Library, MonteCarloConfig, Arrays], MonteCarloSetup] = setup_of,
 ) -> Study:
-    """The methods are those of the cases, the motions those of the excitation study.
+    """Study with the methods of its cases and the motions of the excitation study.
 
     Args:
-        name: of its folder.
-        title: for people.
+        name: name of its folder.
+        title: displayed title.
         cases: case → a sentence.
         finish: (setup, all rows) → curves and facts.
-        views: its ids.
-        prepare: where more motions than the designed ones are trained on.
+        views: its tables and figures.
+        prepare: (library, config, arrays of `needs`) → setup.
+
+    Returns:
+        The study.
     """
     used = {method for case in cases for method in case.methods}
     return Study(
@@ -58,7 +61,16 @@ def monte_carlo(
 def final_tables(
     names: tuple[str, str], title: str, cases: Mapping[Case, str]
 ) -> tuple[View, View]:
-    """Where every case ends: distances from the truth, torque errors."""
+    """Views of the final results of every case: distances from the truth, torque errors.
+
+    Args:
+        names: their ids.
+        title: of both.
+        cases: case → a sentence.
+
+    Returns:
+        The two views.
+    """
     columns = tuple(case.name for case in cases)
     distances, torques = names
     return (
@@ -68,7 +80,15 @@ def final_tables(
 
 
 def bands(setup: MonteCarloSetup, rows: list[Row]) -> dict[str, Array]:
-    """The mean AIRM over the iterations of Adam, of every case."""
+    """Mean AIRM over the iterations of Adam, of every case.
+
+    Args:
+        setup: from `setup_of`.
+        rows: of all trials.
+
+    Returns:
+        Series of `curves.band`.
+    """
     config, series = setup.config, dict[str, Array]()
     for case in config.cases:
         last = config.adam.rule.max_iterations
@@ -77,7 +97,7 @@ def bands(setup: MonteCarloSetup, rows: list[Row]) -> dict[str, Array]:
 
 
 def data_facts(setup: MonteCarloSetup) -> dict[str, Any]:
-    """Rates and counts, filter, friction, weights, torque RMS per joint, condition numbers."""
+    """Facts of the data: rate, counts, weights, torque RMS, condition numbers."""
     lib, config = setup.lib, setup.config
     parts = {**setup.train, "validation": setup.held, "test": setup.scorer.test}
     return {

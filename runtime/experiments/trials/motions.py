@@ -1,4 +1,4 @@
-"""The motions of the experiments: the designs of the excitation study, and the document's sines."""
+"""Motions of the experiments: designs of the excitation study, and sines of the document."""
 
 import numpy as np
 
@@ -11,13 +11,21 @@ from runtime.recording import Recording
 from runtime.simulation import sample_times
 
 PULSATION = 2.0
-"""Of Eq. 5.5, rad/s."""
+"""Angular frequency of Eq. 5.5 [rad/s]."""
 ROLES = ("training", "validation", "test")
-"""Of the three best designs, best first."""
+"""Roles of the three best designs, best first."""
 
 
 def designed(lib: Library, needed: Arrays) -> list[Trajectory]:
-    """The best designs in the order of `ROLES`."""
+    """Best designs in the order of `ROLES`.
+
+    Args:
+        lib: the robot.
+        needed: arrays of the excitation study.
+
+    Returns:
+        Trajectories.
+    """
     duration = float(needed["duration"])
     return [Trajectory(lib.home, np.array(a), duration) for a in needed["coefficients"]]
 
@@ -25,10 +33,20 @@ def designed(lib: Library, needed: Arrays) -> list[Trajectory]:
 def sinusoidal(
     lib: Library, duration: float, rate_hz: float, share: float, seed: int
 ) -> tuple[Recording, Array]:
-    """q = a + b sin(2t + φ) (Eqs. 5.5–5.7), and the amplitudes b, (n,) rad.
+    """Motion q = a + b sin(2t + φ) (Eqs. 5.5–5.7) and its amplitudes b.
 
-    The document gives neither a nor b: here a is the default pose and b a share of the largest
+    The document states neither a nor b: here a is the default pose and b a share of the largest
     amplitude within the limits of position, velocity and acceleration. φ ~ U(0, 2π) per joint.
+
+    Args:
+        lib: the robot.
+        duration: [s].
+        rate_hz: sample rate [Hz].
+        share: of the largest amplitude [-].
+        seed: of the phases.
+
+    Returns:
+        The motion without torque, and b (n,) [rad].
     """
     limits = lib.limits()
     room = np.minimum(limits["upper"] - lib.home, lib.home - limits["lower"])
@@ -50,12 +68,28 @@ def sinusoidal(
 
 
 def condition(lib: Library, samples: Samples) -> float:
-    """Cond of the column-normalised base regressor of all samples."""
+    """Condition number of the column-normalised base regressor of all samples.
+
+    Args:
+        lib: the robot.
+        samples: motion.
+
+    Returns:
+        Condition number [-].
+    """
     rows = lib.base_regressor(samples.q, samples.dq, samples.ddq)
     return float(np.exp(log_condition(rows.reshape(-1, rows.shape[-1]))[0]))
 
 
 def curves(prefix: str, recording: Recording) -> dict[str, Array]:
-    """t, q, dq, ddq, tau of a recording under names of one prefix."""
+    """Series t, q, dq, ddq and tau of a recording.
+
+    Args:
+        prefix: of their names.
+        recording: with what it has of them.
+
+    Returns:
+        Arrays by `PREFIX_t` and so on.
+    """
     named = {key: getattr(recording, key) for key in MOTION}
     return {f"{prefix}_{key}": value for key, value in named.items() if value is not None}

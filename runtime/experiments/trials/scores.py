@@ -1,4 +1,4 @@
-"""The figures of one answer: how far from the truth, how well it predicts, whether it can exist."""
+"""Metrics of one result: distance from the truth, torque errors, physical consistency."""
 
 from dataclasses import dataclass
 
@@ -13,13 +13,14 @@ from runtime.library.parameters import links, mass
 
 @dataclass(frozen=True, slots=True)
 class Scorer:
-    """What answers are held against.
+    """Reference to which results are compared.
 
     Attributes:
-        test: motion and torque that no method has seen; its torque without noise in simulation.
-        pi: the truth, None where there is none.
-        configurations: q at which mass matrices are compared, (K, n).
-        mass: true mass matrices there, (K, n, n).
+        lib: the robot.
+        test: motion and torque that no method has used; without noise in simulation.
+        pi: (10 n,) true parameters; None where unknown.
+        configurations: (K, n) positions at which mass matrices are compared [rad, m].
+        mass: (K, n, n) true mass matrices.
     """
 
     lib: Library
@@ -29,11 +30,14 @@ class Scorer:
     mass: Array
 
     def row(self, pi: Array, friction: Array | None = None) -> Row:
-        """airm, frobenius, torque errors per joint, base error, consistency.
+        """Metrics of a result: airm, frobenius, torque errors, base error, consistency.
 
         Args:
-            pi: (10 n,) the answer.
-            friction: F φ on the test samples, (N, n).
+            pi: (10 n,) identified parameters.
+            friction: (N, n) friction torque F φ on the test samples [N·m, N].
+
+        Returns:
+            Values by name.
         """
         lib, test = self.lib, self.test
         predicted = lib.inverse_dynamics(test.q, test.dq, test.ddq, pi)
@@ -48,7 +52,7 @@ class Scorer:
             matrices = lib.mass_matrix(self.configurations, pi)
             frobenius = float(metrics.frobenius(self.mass, matrices).mean())
             beta, truth = lib.base_matrix @ pi, lib.base_matrix @ self.pi
-            if possible:  # of others the mass matrix may be indefinite, at no distance at all
+            if possible:  # else the mass matrix may be indefinite, for which the AIRM is undefined
                 row["airm"] = self.airm(pi)
             row |= {
                 "frobenius": frobenius,
@@ -60,13 +64,23 @@ class Scorer:
         return row | {"tau_error": error.overall}
 
     def airm(self, pi: Array) -> float:
-        """Mean affine-invariant distance of the mass matrices over the configurations."""
+        """Mean affine-invariant distance of the mass matrices for π (10 n,)."""
         mass = self.lib.mass_matrix(self.configurations, pi)
         return float(metrics.airm(self.mass, mass).mean())
 
 
 def scorer_of(lib: Library, test: Samples, pi: Array | None, configurations: int) -> Scorer:
-    """Equally spaced configurations of the test trajectory."""
+    """Scorer at equally spaced configurations of the test trajectory.
+
+    Args:
+        lib: the robot.
+        test: motion and torque that no method has used.
+        pi: (10 n,) true parameters; None where unknown.
+        configurations: number of them.
+
+    Returns:
+        The scorer.
+    """
     rows = np.linspace(0, len(test) - 1, configurations).round().astype(int)
     q = np.ascontiguousarray(test.q[rows])
     mass = np.zeros((0, lib.n_joints, lib.n_joints)) if pi is None else lib.mass_matrix(q, pi)
@@ -74,10 +88,18 @@ def scorer_of(lib: Library, test: Samples, pi: Array | None, configurations: int
 
 
 def per_joint(name: str, values: Array) -> Row:
-    """`NAME_1` … `NAME_n` of values (n,)."""
+    """Metrics `NAME_1` … `NAME_n`.
+
+    Args:
+        name: of the metric.
+        values: (n,).
+
+    Returns:
+        Values by name.
+    """
     return {f"{name}_{joint}": float(x) for joint, x in enumerate(values, start=1)}
 
 
 def torque_rms(tau: Array) -> Array:
-    """√(Σ τ²/N) per joint of (N, n), N·m."""
+    """RMS √(Σ τ²/N) per joint (n,) of torques (N, n) [N·m, N]."""
     return np.asarray(np.sqrt(np.mean(tau**2, axis=0)))

@@ -1,4 +1,4 @@
-"""Trials solved and timed; a half-finished descent is none."""
+"""Fits with their computing time; an interrupted descent raises KeyboardInterrupt."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -12,14 +12,32 @@ from runtime.estimators.problem import Fit, Problem
 
 
 def stream(seed: int, number: int, which: int) -> np.random.Generator:
-    """Random numbers of one trial, independent of all other trials and streams."""
+    """Random generator of one trial, independent of all other trials and streams.
+
+    Args:
+        seed: of the study.
+        number: of the trial.
+        which: number of the stream.
+
+    Returns:
+        The generator.
+    """
     return np.random.default_rng((seed, number, which))
 
 
 def adam_of_all(
     problems: Sequence[Problem], preset: Preset, threads: int, watch: Watch | None = None
 ) -> list[tuple[Fit, float]]:
-    """λ-Adam on all problems in one call of the C, whose seconds are shared out by iterations.
+    """Fit λ-Adam to all problems in one C call; its time is divided by iterations.
+
+    Args:
+        problems: one per trial.
+        preset: settings of Adam.
+        threads: number of them.
+        watch: called during the descents.
+
+    Returns:
+        Fit and time [s] of each problem.
 
     Raises:
         KeyboardInterrupt: the descents were interrupted.
@@ -33,10 +51,17 @@ def adam_of_all(
 
 
 def timed(method: Callable[[Problem], Fit], problem: Problem) -> tuple[Fit, float]:
-    """One answer and its seconds.
+    """Fit one method to one problem.
+
+    Args:
+        method: function of the problem.
+        problem: one trial.
+
+    Returns:
+        Fit and time [s].
 
     Raises:
-        KeyboardInterrupt: the method was interrupted and has kept its best point.
+        KeyboardInterrupt: the fit was interrupted.
     """
     start = time.perf_counter()
     fit = method(problem)

@@ -1,4 +1,4 @@
-"""Results folder → one HTML file that an engineer reads in a minute; reads files only."""
+"""HTML report of a result folder, and figures of motions, logs and expected accuracy."""
 
 from runtime.outputs.report.report import write_report
 

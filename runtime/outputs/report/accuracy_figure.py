@@ -1,4 +1,4 @@
-"""σ over recording time, as a picture."""
+"""Figure of the expected standard deviations over recording time."""
 
 from pathlib import Path
 
@@ -13,11 +13,11 @@ _DASHES = ("-", "--", ":")
 
 
 def draw_growth(growth: Growth, path: Path) -> None:
-    """Two panels over time, logarithmic: every mass, and the worst base parameter.
+    """Write two panels over time: σ of every mass, and σ of the worst base parameter.
 
     Args:
-        growth: of a motion.
-        path: .png, .pdf or .svg.
+        growth: standard deviations of a motion over recording time.
+        path: .png, .pdf or .svg file to write.
 
     Raises:
         RecordingError: another suffix.
@@ -40,8 +40,8 @@ def draw_growth(growth: Growth, path: Path) -> None:
             )
         masses.set_title("σ of masses [g], MAP with the URDF as prior")
         worst.plot(growth.seconds, 100 * growth.worst, color=INK)
-        worst.set_title("largest σ of a base parameter [% of its size]; "
-                        f"in the end: {growth.worst_name}")  # fmt: skip
+        worst.set_title("largest σ of a base parameter [% of its value]; "
+                        f"at the end: {growth.worst_name}")  # fmt: skip
         for axis in (masses, worst):
             axis.set_yscale("log")
             axis.yaxis.set_major_formatter(lambda value, _: f"{value:g}")

@@ -1,4 +1,4 @@
-"""`compare.json` → the page, or the sections, that hold the methods against each other."""
+"""`compare.json` → a page, or sections of a page, that compare the methods."""
 
 import math
 from collections.abc import Mapping
@@ -18,21 +18,39 @@ NAME = "compare.json"
 FORMAT = 1
 NOTHING, NOT_RUN = "–", "not run"
 LARGEST = 1e9
-"""N·m; what no joint has can neither be drawn."""
-_AGAIN = "compare again, or give the folder that a comparison wrote"
+"""Largest RMS torque error that is drawn [N·m, N]."""
+_AGAIN = "run the comparison again, or give its output folder"
 
 GLOSSARY = (
     ("test error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, all joints"),
     ("base error", "100 ‖β − β_true‖ / ‖β_true‖, where the log was simulated"),
-    ("λ_min(P)/tr P", "smallest over the links; below 0 no body of positive density is like that"),
-    ("gap", "(loss − optimum) / optimum in the weighted training loss that all methods share"),
-    ("boundary", "a link next to a plate or a rod, at the edge of what can exist"),
+    (
+        "λ_min(P)/tr P",
+        "smallest value over the links; negative where a link is not physically consistent",
+    ),
+    ("gap", "(loss − optimum) / optimum, in the weighted training loss common to all methods"),
+    ("boundary", "a link is close to the limit of physical consistency, as a thin plate or rod is"),
 )
 
 
 @dataclass(frozen=True, slots=True)
 class MethodEntry:
-    """One method; what was not measured is NaN or None, rms (n,) is None where it did not run."""
+    """Results of one method.
+
+    Attributes:
+        method: name.
+        outcome: whether it ran, and why not.
+        status: its final message.
+        rms: (n,) RMS torque errors [N·m, N]; None where it did not run.
+        test, train: torque errors [%]; NaN where unknown.
+        base: error of the base parameters [%]; NaN where unknown.
+        seconds: computing time [s].
+        iterations: number of iterations, where it counts them.
+        eigenvalue: smallest λ_min(P)/tr P over the links.
+        gap: relative distance of its loss to the convex optimum.
+        consistent: whether all links are physically consistent.
+        boundary: whether a link is close to the limit of consistency.
+    """
 
     method: str
     outcome: str
@@ -51,7 +69,7 @@ class MethodEntry:
 
 @dataclass(frozen=True, slots=True)
 class MethodComparison:
-    """A comparison as its file tells it."""
+    """Content of a comparison file."""
 
     robot: str
     recording: str
@@ -66,10 +84,10 @@ class MethodComparison:
 
 
 def read_methods(folder: Path) -> MethodComparison | None:
-    """The comparison of a folder; None where there is none.
+    """Read the comparison of a folder; None where the folder has none.
 
     Raises:
-        RuntimeFault: it is damaged, or of another format.
+        RuntimeFault: the file is damaged, or of another format.
     """
     path = folder / NAME
     if not path.exists():
@@ -133,12 +151,12 @@ def _entry(row: Mapping[str, Any], n: int) -> MethodEntry:
 
 
 def comparison_page(methods: MethodComparison) -> Page:
-    """What is shown where a folder holds nothing but a comparison."""
-    facts = ReportTable(("what", "value"), methods.provenance, kind="facts")
+    """Page of a folder that holds a comparison only."""
+    facts = ReportTable(("quantity", "value"), methods.provenance, kind="facts")
     return Page(
         title=f"{methods.robot}: comparison of methods",
-        subtitle=f"{methods.robot} · every method on the same data · {methods.recording}",
-        headline=_sentence(methods.sentences[0]) if methods.sentences else "No advice.",
+        subtitle=f"{methods.robot} · all methods on the same data · {methods.recording}",
+        headline=_sentence(methods.sentences[0]) if methods.sentences else "No recommendation.",
         status="",
         warnings=methods.notes,
         tiles=_tiles(methods),
@@ -153,19 +171,21 @@ def _tiles(methods: MethodComparison) -> tuple[Tile, ...]:
     taken = next((entry for entry in ran if entry.method == methods.take), None)
     error = NOTHING if taken is None else f"{_percent(methods.before)} → {_percent(taken.test)}"
     return (
-        Tile("Take", methods.take or "none", "by the rules below", "good" if taken else "bad"),
-        Tile("Its torque error", error, "test split, URDF → identified"),
-        Tile("Consistent answers", f"{len(good)} of {len(ran)}", "every link can exist"),
+        Tile(
+            "Recommended", methods.take or "none", "by the rules below", "good" if taken else "bad"
+        ),
+        Tile("Torque error of it", error, "test split, URDF → identified"),
+        Tile("Consistent answers", f"{len(good)} of {len(ran)}", "all links physically consistent"),
         Tile(
             "Methods that ran",
             f"{len(ran)} of {len(methods.entries)}",
-            "reasons are below",
+            "reasons of the others below",
         ),
     )
 
 
 def method_sections(methods: MethodComparison) -> tuple[Section, ...]:
-    """Advice, table, bars, and what every method says of itself."""
+    """Recommendation, table, bar chart and the final message of every method."""
     ran = [entry for entry in methods.entries if entry.rms is not None]
     rows = tuple(_cells(entry) for entry in methods.entries)
     names = tuple(entry.method for entry in methods.entries)
@@ -176,17 +196,17 @@ def method_sections(methods: MethodComparison) -> tuple[Section, ...]:
     )
     table = Section(
         "Methods side by side",
-        f"Same samples, weights and bandwidth. The URDF without friction has "
-        f"{_percent(methods.before)} on test.",
+        f"All methods use the same samples, weights and bandwidth. The torque error of the URDF "
+        f"without friction is {_percent(methods.before)} on the test split.",
         ReportTable(header, rows, flagged=frozenset(bad), row_methods=names),
     )
-    said = Section(
-        "What every method says",
+    messages = Section(
+        "Final message of every method",
         items=tuple(f"{e.method}: {_sentence(e.status)}" for e in methods.entries),
     )
-    why = Section("What to trust, and why", items=tuple(map(_sentence, methods.sentences)))
+    why = Section("Recommendation and reasons", items=tuple(map(_sentence, methods.sentences)))
     if not ran:
-        return (why, table, said)
+        return (why, table, messages)
     drawn = figures.method_bars(
         methods.joints,
         methods.units,
@@ -196,17 +216,17 @@ def method_sections(methods: MethodComparison) -> tuple[Section, ...]:
     )
     bars = Section(
         "RMS of the torque error per joint and method",
-        "On the test split; blue answers are consistent, orange ones are not. Bars beyond three "
-        "medians are cut (→).",
+        "On the test split. Blue: physically consistent; orange: inconsistent. Bars longer than "
+        "three medians are cut (→).",
         figure=drawn,
     )
-    return (why, table, bars, said)
+    return (why, table, bars, messages)
 
 
 def _cells(entry: MethodEntry) -> tuple[str, ...]:
     if entry.rms is None:
         return (entry.method, *(NOTHING,) * 7, entry.outcome)
-    verdict = "consistent" if entry.consistent else "cannot exist"
+    verdict = "consistent" if entry.consistent else "inconsistent"
     return (
         entry.method,
         _percent(entry.train),
@@ -221,7 +241,7 @@ def _cells(entry: MethodEntry) -> tuple[str, ...]:
 
 
 def _number(value: object) -> float:
-    """A float; null counts as NaN, for JSON has no NaN of its own."""
+    """Float of a JSON number; null is NaN, which JSON lacks."""
     return math.nan if value is None else float(value)  # type: ignore[arg-type]
 
 
@@ -233,5 +253,5 @@ def _percent(value: float) -> str:
 
 
 def _sentence(text: str) -> str:
-    """With a full stop."""
+    """Text that ends with a full stop."""
     return text if text.endswith(".") else f"{text}."

@@ -1,4 +1,4 @@
-"""The figures of an identification and of a comparison: arrays → inline SVG."""
+"""Figures of an identification and of a comparison as inline SVG."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,7 +13,7 @@ from runtime.outputs.report.svg import AFTER, BEFORE, INK, MEASURED, page_figure
 Array = NDArray[np.float64]
 
 POINTS = 60_000
-"""Vertices in one figure, about 1 MB of SVG."""
+"""Largest number of vertices in one figure, about 1 MB of SVG."""
 
 
 def torques(
@@ -28,11 +28,14 @@ def torques(
 
     Args:
         joints: n names.
-        units: n units.
-        t: (N,) s.
-        measured: (N, n).
-        before: (N, n), predicted by the URDF.
-        after: (N, n), predicted by the identified parameters.
+        units: n units of torque.
+        t: (N,) time [s].
+        measured: (N, n) torques [N·m, N].
+        before: (N, n) torques predicted by the URDF [N·m, N].
+        after: (N, n) torques predicted by the identified parameters [N·m, N].
+
+    Returns:
+        The <svg> element.
     """
     n = len(joints)
     most = max(50, POINTS // (5 * n))
@@ -58,7 +61,16 @@ def torques(
 
 
 def mass_change(links: Sequence[str], before: Array, after: Array) -> Markup:
-    """Bars of m_after − m_before per link, kg, labelled with the two masses."""
+    """Bars of m_after − m_before per link, labelled with the two masses.
+
+    Args:
+        links: n names.
+        before: (n,) masses of the URDF [kg].
+        after: (n,) identified masses [kg].
+
+    Returns:
+        The <svg> element.
+    """
     n = len(links)
     change = after - before
     with page_figure(height=0.7 + 0.28 * n) as figure:
@@ -76,7 +88,16 @@ def mass_change(links: Sequence[str], before: Array, after: Array) -> Markup:
 
 
 def convergence(iteration: Array, training: Array, validation: Array) -> Markup:
-    """Training and validation loss over iterations, logarithmic."""
+    """Training and validation loss over iterations, on a logarithmic axis.
+
+    Args:
+        iteration: (K,) numbers.
+        training: (K,) loss; NaN where it was not evaluated.
+        validation: (K,) loss; NaN where it was not evaluated.
+
+    Returns:
+        The <svg> element.
+    """
     with page_figure(height=2.6) as figure:
         axis = figure.subplots()
         most = POINTS // 10
@@ -108,14 +129,17 @@ def method_bars(
     rms: Array,
     good: Sequence[bool],
 ) -> Markup:
-    """A panel per joint with a bar of RMS error per method; `good` ones in the colour of after.
+    """One panel per joint with a bar of the RMS torque error per method.
 
     Args:
         joints: n names.
-        units: n units.
+        units: n units of torque.
         methods: m names.
-        rms: (m, n); a bar of more than three medians is cut, and its number says so.
-        good: m claims.
+        rms: (m, n) errors [N·m, N]; a bar of more than three medians is cut and marked by →.
+        good: whether each of the m results is physically consistent, which sets its colour.
+
+    Returns:
+        The <svg> element.
     """
     m, n = rms.shape
     columns = min(n, 4)
@@ -142,9 +166,17 @@ def method_bars(
 
 
 def thinned(t: Array, y: Array, most: int) -> tuple[Array, Array]:
-    """At most about `most` points that keep every peak: smallest and largest of equal bins.
+    """Reduce a curve to about `most` points: the smallest and largest value of equal bins.
 
     A pause of more than ten median steps becomes a gap in the line.
+
+    Args:
+        t: (N,) abscissa.
+        y: (N,) values.
+        most: largest number of points.
+
+    Returns:
+        Abscissa and values of the kept points, with NaN at gaps.
     """
     step = np.median(np.diff(t)) if len(t) > 1 else 0.0
     pauses = np.flatnonzero(np.diff(t) > 10 * step) + 1

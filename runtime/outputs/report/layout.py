@@ -1,4 +1,4 @@
-"""What a page is made of: tables, sections, tiles; text only, but for the figures' own SVG."""
+"""Parts of a page: tables, sections and tiles of text, figures as inline SVG."""
 
 from dataclasses import dataclass
 
@@ -8,13 +8,12 @@ class ReportTable:
     """Header and rows of text.
 
     Attributes:
-        total: closes the table and is never sorted.
+        total: last row, which sorting leaves in place.
         kind: numbers, or facts (two columns of words).
-        flagged: rows that are bad news.
-        groups: heads over several columns and how many; together all columns.
-        column_methods, row_methods: the method that a column (row) belongs to, for the filter; ""
-            belongs to none.
-        row_anchors: names under which rows are linked to.
+        flagged: rows that are highlighted as faults.
+        groups: (heading, number of columns), which together cover all columns.
+        column_methods, row_methods: method of each column (row), for the filter; "" for none.
+        row_anchors: HTML ids of rows.
     """
 
     header: tuple[str, ...]
@@ -30,11 +29,11 @@ class ReportTable:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A heading with what belongs under it; empty parts are left out.
+    """A heading with its text, table, figure and list; empty parts are omitted.
 
     Attributes:
-        group: heading shared with neighbours.
-        sources: anchor and text of what the numbers come from.
+        group: heading shared with adjacent sections.
+        sources: HTML id and text of links to the origin of the numbers.
     """
 
     title: str
@@ -48,7 +47,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Tile:
-    """One number of the summary; `tone` is good, bad or plain."""
+    """One number of the summary, coloured by `tone`: good, bad or plain."""
 
     label: str
     value: str
@@ -58,7 +57,7 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """One report: summary, sections, glossary of (word, meaning)."""
+    """One report: summary, sections and glossary of (term, definition)."""
 
     title: str
     subtitle: str

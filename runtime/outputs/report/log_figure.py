@@ -1,4 +1,4 @@
-"""A log as one looks at it: the steps of its clock, q, dq and τ, with rests and holes marked."""
+"""Figure of a log: time steps, q, dq and τ, with rests and gaps marked."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,30 +13,33 @@ from runtime.recording import Recording
 
 FORMATS = ("png", "pdf", "svg")
 POINTS = 4000
-_HOLE = 10.0
+"""Largest number of points of one curve."""
+_GAP = 10.0
+"""Time step of a gap, in median time steps."""
 
 
 def picture_format(path: Path) -> str:
-    """The kind of picture that a file name asks for.
+    """Image format of a file name: png, pdf or svg.
 
     Raises:
-        RecordingError: none of `FORMATS`.
+        RecordingError: the suffix is not one of `FORMATS`.
     """
     suffix = path.suffix.lower().lstrip(".")
     if suffix not in FORMATS:
         raise RecordingError(
-            f"a picture is expected to end in .{', .'.join(FORMATS)}, got '{path.name}'; rename it"
+            f"expected an image file with the suffix .{', .'.join(FORMATS)}, got '{path.name}'; "
+            "rename it"
         )
     return suffix
 
 
 def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float]] = ()) -> None:
-    """Write a picture of a recording: one panel per signal, rests shaded, holes as lines.
+    """Write a figure of a recording with one panel per signal; rests and gaps are shaded.
 
     Args:
-        recording: as read.
-        path: .png, .pdf or .svg.
-        rest: (from, to) of the rests, s.
+        recording: a log.
+        path: .png, .pdf or .svg file to write.
+        rest: (from, to) of the rests [s].
 
     Raises:
         RecordingError: another suffix.
@@ -51,25 +54,25 @@ def draw_log(recording: Recording, path: Path, rest: Sequence[tuple[float, float
         if len(steps):
             axes[0].plot(*thinned(t[1:], 1e3 * steps, POINTS), color=BLUE, linewidth=0.6)
             median, most = 1e3 * float(np.median(steps)), 1e3 * float(steps.max())
-            if most > _HOLE * median:
+            if most > _GAP * median:
                 axes[0].set_yscale("log")
                 axes[0].yaxis.set_major_formatter(lambda value, _: f"{value:g}")
                 axes[0].yaxis.set_minor_formatter(lambda *_: "")
             else:
                 axes[0].set_ylim(0.0, 1.1 * max(most, 1.5 * median))
-        axes[0].set_title("step of time [ms]")
+        axes[0].set_title("time step [ms]")
         for axis, (title, values) in zip(axes[1:], panels.items(), strict=True):
             for j, name in enumerate(names):
                 colour = CYCLE[j % len(CYCLE)]
                 axis.plot(*thinned(t, values[:, j], POINTS), color=colour, label=name)
             axis.set_title(title)
-        holes = np.flatnonzero(steps > _HOLE * np.median(steps)) if len(steps) else steps[:0]
+        gaps = np.flatnonzero(steps > _GAP * np.median(steps)) if len(steps) else steps[:0]
         for axis in axes:
             for start, end in rest:
                 axis.axvspan(start, end, color=GREY, alpha=0.3, linewidth=0)
-            for i in holes:
+            for i in gaps:
                 axis.axvspan(t[int(i)], t[int(i) + 1], color=VERMILION, alpha=0.3, linewidth=0)
-        axes[-1].set_xlabel("time [s]; grey: rest, red: holes")
+        axes[-1].set_xlabel("time [s]; grey: rest, red: gaps")
         axes[1].legend(loc="upper right", ncols=len(names), fontsize=6)
         with replacing(path) as file:
             figure.savefig(file, format=suffix)

@@ -1,8 +1,8 @@
-"""A designed motion as pictures, from its `MotionProfile` alone.
+"""Figures of a designed motion, drawn from its `MotionProfile`.
 
-`NAME.png`: every joint's q, dq, ddq and torque inside their limits (the document's Fig. A.2), and
-the shares of all limits. `NAME-speed.png`: every joint in the plane of q and dq, where velocity
-limits fall towards the ends of the range. `NAME-space.png`: see `tip_path_figure`.
+`NAME.png`: q, dq, ddq and torque of every joint with their limits (Fig. A.2 of the document), and
+the use of all limits. `NAME-speed.png`: dq over q of every joint, with velocity limits that depend
+on the position. `NAME-space.png`: see `tip_path_figure`.
 """
 
 from pathlib import Path
@@ -34,20 +34,28 @@ LINES = {
     "jerk": (PURPLE, ":"),
     "torque": (INK, "-"),
 }
-"""Colour, and dashes for prints without it."""
+"""Colour and line style, which is also distinguishable in black and white."""
 PER_SECOND = {"position": "", "velocity": "/s", "acceleration": "/s²"}
 FAR = 3.0
-"""A limit further than this many peaks is told, not drawn: the curve would be a flat line."""
+"""Largest drawn limit, in peaks of the curve; larger ones stand in the title."""
 DPI = 130
 _ACROSS = 4
-_WIDE = 1000.0  # beyond any joint's position
+_WIDE = 1000.0
+"""Position beyond the range of any joint [rad, m]."""
 
 
 def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
-    """Draw the motion as PNGs, each atomically: `path` and files named beside it.
+    """Write the figures of a motion as PNG files, each complete or not at all.
+
+    Args:
+        profile: the motion with its limits and its certificate.
+        path: first file; the others get a suffix to its stem.
+
+    Returns:
+        The files.
 
     Raises:
-        RuntimeFault: the place cannot be written.
+        RuntimeFault: a file cannot be written.
     """
     n = len(profile.joints)
     drawings = {
@@ -67,7 +75,12 @@ def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
 
 
 def draw_motion(figure: Figure, profile: MotionProfile) -> None:
-    """A row per joint: q, dq, ddq, torque, and the shares of limits over time."""
+    """Draw one row per joint: q, dq, ddq, torque and use of limits over time.
+
+    Args:
+        figure: a blank figure.
+        profile: the motion with its limits.
+    """
     kinds = (*PER_SECOND, "torque")
     rows = figure.subplots(len(profile.joints), len(kinds) + 1, sharex=True, squeeze=False)
     for j, row in enumerate(rows):
@@ -105,7 +118,7 @@ def _unit(profile: MotionProfile, kind: str, joint: int) -> str:
 
 
 def _limits(axis: Axes, band: Band, joint: int) -> str:
-    """Lines at the limits; the answer is a word on those that are far away."""
+    """Draw lines at the limits; return the text of limits that are too far away to draw."""
     low, high = axis.get_ylim()
     size = max(abs(low), abs(high))
     far = []
@@ -121,7 +134,7 @@ def _limits(axis: Axes, band: Band, joint: int) -> str:
 
 
 def _shares(axis: Axes, profile: MotionProfile, joint: int) -> None:
-    """Of every limit that the robot states, in percent."""
+    """Draw the use of every limit of one joint [%]."""
     peak = 0.0
     for kind, share in profile.shares.items():
         colour, dashes = LINES[kind]
@@ -134,7 +147,12 @@ def _shares(axis: Axes, profile: MotionProfile, joint: int) -> None:
 
 
 def draw_speed(figure: Figure, profile: MotionProfile) -> None:
-    """A panel per joint: the path in (q, dq), and the velocities that the robot may have."""
+    """Draw one panel per joint: dq over q, and the velocity limits at each position.
+
+    Args:
+        figure: a blank figure.
+        profile: the motion with its limits.
+    """
     n = len(profile.joints)
     down = -(-n // _ACROSS)
     panels = figure.subplots(down, _ACROSS, squeeze=False).ravel()
@@ -160,7 +178,7 @@ def draw_speed(figure: Figure, profile: MotionProfile) -> None:
         axis.set_axis_off()
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     figure.suptitle(
-        f"{profile.robot}, {profile.t[-1]:g} s: velocity over position and what is allowed there",
+        f"{profile.robot}, {profile.t[-1]:g} s: velocity over position, with limits",
         fontsize=9,
         x=0.01,
         ha="left",

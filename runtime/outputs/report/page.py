@@ -1,7 +1,7 @@
-"""`Page` → one HTML file: style, script and figures inside, nothing fetched from anywhere.
+"""`Page` → one HTML file with style, script and figures, which loads nothing else.
 
-The policy in its head names the script by its SHA-256, so no other script can run; without any the
-page loses sorting, zoom and filter, nothing else.
+Its content security policy allows one script by SHA-256. Without scripts the page lacks sorting,
+zoom and filter only.
 """
 
 import re
@@ -20,10 +20,17 @@ from runtime.outputs.report.layout import Page, Section
 
 
 def write_page(page: Page, path: Path) -> Path:
-    """Write the page, whole or not at all; the answer is its path.
+    """Write a page, complete or not at all.
+
+    Args:
+        page: what is shown.
+        path: file to write.
+
+    Returns:
+        The path.
 
     Raises:
-        RuntimeFault: the place cannot be written.
+        RuntimeFault: the file cannot be written.
     """
     with replacing(path) as file:
         file.write(render(page).encode("utf-8", "replace"))
@@ -31,7 +38,7 @@ def write_page(page: Page, path: Path) -> Path:
 
 
 def render(page: Page) -> str:
-    """The page's HTML; same page, same text."""
+    """HTML of a page; equal pages give equal text."""
     environment = Environment(
         loader=PackageLoader("runtime.outputs.report"),
         autoescape=True,
@@ -54,7 +61,7 @@ def render(page: Page) -> str:
 
 
 def anchors(sections: Iterable[Section]) -> tuple[str, ...]:
-    """A name per section that no other has, from its title."""
+    """Unique HTML ids of sections, from their titles."""
     taken: dict[str, int] = {}
     names = []
     for section in sections:
@@ -65,7 +72,7 @@ def anchors(sections: Iterable[Section]) -> tuple[str, ...]:
 
 
 def _headings(sections: tuple[Section, ...]) -> Iterator[str]:
-    """The group where a section is its first, else nothing."""
+    """Group of each section that is the first of its group, else an empty text."""
     for previous, section in pairwise((Section(""), *sections)):
         yield section.group if section.group != previous.group else ""
 

@@ -1,7 +1,7 @@
-"""Results folder → `report.html`: one file, no network, the same bytes for the same results.
+"""Result folder → `report.html`: one file without network access, reproducible byte for byte.
 
-`result` reads and checks, `sections` words and rounds, `figures` draws, `page` renders. A
-comparison of methods in the folder is shown too, as the page itself where there is nothing else.
+`result` reads and checks, `sections` makes sentences and tables, `figures` draws, `page` renders.
+A comparison of methods in the folder is appended; without `result.json` it is the whole page.
 """
 
 from dataclasses import replace
@@ -15,12 +15,12 @@ from runtime.outputs.report.sections import GLOSSARY, headline, sections, tiles
 
 
 def write_report(folder: Path, out: Path | None = None) -> Path:
-    """Write `report.html` into a results folder from the files in it.
+    """Write `report.html` from the files of a result folder.
 
     Args:
-        folder: what an identification wrote (`result.json` and `predictions.npz`), or a
+        folder: output folder of an identification (`result.json` and `predictions.npz`), of a
             comparison (`compare.json`), or both.
-        out: of the page; default `report.html` in the folder.
+        out: file to write; default `report.html` in the folder.
 
     Returns:
         Path of the report.

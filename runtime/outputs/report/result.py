@@ -1,6 +1,6 @@
-"""`result.json` and `predictions.npz` of a results folder → frozen `Result`, checked once.
+"""`result.json` and `predictions.npz` of a result folder → frozen `Result`, checked once.
 
-Everything behind this door may rely on shapes and types; what is optional is None or empty.
+Other modules of the report rely on its shapes and types; optional parts are None or empty.
 """
 
 from collections.abc import Mapping
@@ -21,13 +21,13 @@ from runtime.recording.formats.npz import open_npz
 Array = NDArray[np.float64]
 
 LARGEST = 1e100
-"""SI units; axes cannot be drawn much above."""
-_AGAIN = "identify again, or give the folder that an identification wrote"
+"""Largest number that is accepted, in SI units; matplotlib cannot draw much larger ones."""
+_AGAIN = "identify again, or give the output folder of an identification"
 
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """Torque errors of one model: per joint [%], over all joints [%], RMS per joint [N·m, N]."""
+    """Torque errors of one model: (n,) per joint [%], over all joints [%], (n,) RMS [N·m, N]."""
 
     percent: Array
     overall: float
@@ -48,7 +48,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class IdentifiedFriction:
-    """Identified friction coefficients, one row per joint."""
+    """Friction columns, width of the smooth sign [rad/s, m/s] and (n, k) coefficients."""
 
     columns: tuple[str, ...]
     coulomb_speed: float
@@ -76,7 +76,7 @@ class PredictedTorques:
 
 @dataclass(frozen=True, slots=True)
 class RecordingSummary:
-    """What was measured and how it was prepared."""
+    """Name, duration [s], numbers of samples and preparation of the recording."""
 
     name: str
     duration: float | None
@@ -87,7 +87,7 @@ class RecordingSummary:
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
-    """How to come to the same result again."""
+    """Command, versions, files and seed that reproduce the result."""
 
     command: str
     versions: Mapping[str, str]
@@ -98,7 +98,7 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """One identification as its results folder tells it."""
+    """Content of the result folder of one identification."""
 
     robot: str
     method: str
@@ -125,7 +125,7 @@ class Result:
 
 
 def read_result(folder: Path) -> Result:
-    """Read a results folder.
+    """Read a result folder.
 
     Raises:
         RuntimeFault: a file is missing or damaged, or of another format.
@@ -254,7 +254,7 @@ def _prediction(path: Path, n: int) -> PredictedTorques:
         shapes = ", ".join(f"{key} {a.shape}" for key, a in [("t", t), *arrays.items()])
         raise RuntimeFault(f"'{path}' holds {shapes}; {fault}")
     if not all((np.abs(values) <= LARGEST).all() for values in (t, *arrays.values())):
-        raise RuntimeFault(f"'{path}' holds NaN or more than {LARGEST:g}, as no arm has; {fault}")
+        raise RuntimeFault(f"'{path}' holds NaN or numbers above {LARGEST:g}; {fault}")
     return PredictedTorques(t, **arrays)
 
 
@@ -266,7 +266,7 @@ def _texts(raw: Mapping[str, Any], key: str) -> tuple[str, ...]:
 
 
 def _number(raw: Mapping[str, Any], key: str) -> float:
-    """A float; null counts as NaN, for JSON has no NaN of its own."""
+    """Float of a JSON number; null is NaN, which JSON lacks."""
     value = raw[key]
     return float("nan") if value is None else float(value)
 

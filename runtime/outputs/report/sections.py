@@ -1,6 +1,6 @@
-"""What the report says: a `Result` in sentences, tiles, tables and figures, rounded for reading.
+"""A `Result` as sentences, tiles, tables and figures, with rounded numbers.
 
-Nothing here knows HTML; everything is text, but for the figures' own SVG.
+Everything is plain text except the figures, which are SVG; `page` makes the HTML.
 """
 
 import math
@@ -18,15 +18,15 @@ from runtime.recording.friction import COLUMNS
 
 NOTHING = "–"
 AHEAD = 3
-"""Sections before those on uncertainty: errors, torques, consistency."""
+"""Number of sections before those on several logs and uncertainty."""
 
 GLOSSARY = (
     ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),
-    ("before, after", "the URDF's parameters without friction; all identified parameters"),
-    ("test split", "samples that neither the fit nor its stopping rule has seen"),
-    ("consistent", "a body of positive density has these parameters: P ⪰ 0"),
-    ("P", "pseudo-inertia of a link, 4×4; λ_min(P)/tr P is its distance to inconsistency"),
-    ("gap", "(loss − optimum) / optimum against the convex problem's certified optimum"),
+    ("before, after", "prediction by the URDF without friction; by all identified parameters"),
+    ("test split", "samples that neither the fit nor its stopping rule used"),
+    ("consistent", "some body of positive density has these parameters: P ⪰ 0"),
+    ("P", "pseudo-inertia of a link, 4×4; λ_min(P)/tr P < 0 is physically inconsistent"),
+    ("gap", "(loss − optimum) / optimum, with the certified optimum of the convex problem"),
 )
 
 
@@ -34,33 +34,31 @@ GLOSSARY = (
 
 
 def headline(result: Result) -> str:
-    """The result in one sentence."""
+    """Torque errors and physical consistency of a result in one sentence."""
     before, after = result.before.overall, result.after.overall
     if math.isnan(before) or math.isnan(after):
         change = f"is {_percent(after)} (before: {_percent(before)})"
     elif _percent(before) == _percent(after):
-        change = f"stayed at {_percent(after)}"
+        change = f"is unchanged at {_percent(after)}"
     else:
-        verb = "fell" if after < before else "rose"
+        verb = "decreased" if after < before else "increased"
         change = f"{verb} from {_percent(before)} to {_percent(after)}"
-    end = "every link is a body that can exist" if result.consistent else _inconsistent(result)
+    end = "all links are physically consistent" if result.consistent else _inconsistent(result)
     return f"The torque error on the test split {change}; {end}."
 
 
 def _inconsistent(result: Result) -> str:
     bad = [link.name for link in result.links if not _is_consistent(link)]
-    return f"{', '.join(bad) or 'at least one link'} cannot exist physically"
+    return f"not physically consistent: {', '.join(bad) or 'at least one link'}"
 
 
 def tiles(result: Result) -> tuple[Tile, ...]:
-    """The four numbers to look at first."""
+    """The four numbers of the summary."""
     improvement = result.before.overall - result.after.overall
     smallest = min((link.eigenvalue for link in result.links), default=math.nan)
     gap = "not computed" if result.gap is None else f"{100 * result.gap:.3g}\N{NO-BREAK SPACE}%"
     effort = NOTHING if result.seconds is None else f"{result.seconds:.3g} s"
-    counted = (
-        "time of the method" if result.iterations is None else f"{result.iterations} iterations"
-    )
+    counted = "computing time" if result.iterations is None else f"{result.iterations} iterations"
     return (
         Tile(
             "Torque error, overall",
@@ -75,14 +73,14 @@ def tiles(result: Result) -> tuple[Tile, ...]:
             "good" if result.consistent else "bad",
         ),
         Tile("Gap to the convex optimum", gap, "(loss − optimum) / optimum"),
-        Tile("Effort", effort, counted),
+        Tile("Computing time", effort, counted),
     )
 
 
 def sections(result: Result) -> tuple[Section, ...]:
-    """What the page shows below the summary, in its order."""
+    """Sections of the page below the summary, in their order."""
     made = [section for make in _ORDER if (section := make(result)) is not None]
-    sure = (
+    uncertain = (
         ()
         if result.uncertainty is None
         else uncertainty_sections(result.uncertainty, result.joints)
@@ -91,7 +89,7 @@ def sections(result: Result) -> tuple[Section, ...]:
     several = (
         () if result.several_logs is None else several_logs_sections(result.several_logs, links)
     )
-    return (*made[:AHEAD], *several, *sure, *made[AHEAD:])
+    return (*made[:AHEAD], *several, *uncertain, *made[AHEAD:])
 
 
 # --- sections -------------------------------------------------------------------------------
@@ -112,7 +110,7 @@ def _errors(result: Result) -> Section:
     )
     units = {_unit(unit) for unit in result.units}
     total: tuple[str, ...] = ("all joints", _percent(before.overall), _percent(after.overall))
-    if len(units) == 1:  # newtons and newton metres have no common mean
+    if len(units) == 1:  # N and N·m have no common mean
         overall = (_number(float(np.sqrt(np.mean(e.rms**2)))) for e in (before, after))
         total += (*overall, *units)
     else:
@@ -120,7 +118,7 @@ def _errors(result: Result) -> Section:
     header = ("joint", "error before", "error after", "RMS before", "RMS after", "unit")
     return Section(
         "Torque error per joint",
-        "On the test split, before (URDF, no friction) and after (identified).",
+        "On the test split, before (URDF without friction) and after (all identified parameters).",
         ReportTable(header, rows, total),
     )
 
@@ -131,7 +129,7 @@ def _torques(result: Result) -> Section:
     drawn = figures.torques(result.joints, units, p.t, p.measured, p.before, p.after)
     return Section(
         "Measured and predicted torque",
-        "Left: torque over the test split. Right: what the prediction misses.",
+        "Left: torque over the test split. Right: measured minus predicted torque.",
         figure=drawn,
     )
 
@@ -145,7 +143,7 @@ def _consistency(result: Result) -> Section:
             ", ".join(f"{round(1e3 * x, 1) + 0.0:.1f}" for x in link.com),
             f"{1e3 * float(np.linalg.norm(link.com - link.com_before)):.1f}",
             f"{link.eigenvalue:.1e}",
-            "consistent" if _is_consistent(link) else "cannot exist",
+            "consistent" if _is_consistent(link) else "inconsistent",
         )
         for link in result.links
     )
@@ -161,8 +159,9 @@ def _consistency(result: Result) -> Section:
     )
     return Section(
         "Physical consistency per link",
-        "Link by link, a mass or centre of mass may be undetermined by the motion; "
-        "torques are predicted by all links together.",
+        "A motion determines the base parameters, which combine several links. The mass or the "
+        "centre of mass of a single link may therefore be uncertain although the torques are "
+        "predicted well.",
         ReportTable(header, rows, flagged=flagged),
     )
 
@@ -187,11 +186,12 @@ def _friction(result: Result) -> Section | None:
         for joint, values in zip(result.joints, friction.values, strict=True)
     )
     coupled = any(name in COLUMNS and COLUMNS[name].of_motors for name in friction.columns)
-    motors = " Rows of motor_… are motors; each acts on all the joints it drives."
+    motors = " Columns motor_… belong to motors; a motor acts on all joints that it drives."
     return Section(
         "Friction",
-        "Coefficients in the unit of the joint, viscous ones per rad/s (m/s); the smooth sign of "
-        f"the speed is tanh(speed / {friction.coulomb_speed:g}).{motors if coupled else ''}",
+        "Coefficients in the unit of the joint torque, viscous coefficients per rad/s (m/s). The "
+        f"smooth sign of the velocity is tanh(dq / {friction.coulomb_speed:g})."
+        f"{motors if coupled else ''}",
         ReportTable(("joint", *map(_unit, friction.columns)), rows),
     )
 
@@ -208,7 +208,7 @@ def _preparation(result: Result) -> Section:
     counts = ", ".join(f"{count} {name}" for name, count in recording.samples.items())
     length = "" if recording.duration is None else f"{recording.duration:.4g} s of motion. "
     lead = f"{length}Samples: {counts or 'not recorded'}. {recording.split}".strip()
-    return Section("Data preparation", lead, items=recording.history or ("none recorded",))
+    return Section("Data preparation", lead, items=recording.history or ("no step was recorded",))
 
 
 def _provenance(result: Result) -> Section:
@@ -224,11 +224,13 @@ def _provenance(result: Result) -> Section:
         ("condition number, columns normalised", condition),
         ("weights per joint", weights),
     )
-    table = ReportTable(("what", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts")
+    table = ReportTable(
+        ("quantity", "value"), tuple((a, b or NOTHING) for a, b in rows), kind="facts"
+    )
     return Section("Provenance", table=table)
 
 
-# --- words and digits -----------------------------------------------------------------------
+# --- numbers as text -----------------------------------------------------------------------
 
 
 def _is_consistent(link: Link) -> bool:
@@ -236,14 +238,14 @@ def _is_consistent(link: Link) -> bool:
 
 
 def _percent(value: float) -> str:
-    """A percentage whose sign never wraps onto the next line."""
+    """Percentage with a no-break space before its sign."""
     if not math.isfinite(value):
         return _number(value)
     return f"{value:.{2 if value < 100 else 0}f}\N{NO-BREAK SPACE}%"
 
 
 def _number(value: float) -> str:
-    """Four decimals for everyday sizes, else four significant digits."""
+    """Four decimals between 1e-3 and 1e5, else four significant digits."""
     if not math.isfinite(value):
         return "∞" if value > 0 else NOTHING
     return f"{value:.4f}" if value == 0 or 1e-3 <= abs(value) < 1e5 else f"{value:.3e}"

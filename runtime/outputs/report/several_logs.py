@@ -1,4 +1,4 @@
-"""Several logs in one fit: how the others predict each, and what they repeat, in tables."""
+"""Several logs in one fit: leave-one-log-out errors and repeatability, in tables."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,14 @@ from runtime.outputs.report.layout import ReportTable, Section
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Overall torque errors [%] of one log: URDF, the others' answer, its own offset, own fit."""
+    """Torque errors over all joints of one log that was left out of the fit.
+
+    Attributes:
+        name: of the log.
+        payload: known mass that it carries [kg].
+        errors: [%] by the URDF; by the fit of the other logs; by this with the offset of the
+            log; by a fit of the log alone.
+    """
 
     name: str
     payload: float
@@ -18,13 +25,13 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class SeveralLogs:
-    """What several logs say about each other.
+    """Agreement of several logs.
 
     Attributes:
         left_out: one per log.
-        masses: kg of every link by every log alone.
-        spread: kg, standard deviation of these over the logs.
-        sentence: what the spread says.
+        masses: mass of every link identified from each log alone [kg].
+        spread: standard deviation of these masses over the logs [kg].
+        sentence: whether the logs agree within their noise.
     """
 
     left_out: tuple[LeftOut, ...]
@@ -34,10 +41,18 @@ class SeveralLogs:
 
 
 def read_several_logs(raw: Mapping[str, Any] | None, n_links: int) -> SeveralLogs | None:
-    """The part `sessions` of result.json, where there is one.
+    """Read the entry `sessions` of result.json.
+
+    Args:
+        raw: the entry; None for a result of one log.
+        n_links: number of links.
+
+    Returns:
+        Agreement of the logs; None where the entry is empty.
 
     Raises:
-        KeyError: a key is missing; TypeError or ValueError: a value is of another form.
+        KeyError: a key is missing.
+        TypeError, ValueError: a value has another form.
     """
     if not raw:
         return None
@@ -50,14 +65,29 @@ def read_several_logs(raw: Mapping[str, Any] | None, n_links: int) -> SeveralLog
     rows = (*repeated["masses"], repeated["mass_spread"])
     masses = tuple(tuple(float(x) for x in row) for row in rows)
     if len(masses) != len(left_out) + 1 or any(len(row) != n_links for row in masses):
-        raise ValueError("'sessions': expected one mass per link and log")
+        raise ValueError(f"'sessions': expected {n_links} masses per log, got another number")
     return SeveralLogs(tuple(left_out), masses[:-1], masses[-1], str(repeated["sentence"]))
 
 
 def several_logs_sections(several_logs: SeveralLogs, links: Sequence[str]) -> tuple[Section, ...]:
-    """Leave one log out, and repeatability."""
+    """Tables of the leave-one-log-out errors and of the repeatability.
+
+    Args:
+        several_logs: agreement of the logs.
+        links: names of the links.
+
+    Returns:
+        Two sections.
+    """
     held = ReportTable(
-        ("log", "payload [kg]", "URDF", "the others", "with its own offset", "its own fit"),
+        (
+            "log",
+            "payload [kg]",
+            "URDF",
+            "other logs",
+            "other logs, offset of this log",
+            "this log alone",
+        ),
         tuple(
             (each.name, f"{each.payload:.3g}", *(f"{error:.3f} %" for error in each.errors))
             for each in several_logs.left_out
@@ -74,14 +104,15 @@ def several_logs_sections(several_logs: SeveralLogs, links: Sequence[str]) -> tu
     )
     return (
         Section(
-            "Each log as the others predict it",
-            "Torque error over a whole log of the model that all other logs gave, with their mean "
-            "offset or with that of the log; beside it the URDF and the log's own fit.",
+            "Leave-one-log-out prediction",
+            "Torque error over a whole log, predicted by the fit of all other logs with their mean "
+            "offset or with the offset of this log. For comparison: the URDF, and a fit of this "
+            "log alone.",
             held,
         ),
         Section(
             "Repeatability",
-            f"Masses [kg] by every log alone. {several_logs.sentence[:1].upper()}"
+            f"Masses [kg] identified from each log alone. {several_logs.sentence[:1].upper()}"
             f"{several_logs.sentence[1:]}.",
             ReportTable(("link", *names, "spread"), rows),
         ),

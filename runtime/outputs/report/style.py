@@ -1,4 +1,4 @@
-"""One look for every figure: matplotlib's settings, a palette, figures without global state."""
+"""Matplotlib settings, palette and blank figures, which share no global state."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -9,14 +9,23 @@ from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN = "#0072B2", "#E69F00", "#009E73"
 PURPLE, SKY, VERMILION = "#CC79A7", "#56B4E9", "#D55E00"
-"""Okabe and Ito, told apart with any colour vision."""
+"""Palette of Okabe and Ito, distinguishable with any colour vision."""
 INK, GREY, PALE = "#222222", "#BBBBBB", "#E4E4E4"
 CYCLE = (BLUE, ORANGE, GREEN, VERMILION, SKY, PURPLE, GREY)
-"""For lines side by side."""
+"""Colours of lines in one panel, in order."""
 
 
 def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, Any]:
-    """Matplotlib's settings: text in `ink`, axes in `line`; names of joints are text, not maths."""
+    """Matplotlib settings; names of joints are text, not mathematics.
+
+    Args:
+        ink: colour of text.
+        line: colour of axes.
+        grid: colour of the grid.
+
+    Returns:
+        Values of rcParams.
+    """
     return {
         "font.family": "sans-serif",
         "font.sans-serif": ["DejaVu Sans"],
@@ -48,12 +57,15 @@ def settings(ink: str = INK, line: str = GREY, grid: str = PALE) -> dict[str, An
 def blank(
     size: tuple[float, float], rules: Mapping[str, Any], dpi: float = 100
 ) -> Iterator[Figure]:
-    """A figure of its own, to be filled and saved within: no pyplot, none of the user's settings.
+    """Blank figure without pyplot and without the settings of the user.
 
     Args:
-        size: width and height, inches.
+        size: width and height [inch].
         rules: from `settings`.
-        dpi: of pixels.
+        dpi: pixels per inch.
+
+    Yields:
+        The figure, to be drawn and saved within the block.
     """
     with style.context(["default", dict(rules)]):
         yield Figure(figsize=size, layout="constrained", dpi=dpi)

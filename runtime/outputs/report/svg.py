@@ -1,8 +1,8 @@
-"""A matplotlib figure → inline SVG that takes its colours from the page, light or dark.
+"""Matplotlib figure → inline SVG that takes its colours from the page, light or dark.
 
-Matplotlib draws in placeholder colours; each becomes a CSS variable. Same input, same bytes: no
-date, salted ids, no state shared with other plots. Names of joints and links are text, not maths.
-An artist with the gid `m:NAME` belongs to the method NAME and is hidden with it.
+Matplotlib draws in placeholder colours; each one becomes a CSS variable. Equal input gives equal
+bytes: no date, salted ids, no state shared with other plots. An artist with the gid `m:NAME`
+belongs to the method NAME; the filter of the page hides it with the method.
 """
 
 import io
@@ -37,10 +37,11 @@ _PALETTE = {
     style.GREY: "var(--measured)",
     style.PALE: "var(--line)",
 }
-"""What pictures outside a page draw with."""
+"""CSS variables for the colours of figures that are also saved as files."""
 WIDTH = 10.0
-"""Inches; the page scales it."""
+"""Width of a figure [inch]; the page scales it."""
 OWNER = "m:"
+"""Prefix of the gid of an artist that belongs to a method."""
 _STYLE = settings(INK, LINE, LINE) | {
     "svg.fonttype": "none",
     "grid.linewidth": 0.4,
@@ -50,7 +51,7 @@ _STYLE = settings(INK, LINE, LINE) | {
 
 @contextmanager
 def page_figure(height: float) -> Iterator[Figure]:
-    """A blank figure as wide as the page."""
+    """Blank figure of the page width and the height [inch]."""
     with warnings.catch_warnings(), blank((WIDTH, height), _STYLE) as figure:
         # The browser has fonts that the layout engine lacks.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
@@ -58,7 +59,15 @@ def page_figure(height: float) -> Iterator[Figure]:
 
 
 def svg(figure: Figure, name: str) -> Markup:
-    """The bare <svg> element: page colours, short numbers, ids that no other figure has."""
+    """<svg> element with page colours, short numbers and unique ids.
+
+    Args:
+        figure: what matplotlib drew.
+        name: of the figure, the prefix of its ids.
+
+    Returns:
+        The element.
+    """
     buffer = io.StringIO()
     with rc_context({"svg.hashsalt": name}):
         figure.savefig(

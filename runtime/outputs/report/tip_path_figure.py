@@ -1,4 +1,4 @@
-"""A motion in space: the path of the tip (the document's Fig. 3.3), distances over time."""
+"""Figure of a motion in space: path of the tip (Fig. 3.3 of the document), distances over time."""
 
 from itertools import product
 
@@ -15,9 +15,9 @@ from runtime.outputs.report.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY,
 Array = NDArray[np.float64]
 
 CLOSEST = 4
-"""Gaps that are drawn boldly, those with the least distance − margin."""
+"""Number of emphasised distances, those with the least distance − margin."""
 NEAR = 0.3
-"""m: the panel ends here where all of the closest come closer; further away nobody looks."""
+"""Upper end of the panel where all emphasised distances fall below it [m]."""
 BOLD = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":"))
 TITLES = {
     "self-collision": "distance between links [m]",
@@ -26,7 +26,12 @@ TITLES = {
 
 
 def draw_space(figure: Figure, profile: MotionProfile) -> None:
-    """Left the tip's path with table and box; right a panel of distances per kind."""
+    """Draw the path of the tip with table and box, and one panel of distances per kind.
+
+    Args:
+        figure: a blank figure.
+        profile: the motion with its distances.
+    """
     kinds = list(dict.fromkeys(gap.kind for gap in profile.gaps)) or ["self-collision"]
     left, right = figure.subfigures(1, 2, width_ratios=(1, 1.15), squeeze=False)[0]
     _path(left.add_subplot(projection="3d"), profile)
@@ -45,10 +50,10 @@ def draw_space(figure: Figure, profile: MotionProfile) -> None:
 
 
 def _distances(axis: Axes, profile: MotionProfile, gaps: list[Gap]) -> None:
-    """The closest boldly with their margins, the others thin."""
+    """Draw the closest distances emphasised with their margins, the others thin."""
     axis.margins(x=0)
     if not gaps:
-        text = "no collision proxies: nobody knows"
+        text = "the robot has no collision proxies"
         axis.text(0.5, 0.5, text, transform=axis.transAxes, ha="center", va="center")
         axis.set_yticks([])
         return
@@ -81,7 +86,7 @@ def _distances(axis: Axes, profile: MotionProfile, gaps: list[Gap]) -> None:
 
 
 def _path(axis: Axes3D, profile: MotionProfile) -> None:
-    """Path, start and turn; equal scales; a shadow on the table or on the floor of the panel."""
+    """Draw path, start and half time with equal scales, and the shadow on the table or floor."""
     tip, middle = profile.tip, profile.tip[len(profile.tip) // 2]
     low, high = _room(profile)
     floor = profile.table if profile.table is not None else low[2]
@@ -107,7 +112,7 @@ def _path(axis: Axes3D, profile: MotionProfile) -> None:
 
 
 def _room(profile: MotionProfile) -> tuple[Array, Array]:
-    """Corners around the path, the finite ends of the box and the table."""
+    """Corners of the drawn space: path, finite sides of the box, and table."""
     points = [profile.tip]
     if profile.box is not None:
         low, high = profile.tip.min(axis=0), profile.tip.max(axis=0)
@@ -121,7 +126,7 @@ def _room(profile: MotionProfile) -> tuple[Array, Array]:
 
 
 def _open_ends(box: tuple[float, ...], low: Array, high: Array) -> tuple[Array, Array]:
-    """Corners of a box whose open sides end with the room."""
+    """Corners of a box; sides at infinity end with the drawn space."""
     ends = np.array(box).reshape(3, 2)
     return (
         np.where(np.isfinite(ends[:, 0]), ends[:, 0], low),
@@ -130,7 +135,7 @@ def _open_ends(box: tuple[float, ...], low: Array, high: Array) -> tuple[Array, 
 
 
 def _wires(axis: Axes3D, low: Array, high: Array) -> None:
-    """The twelve edges."""
+    """Draw the twelve edges of a box."""
     ends, label = np.array([low, high]), "box"
     for along, pair in product(range(3), product((0, 1), repeat=2)):
         edge = np.empty((2, 3))

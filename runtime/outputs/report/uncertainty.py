@@ -1,4 +1,4 @@
-"""How sure a result is, as the report tells it: what the data say per link, residuals per joint."""
+"""Uncertainty of a result in the report: σ per link, residuals per joint."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,7 +14,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class LinkUncertainty:
-    """σ of a link's mass [kg] and centre of mass (3,) [m], and its parameters by verdict."""
+    """Uncertainty of one link.
+
+    Attributes:
+        mass_sigma: standard deviation of the mass [kg].
+        com_sigma: (3,) standard deviations of the centre of mass [m]; None where undefined.
+        verdicts: one per parameter: identified, prior-dominated or unobservable.
+    """
 
     mass_sigma: float
     com_sigma: Array | None
@@ -23,11 +29,17 @@ class LinkUncertainty:
 
 @dataclass(frozen=True, slots=True)
 class ResultUncertainty:
-    """What result.json says of uncertainty.
+    """Uncertainty of a result.
 
     Attributes:
-        noise, model_band, white: per joint: residual RMS, σ of the model's torque, and the share
-            of lags that a white residual could have.
+        advice: one sentence.
+        n_eff: effective sample size.
+        inflation: factor by which autocorrelation raises the variances.
+        boundary: whether a link is close to the limit of physical consistency.
+        links: one per link.
+        noise: (n,) residual RMS [N·m, N].
+        model_band: (n,) σ of the torque due to uncertain parameters [N·m, N].
+        white: (n,) share of lags at which the autocorrelation is that of white noise.
     """
 
     advice: str
@@ -43,16 +55,26 @@ class ResultUncertainty:
 def read_uncertainty(
     raw: Mapping[str, Any] | None, joints: int, links: int
 ) -> ResultUncertainty | None:
-    """The entry `uncertainty`; None in results without it.
+    """Read the entry `uncertainty` of result.json.
+
+    Args:
+        raw: the entry; None in results without it.
+        joints: number of joints.
+        links: number of links.
+
+    Returns:
+        The uncertainty; None where the entry is empty.
 
     Raises:
-        ValueError: shapes that do not fit.
+        ValueError: a list has another length.
     """
     if not raw:
         return None
     per_joint = [np.array(raw[key], dtype=float) for key in ("noise", "model_band", "white")]
     if any(a.shape != (joints,) for a in per_joint) or len(raw["links"]) != links:
-        raise ValueError("'uncertainty': its lists do not have one entry per joint or link")
+        raise ValueError(
+            f"'uncertainty': expected {joints} joints and {links} links, got other lengths"
+        )
     return ResultUncertainty(
         str(raw["advice"]),
         float(raw["n_eff"]),
@@ -70,9 +92,17 @@ def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
 
 
 def uncertainty_sections(s: ResultUncertainty, joints: tuple[str, ...]) -> tuple[Section, ...]:
-    """Two tables: what is known of the links, and how the residual looks."""
+    """Tables of the σ of the links and of the residuals.
+
+    Args:
+        s: uncertainty of a result.
+        joints: n names.
+
+    Returns:
+        Two sections.
+    """
     words = ("identified", "prior-dominated", "unobservable")
-    known = tuple(
+    of_links = tuple(
         (
             f"link of {joint}",
             f"{link.mass_sigma:.3g}",
@@ -81,22 +111,24 @@ def uncertainty_sections(s: ResultUncertainty, joints: tuple[str, ...]) -> tuple
         )
         for joint, link in zip(joints, s.links, strict=True)
     )
-    rest = tuple(
+    of_joints = tuple(
         (joint, f"{noise:.3g}", f"{band:.2g}", f"{100 * white:.0f}\N{NO-BREAK SPACE}%")
         for joint, noise, band, white in zip(joints, s.noise, s.model_band, s.white, strict=True)
     )
-    edge = " A link lies on the boundary of consistency." if s.boundary else ""
+    edge = " A link is close to the limit of physical consistency." if s.boundary else ""
     return (
         Section(
-            "What the data determine",
-            f"{s.advice[:1].upper()}{s.advice[1:]}.{edge} σ with the URDF as a prior; a parameter "
-            "is identified when the data shrink its variance tenfold.",
-            ReportTable(("link", "σ mass [kg]", "σ CoM [mm]", *words), known),
+            "Uncertainty of the links",
+            f"{s.advice[:1].upper()}{s.advice[1:]}.{edge} σ is computed with the URDF as "
+            "prior. A parameter counts as identified where the data reduce its prior variance at "
+            "least tenfold.",
+            ReportTable(("link", "σ mass [kg]", "σ CoM [mm]", *words), of_links),
         ),
         Section(
             "Residuals",
-            f"The training samples are worth {s.n_eff:.0f} independent ones (variance inflation "
-            f"{s.inflation:.1f}). Model σ is what uncertain parameters add to a torque.",
-            ReportTable(("joint", "residual RMS", "model σ", "lags like white noise"), rest),
+            f"Effective sample size of the training residuals: {s.n_eff:.0f} (variance inflation "
+            f"{s.inflation:.1f}). Model σ: standard deviation of the torque due to uncertain "
+            "parameters.",
+            ReportTable(("joint", "residual RMS", "model σ", "lags as of white noise"), of_joints),
         ),
     )

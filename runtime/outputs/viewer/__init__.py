@@ -1,4 +1,4 @@
-"""The moving robot in a browser, with viser; nothing here is needed to compute."""
+"""Viewer of a moving robot in a browser, by viser."""
 
 from runtime.outputs.viewer.motion import PlayedMotion, read_motion
 from runtime.outputs.viewer.player import Player

@@ -1,4 +1,4 @@
-"""What is played: a designed trajectory or a recording, at any instant."""
+"""A designed trajectory or a recording, interpolated at any time."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +11,21 @@ from runtime.library import Array, Library
 from runtime.recording import read_recording
 
 RATE_HZ = 100.0
-"""Of a trajectory's samples."""
+"""Sample rate of a trajectory [Hz]."""
 TRAJECTORY = ".json"
 
 
 @dataclass(frozen=True, slots=True)
 class PlayedMotion:
-    """q, dq and τ (N, n) at t (N,) from 0 on; dq or τ is None where nobody knows it."""
+    """Motion that the viewer plays.
+
+    Attributes:
+        name: shown above the controls.
+        t: (N,) time from 0 [s].
+        q: (N, n) joint positions [rad, m].
+        dq: (N, n) joint velocities [rad/s, m/s]; None where unknown.
+        tau: (N, n) torques [N·m, N]; None where unknown.
+    """
 
     name: str
     t: Array
@@ -27,11 +35,11 @@ class PlayedMotion:
 
     @property
     def duration(self) -> float:
-        """s."""
+        """Duration [s]."""
         return float(self.t[-1])
 
     def at(self, t: float) -> tuple[Array, Array | None, Array | None]:
-        """q, dq and τ at t, (n,) each, straight between samples."""
+        """q, dq and τ at the time t [s], (n,) each, by linear interpolation."""
         k = int(np.clip(np.searchsorted(self.t, t) - 1, 0, max(len(self.t) - 2, 0)))
         step = self.t[k + 1] - self.t[k] if len(self.t) > 1 else 1.0
         share = float(np.clip((t - self.t[k]) / step, 0.0, 1.0))
@@ -48,10 +56,20 @@ class PlayedMotion:
 def read_motion(
     source: str, lib: Library, recipe: str | None = None, run: str | None = None
 ) -> PlayedMotion:
-    """A trajectory of `excite` (.json; torque by the URDF's inertia), else a recording.
+    """Read a trajectory of `excite` or a recording.
+
+    Args:
+        source: .json of a trajectory, whose torque follows from the parameters of the URDF; else
+            a log.
+        lib: the robot.
+        recipe: layout of the log, see `read_recording`.
+        run: which run of the log.
+
+    Returns:
+        The motion.
 
     Raises:
-        RecordingError: not to be read, or of another robot.
+        RecordingError: the file cannot be read, or belongs to another robot.
     """
     path = Path(source)
     if path.suffix == TRAJECTORY:
@@ -62,9 +80,11 @@ def read_motion(
     log = read_recording(source, recipe, run)
     if log.q.shape[1] != lib.n_joints:
         raise RecordingError(
-            f"'{source}' moves {log.q.shape[1]} joints, '{lib.name}' has {lib.n_joints}; name its "
-            "robot with --robot"
+            f"expected {lib.n_joints} joints of '{lib.name}', got {log.q.shape[1]} in '{source}'; "
+            "name the robot with --robot"
         )
     if not np.isfinite(log.q).all():
-        raise RecordingError(f"'{source}' holds positions that are not finite; mend the log")
+        raise RecordingError(
+            f"expected finite positions in '{source}', got NaN or infinity; correct the log"
+        )
     return PlayedMotion(log.name or path.name, log.t - log.t[0], log.q, log.dq, log.tau)

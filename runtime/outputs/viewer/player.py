@@ -1,4 +1,4 @@
-"""Play, pause, speed, scrub; bars of position, velocity and torque against their limits."""
+"""Controls of the viewer: play, pause, speed, time; bars of q, dq and τ against their limits."""
 
 import time
 from html import escape
@@ -14,11 +14,11 @@ BARS_S = 0.1
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
 _GOOD, _FULL = "#0072B2", "#D55E00"
 NEAR = 0.95
-"""Of a limit: from here on the bar warns."""
+"""Share of a limit from which the bar changes its colour."""
 
 
 class Player:
-    """Controls in the browser, and the clock that moves the robot."""
+    """Controls in the browser, and the clock of the motion."""
 
     def __init__(self, lib: Library, scene: Scene, motion: PlayedMotion) -> None:
         self._lib, self._scene, self._motion = lib, scene, motion
@@ -35,7 +35,7 @@ class Player:
         self.show(0.0)
 
     def show(self, t: float) -> None:
-        """The instant t: pose and, not too often, bars."""
+        """Show the pose at the time t [s], and update the bars at most every `BARS_S`."""
         q, dq, tau = self._motion.at(t)
         self._scene.pose(q)
         self._shown = t
@@ -44,7 +44,7 @@ class Player:
             self._barred = time.monotonic()
 
     def tick(self, elapsed: float) -> None:
-        """Go on by `elapsed` s of the wall, or to where the slider was put."""
+        """Advance by `elapsed` seconds of real time, or to the time that the slider was set to."""
         if self.time.value != round(self._shown, 2):
             self._shown = float(self.time.value)
         t = self._shown
@@ -54,7 +54,7 @@ class Player:
         self.show(t)
 
     def run(self) -> None:
-        """Until Ctrl-C."""
+        """Play until Ctrl-C."""
         last = time.monotonic()
         while True:
             time.sleep(TICK_S)
@@ -64,7 +64,17 @@ class Player:
 
 
 def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
-    """A line per joint: position in its range, velocity and torque, as shares of limits; HTML."""
+    """HTML table with one row per joint: q, dq and τ as shares of their limits.
+
+    Args:
+        lib: the robot.
+        q: (n,) positions [rad, m].
+        dq: (n,) velocities [rad/s, m/s]; None where unknown.
+        tau: (n,) torques [N·m, N]; None where unknown.
+
+    Returns:
+        The table.
+    """
     lines = []
     for j, joint in enumerate(lib.manifest.joints):
         cells = [_cell(q[j], _place(q[j], joint.lower, joint.upper))]
@@ -82,14 +92,14 @@ def bars(lib: Library, q: Array, dq: Array | None, tau: Array | None) -> str:
 
 
 def _place(value: float, lower: float | None, upper: float | None) -> float | None:
-    """How far from the middle of its range, as a share of half of it."""
+    """Distance from the middle of the range over half the range."""
     if lower is None or upper is None:
         return None
     return abs(2 * value - lower - upper) / (upper - lower)
 
 
 def _cell(value: float | None, share: float | None) -> str:
-    """A number above the bar of its share; without a limit the number alone."""
+    """Cell with a number and the bar of its share; the number alone without a limit."""
     if value is None:
         return "<td>–</td>"
     if share is None:

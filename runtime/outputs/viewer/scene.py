@@ -1,4 +1,4 @@
-"""The robot in a browser: a frame per link that carries its shapes, posed by the kernels."""
+"""The robot in a browser: one frame per link with its shapes, placed by the kernels."""
 
 from typing import Any
 
@@ -14,14 +14,14 @@ HOST = "127.0.0.1"
 PATH_POINTS = 400
 PATH_COLOUR = (213, 94, 0)
 FRAME_S = 0.04
-"""Of an exported film."""
+"""Time step of an exported film [s]."""
 
 
 def viewer_library() -> Any:
-    """viser, where it is installed.
+    """Import viser.
 
     Raises:
-        RuntimeFault: it is not.
+        RuntimeFault: viser is not installed.
     """
     try:
         import viser
@@ -33,11 +33,11 @@ def viewer_library() -> Any:
 
 
 class Scene:
-    """A server that shows one robot; `close` ends it.
+    """Server that shows one robot until `close`.
 
     Attributes:
-        server: viser's.
-        frames: link name → handle of its frame.
+        server: server of viser.
+        frames: handles of the frames by link name.
     """
 
     def __init__(self, lib: Library, look: Look, port: int) -> None:
@@ -65,18 +65,18 @@ class Scene:
 
     @property
     def url(self) -> str:
-        """Where the browser finds it."""
+        """Address for the browser."""
         return f"http://{HOST}:{self.server.get_port()}"
 
     def pose(self, q: Array) -> None:
-        """Put every link where the joint positions (n,) have it."""
+        """Place all links at the joint positions q (n,) [rad, m]."""
         with self.server.atomic():
             for name, pose in zip(self._lib.link_names, self._lib.link_poses(q), strict=True):
                 frame = self.frames[name]
                 frame.position, frame.wxyz, _ = parts(pose)
 
     def trace(self, q: Array) -> None:
-        """The path of the tip through positions (N, n)."""
+        """Draw the path of the tip at joint positions q (N, n) [rad, m]."""
         kept = q[:: max(1, len(q) // PATH_POINTS)]
         points = self._lib.end_effector(kept)[:, :3, 3]
         if len(points) > 1:
@@ -84,7 +84,7 @@ class Scene:
             self.server.scene.add_line_segments("/path", pairs, colors=PATH_COLOUR, thickness=0.006)
 
     def film(self, positions: Array) -> str:
-        """One HTML file that plays positions (N, n), a frame every `FRAME_S`."""
+        """HTML file that plays joint positions (N, n) [rad, m], one frame every `FRAME_S`."""
         serializer = self.server.get_scene_serializer()
         for q in positions:
             self.pose(q)
@@ -92,12 +92,12 @@ class Scene:
         return str(serializer.as_html())
 
     def close(self) -> None:
-        """End the server and its threads."""
+        """Stop the server and its threads."""
         self.server.stop()
 
 
 def parts(pose: Array) -> tuple[Array, Array, tuple[float, float, float]]:
-    """Position, quaternion (w, x, y, z) and scales of [R S, p; 0 1]."""
+    """Position (3,) [m], quaternion w, x, y, z and scales of a pose [R S, p; 0 1]."""
     x, y, z = (float(size) for size in np.linalg.norm(pose[:3, :3], axis=0))
     turn = Rotation.from_matrix(pose[:3, :3] / [x, y, z])
     return pose[:3, 3], turn.as_quat(scalar_first=True), (x, y, z)

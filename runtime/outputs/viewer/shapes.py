@@ -1,8 +1,8 @@
-"""What a robot looks like: its visual meshes, else its collision capsules, else plain lines.
+"""Shapes of a robot: its visual meshes, else its collision capsules, else lines.
 
-A URDF's `package://NAME/rest` is looked for as DIR/NAME/rest and, where DIR is itself named NAME,
-as DIR/rest, for every folder given, of ROS_PACKAGE_PATH, and `share` of AMENT_PREFIX_PATH. A link
-that rides on another one by fixed joints is drawn with it.
+`package://NAME/rest` of a URDF is searched as DIR/NAME/rest and, where DIR itself is named NAME, as
+DIR/rest. DIR is every given folder, those of ROS_PACKAGE_PATH, and `share` of those of
+AMENT_PREFIX_PATH. A link that is fixed to a moving link is drawn with it.
 """
 
 import os
@@ -22,17 +22,17 @@ from runtime.library import Array, Library
 
 BASE = "base"
 LINE_RADIUS = 0.012
-"""m, of what stands for a link where nothing is known of its shape."""
+"""Radius of the line that replaces a link without shape [m]."""
 LARGEST = 1e4
-"""m; what is longer belongs to no robot."""
+"""Largest coordinate that is accepted [m]."""
 COLOURS = ((96, 125, 160, 255), (170, 185, 205, 255))
-"""Of links without a colour of their own, in turn."""
+"""Colours (RGBA) of links without one, in turn."""
 _MISSING = "the viewer is not installed; install it with: pip install 'symgen[view]'"
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A mesh that is rigid in `link` (BASE: the fixed one): its pose (4, 4) there."""
+    """A mesh with its pose (4, 4) in the frame of `link`; BASE is the fixed link."""
 
     link: str
     name: str
@@ -42,17 +42,17 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """Shapes, and a sentence about what they are."""
+    """Shapes of a robot, and a sentence on their origin."""
 
     shapes: tuple[Shape, ...]
     sentence: str
 
 
 def geometry_library() -> Any:
-    """trimesh, which viser brings along.
+    """Import trimesh, which viser depends on.
 
     Raises:
-        RuntimeFault: it is not installed.
+        RuntimeFault: trimesh is not installed.
     """
     try:
         import trimesh
@@ -62,15 +62,18 @@ def geometry_library() -> Any:
 
 
 def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = ()) -> Look:
-    """The best that can be drawn.
+    """Shapes of a robot: visuals of the URDF, else collision capsules, else lines.
 
     Args:
         lib: the robot.
-        urdf: a file with visuals of the same links; default the one it was built from.
-        packages: folders in which packages are looked for first.
+        urdf: file with visuals of the same links; default the one that it was built from.
+        packages: folders in which packages are searched first.
+
+    Returns:
+        The shapes.
 
     Raises:
-        RuntimeFault: the URDF cannot be read, or viser is missing.
+        RuntimeFault: the URDF cannot be read, or viser is not installed.
     """
     text = lib.urdf() if urdf is None else _text(urdf)
     home = lib.folder if urdf is None else urdf.parent
@@ -78,7 +81,9 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
     try:
         visuals = tuple(_visuals(fromstring(text, forbid_dtd=True), lib))
     except (ParseError, ValueError) as error:
-        raise LibraryError(f"'{urdf or lib.name}' is no URDF ({error}); give the model") from None
+        raise LibraryError(
+            f"'{urdf or lib.name}' is not a URDF ({error}); give the robot model"
+        ) from None
     shapes: list[Shape] = []
     missing: list[str] = []
     for link, pose, visual in visuals:
@@ -86,15 +91,15 @@ def look_of(lib: Library, urdf: Path | None = None, packages: Iterable[Path] = (
             shapes.append(_shape(link, len(shapes), pose, visual, places, home))
         except RuntimeFault:
             raise
-        except Exception as error:  # trimesh and its loaders raise whatever the damage leads to
+        except Exception as error:  # trimesh and its loaders raise any exception
             missing.append(f"{_name(visual)} ({str(error) or type(error).__name__})")
     if shapes:
         rest = f"; not drawn: {', '.join(missing)}" if missing else ""
         return Look(tuple(shapes), f"{len(shapes)} visual shapes{rest}")
-    why = f"no mesh was found: {missing[0]}" if missing else "the URDF has no visual shapes"
+    why = f"no mesh could be read: {missing[0]}" if missing else "the URDF has no visual shapes"
     if lib.manifest.proxies:
-        return Look(tuple(_capsules(lib)), f"collision capsules, for {why}")
-    return Look(tuple(_lines(lib)), f"plain lines, for {why}")
+        return Look(tuple(_capsules(lib)), f"collision capsules, because {why}")
+    return Look(tuple(_lines(lib)), f"lines, because {why}")
 
 
 def _text(path: Path) -> str:
@@ -113,7 +118,7 @@ def _package_path() -> Iterator[Path]:
 
 
 def _visuals(robot: Element, lib: Library) -> Iterator[tuple[str, Array, Element]]:
-    """Link that moves, pose of the visual in its frame, and the element."""
+    """Yield the moving link, the pose of the visual in its frame, and the element."""
     above = {}
     for joint in robot.iter("joint"):
         child = joint.find("child")
@@ -127,7 +132,7 @@ def _visuals(robot: Element, lib: Library) -> Iterator[tuple[str, Array, Element
 
 
 def _carrier(link: str, above: dict[Any, Element], lib: Library) -> tuple[str, Array] | None:
-    """The moving link, or BASE, that carries a link, and the pose of this in that."""
+    """The moving link, or BASE, that a link is fixed to, and the pose of the link in it."""
     pose, seen = np.eye(4), {""}
     while link not in lib.link_names:
         if link == lib.manifest.base:
@@ -154,7 +159,7 @@ def _pose(origin: Element | None) -> Array:
 def _numbers(text: str, count: int) -> list[float]:
     values = [float(word) for word in text.split()]
     if len(values) != count or not np.abs(values).max() < LARGEST:
-        raise ValueError(f"'{text}' is not {count} numbers of a robot")
+        raise ValueError(f"expected {count} numbers below {LARGEST:g}, got '{text}'")
     return values
 
 
@@ -211,7 +216,7 @@ def _capsules(lib: Library) -> Iterator[Shape]:
 
 
 def _lines(lib: Library) -> Iterator[Shape]:
-    """From the frame of every link to those that it carries, and to the tip."""
+    """Lines from the frame of every link to its children and to the tip."""
     carried: list[tuple[str, Array, int]] = [
         (BASE if j.parent < 0 else lib.link_names[j.parent], np.array(j.translation), k)
         for k, j in enumerate(lib.manifest.joints)
@@ -232,5 +237,5 @@ def _capsule(link: str, name: str, ends: Array, radius: float, number: int) -> S
     pose = np.eye(4)
     if length > 0:
         pose[:3, :3] = Rotation.align_vectors([axis / length], [[0, 0, 1]])[0].as_matrix()
-    pose[:3, 3] = ends.mean(axis=0)  # the mesh lies about its centre
+    pose[:3, 3] = ends.mean(axis=0)  # the origin of the mesh is its centre
     return Shape(link, name, mesh, pose)

@@ -92,7 +92,7 @@ def test_identify_writes_everything(
     assert "identified.urdf (verified" in ran.out
     assert facts["uncertainty"]["advice"] in ran.out.replace("\n", " ")
     assert [len(link["verdicts"]) for link in facts["uncertainty"]["links"]] == [10] * 7
-    assert "What the data determine" in (folder / "report.html").read_text(encoding="utf-8")
+    assert "Uncertainty of the links" in (folder / "report.html").read_text(encoding="utf-8")
     assert command("identify", log, "--robot", lib.folder, "--prior", "no.toml").code == 2
 
 

@@ -97,4 +97,7 @@ def test_command(command, lib: Library, clean: Recording, saved, tmp_path: Path)
     assert broken.err.count("\n") == 1
     assert not (tmp_path / "no.toml").exists()
     assert "--cutoff needs" in command("identify", log, *robot, "--cutoff", "high").err
-    assert "expected to end in" in command("inspect", EXAMPLE, *robot, "--plot", "a.bmp").err
+    assert (
+        "expected an image file with the suffix"
+        in command("inspect", EXAMPLE, *robot, "--plot", "a.bmp").err
+    )

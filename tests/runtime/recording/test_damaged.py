@@ -204,7 +204,7 @@ def test_a_film_needs_a_tree_and_numbers(tmp_path: Path, tiny: Library) -> None:
         assert "no mesh was found" in look(rod.format("", f'<mesh filename="{mesh}"/>'))
     assert "numbers of a robot" in look(rod.format("", '<box size="1e300 1 1"/>'))
     for bad in (rod.format('<origin xyz="1 2"/>', ""), f"<!DOCTYPE robot []>{rod}"):
-        with pytest.raises(RuntimeFault, match="is no URDF"):
+        with pytest.raises(RuntimeFault, match="is not a URDF"):
             look(bad)
 
 

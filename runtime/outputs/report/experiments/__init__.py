@@ -1,4 +1,4 @@
-"""Results of experiments → page, Markdown tables, pictures, and the README's result section."""
+"""Results of experiments → HTML page, Markdown tables, figures, a section of a Markdown page."""
 
 from pathlib import Path
 
@@ -21,10 +21,21 @@ def write_experiments(
     readme: Path | None = None,
     command: str = "",
 ) -> tuple[Path, ...]:
-    """Everything that was asked for, from a folder of finished studies; the paths written.
+    """Write the page and the requested tables and figures of a folder of finished studies.
+
+    Args:
+        folder: output folder of `reproduce`.
+        out: HTML file to write.
+        tables_to: Markdown file of all tables.
+        figures_to: folder of PNG files.
+        readme: Markdown file whose marked section is replaced, see `write_readme`.
+        command: command line that the section quotes.
+
+    Returns:
+        The files.
 
     Raises:
-        RuntimeFault: a study is damaged, nothing is finished, or a place cannot be written.
+        RuntimeFault: a study is damaged, none is finished, or a file cannot be written.
     """
     experiments, notes = read_experiments(folder)
     written = [write_page(experiments_page(experiments, notes), out)]
@@ -40,7 +51,7 @@ def write_experiments(
 
 
 def all_tables(experiments: tuple[Experiment, ...]) -> str:
-    """Every table as Markdown, with the config hash of its numbers as a footnote."""
+    """All tables as Markdown, with the config hash of their numbers as footnotes."""
     parts = [headline(experiments)]
     for experiment in experiments:
         parts.append(f"## {experiment.title}")

@@ -1,4 +1,4 @@
-"""Which series can be drawn as which kind of figure."""
+"""Check of the shapes of the series of a figure."""
 
 from collections.abc import Sequence
 
@@ -6,13 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST = 1e100
-"""Squares of what is drawn must be numbers."""
+"""Largest number that is drawn; its square must be finite."""
 _LINES = {"band": 3, "loglog": 3}
-"""Kinds that take so many series of one axis."""
+"""Number of series of one axis, by kind of figure."""
 
 
 def is_drawable(kind: str, series: Sequence[NDArray[np.float64]], names: Sequence[str]) -> bool:
-    """Whether their shapes are those of such a figure; tables and bars need none."""
+    """Whether series have the shapes that a kind of figure needs.
+
+    Args:
+        kind: of the figure, see `runtime.experiments.study.View`.
+        series: arrays in the order of the view; tables and bars need none.
+        names: of the series.
+
+    Returns:
+        True where the figure can be drawn.
+    """
     shapes = [values.shape for values in series]
     sizes = [np.abs(values[np.isfinite(values)]).max(initial=0.0) for values in series]
     if any(not shape or shape[0] < 1 for shape in shapes) or max(sizes, default=0.0) > LARGEST:
@@ -29,7 +38,7 @@ def is_drawable(kind: str, series: Sequence[NDArray[np.float64]], names: Sequenc
 
 
 def _are_curves(shapes: Sequence[tuple[int, ...]], names: Sequence[str]) -> bool:
-    """Curves of one x, or each with an iteration of its own; of one axis, or of all joints."""
+    """Whether all curves share one x, or each one has its own iterations; for one or n joints."""
     if all(name.endswith("iteration") for name in names[::2]):
         pairs = list(zip(shapes[::2], shapes[1::2], strict=False))
         whole = len(shapes) % 2 == 0

@@ -1,7 +1,7 @@
-"""Figures 3.1 to 5.8 and A.1 to A.4 in the document's form: a view draws itself into a figure.
+"""Figures 3.1 to 5.8 and A.1 to A.4 in the form of the document.
 
-One drawing serves the page (SVG in its colours) and pictures (PNG); artists carry the name of
-their method so that the page's filter finds them.
+The page (SVG) and the PNG files share one drawing. Artists carry the name of their method, by
+which the filter of the page hides them.
 """
 
 import math
@@ -25,23 +25,32 @@ LINES = (
     *((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":")),
     *((VERMILION, "-"), (SKY, "--"), (INK, "-")),
 )
-"""Colour and dashes: told apart with any colour vision, and in print."""
+"""Colours and line styles, distinguishable with any colour vision and in print."""
 POINTS = 700
-"""Of one curve."""
+"""Largest number of points of one curve."""
 MOTION = ("position", "velocity", "acceleration", "torque")
 UNITS = ("rad", "rad/s", "rad/s²", "N·m")
 _BAR = 0.8
+"""Width of a group of bars over the distance of groups."""
 _ENTRY = 1.85
-"""Width of an entry of a legend, inches."""
+"""Width of an entry of a legend [inch]."""
 
 
 def has_figure(view: SavedView) -> bool:
-    """Whether a view is more than a table."""
+    """Whether a view is a figure, not a table."""
     return view.kind != "table"
 
 
 def height(experiment: Experiment, view: SavedView) -> float:
-    """Inches, for a figure of the page's width."""
+    """Height of a figure of the page width.
+
+    Args:
+        experiment: a study.
+        view: one of its figures.
+
+    Returns:
+        Height [inch].
+    """
     if view.kind == "lines" and _is_per_joint(experiment, view):
         return 5.0
     per_case = 2.8 * len(cases_of(experiment, view))
@@ -49,14 +58,28 @@ def height(experiment: Experiment, view: SavedView) -> float:
 
 
 def inline(experiment: Experiment, view: SavedView) -> Markup:
-    """SVG for the page."""
+    """Figure as SVG for the page.
+
+    Args:
+        experiment: a study.
+        view: one of its figures.
+
+    Returns:
+        The <svg> element.
+    """
     with page_figure(height(experiment, view)) as figure:
         draw(figure, experiment, view)
         return svg(figure, view.id)
 
 
 def draw(figure: Figure, experiment: Experiment, view: SavedView) -> None:
-    """The view, into a blank figure."""
+    """Draw a view.
+
+    Args:
+        figure: a blank figure.
+        experiment: a study.
+        view: one of its figures.
+    """
     _KINDS[view.kind](figure, experiment, view)
 
 
@@ -90,7 +113,7 @@ def _lines(figure: Figure, experiment: Experiment, view: SavedView) -> None:
 
 
 def _curves(experiment: Experiment, view: SavedView) -> list[tuple[str, Array, Array]]:
-    """Name, x and y: curves of one x, or each with an iteration of its own."""
+    """Name, x and y of each curve; curves share one x, or each one has its own iterations."""
     names, series = view.series, experiment.series
     if all(name.endswith("iteration") for name in names[::2]):
         pairs = zip(names[::2], names[1::2], strict=True)
@@ -103,7 +126,7 @@ def _is_per_joint(experiment: Experiment, view: SavedView) -> bool:
 
 
 def _joints(figure: Figure, experiment: Experiment, view: SavedView) -> None:
-    """A panel per joint, the curves one over the other."""
+    """Draw one panel per joint with all curves."""
     across = 4
     down = -(-len(experiment.joints) // across)
     axes = figure.subplots(down, across, sharex=True, squeeze=False).ravel()
@@ -122,7 +145,7 @@ def _joints(figure: Figure, experiment: Experiment, view: SavedView) -> None:
 
 def _path(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     path = experiment.series[view.series[0]]
-    if path.ndim == 3:  # poses of the tip
+    if path.ndim == 3:  # poses (N, 4, 4) of the tip
         path = path[:, :3, 3]
     axis: Any = figure.add_subplot(projection="3d")
     assert isinstance(axis, Axes3D)  # noqa: S101  what the projection makes
@@ -159,14 +182,14 @@ def _loglog(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     seen = curve > 0
     axis.loglog(x, reference, color=ORANGE, linestyle="--", label=other)
     axis.loglog(x[seen], curve[seen], color=BLUE, marker="o", markersize=3, label=name)
-    for one in (axis.xaxis, axis.yaxis):  # the formatter of logarithms writes mathematics
+    for one in (axis.xaxis, axis.yaxis):  # the default formatter of logarithms writes mathematics
         one.set_major_formatter(lambda value, _: f"{value:.0e}")
         one.set_minor_formatter(lambda *_: "")
     _finish(axis, view)
 
 
 def _bars(figure: Figure, experiment: Experiment, view: SavedView) -> None:
-    """A panel per case, a group per figure, a bar per method, the document's beside ours."""
+    """Draw one panel per case, a group of bars per metric, a bar per method and source."""
     cases = cases_of(experiment, view)
     document = experiment.document.get(view.document, {})
     axes = figure.subplots(len(cases), 1, squeeze=False).ravel()

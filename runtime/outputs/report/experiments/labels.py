@@ -1,4 +1,4 @@
-"""Names and numbers of the experiments as people read them."""
+"""Display names and rounded numbers of the experiments."""
 
 import math
 
@@ -15,9 +15,12 @@ _VARIANTS = {
 }
 """Methods of studies that are no estimator of their own."""
 BEST = ("map-friction", "map", "lm")
-"""Our method: the first of these that a study has; lm goes on from MAP where there is no noise."""
+"""Method of this package that is compared with the document: the first one that a study has.
+
+Without noise it is lm, which starts from MAP.
+"""
 _OURS = {"search", "check", "pi", "lam", "beta"}
-"""Methods that are none: there is one number, ours."""
+"""Entries that are not estimators: one computed number each."""
 _METRICS = {
     "airm": "AIRM",
     "frobenius": "Frobenius norm",
@@ -50,7 +53,7 @@ AIRM, CONSISTENT = "airm", "consistent"
 
 
 def method_name(method: str) -> str:
-    """What a column is called."""
+    """Display name of a method."""
     if method in METHODS:
         return METHODS[method].heading
     if method in _VARIANTS or method in _OURS:
@@ -59,7 +62,7 @@ def method_name(method: str) -> str:
 
 
 def metric_name(metric: str) -> str:
-    """What a line is called."""
+    """Display name of a metric, with its unit."""
     kind, _, joint = metric.rpartition("_")
     if kind in {"tau_error", "tau_rms"} and joint.isdigit():
         return f"joint {joint} [{'%' if kind == 'tau_error' else 'N·m'}]"
@@ -67,18 +70,26 @@ def metric_name(metric: str) -> str:
 
 
 def curve_name(name: str) -> str:
-    """What a curve is called; CASE/METHOD/… is its method."""
+    """Display name of a series; that of CASE/METHOD/… is its method."""
     parts = name.split("/")
     return method_name(parts[1]) if len(parts) > 1 else _SERIES.get(name, name)
 
 
 def case_name(case: str) -> str:
-    """What a group of columns is called."""
+    """Display name of a case."""
     return case.replace("sigma=", "σ = ").replace("p=", "p = ")
 
 
 def printed(value: Value | None, metric: str) -> str:
-    """The document's number with the digits it has there."""
+    """Number of the document with its published digits.
+
+    Args:
+        value: mean and standard deviation; None where the document has none.
+        metric: of the number.
+
+    Returns:
+        The text of a cell.
+    """
     if value is None:
         return NOTHING
     if metric == CONSISTENT:
@@ -88,7 +99,15 @@ def printed(value: Value | None, metric: str) -> str:
 
 
 def measured(value: Value | None, metric: str) -> str:
-    """Our mean to three digits, its standard deviation to the same decimal; a number to five."""
+    """Computed mean to three digits and standard deviation to the same decimal.
+
+    Args:
+        value: of all trials; a single number has five digits.
+        metric: of the number.
+
+    Returns:
+        The text of a cell.
+    """
     if value is None:
         return NOTHING
     if metric == CONSISTENT:
@@ -113,10 +132,10 @@ def _as_given(value: float) -> str:
 
 
 def short_hash(experiment: Experiment) -> str:
-    """Enough of the config hash to find it."""
+    """First 12 digits of the config hash."""
     return experiment.config_hash[:12]
 
 
 def best_method(experiment: Experiment) -> str:
-    """Our method of a study; "" where it has none."""
+    """First of `BEST` that a study has; "" where it has none."""
     return next((name for name in BEST if name in experiment.methods), "")

@@ -1,6 +1,6 @@
-"""Experiments → `Page`: a group per study, tables and figures in the document's order.
+"""Experiments → `Page`: a group per study, tables and figures in the order of the document.
 
-Every section names the config hash that its numbers have, and leads to where it came from.
+Every section states the config hash of its numbers and links to their origin.
 """
 
 import json
@@ -14,23 +14,35 @@ from runtime.outputs.report.experiments.tables import tables
 from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 
 DOCUMENT_TRIALS = 150
+"""Number of Monte Carlo trials of the document."""
 GLOSSARY = (
-    ("document", "the number that the source document prints"),
-    ("λ-Adam", "the document's method with the document's settings, on our data"),
-    ("MAP", "our best method: the most probable consistent model, the first guess as prior"),
-    ("AIRM", "affine-invariant distance of true and identified mass matrix, 0 where equal"),
+    ("document", "number printed in the source document"),
+    ("λ-Adam", "method and settings of the document, on the data of this package"),
+    ("MAP", "method of this package: most probable consistent model, initial guess as prior"),
+    ("AIRM", "affine-invariant distance of true and identified mass matrix, 0 if equal"),
     ("a ± b", "mean and standard deviation over the trials"),
     ("torque error", "100 ‖true − predicted‖ / ‖true‖ per joint on a test motion, Eq. 5.1"),
-    ("config hash", "SHA-256 of config, seed and robot: same hash, same digits (time excepted)"),
+    (
+        "config hash",
+        "SHA-256 of config, seed and robot; equal hashes give equal digits, except times",
+    ),
 )
 
 
 def experiments_page(experiments: tuple[Experiment, ...], notes: tuple[str, ...]) -> Page:
-    """The whole report."""
+    """Page of all finished studies.
+
+    Args:
+        experiments: finished studies.
+        notes: sentences on unfinished studies.
+
+    Returns:
+        The page.
+    """
     shown = [section for experiment in experiments for section in _sections(experiment)]
     return Page(
-        title="Experiments beside the document's",
-        subtitle="the document's tables and figures, reproduced",
+        title="Experiments of the document, reproduced",
+        subtitle="tables and figures beside the published numbers",
         headline=headline(experiments),
         status="",
         warnings=(*notes, *_warnings(experiments)),
@@ -41,19 +53,19 @@ def experiments_page(experiments: tuple[Experiment, ...], notes: tuple[str, ...]
 
 
 def headline(experiments: tuple[Experiment, ...]) -> str:
-    """What the distances say, in a sentence; counted, not claimed."""
+    """Comparison of the final AIRM with the document in one sentence."""
     pairs = list(_airms(experiments))
     if not pairs:
-        return "The document's experiments, with where every number comes from."
+        return "Experiments of the document, with the origin of every number."
     ratios = [max(ours / document, document / ours) for document, ours, _ in pairs]
-    near = f"The document's final AIRM is met within a factor {max(ratios):.2g} in every case"
+    near = f"The final AIRM of the document is reproduced within a factor of {max(ratios):.2g}"
     best = [(ours, other) for _, ours, other in pairs if other is not None]
     won = sum(other < ours for ours, other in best)
-    return f"{near}; our method on the same data is nearer to the truth in {won} of {len(best)}."
+    return f"{near}; MAP is closer to the truth on the same data in {won} of {len(best)} cases."
 
 
 def _airms(experiments: tuple[Experiment, ...]) -> Iterator[tuple[float, float, float | None]]:
-    """The document's mean AIRM, ours by its method, and that of ours, of every case."""
+    """Yield per case the mean AIRM of the document, of its method here, and of MAP or LM."""
     for experiment in experiments:
         for document in experiment.document.values():
             for (case, method, metric), value in document.items():
@@ -71,15 +83,15 @@ def _warnings(experiments: tuple[Experiment, ...]) -> Iterator[str]:
     ]
     if few:
         yield (
-            f"fewer trials than the document's {DOCUMENT_TRIALS}, so means are less certain: "
-            f"{', '.join(few)}"
+            f"fewer trials than the {DOCUMENT_TRIALS} of the document, so that means are less "
+            f"certain: {', '.join(few)}"
         )
     there = {view.id for experiment in experiments for view in experiment.views}
     missing = [name for name in WANTED if name not in there]
     if missing:
         yield (
-            f"not in this folder: {', '.join(missing)}; python -m runtime reproduce all makes "
-            "what there is"
+            f"not in this folder: {', '.join(missing)}; to compute them, run: "
+            "python -m runtime reproduce all"
         )
 
 
@@ -105,7 +117,7 @@ def _tiles(experiments: tuple[Experiment, ...]) -> tuple[Tile, ...]:
         Tile("Studies", str(len(experiments)), "each with config, seed and hash"),
         Tile("Tables and figures", f"{len(views) - figures} + {figures}", "of the document"),
         Tile("Trials", str(trials), "Monte Carlo, all cases"),
-        Tile("Consistent answers", share, "λ-Adam and our method, the worst case", tone),
+        Tile("Consistent results", share, "λ-Adam and MAP or LM, worst case", tone),
     )
 
 
@@ -134,7 +146,7 @@ def _sections(experiment: Experiment) -> Iterator[Section]:
 
 
 def caption(view: SavedView) -> str:
-    """`table-5.2` → Table 5.2."""
+    """Caption of a view: `table-5.2` → Table 5.2."""
     match = re.fullmatch(r"(table|fig)-(.+)", view.id)
     if match is None:
         return view.title if not view.id.startswith("tables-") else f"Tables {view.id[7:]}"
@@ -158,12 +170,12 @@ def _origin(experiment: Experiment) -> Section:
     return Section(
         f"Data of {experiment.name}",
         table=ReportTable(
-            ("what", "value"),
+            ("quantity", "value"),
             rows,
             kind="facts",
             row_anchors=(f"study-{experiment.name}", *("",) * (len(rows) - 1)),
         ),
-        group="Where the numbers come from",
+        group="Origin of the numbers",
     )
 
 

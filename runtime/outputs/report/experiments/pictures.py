@@ -1,4 +1,4 @@
-"""Figures as PNG files: the same experiments give the same bytes, no date, no version."""
+"""Figures as PNG files without date and version: equal experiments give equal bytes."""
 
 from pathlib import Path
 
@@ -9,13 +9,21 @@ from runtime.outputs.report.style import blank, settings
 
 DPI = 130
 _WIDTH = 10.0
+"""Width of a figure [inch]."""
 
 
 def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[Path, ...]:
-    """`fig-5.1.png` and so on, every figure that there is.
+    """Write all figures as `fig-5.1.png` and so on.
+
+    Args:
+        experiments: finished studies.
+        folder: of the files.
+
+    Returns:
+        The files.
 
     Raises:
-        RuntimeFault: the place cannot be written.
+        RuntimeFault: a file cannot be written.
     """
     written = []
     for experiment in experiments:
@@ -29,7 +37,15 @@ def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[P
 def write_picture(
     experiment: Experiment, view: SavedView, path: Path, size: tuple[float, float], dpi: float
 ) -> None:
-    """One figure of `size` inches."""
+    """Write one figure.
+
+    Args:
+        experiment: a study.
+        view: one of its figures.
+        path: PNG file to write.
+        size: width and height [inch].
+        dpi: pixels per inch.
+    """
     with blank(size, settings(), dpi) as figure:
         draw(figure, experiment, view)
         with replacing(path) as file:

@@ -1,8 +1,8 @@
-"""A folder of experiments → frozen `Experiment`s, each checked against the files it vouches for.
+"""A folder of experiments → frozen `Experiment`s, each checked against its files.
 
-`result.json` names the sha256 of `trials.parquet` and `series.npz`; its config hash must be that
-of `config.json` and of the trials, and its summary must be what the trials say. A study that has
-not finished is listed, one that is damaged is an error: a table never shows half of the truth.
+`result.json` holds the SHA-256 of `trials.parquet` and `series.npz`. Its config hash must equal
+those of `config.json` and of the trials, and its summary must follow from the trials. An unfinished
+study gives a note, a damaged one an error.
 """
 
 import hashlib
@@ -28,20 +28,20 @@ FORMAT = 1
 RESULT, CONFIG, TRIALS, SERIES = "result.json", "config.json", "trials.parquet", "series.npz"
 KINDS = ("table", "band", "lines", "path", "motion", "loglog", "bars")
 AGREEMENT = 1e-9
-"""Relative, of summary and trials: sums of doubles in another order."""
+"""Relative difference of summary and trials; sums of doubles depend on their order."""
 WANTED = (
     *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
     *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
     *(f"fig-5.{k}" for k in (1, 2, 3, 4, 5, 7, 8)),
     *("fig-A.1", "fig-A.2", "fig-A.3", "fig-A.4", "tables-B"),
 )
-"""What the document has, by id."""
-_AGAIN = "run python -m runtime reproduce again"
+"""Tables and figures of the document, by id."""
+_AGAIN = "run again: python -m runtime reproduce"
 
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """Mean, standard deviation (None: a single number) and count of one figure."""
+    """Mean, standard deviation (None for a single number) and count of one metric."""
 
     mean: float
     std: float | None = None
@@ -68,13 +68,13 @@ class SavedView:
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """One study as its folder tells it.
+    """Content of the folder of one study.
 
     Attributes:
-        name: of its folder.
-        document: the document's own numbers by id, then by key.
-        source: where they stand in the document, by id.
-        provenance: words and values.
+        name: name of its folder.
+        document: numbers of the document by id, then by key.
+        source: their table or figure in the document, by id.
+        provenance: (quantity, value) pairs.
     """
 
     name: str
@@ -94,29 +94,29 @@ class Experiment:
 
 
 def is_experiments(folder: Path) -> bool:
-    """Whether a folder holds studies, finished or not, or is one."""
+    """Whether a folder is a study or holds studies, finished or not."""
     return bool(_places(folder))
 
 
 def read_experiments(folder: Path) -> tuple[tuple[Experiment, ...], tuple[str, ...]]:
-    """The finished studies of a folder, by name, and a sentence for each that is not finished.
+    """Read the finished studies of a folder, and a sentence for each unfinished one.
 
     Raises:
-        RuntimeFault: a study is damaged or not what its config says, or none is finished.
+        RuntimeFault: a study is damaged or differs from its config, or none is finished.
     """
     finished, notes = [], []
     for place in _places(folder):
         if (place / RESULT).exists():
             finished.append(read_experiment(place))
         else:
-            notes.append(f"{place.name} is not finished and is left out; {_AGAIN}")
+            notes.append(f"{place.name} is not finished and is omitted; {_AGAIN}")
     if not finished:
         raise RuntimeFault(f"'{folder}' holds no finished experiment; {_AGAIN}")
     return tuple(sorted(finished, key=_first)), tuple(notes)
 
 
 def _first(experiment: Experiment) -> tuple[int, str]:
-    """Where the document has it."""
+    """Sort key: position in the document."""
     places = [WANTED.index(view.id) for view in experiment.views if view.id in WANTED]
     return min(places, default=len(WANTED)), experiment.name
 
@@ -127,10 +127,10 @@ def _places(folder: Path) -> list[Path]:
 
 
 def read_experiment(folder: Path) -> Experiment:
-    """One study.
+    """Read one study.
 
     Raises:
-        RuntimeFault: a file is missing, damaged, foreign, or does not fit the others.
+        RuntimeFault: a file is missing, damaged, or differs from the others.
     """
     path = folder / RESULT
     try:
@@ -156,11 +156,11 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
         digest = hashlib.sha256(require_file(folder / name).read_bytes()).hexdigest()
         if digest != raw["files"][name]:
             raise RuntimeFault(
-                f"'{folder / name}' is not the file that {RESULT} vouches for; {_AGAIN}"
+                f"'{folder / name}' does not match its SHA-256 in {RESULT}; {_AGAIN}"
             )
     mark, rows = _trials(folder / TRIALS)
     if not raw["config_hash"] == known["config_hash"] == mark or raw["config"] != known["config"]:
-        raise RuntimeFault(f"the files of '{folder}' are of different configs; {_AGAIN}")
+        raise RuntimeFault(f"the files of '{folder}' have different configs; {_AGAIN}")
     counted: dict[Key, list[float]] = {}
     for row in rows:
         for name, value in row.items():
@@ -174,12 +174,12 @@ def _require_whole(folder: Path, raw: Mapping[str, Any], known: Mapping[str, Any
     if wrong:
         words = " ".join(min(wrong))
         raise RuntimeFault(
-            f"'{folder / RESULT}' does not say what its trials say ({words}); {_AGAIN}"
+            f"the summary of '{folder / RESULT}' differs from its trials ({words}); {_AGAIN}"
         )
 
 
 def _agrees(stated: Mapping[str, Any], values: list[float]) -> bool:
-    with np.errstate(all="ignore"):  # what overflows agrees with nothing
+    with np.errstate(all="ignore"):  # overflow gives infinity, which agrees with no number
         std = float(np.std(values, ddof=1)) if len(values) > 1 else None
         pairs = [(stated["mean"], float(np.mean(values)))]
     if std is not None and stated["std"] is not None:
@@ -190,12 +190,12 @@ def _agrees(stated: Mapping[str, Any], values: list[float]) -> bool:
 
 
 def _trials(path: Path) -> tuple[str, list[dict[str, Any]]]:
-    """The config hash of trials.parquet, and its rows."""
+    """Config hash and rows of trials.parquet."""
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError:
         raise RuntimeFault(
-            "the trials of experiments are Parquet, which needs pyarrow; install it with: "
+            "trials of experiments are Parquet files, which need pyarrow; install it with: "
             "pip install 'symgen[experiments]'"
         ) from None
     metadata, rows = rows_of(path)
@@ -248,14 +248,14 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> SavedView:
         raise ValueError(f"view '{view.id}': kind '{view.kind}', missing series {missing}")
     if not is_drawable(view.kind, [series[name] for name in view.series], view.series):
         shapes = ", ".join(str(series[name].shape) for name in view.series)
-        raise ValueError(f"view '{view.id}': a picture '{view.kind}' of series of {shapes}")
+        raise ValueError(f"view '{view.id}': a figure '{view.kind}' of series of {shapes}")
     return view
 
 
 def _with_document(
     view: SavedView, views: tuple[SavedView, ...], document: Mapping[str, Mapping[Key, Value]]
 ) -> SavedView:
-    """Bars stand beside the document's numbers of the first table of the same cases and figures."""
+    """Add to bars the document numbers of the first table with the same cases and metrics."""
     if view.kind != "bars" or view.document in document:
         return view
     for other in views:

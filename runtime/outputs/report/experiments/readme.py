@@ -1,6 +1,6 @@
-"""The result section of a README and its three pictures, from the experiments alone.
+"""The result section of a Markdown page with its table and figures, from the experiments.
 
-What depends on the machine (times) stays out: the same results give the same text and pictures.
+It contains no computing times: equal results give equal text and figures on any machine.
 """
 
 from pathlib import Path
@@ -22,27 +22,40 @@ from runtime.outputs.report.experiments.reading import Experiment, SavedView
 BEGIN, END = "<!-- reproduce -->", "<!-- /reproduce -->"
 GALLERY = "images"
 PICTURES = 3
+"""Number of figures in the section."""
 CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig-A.2")
-"""The first of these that there are."""
+"""Candidates, of which the first available ones are shown."""
 LARGEST = 60_000
-"""Bytes of a picture."""
+"""Largest size of a figure [byte]."""
 _SIZE, _DPI = (5.6, 3.4), 90
 
 
 def write_readme(experiments: tuple[Experiment, ...], path: Path, command: str) -> tuple[Path, ...]:
-    """Replace what stands between the markers; the pictures go into the folder `images` beside it.
+    """Replace the section between the markers; figures go into the folder `images` beside it.
+
+    Args:
+        experiments: finished studies.
+        path: Markdown file with the markers.
+        command: command line that the section quotes.
+
+    Returns:
+        The page and its figures.
 
     Raises:
-        RuntimeFault: no such file, no markers in it, or a picture that grew too large.
+        RuntimeFault: the file or its markers are missing, or a figure is too large.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except OSError as error:
-        raise RuntimeFault(f"cannot read '{path}' ({error.strerror}); name a README") from None
+        raise RuntimeFault(
+            f"cannot read '{path}' ({error.strerror}); name a Markdown file"
+        ) from None
     before, begin, rest = text.partition(BEGIN)
     _, end, after = rest.partition(END)
     if not begin or not end:
-        raise RuntimeFault(f"'{path}' has no place for results; put {BEGIN} and {END} into it")
+        raise RuntimeFault(
+            f"expected the markers {BEGIN} and {END} in '{path}', got none; add them"
+        )
     pictures = _pictures(experiments, path.parent / GALLERY)
     gallery = [f"![{title}]({GALLERY}/{file.name})" for title, file in pictures]
     body = ["", f"`{command}` wrote this section.", "", *_table(experiments)]
@@ -60,7 +73,10 @@ def _pictures(experiments: tuple[Experiment, ...], folder: Path) -> list[tuple[s
         path = folder / f"{name}.png"
         write_picture(experiment, view, path, _SIZE, _DPI)
         if path.stat().st_size > LARGEST:
-            raise RuntimeFault(f"'{path}' has {path.stat().st_size} bytes, allowed are {LARGEST}")
+            raise RuntimeFault(
+                f"expected at most {LARGEST} bytes in '{path}', got {path.stat().st_size}; "
+                "reduce its size in readme.py"
+            )
         written.append((f"{caption(view)}: {view.title}", path))
     return written
 
@@ -92,7 +108,7 @@ def _airm(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...]
 
 
 def _torque(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...] | None:
-    """The mean over the joints of the mean errors."""
+    """Cells of the torque error averaged over trials and joints."""
     document = experiment.document.get(view.document, {})
     names = [m for m in view.metrics if (case, "adam", m) in document]
     names = [m for m in names if m.startswith("tau_error_")]

@@ -1,4 +1,4 @@
-"""Views → tables: a line per figure, a block of columns per case, the document beside ours."""
+"""Views → tables: a row per metric, a group of columns per case, document and computed values."""
 
 from collections.abc import Iterator
 
@@ -15,15 +15,22 @@ from runtime.outputs.report.experiments.reading import Experiment, SavedView
 from runtime.outputs.report.layout import ReportTable
 
 MANY = 7
-"""Methods beside each other; more of them become lines."""
+"""Largest number of methods in columns; more methods become rows."""
 Column = tuple[str, str, bool]
-"""Case, method, and whether the number is the document's."""
+"""Case, method, and whether the number is printed in the document."""
 
 
 def tables(experiment: Experiment, view: SavedView) -> Iterator[ReportTable]:
-    """One table; several where its methods have no figure in common, as π, λ and β have none.
+    """Tables of a view: one per group of methods that share metrics.
 
-    Bars are drawn from a table that stands elsewhere.
+    π, λ and β, for example, share none. Bars have no table of their own.
+
+    Args:
+        experiment: a study.
+        view: one of its tables or figures.
+
+    Yields:
+        The tables.
     """
     if view.kind == "bars":
         return
@@ -61,7 +68,7 @@ def _table(columns: list[Column], rows: list[tuple[str, ...]]) -> ReportTable:
 
 
 def _turned(table: ReportTable) -> ReportTable:
-    """A line per method, so that methods can be sorted by any figure."""
+    """Transposed table with a row per method, which can be sorted by any metric."""
     lines = tuple(zip(table.header, *table.rows, strict=True))
     return ReportTable(
         ("method", *lines[0][1:]),
@@ -79,7 +86,7 @@ def _head(column: Column, of_document: set[str]) -> str:
 
 
 def _families(experiment: Experiment, view: SavedView) -> list[list[str]]:
-    """Methods that share figures, in their order."""
+    """Groups of methods that share metrics, in their order."""
     families: list[tuple[list[str], set[str]]] = []
     for method in experiment.methods:
         metrics = {
@@ -115,12 +122,20 @@ def _cell(experiment: Experiment, view: SavedView, column: Column, metric: str) 
 
 
 def cases_of(experiment: Experiment, view: SavedView) -> tuple[str, ...]:
-    """Those of the view, or all."""
+    """Cases of a view; all cases where it names none.
+
+    Args:
+        experiment: a study.
+        view: one of its tables or figures.
+
+    Returns:
+        Names of cases.
+    """
     return view.cases or tuple(experiment.cases)
 
 
 def markdown(table: ReportTable) -> str:
-    """A table as Markdown; what groups its columns stands in their heads."""
+    """Table as Markdown; headings of column groups are prepended to the column headings."""
     head = list(table.header)
     if table.groups:
         above = [text for text, width in table.groups for _ in range(width)]

@@ -94,7 +94,7 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -
         (("motion.json", "--more", "other.npz"), "has 6 joints, the robot 'fr3"),
         (("foreign.json",), "belongs to another robot"),
         (("short.json", "--payload-only"), "does not determine all ten parameters of a payload"),
-        (("motion.json", "--plot", "sigma.txt"), "a picture is expected to end in"),
+        (("motion.json", "--plot", "sigma.txt"), "expected an image file with the suffix"),
         (("motion.json", "--earlier-log", "nowhere.csv"), "nowhere.csv"),
     ],
 )

@@ -125,7 +125,7 @@ def test_what_is_written_can_be_used(answer, tmp_path):
     assert facts["friction"]["columns"] == ["viscous", "coulomb", "offset"]
     assert [each["name"] for each in facts["sessions"]["leave_one_out"]] == list(agreement.names)
     page = write_report(tmp_path).read_text()
-    assert "Each log as the others predict it" in page
+    assert "Leave-one-log-out prediction" in page
     assert "Repeatability" in page
 
 

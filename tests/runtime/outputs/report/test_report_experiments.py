@@ -114,8 +114,8 @@ def test_the_page_shows_document_ours_and_map(tmp_path: Path) -> None:
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     page = Reader(text)
     for words in (
-        "final AIRM is met within a factor 5 in every case; our method on the same data is nearer "
-        "to the truth in 1 of 1.",  # 0.2 / 0.0402
+        "final AIRM of the document is reproduced within a factor of 5; MAP is closer to the "
+        "truth on the same data in 1 of 1 cases.",  # 0.2 / 0.0402
         "AIRM 0.0402 ± 0.0409 0.200 ± 0.100 0.0300 ± 0.0265",
         "joint 1 [%] 0.1 ± 0.13 2.00 ± 1.00 0.300 ± 0.265",
         "joint 2 [%] – 1.00 ± 0.50 0.150 ± 0.132",
@@ -123,7 +123,7 @@ def test_the_page_shows_document_ours_and_map(tmp_path: Path) -> None:
         "perturbed <b>",
         "from toy, config abababababab",
         MARK,
-        "fewer trials than the document's 150, so means are less certain: toy (3)",
+        "fewer trials than the 150 of the document, so that means are less certain: toy (3)",
         "not in this folder: excitation",
     ):
         assert words in page.text
@@ -171,13 +171,19 @@ def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
     [
         (lambda raw: raw.update(format=2), "is damaged"),
         (lambda raw: raw.pop("views"), "no valid 'views'"),
-        (lambda raw: raw.update(config_hash="ef" * 32), "of different configs"),
-        (lambda raw: raw.update(config={"seed": 6}), "of different configs"),
-        (lambda raw: raw["summary"][0].update(mean=0.19), r"its trials say \(p=0.15 adam airm\)"),
-        (lambda raw: raw["summary"][0].update(std=0.19), "its trials say"),
-        (lambda raw: raw["summary"][0].update(n=150), "its trials say"),
-        (lambda raw: raw["summary"].pop(), "its trials say"),
-        (lambda raw: raw["files"].update({"series.npz": "0"}), "series.npz' is not the file"),
+        (lambda raw: raw.update(config_hash="ef" * 32), "have different configs"),
+        (lambda raw: raw.update(config={"seed": 6}), "have different configs"),
+        (
+            lambda raw: raw["summary"][0].update(mean=0.19),
+            r"differs from its trials \(p=0.15 adam airm\)",
+        ),
+        (lambda raw: raw["summary"][0].update(std=0.19), "differs from its trials"),
+        (lambda raw: raw["summary"][0].update(n=150), "differs from its trials"),
+        (lambda raw: raw["summary"].pop(), "differs from its trials"),
+        (
+            lambda raw: raw["files"].update({"series.npz": "0"}),
+            "series.npz' does not match its SHA-256",
+        ),
         (lambda raw: raw["views"][1].update(series=["z"]), "missing series"),
         (lambda raw: raw["views"][1].update(kind="pie"), "kind 'pie'"),
     ],
@@ -194,7 +200,9 @@ def test_truncated_and_missing_files_are_named(tmp_path: Path) -> None:
         place = study(tmp_path / name.partition(".")[0]) / "toy"
         whole = (place / name).read_bytes()
         (place / name).write_bytes(whole[: len(whole) // 2])
-        with pytest.raises(RuntimeFault, match=r"is damaged|is not the file that result.json"):
+        with pytest.raises(
+            RuntimeFault, match=r"is damaged|does not match its SHA-256 in result.json"
+        ):
             read_experiments(place.parent)
     place = study(tmp_path / "gone") / "toy"
     (place / "series.npz").unlink()
@@ -218,14 +226,14 @@ def test_the_command_says_one_sentence_and_writes_nothing(tmp_path: Path, comman
     folder = study(tmp_path / "results", lambda raw: raw["summary"].pop())
     ran = command("report", folder, "--markdown", "tables.md")
     assert (ran.code, ran.err.count("\n")) == (2, 1)
-    assert "does not say what its trials say" in ran.err
+    assert "differs from its trials" in ran.err
     assert not list(tmp_path.rglob("report.html")) + list(tmp_path.rglob("tables.md"))
     ran = command("report", study(tmp_path / "good", some("table-5.2")), "--readme")
     assert ran.code == 2
     assert "README.md' (No such file" in ran.err
     (tmp_path / "README.md").write_text("no place")
     ran = command("report", tmp_path / "good", "--readme")
-    assert "has no place for results" in ran.err
+    assert "expected the markers <!-- reproduce -->" in ran.err
     assert (tmp_path / "README.md").read_text() == "no place"
     page = tmp_path / "benchmarks.md"
     page.write_text("<!-- reproduce --><!-- /reproduce -->")
@@ -233,7 +241,7 @@ def test_the_command_says_one_sentence_and_writes_nothing(tmp_path: Path, comman
     assert ran.code == 0
     assert "| Table 5.2 |" in page.read_text()
     ran = command("report", tmp_path, "--figures", "figures")
-    assert "holds none" in ran.err
+    assert "need a folder written by reproduce, got" in ran.err
 
 
 def test_the_filter_hides_a_method_in_tables_and_figures(tmp_path: Path) -> None:

@@ -126,7 +126,7 @@ def test_without_shapes_there_are_lines(fr3: Library, monkeypatch: pytest.Monkey
     """Property: each line ends at the next frame, the last one at the tip."""
     monkeypatch.setattr(fr3, "manifest", replace(fr3.manifest, proxies=()))
     look = look_of(fr3)
-    assert look.sentence == "plain lines, for the URDF has no visual shapes"
+    assert look.sentence == "lines, because the URDF has no visual shapes"
     frames = dict(zip(fr3.link_names, fr3.link_poses(fr3.home), strict=True)) | {BASE: np.eye(4)}
     ends = [*fr3.link_poses(fr3.home)[:, :3, 3], fr3.end_effector(fr3.home)[:3, 3]]
     for shape, end in zip(look.shapes, ends, strict=True):
@@ -140,7 +140,7 @@ def test_bad_models_are_one_sentence(fr3: Library, tmp_path: Path) -> None:
     with pytest.raises(LibraryError, match=r"cannot read '.*none.urdf'"):
         look_of(fr3, tmp_path / "none.urdf")
     (tmp_path / "text.urdf").write_text("hello")
-    with pytest.raises(LibraryError, match="is no URDF"):
+    with pytest.raises(LibraryError, match="is not a URDF"):
         look_of(fr3, tmp_path / "text.urdf")
 
 
@@ -171,7 +171,7 @@ def test_trajectories_and_logs_are_read(fr3: Library, tmp_path: Path) -> None:
     np.testing.assert_array_equal(log.t, [0, 1, 3])
     assert log.tau is None
     (tmp_path / "two.csv").write_text("t,q1,q2\n0,1,2\n1,1,2\n")
-    with pytest.raises(RecordingError, match="moves 2 joints, 'fr3' has 7"):
+    with pytest.raises(RecordingError, match="expected 7 joints of 'fr3', got 2"):
         read_motion(str(tmp_path / "two.csv"), fr3)
 
 
@@ -196,7 +196,7 @@ def test_play_pause_speed_and_scrubbing(fr3: Library, scene: Scene) -> None:
     player.time.value = 1.25
     player.tick(0.1)
     assert turned() == 1.25
-    assert "–" in player.bars.content  # nobody knows the torque
+    assert "–" in player.bars.content  # the torque is unknown
 
 
 def test_bars_are_shares_of_the_limits(fr3: Library) -> None:

@@ -31,7 +31,7 @@ from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
 from runtime.recording.friction import ROTOR, names_where
 from runtime.recording.plausibility import require_joints
-from runtime.recording.reader import Raw, locate, read_raw, settled
+from runtime.recording.reader import Raw, locate, read_raw, recording_of
 
 _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
 """One row of so many is kept."""
@@ -132,7 +132,7 @@ class _Asked:
 
     def __init__(self, raw: Raw, plan: Recipe, findings: list[Finding]) -> None:
         self._raw, self.plan, self.findings = raw, plan, findings
-        self.recording = settled(replace(raw, plan=plan))
+        self.recording = recording_of(replace(raw, plan=plan))
 
     def ask(self, question: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
         """Ask, and read anew where the answer changes the plan."""
@@ -140,7 +140,7 @@ class _Asked:
         self.findings += told
         if plan != self.plan:
             self.plan = plan
-            self.recording = settled(replace(self._raw, plan=plan))
+            self.recording = recording_of(replace(self._raw, plan=plan))
 
     def ask_torque(
         self,

@@ -1,4 +1,4 @@
-"""Log files to recordings and back: the one room that knows units, signs and the order of a log."""
+"""Log files to recordings and back; units, signs and joint order of a log are handled here only."""
 
 from runtime.recording.consistency import check_consistency
 from runtime.recording.reader import plan_of, read_recording

@@ -1,7 +1,7 @@
-"""Do positions, velocities and time tell the same story?  s_j = median(Δq_j / ∫dq_j dt) ≈ 1
+"""Consistency of positions, velocities and time.  s_j = median(Δq_j / ∫dq_j dt) ≈ 1
 
-A slope of 57.3 or 1/57.3 is degrees mistaken for radians, 1000 or 1/1000 milliseconds mistaken
-for seconds. Nothing is corrected: a unit is stated in a recipe, never guessed.
+A slope of 57.3 or 1/57.3 means degrees instead of radians, 1000 or 1/1000 milliseconds instead of
+seconds. Nothing is corrected: units are stated in a recipe and never guessed.
 """
 
 import numpy as np
@@ -13,17 +13,17 @@ from runtime.recording.recording import FloatArray, Recording
 
 STRIDE = 5
 STILL = 1e-12
-"""rad or m of ∫dq dt that are no motion."""
+"""Largest ∫dq dt that counts as rest [rad, m]."""
 USUAL_STEP = 0.5
-"""Median step in rad above which the rows are no motion (states drawn at random, say)."""
+"""Median step above which the rows are not a motion, but drawn at random for example [rad]."""
 DEGREE = 180.0 / np.pi
 
 
 def check_consistency(recording: Recording) -> Recording:
-    """The recording, with a warning in its history where Δq/Δt and dq disagree.
+    """The recording, with a warning in its history where Δq/Δt and dq differ.
 
     Raises:
-        RecordingError: they disagree by the factor of degrees or of milliseconds.
+        RecordingError: they differ by the factor of degrees or of milliseconds.
     """
     recording = _note_suspicions(recording)
     if recording.dq is None or len(recording) <= 2 * STRIDE:
@@ -45,9 +45,9 @@ def check_consistency(recording: Recording) -> Recording:
             )
     odd = np.flatnonzero(np.abs(slopes - 1.0) > 0.1)
     if odd.size:
-        told = ", ".join(f"{slopes[j]:.3g} at joint {j + 1}" for j in odd)
+        listed = ", ".join(f"{slopes[j]:.3g} at joint {j + 1}" for j in odd)
         recording = recording.noted(
-            f"Warning: Δq/Δt over dq is {told} instead of 1; check units, signs, order and clock."
+            f"Warning: Δq/Δt over dq is {listed} instead of 1; check units, signs, order and clock."
         )
     return recording
 
@@ -72,17 +72,17 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def slopes_of(recording: Recording) -> FloatArray:
-    """The robust ratio of Δq and ∫dq dt over 5 samples (n,); NaN for joints that hardly move."""
+    """Robust ratio of Δq and ∫dq dt over 5 samples (n,); NaN for joints that hardly move."""
     integral = cumulative_trapezoid(recording.dq, recording.t, axis=0, initial=0.0)
     moved = recording.q[STRIDE:] - recording.q[:-STRIDE]
-    told = integral[STRIDE:] - integral[:-STRIDE]
+    integrated = integral[STRIDE:] - integral[:-STRIDE]
     slopes = np.full(recording.n_joints, np.nan)
     for j in range(recording.n_joints):
-        fast = np.abs(told[:, j]) >= np.quantile(np.abs(told[:, j]), 0.75)
-        fast &= np.abs(told[:, j]) > STILL
+        fast = np.abs(integrated[:, j]) >= np.quantile(np.abs(integrated[:, j]), 0.75)
+        fast &= np.abs(integrated[:, j]) > STILL
         if not fast.any():
             continue
-        ratio = moved[fast, j] / told[fast, j]
+        ratio = moved[fast, j] / integrated[fast, j]
         spread = np.subtract(*np.quantile(ratio, [0.75, 0.25]))
         if spread < np.abs(np.median(ratio)):
             slopes[j] = np.median(ratio)
@@ -90,7 +90,7 @@ def slopes_of(recording: Recording) -> FloatArray:
 
 
 def _note_suspicions(recording: Recording) -> Recording:
-    """Warnings that need no velocity: absurd rates, and angles of many turns."""
+    """Add warnings that need no velocity: unusual rates, and angles of many turns."""
     if len(recording) > 1 and not 2.0 <= recording.rate_hz <= 2e4:
         recording = recording.noted(
             f"Warning: a rate of {recording.rate_hz:.4g} Hz is unusual; check the unit of time."

@@ -1,4 +1,4 @@
-"""Where the known data sets lie: $SYMGEN_DATA, a folder `shared` beside the repository, the net.
+"""Places of the known data sets: $SYMGEN_DATA, a folder `shared` beside the repository, a download.
 
 Nothing is copied into the repository. A download is pinned by commit and sha256 in the bundled
 recipe of the set, and is kept in the cache folder of the operating system.
@@ -18,10 +18,10 @@ log = logging.getLogger(__name__)
 
 
 def locate(name: str) -> Path:
-    """The folder that holds the raw files of a known data set, downloaded if need be.
+    """Folder with the raw files of a known data set, downloaded where necessary.
 
     Raises:
-        RecordingError: no such data set, or it is neither here nor can be fetched.
+        RecordingError: there is no such data set, or it can neither be located nor downloaded.
     """
     if name not in bundled_names():
         raise RecordingError(
@@ -49,8 +49,8 @@ def _download(name: str) -> Path:
     advice = f"set SYMGEN_DATA to the folder that holds data/{name}"
     if not source.base or not source.sha256:
         raise RecordingError(
-            f"the data set {name!r} is not in {tried} and its files are not on offer for "
-            f"download; get them from {source.url} and {advice}"
+            f"the data set {name!r} is not in {tried} and its files cannot be "
+            f"downloaded; get them from {source.url} and {advice}"
         )
     folder = Path(pooch.os_cache("symgen")) / "data" / name
     fetcher = pooch.create(

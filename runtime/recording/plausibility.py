@@ -1,4 +1,4 @@
-"""Does this recording belong to this robot? Joint count, units, sign: stated, never guessed."""
+"""Agreement of a recording with a robot: joint count, units and sign, which are never guessed."""
 
 import numpy as np
 
@@ -7,10 +7,10 @@ from runtime.library import Library
 from runtime.recording import Recording
 
 OUTSIDE = 1.0
-"""How far beyond a joint limit (rad or m) a position speaks of another unit, order or robot."""
+"""Distance beyond a joint limit from which on the unit, order or robot is wrong [rad, m]."""
 
 SLOWEST = 2.0
-"""Rate in Hz below which differences of positions say nothing about speed."""
+"""Rate below which differences of positions do not determine the velocity [Hz]."""
 
 
 def require_plausible(recording: Recording, lib: Library) -> None:
@@ -88,7 +88,7 @@ def require_joints(recording: Recording, lib: Library) -> None:
 
 
 def _require_sign(recording: Recording, lib: Library) -> None:
-    """Measured torque that correlates with minus the model's gravity torque is negated."""
+    """Refuse a measured torque that correlates with minus the gravity torque of the model."""
     tau = recording.required("tau")
     still = np.zeros_like(recording.q)
     gravity = lib.inverse_dynamics(recording.q, still, still, lib.pi0)

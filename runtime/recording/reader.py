@@ -1,7 +1,8 @@
-"""Files → `Recording`: units, signs, joint order and gear are settled at this door, once.
+"""Files → `Recording`: units, signs, joint order and gear are applied here and nowhere else.
 
-Corrupt rows are dropped, counted and told; whatever cannot be a recording is one sentence of
-`RecordingError`. `conversion` has the steps from a number in a file to a joint angle.
+Corrupt rows are dropped, counted and noted in the history; data that are not a recording raise one
+sentence of `RecordingError`. `unit_conversion` has the steps from a number in a file to a joint
+angle.
 """
 
 from collections.abc import Sequence
@@ -50,21 +51,21 @@ def read_recording(
     Raises:
         RecordingError: what was expected, what came and what to do.
     """
-    return check_consistency(settled(read_raw(path, recipe, run, joints)))
+    return check_consistency(recording_of(read_raw(path, recipe, run, joints)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Raw:
-    """What the files hold before anything is converted.
+    """Content of the files before any conversion.
 
     Attributes:
         plan: which part of which file is what, in which unit, sign, order and gear.
         recipe: as chosen, None by the default convention.
         tables: kind of signal ("time", "position", …) → its rows, in the units of the files.
         kept: the rows that are whole in all of them.
-        dropped: what is said about the others, a sentence each.
-        names: texts that an NPZ of our own carries.
-        motors: directions of coupled motors, likewise.
+        dropped: sentences about the others.
+        names: texts of an NPZ by `write_recording`, or joint names of a bag.
+        motors: directions of coupled motors, of an NPZ by `write_recording`.
         name: of the recording.
         source: file name → sha256.
         pins: sentences about files that are not the published ones.
@@ -88,7 +89,7 @@ class Raw:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the files' form asked for, a sentence each."""
+        """Sentences about the form of the files."""
         return tuple(dict.fromkeys(said for t in self.tables.values() for said in t.remarks))
 
 
@@ -134,8 +135,8 @@ def read_raw(
     )
 
 
-def settled(raw: Raw) -> Recording:
-    """Units, signs, order and gear as the plan says; nothing is checked against anything.
+def recording_of(raw: Raw) -> Recording:
+    """Recording with the units, signs, order and gear of the plan, without further checks.
 
     Raises:
         RecordingError: the plan does not fit the files, or time does not increase.
@@ -220,7 +221,7 @@ def locate(path: str | Path) -> Path:
 
 
 def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | None:
-    """The recipe asked for; a folder also has its own recipe.toml, or the bundled one."""
+    """The requested recipe, else the recipe.toml of a folder, else the bundled one of its name."""
     if recipe is not None:
         return load_recipe(recipe)
     if not place.is_dir():
@@ -232,7 +233,7 @@ def _choose_recipe(place: Path, recipe: str | Path | Recipe | None) -> Recipe | 
     if place.resolve().name in bundled_names():
         return load_recipe(place.resolve().name)
     raise RecordingError(
-        f"the folder '{place}' has no recipe, so nobody knows what its files mean; write "
+        f"the folder '{place}' has no recipe that describes its files; write "
         f"{place / 'recipe.toml'} with [time], [position] and [torque] (file, columns, unit), "
         "after the example of the bundled recipes"
     )

@@ -1,8 +1,8 @@
-"""A recording: what a robot did at N instants, and every step that made the data what they are.
+"""A recording: motion and torque of a robot at N instants, and the history of the data.
 
 All quantities are SI, joint side, in the joint order of the model. τ is the torque that the motors
-apply, so that it has the sign of the inverse dynamics. How a log file becomes a recording is the
-business of `reader`; what one does with it afterwards is the business of `preprocessing`.
+apply, so that it has the sign of the inverse dynamics. `reader` makes recordings of log
+files; `preprocessing` prepares them.
 """
 
 import dataclasses
@@ -21,7 +21,7 @@ from runtime.recording.settings import Preparation
 FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")
 ALL = (*SIGNALS, "columns", "rows")
-"""Whatever has one entry per instant."""
+"""Names of all arrays with one entry per instant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,12 +146,12 @@ class Recording:
 
     @property
     def n_joints(self) -> int:
-        """The number of joints n."""
+        """Number of joints n."""
         return int(self.q.shape[1])
 
     @property
     def preparation(self) -> Preparation:
-        """What its recipe asks for; none without a recipe."""
+        """Preparation of its recipe; an empty one without a recipe."""
         return self.recipe.preparation if self.recipe else Preparation()
 
     @property
@@ -161,7 +161,7 @@ class Recording:
 
     @property
     def rate_hz(self) -> float:
-        """One over the median of the steps of time [Hz]."""
+        """Inverse of the median time step [Hz]."""
         if len(self) < 2:
             raise RecordingError("expected two samples or more, got one; a rate needs a step")
         return float(1.0 / np.median(np.diff(self.t)))

@@ -1,4 +1,4 @@
-"""How a recording is prepared, split and given friction columns."""
+"""Settings: preparation of a recording, its split, and friction columns."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ _WIDTHS = {
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
-    """What is done to a recording before it is identified; None or "none" skips a step.
+    """Steps of the preparation of a recording; None or "none" skips a step.
 
     Attributes:
         clock_tick: rebuild the clock in integer ticks of this length [s].
@@ -84,7 +84,7 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Which part of the duration is for what: (from, to) as fractions, one after the other."""
+    """Parts of the duration: (from, to) as fractions, one after the other."""
 
     train: tuple[float, float] = (0.0, 0.48)
     validation: tuple[float, float] = (0.48, 0.6)
@@ -107,10 +107,10 @@ class Split:
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """The friction columns to fit, and the widths of those that are not linear in the motion.
+    """Friction columns to fit, and the widths of those that are not linear in the motion.
 
     Attributes:
-        columns: names, see `runtime.recording.friction.columns`.
+        columns: names, see `runtime.recording.friction_column.COLUMNS`.
         coulomb_speed: ε, below which the smooth sign of dq gives way [rad/s].
         stribeck_speed: v_s, above which the Stribeck peak is gone [rad/s].
         dahl_stroke: z_c, travel after a reversal within which friction turns round [rad].
@@ -129,18 +129,18 @@ class Friction:
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "Friction":
-        """What `facts` said, in a file; widths that it does not name are the usual ones."""
+        """Terms from the facts in a file; missing widths have their defaults."""
         widths = {key: float(facts[key]) for key in _WIDTHS if key in facts}
         gear = tuple(tuple(map(float, row)) for row in facts.get("gear", ()))
         return cls(tuple(map(str, facts["columns"])), **widths, gear=gear)
 
     def facts(self) -> dict[str, Any]:
-        """JSON-ready."""
-        told = {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
-        return told | ({"gear": [list(row) for row in self.gear]} if self.gear else {})
+        """Columns, widths and gear as JSON values."""
+        facts = {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
+        return facts | ({"gear": [list(row) for row in self.gear]} if self.gear else {})
 
     def __str__(self) -> str:
-        """The columns, and the widths that these have."""
+        """Columns and the widths that they depend on."""
         needed = widths_of(self.columns)
         widths = [
             f"{symbol} = {getattr(self, key):.3g} {unit}"

@@ -1,4 +1,4 @@
-"""A log that stays in its file: any rows of it become a `Recording`, and no others are held."""
+"""A log that stays in its file; any rows of it become a `Recording` without the others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,24 +18,24 @@ from runtime.recording.recording import Recording
 from runtime.recording.unit_conversion import converted
 
 LARGE = 200_000_000
-"""Bytes of a file above which a log is streamed unless the user says otherwise."""
+"""Size of a file above which a log is streamed by default [bytes]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamedRecording:
-    """Rows of raw files, and how they become recordings.
+    """Rows of raw files, and their conversion to recordings.
 
     Attributes:
-        name: what a report calls the recording.
+        name: of the recording in reports.
         rows: of the log, corrupt ones too.
         plan: how they are read.
-        recipe: the recipe asked for; its defaults for preparation, split and friction.
+        recipe: as chosen; its defaults for preparation, split and friction.
         source: file name → sha256.
         joint_names: n names, or none.
         origin: the first instant in its own unit, where time is counted from there.
         files: the sources of the signals, and of the time alone.
         clock: likewise.
-        remarks: what the files' form asked for, a sentence each.
+        remarks: sentences about the form of the files.
     """
 
     name: str
@@ -94,7 +94,7 @@ class StreamedRecording:
         if time is None or self.clock is None:
             rate = 1.0 if time is None or time.rate_hz is None else time.rate_hz
             return np.asarray(rows) / rate
-        found = []
+        times = []
         for row in rows:
             stamps = self.clock.read(row, min(row + reach, self.rows))["time"][:, 0]
             usable = stamps[np.isfinite(stamps) & (np.abs(stamps) < 1e20)]
@@ -102,8 +102,8 @@ class StreamedRecording:
                 raise RecordingError(
                     f"{self.name} has no usable time from row {row} on; export the log again"
                 )
-            found.append(usable[0])
-        return (np.array(found) - (self.origin or 0.0)) * UNITS["time"][time.unit]
+            times.append(usable[0])
+        return (np.array(times) - (self.origin or 0.0)) * UNITS["time"][time.unit]
 
 
 def is_large(path: str | Path) -> bool:

@@ -22,7 +22,7 @@ HUGE_TIME = 1e20  # nanoseconds since 1970 are 2e18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Converted:
-    """What a recording is made of.
+    """Time and signals of a recording.
 
     Attributes:
         t: (N,) s.
@@ -60,16 +60,16 @@ def converted(
     keep, dropped = usable_rows(raw)
     t, notes = _time(plan.time, raw, keep, first_row, origin)
     signals: dict[str, Any] = {}
-    told: list[str] = []
+    steps: list[str] = []
     for kind, signal in plan.signals().items():
         values = raw[kind].values
         rows = values if len(keep) == len(values) else values[keep]
         signals[FIELDS[kind]], done = _joint_side(kind, signal, rows, plan)
-        told += done
+        steps += done
     if "columns" in raw:
         signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, max(n_columns, 1))
     t, signals, repeated = _without_repeats(t, signals)
-    return Converted(t, signals, (*dropped, *notes, *told, *repeated))
+    return Converted(t, signals, (*dropped, *notes, *steps, *repeated))
 
 
 def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
@@ -83,10 +83,10 @@ def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
         if not (values.size and values.max() < limit and values.min() > -limit):  # NaN is neither
             good[:rows] &= (np.abs(values) < limit).all(axis=1)
     bad = int(most - good.sum())
-    told = ", ".join(f"{kind} {count}" for kind, count in counts.items())
+    counted = ", ".join(f"{kind} {count}" for kind, count in counts.items())
     if rows < (1.0 - MAX_CORRUPT) * most:
         raise RecordingError(
-            f"expected as many rows of every signal, but there are {told}; "
+            f"expected as many rows of every signal, but there are {counted}; "
             "check the files, the width, and that samples are rows"
         )
     lines = next(iter(raw.values())).lines
@@ -94,14 +94,14 @@ def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
     where = ", ".join(places[:5]) + (f" and {len(places) - 5} more" if len(places) > 5 else "")
     if bad > MAX_CORRUPT * most:
         raise RecordingError(
-            f"expected rows of numbers, but {bad} of {most} rows are corrupt (cut short, no "
-            f"number, NaN or beyond 1e9; lines {where}); export the log again"
+            f"expected rows of numbers, but {bad} of {most} rows are corrupt (cut short, not "
+            f"numbers, NaN or beyond 1e9; lines {where}); export the log again"
         )
     if not bad:
         return np.flatnonzero(good), []
     where = where or "the end"
     return np.flatnonzero(good), [
-        f"Dropped {bad} of {most} rows as corrupt (cut short, no number, NaN or beyond 1e9): "
+        f"Dropped {bad} of {most} rows as corrupt (cut short, not numbers, NaN or beyond 1e9): "
         f"lines {where}."
     ]
 
@@ -180,7 +180,7 @@ def _joint_side(
 
 
 def _per_joint(kind: str, key: str, value: object, n: int) -> FloatArray:
-    """A scalar or a list as n numbers."""
+    """One value per joint (n,) from a scalar or a list."""
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if len(numbers) not in {1, n}:
         raise RecordingError(
@@ -192,7 +192,7 @@ def _per_joint(kind: str, key: str, value: object, n: int) -> FloatArray:
 def _without_repeats(
     t: FloatArray, signals: dict[str, Any]
 ) -> tuple[FloatArray, dict[str, Any], list[str]]:
-    """Leaves out rows written twice: the same stamp and the same values as the row before."""
+    """Drop rows with the same stamp and the same values as the row before."""
     same = np.diff(t) == 0.0
     if not same.any():
         return t, signals, []

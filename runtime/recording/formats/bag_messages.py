@@ -1,8 +1,8 @@
 """Bags → `sensor_msgs/JointState` messages: MCAP, ROS 1 bags, ROS 2 bags (SQLite or MCAP).
 
 Messages are decoded by the definition of JointState that every ROS distribution shares (JSON, CDR
-or ROS 1 encoding); definitions that a bag carries are never compiled. Sizes that a file claims are
-believed only as far as the file reaches.
+or ROS 1 encoding); definitions in a bag are never compiled. Sizes stated in a file are
+accepted only up to the size of the file.
 """
 
 import json
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.bounded_decompression import inflated, modest, most_of, opened
+from runtime.recording.formats.bounded_decompression import decompressed, modest, most_of, opened
 from runtime.recording.formats.optional_imports import imported
 from runtime.recording.formats.tables import MAX_CORRUPT
 
@@ -70,16 +70,16 @@ def _of_rosbag(path: Path, _notes: list[str]) -> Iterator[Message]:
     kind = "ROS bags"
     reader = imported("rosbags.rosbag1" if is_ros1 else "rosbags.rosbag2", kind).Reader(path)
     decode = _decoder("ros1" if is_ros1 else "cdr")
-    with opened(path, reader) as (bag, inflate):
+    with opened(path, reader) as (bag, decompress):
         wanted = [each for each in bag.connections if each.msgtype == TYPE]
         if not wanted:
             _refuse(path.name, sorted({each.topic for each in bag.connections}))
         for connection, logged, data in bag.messages(connections=wanted):
-            yield decode(connection.topic, int(logged), modest(inflate(data)))
+            yield decode(connection.topic, int(logged), modest(decompress(data)))
 
 
 def _of_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
-    """By a sequential pass, which needs no index and reads a file that was cut short."""
+    """Yield messages in one pass, which needs no index and also reads a file that was cut short."""
     streams = imported("mcap.stream_reader", "MCAP files")
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -100,8 +100,8 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
                     f"{read} are whole records; copy it again"
                 ) from error
             notes.append(
-                f"Warning: {path.name} is cut short, its last {size - read} of {size} bytes are "
-                "no whole record."
+                f"Warning: {path.name} is cut short; its last {size - read} of {size} bytes are "
+                "not a whole record."
             )
     channels.require_any()
 
@@ -109,7 +109,7 @@ def _of_mcap(path: Path, notes: list[str]) -> Iterator[Message]:
 def _of_record(record: Any, channels: "_Channels", streams: Any) -> Iterator[Message]:
     kind = type(record).__name__
     if kind == "Chunk":
-        record.data, record.compression = _inflated(record), ""
+        record.data, record.compression = _decompressed(record), ""
         for inner in streams.breakup_chunk(record):
             yield from _of_record(inner, channels, streams)
     elif kind == "Schema":
@@ -122,7 +122,7 @@ def _of_record(record: Any, channels: "_Channels", streams: Any) -> Iterator[Mes
 
 
 class _Channels:
-    """The channels of an MCAP, and those of JointState with what decodes them."""
+    """Channels of an MCAP, and the decoders of those with JointState."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -147,14 +147,14 @@ def _refuse(name: str, topics: list[str]) -> None:
     )
 
 
-def _inflated(chunk: Any) -> bytes:
-    """The records of a chunk, no more of them than it claims."""
+def _decompressed(chunk: Any) -> bytes:
+    """Records of a chunk, up to the size that it states."""
     size = chunk.uncompressed_size
     if size > most_of(len(chunk.data)):
-        raise ValueError(f"a chunk claims {size} bytes")
+        raise ValueError(f"a chunk states {size} bytes, beyond the decompression limit")
     data: bytes = chunk.data
     if chunk.compression:
-        data = inflated(data, chunk.compression, size)
+        data = decompressed(data, chunk.compression, size)
     if len(data) != size:
         raise ValueError(f"a chunk of {size} bytes holds {len(data)}")
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:

@@ -1,6 +1,6 @@
-"""Compressed pieces of bags, inflated no further than any log goes, and databases without queries.
+"""Decompression of bags within a limit, and databases without views.
 
-A few bytes can claim to be gigabytes, and a view of a database is a query that may never end.
+A few bytes can expand to gigabytes, and a view of a database is a query that may never end.
 """
 
 import bz2
@@ -15,11 +15,12 @@ from runtime.recording.formats.optional_imports import imported
 from runtime.recording.formats.tables import EXPANSION, SLACK
 
 LARGEST_CHUNK = 2**27
-"""Bytes of a decompressed chunk; writers make chunks of 1 to 64 MB."""
+"""Largest decompressed chunk [bytes]; writers make chunks of 1 to 64 MB."""
 LARGEST_MESSAGE = 2**22
-"""Bytes of a JointState; a hundred joints take some kilobytes."""
+"""Largest JointState [bytes]; a hundred joints take some kilobytes."""
 LARGEST_YAML, DEEPEST = 2**22, 50
-"""Characters and levels; ROS writes some thousand and six, and parsers take their square."""
+"""Largest YAML [characters] and its depth; ROS writes some thousand and 6. Parsers take the square
+of both in time."""
 _PIECE = 2**20
 
 
@@ -28,7 +29,7 @@ def most_of(size: int) -> int:
     return min(LARGEST_CHUNK, EXPANSION * size + SLACK)
 
 
-def inflated(data: bytes, codec: str, most: int) -> bytes:
+def decompressed(data: bytes, codec: str, most: int) -> bytes:
     """Content of a piece in zstd, lz4 or bz2, or its first `most` + 1 bytes.
 
     Args:
@@ -44,15 +45,15 @@ def inflated(data: bytes, codec: str, most: int) -> bytes:
     """
     if codec == "zstd":
         zstd = imported("backports.zstd", "compressed bags and MCAP files")
-        found = zstd.ZstdDecompressor().decompress(data, max_length=most + 1)
+        content = zstd.ZstdDecompressor().decompress(data, max_length=most + 1)
     elif codec == "lz4":
         frame = imported("lz4.frame", "compressed bags and MCAP files")
-        found = frame.LZ4FrameDecompressor().decompress(data, max_length=most + 1)
+        content = frame.LZ4FrameDecompressor().decompress(data, max_length=most + 1)
     elif codec == "bz2":
-        found = bz2.BZ2Decompressor().decompress(data, max_length=most + 1)
+        content = bz2.BZ2Decompressor().decompress(data, max_length=most + 1)
     else:
-        raise ValueError(f"the compression {codec!r} is unknown")
-    return bytes(found)
+        raise ValueError(f"the compression {codec!r} is not supported")
+    return bytes(content)
 
 
 @contextmanager
@@ -95,23 +96,25 @@ def _bounded(codec: str) -> Callable[[bytes], bytes]:
 
     def whole(data: bytes) -> bytes:
         most = most_of(len(data))
-        found = inflated(data, codec, most)
-        if len(found) > most:
+        content = decompressed(data, codec, most)
+        if len(content) > most:
             raise ValueError(f"a chunk of {len(data)} bytes holds more than {most}")
-        return found
+        return content
 
     return whole
 
 
 def _require_modest(path: Path) -> None:
-    """Inflate a file once without keeping it."""
+    """Decompress a file once without keeping the result."""
     zstd = imported("backports.zstd", "compressed bags")
     size, most = 0, EXPANSION * path.stat().st_size + SLACK
     with zstd.open(path, "rb") as file:
         while piece := file.read(_PIECE):
             size += len(piece)
             if size > most:
-                raise ValueError(f"{path.name} becomes more than {most} bytes, which no log has")
+                raise ValueError(
+                    f"{path.name} expands to more than {most} bytes, the decompression limit"
+                )
 
 
 def modest(message: bytes) -> bytes:
@@ -137,7 +140,7 @@ def _require_flat(text: str) -> None:
 
 @contextmanager
 def _plain_databases() -> Iterator[None]:
-    """Databases that are opened meanwhile never ask a view, and hold YAML that can be parsed."""
+    """Databases that are opened in this context have no views, and YAML that can be parsed."""
     apsw = imported("apsw", "ROS bags")
 
     def without_views(connection: Any) -> None:

@@ -1,6 +1,6 @@
 """JointState messages → one table: joints by name, messages by stamp.
 
-Publishers that tell some joints each are merged where their stamps agree. Messages that arrived
+Publishers of some of the joints each are merged where their stamps are equal. Messages that arrived
 out of order are sorted; a field that no message fills is missing.
 """
 
@@ -23,12 +23,12 @@ Topic = dict[tuple[str, ...], Publisher]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointLog:
-    """What a bag says about some joints; the numbers wait in a temporary file.
+    """Joint states of a bag, merged; the numbers lie in a temporary file.
 
     Attributes:
         names: of the joints, in the order of the columns.
-        fields: which of position, velocity, effort were told.
-        count: of rows.
+        fields: those of position, velocity and effort that the messages fill.
+        count: number of rows.
         remarks: sentences.
     """
 
@@ -70,7 +70,7 @@ class JointLog:
         for key in kinds.values():
             if key and key not in self.fields:
                 raise RecordingError(
-                    f"{name} is expected to tell the {key} of the joints, but its messages hold "
+                    f"{name} is expected to hold the {key} of the joints, but its messages hold "
                     f"{', '.join(self.fields)} of JointState; leave it out of the recipe"
                 )
         n = len(self.names)
@@ -90,7 +90,7 @@ class MessageRows:
         spool: t and all fields, row by row.
         width: of a row.
         places: kind → its columns.
-        count: of rows.
+        count: number of rows.
     """
 
     spool: Spool
@@ -140,7 +140,7 @@ def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointL
         publishers[message.names].add(message)
     chosen = _topic(path.name, topic, topics, wanted)
     publishers = topics[chosen]
-    names = wanted or tuple(dict.fromkeys(name for told in publishers for name in told))
+    names = wanted or tuple(dict.fromkeys(name for group in publishers for name in group))
     if len(names) > MOST_JOINTS:
         raise RecordingError(
             f"{path.name} names {len(names)} joints; name those of the robot in a recipe: "
@@ -148,8 +148,8 @@ def read_joint_states(path: Path, topic: str, wanted: tuple[str, ...]) -> JointL
         )
     if len(topics) > 1:
         notes.append(f"Joint states were taken from the topic {chosen}.")
-    whole = [p for told, p in publishers.items() if set(names) <= set(told)]
-    parts = whole or [p for told, p in publishers.items() if set(names) & set(told)]
+    whole = [p for group, p in publishers.items() if set(names) <= set(group)]
+    parts = whole or [p for group, p in publishers.items() if set(names) & set(group)]
     return _merged(path.name, parts, names, tuple(notes))
 
 
@@ -159,31 +159,31 @@ def _topic(
     topics: dict[str, Topic],
     wanted: tuple[str, ...],
 ) -> str:
-    """The topic asked for, or the only one that tells the joints."""
+    """The requested topic, or the only one with the joints."""
     if not topics or (topic and not topics.get(topic)):
-        told = f"the topic {topic!r}" if topic else "JointState"
+        expected = f"the topic {topic!r}" if topic else "JointState"
         raise RecordingError(
-            f"{name} holds no message of {told}"
+            f"{name} holds no message of {expected}"
             + (f", but of {', '.join(sorted(topics))}" if topics else "")
             + "; choose one with topic = ... in a recipe, or record again"
         )
     if topic:
         return topic
-    found = {each: {name for told in topics[each] for name in told} for each in topics}
-    able = [each for each, names in found.items() if set(wanted) <= names]
+    present = {each: {name for group in topics[each] for name in group} for each in topics}
+    able = [each for each, names in present.items() if set(wanted) <= names]
     if not able:
-        known = sorted(set.union(*found.values()))
+        known = sorted(set.union(*present.values()))
         missing = [name for name in wanted if name not in known]
         raise RecordingError(
-            f"{name} is expected to tell the joints {', '.join(wanted)}, but "
-            f"{', '.join(missing or wanted)} cannot be found among {', '.join(known[:20])}; name "
+            f"{name} is expected to hold the joints {', '.join(wanted)}, but "
+            f"{', '.join(missing or wanted)} are not among {', '.join(known[:20])}; name "
             "those of the log, in the order of the robot, in a recipe: joints = [...]"
         )
     if len(able) > 1:
         counts = {t: sum(p.count for p in topics[t].values()) for t in sorted(able)}
         listed = ", ".join(f"{t} ({count} messages)" for t, count in counts.items())
         raise RecordingError(
-            f"{name} tells the joints in several topics, {listed}; choose one in a recipe: "
+            f"{name} holds the joints in several topics, {listed}; choose one in a recipe: "
             f'topic = "{able[0]}"'
         )
     return able[0]
@@ -192,15 +192,15 @@ def _topic(
 def _merged(
     name: str, parts: Sequence[Publisher], names: tuple[str, ...], notes: tuple[str, ...]
 ) -> JointLog:
-    """All messages on one clock, sorted; rows that not every joint has are dropped and told."""
+    """All messages on one clock, sorted; rows that lack a joint are dropped and counted."""
     by_stamp = sum(p.count for p in parts) < 2 or any(p.stamps.moves for p in parts)
     if not by_stamp:
-        notes += ("The stamps of the messages stand still; the instants of logging are used.",)
+        notes += ("The stamps of the messages do not change; the instants of logging are used.",)
     late = sum((p.stamps if by_stamp else p.logged).late for p in parts)
     if late:
         notes += (f"Sorted {late} messages that came out of order.",)
     spool, start, count, total = Spool(name), 0, 0, 0
-    told = np.zeros(len(FIELDS), dtype=bool)
+    filled = np.zeros(len(FIELDS), dtype=bool)
     for ticks, values in merged(parts, names, by_stamp):
         total += len(ticks)
         whole = np.isfinite(values[:, : len(names)]).all(axis=1) | (len(parts) == 1)
@@ -209,11 +209,11 @@ def _merged(
         start = start if count else int(ticks[whole][0])
         rows = values[whole]
         spool.append(np.column_stack([(ticks[whole] - start) * 1e-9, rows]))
-        told |= np.isfinite(rows).reshape(len(rows), len(FIELDS), -1).any(axis=(0, 2))
+        filled |= np.isfinite(rows).reshape(len(rows), len(FIELDS), -1).any(axis=(0, 2))
         count += len(rows)
     if count < (1.0 - MAX_CORRUPT) * total:
         raise RecordingError(
-            f"the messages of {name} tell some joints each, and only {count} of "
+            f"the messages of {name} hold some of the joints each, and only {count} of "
             f"{total} stamps have all of {', '.join(names)}; name joints of one "
             "publisher in a recipe, or record a topic with all of them"
         )
@@ -221,5 +221,5 @@ def _merged(
         dropped = f", {total - count} incomplete rows dropped" * (count < total)
         notes += (f"Merged {len(parts)} kinds of messages by name and stamp{dropped}.",)
     notes += (f"Joints {', '.join(names)}; time from the first message, {start / 1e9:.9f} s.",)
-    fields = tuple(key for key, is_told in zip(FIELDS, told, strict=True) if is_told)
+    fields = tuple(key for key, is_filled in zip(FIELDS, filled, strict=True) if is_filled)
     return JointLog(names, fields, count, notes, spool)

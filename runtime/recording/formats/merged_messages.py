@@ -1,10 +1,10 @@
 """JointState messages → rows on one clock, in order, through temporary files.
 
     publisher   a row per message: stamp, instant of logging, position, velocity, effort
-    merged      t and the three fields of the joints asked for, sorted, those of one stamp together
+    merged      t and the three fields of the requested joints, sorted, one row per stamp
 
-Neither is held. A message that comes late is waited for: no row leaves before all that belong in
-front of it have come.
+Neither is held in memory. A row is yielded only when no earlier row can follow, so that late
+messages are sorted in.
 """
 
 from array import array
@@ -19,14 +19,14 @@ from runtime.recording.formats.spool import Spool
 
 FIELDS = ("position", "velocity", "effort")
 PIECE = 2**15
-"""Messages of a publisher that are put away together."""
+"""Messages of a publisher that are written to the spool together."""
 Ticks = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(slots=True)
 class Clock:
-    """One of the two clocks of a publisher: does it run, and how often backwards?"""
+    """One of the two clocks of a publisher: whether it changes, and how often it runs backwards."""
 
     first: int = -1
     last: int = -1
@@ -34,7 +34,7 @@ class Clock:
     late: int = 0
 
     def tick(self, stamp: int) -> None:
-        """The next instant."""
+        """Take the next instant [ns]."""
         if self.first < 0:
             self.first = stamp
         self.moves |= stamp != self.first
@@ -48,9 +48,9 @@ class Publisher:
 
     Attributes:
         names: of the joints.
-        spool: where rows go.
-        stamps, logged: its clocks.
-        count: of messages.
+        spool: temporary file of the rows.
+        stamps, logged: its two clocks.
+        count: number of messages.
     """
 
     names: tuple[str, ...]
@@ -63,21 +63,21 @@ class Publisher:
     _values: array = field(default_factory=lambda: array("d"))
 
     def add(self, message: Message) -> None:
-        """One more message; a field of another length than the names is missing."""
+        """Add a message; a field of another length than the names is missing."""
         self.stamps.tick(message.stamp)
         self.logged.tick(message.logged)
         self._ticks.extend((message.stamp, message.logged))
         blank = [np.nan] * len(self.names)
-        for told in message[4:]:
-            whole = told if len(told) == len(self.names) else blank
+        for values in message[4:]:
+            whole = values if len(values) == len(self.names) else blank
             self._values.frombytes(np.asarray(whole, dtype=np.float64).tobytes())
         self.count += 1
         if len(self._ticks) == 2 * PIECE:
-            self._put_away()
+            self._write()
 
     def in_order(self, by_stamp: bool) -> Iterator[tuple[Ticks, FloatArray]]:
         """Yield pieces of ticks (k,) [ns] and fields (k, 3 n), sorted by one of the clocks."""
-        self._put_away()
+        self._write()
         ticks, values = np.zeros(0, dtype=np.int64), np.zeros((0, 3 * len(self.names)))
         earliest = [place[2 if by_stamp else 3] for place in self._places]
         for k, (start, count, *_) in enumerate(self._places):
@@ -91,7 +91,7 @@ class Publisher:
                 yield ticks[:ready], values[:ready]
             ticks, values = ticks[ready:], values[ready:]
 
-    def _put_away(self) -> None:
+    def _write(self) -> None:
         ticks = np.frombuffer(self._ticks, dtype=np.int64).reshape(-1, 2)
         if not ticks.size:
             return
@@ -131,16 +131,16 @@ def merged(
     held: dict[int, tuple[Ticks, FloatArray]] = {}
     reached = dict.fromkeys(more, -1)
     while more:
-        k = min(more, key=reached.__getitem__)  # who has told least far tells on
-        found = next(more[k], None)
-        if found is None:
+        k = min(more, key=reached.__getitem__)  # the publisher that is furthest behind continues
+        piece = next(more[k], None)
+        if piece is None:
             del more[k]
         else:
-            reached[k] = int(found[0][-1])
+            reached[k] = int(piece[0][-1])
             if k in held:
-                ticks, values = (np.concatenate(pair) for pair in zip(held[k], found, strict=True))
-                found = ticks, values
-            held[k] = found
+                ticks, values = (np.concatenate(pair) for pair in zip(held[k], piece, strict=True))
+                piece = ticks, values
+            held[k] = piece
         until = min((reached[k] for k in more), default=None)
         now, later = [], {}
         for k, (ticks, values) in held.items():
@@ -157,18 +157,18 @@ def merged(
 def _filled(
     parts: list[tuple[tuple[str, ...], Ticks, FloatArray]], names: tuple[str, ...]
 ) -> tuple[Ticks, FloatArray]:
-    """Rows of one stamp become one."""
-    ticks = np.unique(np.concatenate([own for _, own, _ in parts]))
+    """Join the rows of one stamp."""
+    ticks = np.unique(np.concatenate([stamps for _, stamps, _ in parts]))
     filled = np.full((len(ticks), len(FIELDS) * len(names)), np.nan)
-    for told, own, values in parts:
-        places, columns = _columns(told, names)
-        filled[np.searchsorted(ticks, own)[:, None], places] = values[:, columns]
+    for present, stamps, values in parts:
+        places, columns = _columns(present, names)
+        filled[np.searchsorted(ticks, stamps)[:, None], places] = values[:, columns]
     return ticks, filled
 
 
-def _columns(told: tuple[str, ...], names: tuple[str, ...]) -> tuple[list[int], list[int]]:
-    """Columns of the joints asked for that are told, and of the same in what is told."""
-    shared = [(j, told.index(name)) for j, name in enumerate(names) if name in told]
+def _columns(present: tuple[str, ...], names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+    """Columns of the present joints among the requested ones, and among the present ones."""
+    shared = [(j, present.index(name)) for j, name in enumerate(names) if name in present]
     fields = range(len(FIELDS))
     places = [f * len(names) + j for f in fields for j, _ in shared]
-    return places, [f * len(told) + i for f in fields for _, i in shared]
+    return places, [f * len(present) + i for f in fields for _, i in shared]

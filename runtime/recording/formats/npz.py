@@ -42,14 +42,14 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
             decoded = sum(m.file_size for m in (archive.zip.infolist() if archive.zip else ()))
             if decoded > EXPANSION * len(data) + SLACK:
                 raise RecordingError(
-                    f"{name} claims {decoded} bytes in {len(data)}, which no log has; "
-                    "it is damaged, so export it again"
+                    f"{name} states {decoded} bytes in {len(data)}, beyond the decompression "
+                    "limit; it is damaged, so export it again"
                 )
             arrays = {key: archive[key] for key in archive.files}
             for array in arrays.values():
                 if array.dtype.kind == "U" and array.size > MOST_TEXTS:
                     raise RecordingError(
-                        f"{name} holds {array.size} texts, which no log has; export it again"
+                        f"{name} holds {array.size} texts, more than {MOST_TEXTS}; export it again"
                     )
                 if array.dtype.kind == "U":
                     _require_text(array)
@@ -58,7 +58,7 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
         raise
     except Exception as error:  # zipfile and numpy raise a dozen kinds on damaged archives
         pickled = "pickle" in str(error).lower()
-        came = "it holds pickled Python objects" if pickled else "it is truncated or no NPZ at all"
+        came = "it holds pickled Python objects" if pickled else "it is truncated or not an NPZ"
         todo = "save plain float arrays" if pickled else "copy or export it again"
         raise RecordingError(
             f"{name} is expected to be an NPZ of number arrays, but {came}; {todo}"
@@ -66,10 +66,10 @@ def open_npz(data: bytes, name: str) -> dict[str, NDArray]:
 
 
 def _require_text(array: NDArray) -> None:
-    """NumPy makes strings of numbers that are no characters, on which Python fails later."""
+    """Refuse codes that are not characters: NumPy accepts them, Python fails on them later."""
     codes = array.astype(array.dtype.newbyteorder("=")).tobytes()
     if np.frombuffer(codes, dtype=np.uint32).max(initial=0) > sys.maxunicode:
-        raise ValueError("a text of it is none")
+        raise ValueError("a text holds codes that are not characters")
 
 
 def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> Table:
@@ -109,7 +109,7 @@ def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> Table:
 
 @dataclass(frozen=True, slots=True)
 class _Array:
-    """Where an array lies in a file."""
+    """Place of an array in a file."""
 
     offset: int
     dtype: np.dtype
@@ -129,14 +129,14 @@ class NpzRows:
         try:
             with zipfile.ZipFile(path) as archive, path.open("rb") as file:
                 members = archive.infolist()
-                found = {m.filename.removesuffix(".npy"): _located(file, m) for m in members}
+                located = {m.filename.removesuffix(".npy"): _located(file, m) for m in members}
         except Exception as error:  # zipfile and numpy raise a dozen kinds on damaged archives
             raise RecordingError(
                 f"{path.name} is expected to be an NPZ of number arrays, but it is truncated or "
-                "none at all; copy or export it again"
+                "not an NPZ; copy or export it again"
             ) from error
-        self.keys = tuple(found)
-        self._arrays = {kind: self._usable(found, key) for kind, key in self.kinds.items()}
+        self.keys = tuple(located)
+        self._arrays = {kind: self._usable(located, key) for kind, key in self.kinds.items()}
         counts = sorted({array.rows for array in self._arrays.values()})
         if len(counts) > 1:
             raise RecordingError(
@@ -165,24 +165,24 @@ class NpzRows:
             raise RecordingError(f"{self.path.name} has become shorter while it was read")
         return values.reshape(-1, array.width).astype(np.float64, copy=False)
 
-    def _usable(self, found: dict[str, _Array | None], key: str) -> _Array:
-        array = found.get(key)
-        if key not in found:
+    def _usable(self, located: dict[str, _Array | None], key: str) -> _Array:
+        array = located.get(key)
+        if key not in located:
             raise RecordingError(
                 f"{self.path.name} is expected to hold the array {key!r}, but holds "
-                f"{', '.join(sorted(found)) or 'nothing'}; add it or name it in a recipe"
+                f"{', '.join(sorted(located)) or 'nothing'}; add it or name it in a recipe"
             )
         if array is None:
             raise RecordingError(
                 f"{self.path.name}: the array {key!r} cannot be read row by row (it is compressed, "
-                "or no matrix of numbers); write it by numpy.savez with samples as rows, or as "
+                "or not a matrix of numbers); write it by numpy.savez with samples as rows, or as "
                 "Parquet, or read the log as a whole with --no-stream"
             )
         return array
 
 
 def _located(file: IO[bytes], member: zipfile.ZipInfo) -> _Array | None:
-    """Where the numbers of a member begin; None where they cannot be read in place."""
+    """Place of the numbers of a member; None where they cannot be read in place."""
     if member.compress_type != zipfile.ZIP_STORED:
         return None
     file.seek(member.header_offset + _LENGTHS)

@@ -22,9 +22,9 @@ from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, Table
 FloatArray = NDArray[np.float64]
 BATCH = 65536
 MOST_CELLS = 5_000_000
-"""Of a table whose rows are held as Python objects."""
+"""Largest number of cells of a table whose rows are held as Python objects."""
 BUFFER = 2**20
-"""Bytes of a column that are read at once; without it pyarrow holds whole row groups."""
+"""Size in which a column is read [bytes]; without it pyarrow holds whole row groups."""
 
 
 class ParquetLog:
@@ -46,8 +46,8 @@ class ParquetLog:
             raise RecordingError(f"{self.name} holds no rows; export the log again")
         if 8 * self.rows * len(self.columns) > EXPANSION * size + SLACK:
             raise RecordingError(
-                f"{self.name} claims {self.rows} rows in {size} bytes, which no log has; "
-                "it is damaged, so export it again"
+                f"{self.name} states {self.rows} rows in {size} bytes, beyond the "
+                "decompression limit; it is damaged, so export it again"
             )
         self._starts = np.cumsum([0, *self._group_rows()])
 
@@ -106,7 +106,7 @@ class ParquetLog:
         twice = [column for column in columns if self.columns.count(column) > 1]
         if twice:
             raise RecordingError(
-                f"{self.name} has several columns called {twice[0]!r}; give each a name of its own"
+                f"{self.name} has several columns called {twice[0]!r}; give each a different name"
             )
         if missing:
             raise RecordingError(
@@ -186,7 +186,7 @@ class ParquetRows:
         while self._next < stop:
             batch = next(self._batches, None)
             if batch is None:
-                raise RecordingError(f"{self._log.name} holds fewer rows than it claims")
+                raise RecordingError(f"{self._log.name} holds fewer rows than it states")
             self._held.append({kind: batch.numbers(c) for kind, c in self._kinds.items()})
             self._next += len(next(iter(self._held[-1].values())))
             self._forget(start)
@@ -216,7 +216,7 @@ def rows_of(path: Path) -> tuple[dict[bytes, bytes], list[dict[str, Any]]]:
     ):
         cells = file.metadata.num_rows * file.metadata.num_columns
         if cells > MOST_CELLS:
-            raise RecordingError(f"{path.name} claims {cells} cells, more than {MOST_CELLS}")
+            raise RecordingError(f"{path.name} states {cells} cells, more than {MOST_CELLS}")
         table = file.read(use_threads=False)
         return dict(table.schema.metadata or {}), table.to_pylist()
 
@@ -277,13 +277,13 @@ def _is_even(cells: Any, width: int, types: Any) -> bool:
 
 @contextmanager
 def _sentences(name: str) -> Iterator[None]:
-    """Whatever pyarrow raises on a damaged file, as one sentence."""
+    """Turn the exceptions of pyarrow on a damaged file into one sentence."""
     try:
         yield
     except RecordingError:
         raise
     except Exception as error:
         raise RecordingError(
-            f"{name} is expected to be a Parquet file, but it is truncated, damaged or none at all "
-            f"({type(error).__name__}); copy or export it again"
+            f"{name} is expected to be a Parquet file, but it is truncated, damaged or another "
+            f"file ({type(error).__name__}); copy or export it again"
         ) from error

@@ -1,4 +1,4 @@
-"""Numbers in a temporary file: what is too large to be held, parsed once, piece by piece."""
+"""Numbers in a temporary file: large logs are parsed once, piece by piece."""
 
 import tempfile
 import weakref
@@ -17,7 +17,7 @@ class Spool:
     """
 
     SMALL = 2**24
-    """Bytes that stay in memory."""
+    """Largest size that stays in memory [bytes]."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -37,7 +37,7 @@ class Spool:
             self._file.write(np.ascontiguousarray(values).tobytes())
         except OSError as error:
             raise RecordingError(
-                f"the numbers of {self._name} find no room in {tempfile.gettempdir()} "
+                f"the numbers of {self._name} do not fit into {tempfile.gettempdir()} "
                 f"({error.strerror}); set TMPDIR to a larger place, or convert the log to Parquet"
             ) from error
         self.size += values.size

@@ -11,7 +11,7 @@ from runtime.recording.formats.tables import Columns, FloatArray
 from runtime.recording.formats.text_tables import csv_table, find_header
 
 PIECE = 2**23
-"""Characters that are parsed at once; a line is shorter."""
+"""Number of characters that are parsed at once; a line must be shorter."""
 
 
 def head_of_text(path: Path) -> str:
@@ -86,4 +86,4 @@ def _pieces(path: Path) -> Iterator[str]:
             "as UTF-8 CSV, or as NPZ with the suffix .npz"
         ) from error
     if held.strip() or rest.strip():
-        yield held + rest  # a line that was cut short does not stand alone
+        yield held + rest  # a line that was cut short is not parsed alone

@@ -3,8 +3,8 @@
     q_m = R q,   τ = Rᵀ τ_m:   a column c(R̂_m dq) of motor m moves the joints by R̂_mᵀ c(R̂_m dq)
 
 R̂_m is row m of the gear matrix over its largest entry, so that speed, ε and φ are in units of the
-joint. A motor with one joint is that joint's friction already; its R̂_m is 0 and its columns are
-silent. Source: Gautier 1997 (coupled wrists), Khalil & Dombre 2002, Sec. 12.
+joint. The friction of a motor that drives one joint is that of the joint; its R̂_m is 0 and its
+columns are zero. Source: Gautier 1997 (coupled wrists), Khalil & Dombre 2002, Sec. 12.
 """
 
 from dataclasses import dataclass, replace
@@ -34,11 +34,11 @@ def directions(gear: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coupling:
-    """Which friction columns are of motors, and the joints that these drive.
+    """Friction columns that belong to motors, and the joints that these drive.
 
     Attributes:
         directions: R̂, (n, n).
-        of_motors: k claims, one per column.
+        of_motors: (k,) whether each column belongs to motors.
     """
 
     directions: FloatArray
@@ -59,7 +59,7 @@ class Coupling:
     def to_columns(self, values: FloatArray) -> FloatArray:
         """Adjoint of `to_joints`: torques (N, n) of the joints for each column, (N, n, k)."""
         motors = values @ self.directions.T
-        return np.stack([motors if own else values for own in self.of_motors], axis=-1)
+        return np.stack([motors if of_motor else values for of_motor in self.of_motors], axis=-1)
 
 
 def coupling_of(recording: Recording) -> Coupling | None:

@@ -50,7 +50,7 @@ def _require_known(terms: tuple[Friction, ...]) -> None:
         if len(set(each.columns)) < len(each.columns):
             raise RecordingError(
                 f"the friction columns {', '.join(each.columns)} name one twice, so that their "
-                "coefficients cannot be told apart; name each once"
+                "coefficients are not determined; name each once"
             )
 
 

@@ -1,9 +1,9 @@
-"""The clock of a log that repeats states and skips ticks, rebuilt from dq = v · dt.
+"""Repair of the clock of a log that repeats states and skips ticks, from dq = v · dt.
 
     k_i = round( Σ_j v_ij Δq_ij / (tick · Σ_j v_ij²) ),  v = mean of dq at both ends,  k_i ≥ 1
 
 is the least-squares number of ticks between two retained rows. Where the robot is too slow for
-this to tell, the logged time decides.
+this estimate, the logged time decides.
 """
 
 import numpy as np
@@ -77,6 +77,6 @@ def _ticks(
 
 
 def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """The runs of True as (first, one past the last)."""
+    """Runs of True as (first, one past the last)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

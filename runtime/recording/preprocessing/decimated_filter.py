@@ -1,4 +1,4 @@
-"""Low-pass, derivatives, trim and rate in one step: only rows that stay are computed.
+"""Low-pass, derivatives, trim and rate in one step: only the remaining rows are computed.
 
 The steps one after the other would give the same rows; here they first mark which instants stay,
 then the filter gives these and the neighbours that their derivatives need.
@@ -58,9 +58,9 @@ def thinned(recording: Recording, preparation: Preparation) -> Recording | None:
         values = low_passed(data, design, (source,), rows, period)[source]
         near = Recording(t=data.t[rows], q=values)
         slopes = differentiate(near.replace(**dict.fromkeys(measured, values)))
-        own = np.searchsorted(rows, stay)
-        derived = {key: getattr(slopes, key).take(own, axis=0) for key in missing}
-        derived[source], history = values.take(own, axis=0), slopes.history
+        kept = np.searchsorted(rows, stay)
+        derived = {key: getattr(slopes, key).take(kept, axis=0) for key in missing}
+        derived[source], history = values.take(kept, axis=0), slopes.history
     derived |= low_passed(data, design, others, stay, period)
     sentence = low_pass_sentence(cutoff, preparation.order)
     return data.replace(
@@ -74,7 +74,7 @@ def _with_neighbours(
     """The rows and as many on both sides, or 2 · reach on one side at the edge of a segment."""
     near = np.zeros(len(recording), dtype=bool)
     for part in segments(recording.t):
-        own = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
-        first = np.clip(own - reach, part.start, part.stop - 1 - 2 * reach)
+        kept = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
+        first = np.clip(kept - reach, part.start, part.stop - 1 - 2 * reach)
         near[first[:, None] + np.arange(2 * reach + 1)] = True
     return np.flatnonzero(near)

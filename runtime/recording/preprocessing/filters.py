@@ -1,4 +1,4 @@
-"""Zero-phase filters and derivatives, segment by segment: nothing looks across a hole.
+"""Zero-phase filters and derivatives, segment by segment: no filter crosses a hole.
 
 Every filter treats q, dq, ddq, τ and the friction columns alike, because a linear relation
 between signals survives only if all of them pass the same filter.
@@ -18,7 +18,7 @@ from runtime.recording.preprocessing.zero_phase import zero_phase
 from runtime.recording.recording import ALL, FloatArray
 
 FILTERED = ("Low-passed", "Averaged", "Smoothed")
-"""How the sentences of the filters below begin."""
+"""First words of the sentences that these filters add to the history."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +87,8 @@ def low_pass(
     """
     design = butterworth(recording, cutoff_hz, order)
     data = without_short(recording, design.minimum)
-    found = low_passed(data, design, only, np.arange(len(data)))
-    return data.replace(**found).noted(low_pass_sentence(cutoff_hz, order))
+    filtered = low_passed(data, design, only, np.arange(len(data)))
+    return data.replace(**filtered).noted(low_pass_sentence(cutoff_hz, order))
 
 
 def low_passed(
@@ -115,10 +115,10 @@ def low_passed(
     parts = []
     for part in segments(recording.t):
         length = part.stop - part.start
-        own = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
+        inside = rows[np.searchsorted(rows, part.start) : np.searchsorted(rows, part.stop)]
         padding = min(design.padding, length - 1)
         segment = [values[part] for values in flat]
-        parts.append(zero_phase(design.sections, segment, padding, own - part.start, period))
+        parts.append(zero_phase(design.sections, segment, padding, inside - part.start, period))
     whole = [
         pieces[0] if len(pieces) == 1 else np.concatenate(pieces)
         for pieces in zip(*parts, strict=True)
@@ -212,8 +212,8 @@ def savitzky_golay(
         values = getattr(recording, base)
         parts = segments(recording.t)
         derived[key] = np.concatenate([smooth(values[part], derivative) for part in parts])
-    told = f", {' and '.join(missing)} by its derivatives" if missing else ""
-    sentence = f"Smoothed by Savitzky–Golay, degree {order} over {width} samples{told}."
+    suffix = f", {' and '.join(missing)} by its derivatives" if missing else ""
+    sentence = f"Smoothed by Savitzky–Golay, degree {order} over {width} samples{suffix}."
     return _per_segment(recording, smooth, width, sentence, only).replace(**derived)
 
 

@@ -24,9 +24,9 @@ from runtime.recording.preprocessing.segments import segments, uniform_step
 from runtime.recording.recording import FloatArray
 
 HELD = 16_000_000
-"""Numbers of the regressor at the full rate that are held at a time, 128 MB."""
+"""Largest number of entries of the regressor that are held at a time (128 MB)."""
 CHUNK = 2048
-"""Instants whose whole regressor is evaluated at a time."""
+"""Number of instants whose whole regressor is evaluated at a time."""
 
 
 def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Recording:
@@ -85,8 +85,8 @@ def balanced(
         ]
         changes["columns"] = np.stack(columns, axis=-1)
     inner = _inner(data)
-    told = "power" if power else "momentum"
-    taken = data.take(inner, f"Took the balance of {told} over two steps at every instant.")
+    balance = "power" if power else "momentum"
+    taken = data.take(inner, f"Took the balance of {balance} over two steps at every instant.")
     return taken.replace(**changes)
 
 
@@ -120,7 +120,7 @@ def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatAr
 def _chunk(
     recording: Recording, part: slice, group: slice, lib: Library, power: bool
 ) -> FloatArray:
-    """The rows between the ends of a stretch without a hole."""
+    """Rows of the inner instants of a part without holes."""
     q, dq = recording.q[part], recording.required("dq")[part]
     step = 1.0 / recording.rate_hz
     if power:
@@ -130,7 +130,7 @@ def _chunk(
 
 
 def _speed(recording: Recording, name: str) -> FloatArray:
-    """Of what a column belongs to: the joints, or the motors that drive several."""
+    """Velocities that belong to a column: of the joints, or of the motors that drive several."""
     dq = recording.required("dq")
     if name in COLUMNS and COLUMNS[name].of_motors and recording.motors is not None:
         return np.asarray(dq @ recording.motors.T)
@@ -138,7 +138,7 @@ def _speed(recording: Recording, name: str) -> FloatArray:
 
 
 def _inner(recording: Recording) -> FloatArray:
-    """Indices of all instants but the first and last of every segment."""
+    """Indices of all instants except the first and last of every segment."""
     return np.concatenate([np.arange(s.start + 1, s.stop - 1) for s in segments(recording.t)])
 
 

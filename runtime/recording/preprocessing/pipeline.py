@@ -29,8 +29,8 @@ from runtime.recording.preprocessing.segments import (
 from runtime.recording.recording import FloatArray
 
 DOCUMENT = Preparation(filter="average", window_s=0.051, rate_hz=100.0)
-"""Of the source document's Sec. 5.2: means over 51 ms of q, dq and τ; ddq from differences of dq,
-averaged once more; 100 Hz."""
+"""Preparation of the source document, Sec. 5.2: means over 51 ms of q, dq and τ; ddq from
+differences of dq, averaged once more; 100 Hz."""
 MOTION, BELOW_RATE = 4.0, 0.4
 """Without measured dq, q is low-passed at this multiple of the cut-off where the rate allows it."""
 
@@ -114,7 +114,7 @@ def _without_accelerations(
     power: bool,
     rows: FloatArray | None,
 ) -> Recording:
-    """Clock and grid are settled → `momentum` at the full rate → filter → trim → rate → rest."""
+    """After clock and grid: `momentum` at the full rate → filter → trim → rate → rest."""
     if lib is None:
         raise RecordingError(
             f"the {preparation.regressor} regressor expects the library of the robot, got none; "
@@ -160,7 +160,7 @@ def momentum_torque(
 
 
 def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
-    """Q and dq low-passed as asked for; q to be differentiated well above the cut-off, if not."""
+    """Low-pass the motion at `motion_hz`; else a q to be differentiated, above the cut-off."""
     limit = preparation.motion_hz
     if preparation.derivative == "position" and recording.dq is not None:
         recording = recording.replace(dq=None).noted("Set measured dq aside.")
@@ -173,7 +173,7 @@ def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
 
 
 def _on_grid(recording: Recording, preparation: Preparation) -> Recording:
-    """Clock, grid and delay."""
+    """Apply clock, grid and delay."""
     data = recording
     if preparation.clock_tick is not None:
         data = repair_clock(data, preparation.clock_tick)
@@ -205,7 +205,7 @@ def _reduced(
 
 
 def _kept(recording: Recording, preparation: Preparation) -> Recording:
-    """Trim and rate."""
+    """Apply trim and rate."""
     data = recording
     if preparation.trim_s is not None:
         data = trim(data, preparation.trim_s)
@@ -215,13 +215,13 @@ def _kept(recording: Recording, preparation: Preparation) -> Recording:
 
 
 def _finished(recording: Recording, preparation: Preparation) -> Recording:
-    """Without rest; says how it was prepared."""
+    """Drop rest and record the preparation."""
     data = recording.replace(prepared=preparation)
     return data if preparation.rest_speed is None else drop_rest(data, preparation.rest_speed)
 
 
 def _grid_hz(recording: Recording, preparation: Preparation) -> float:
-    """The rate of the uniform grid: as stated, else one per tick, else the median rate."""
+    """Rate of the uniform grid [Hz]: as stated, else one per tick, else the median rate."""
     if preparation.grid_hz is not None:
         return preparation.grid_hz
     if preparation.clock_tick is not None:
@@ -232,7 +232,7 @@ def _grid_hz(recording: Recording, preparation: Preparation) -> float:
 def _filtered(
     recording: Recording, preparation: Preparation, only: tuple[str, ...] = ALL
 ) -> Recording:
-    """The filter of the preparation; which settings it has, `Preparation` has checked."""
+    """Apply the filter of the preparation, whose settings `Preparation` has checked."""
     window, cutoff = preparation.window_s or 0.0, preparation.cutoff_hz or 0.0
     if preparation.filter == "butterworth":
         return low_pass(recording, cutoff, preparation.order, only)
@@ -244,7 +244,7 @@ def _filtered(
 
 
 def _derived(recording: Recording, preparation: Preparation) -> Recording:
-    """Missing derivatives; after a moving average the differentiated ddq is averaged as well."""
+    """Compute missing derivatives; after a moving average the differentiated ddq is averaged."""
     missing = recording.ddq is None
     result = differentiate(recording)
     if missing and preparation.filter == "average" and preparation.window_s is not None:

@@ -1,7 +1,7 @@
-"""Holes, and the steps that respect them: resample, trim, drop rest, decimate, split.
+"""Holes, and the steps that depend on them: resample, trim, drop rest, decimate, split.
 
-A hole is a gap longer than 1.5 median steps of time. `segments` is the one definition of it;
-whatever filters or differentiates does so inside one segment.
+A hole is a gap longer than 1.5 median steps of time. `segments` is its only definition; filters and
+derivatives stay inside one segment.
 """
 
 import itertools
@@ -18,7 +18,7 @@ JITTER = 0.01
 
 
 def holes(t: FloatArray) -> NDArray[np.bool_]:
-    """Which of the steps of t (N,) are holes, (N − 1,)."""
+    """Mask (N − 1,) of the steps of t (N,) that are holes."""
     steps = np.diff(t)
     if not steps.size or steps.max() <= HOLE * steps.min():  # nor of their median
         return np.zeros(steps.shape, dtype=bool)
@@ -26,7 +26,7 @@ def holes(t: FloatArray) -> NDArray[np.bool_]:
 
 
 def segments(t: FloatArray) -> list[slice]:
-    """The stretches of t (N,) without a hole, in order; together they hold every sample."""
+    """Parts of t (N,) without a hole, in order; together they hold every sample."""
     return _between(holes(t))
 
 
@@ -108,7 +108,7 @@ def resample(recording: Recording, rate_hz: float, max_gap_s: float) -> Recordin
 
 
 def _is_grid(t: FloatArray, rate_hz: float) -> bool:
-    """t is uniform and of this rate, as far as the digits of t and of one of its steps tell."""
+    """Whether t is uniform and of this rate, to the rounding of t and of one step."""
     if len(t) < 2:
         return False
     digits = 4.0 * np.finfo(float).eps * float(np.abs(t).max())
@@ -144,9 +144,11 @@ def advance_torque(recording: Recording, delay_s: float) -> Recording:
     slack = 1e-9
     for part in segments(t):
         at = t[part] + delay_s
-        own = t[part], recording.tau[part]
-        moved[part] = np.stack([np.interp(at, own[0], row) for row in own[1].T], axis=1)
-        keep[part] = (at >= own[0][0] - slack) & (at <= own[0][-1] + slack)
+        logged = t[part]
+        moved[part] = np.stack(
+            [np.interp(at, logged, row) for row in recording.tau[part].T], axis=1
+        )
+        keep[part] = (at >= logged[0] - slack) & (at <= logged[-1] + slack)
     return recording.replace(tau=moved).take(
         keep, f"Advanced τ by {1e3 * delay_s:.3g} ms, its delay behind q ({keep.sum()} rows left)."
     )
@@ -260,6 +262,6 @@ def split(recording: Recording, parts: Split) -> tuple[Recording, Recording, Rec
 
 
 def _between(hole: NDArray[np.bool_]) -> list[slice]:
-    """The stretches between the holes of N − 1 steps."""
+    """Parts between the holes of N − 1 steps."""
     edges = [0, *map(int, np.flatnonzero(hole) + 1), len(hole) + 1]
     return [slice(a, b) for a, b in itertools.pairwise(edges)]

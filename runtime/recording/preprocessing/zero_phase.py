@@ -1,13 +1,13 @@
-"""Filtering forwards and backwards by matrix products, of which only some rows are asked for.
+"""Filtering forwards and backwards by matrix products, where only some rows are needed.
 
-A cascade of second-order sections takes L samples u at once from its state x, and then, against
-time, what came out of that from its state z (J reverses L rows):
+A cascade of second-order sections takes L samples u at once from its state x, and then, backwards
+in time, their output from its state z (J reverses L rows):
 
     x⁺ = Φ x + Γ u,   f = O x + T u;      z⁻ = Φ z + ΓJ f,   y = J (O z + TJ f)
 
-With f put in, y costs 4p + L products per row, and none for a row that nobody asks for. Φ, Γ, O, T
-are what `scipy.signal.sosfilt` makes of unit states and unit samples; near both ends it filters
-itself, so that the answer is that of `scipy.signal.sosfiltfilt` to rounding.
+With f put in, y costs 4p + L products per row, and nothing for a row that is not needed.
+Φ, Γ, O, T are the outputs of `scipy.signal.sosfilt` for unit states and unit samples. Near both
+ends sosfilt itself is used, so that the result is that of `scipy.signal.sosfiltfilt` to rounding.
 """
 
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from scipy import signal as scipy_signal
 from runtime.recording.recording import FloatArray
 
 LENGTH = 64
-"""Rows of a block of which some are asked for; a shorter one (`DENSE`) where it is all of them."""
+"""Rows of a block where only some are needed; shorter (`DENSE`) where all are."""
 DENSE = 32
 TOGETHER = 64
-"""Blocks whose products stay in the cache."""
+"""Number of blocks whose products stay in the cache."""
 _FEW = 8
 
 
@@ -65,24 +65,24 @@ def zero_phase(
 
     inner = rows[: np.searchsorted(rows, cut)]
     block, place = np.divmod(inner, length)
-    asked = np.flatnonzero(np.bincount(place, minlength=length))
-    first = count * len(asked)
+    needed = np.flatnonzero(np.bincount(place, minlength=length))
+    first = count * len(needed)
     index = np.concatenate(
-        [block * len(asked) + np.searchsorted(asked, place), rows[len(inner) :] - cut + first]
+        [block * len(needed) + np.searchsorted(needed, place), rows[len(inner) :] - cut + first]
     )
-    taps = (forced @ forced[::-1])[::-1][asked]
-    out = np.hstack([(forced @ free[::-1])[::-1], free[::-1]])[asked]
-    found, column = [], 0
+    taps = (forced @ forced[::-1])[::-1][needed]
+    out = np.hstack([(forced @ free[::-1])[::-1], free[::-1]])[needed]
+    filtered, column = [], 0
     for u in blocks:
-        own = slice(column, column := column + u.shape[2])
+        mine = slice(column, column := column + u.shape[2])
         y = np.empty((first + len(tail), u.shape[2]))
         inside = y[:first].reshape(count, -1, u.shape[2])
         for part in (slice(k, k + TOGETHER) for k in range(0, count, TOGETHER)):
             np.matmul(taps, u[part], out=inside[part])
-            inside[part] += out @ xz[part, :, own]
-        y[first:] = tail[:, own]
-        found.append(y if len(index) == len(y) else y.take(index, axis=0))
-    return found
+            inside[part] += out @ xz[part, :, mine]
+        y[first:] = tail[:, mine]
+        filtered.append(y if len(index) == len(y) else y.take(index, axis=0))
+    return filtered
 
 
 def _states(phi: FloatArray, drive: FloatArray, first: FloatArray) -> FloatArray:

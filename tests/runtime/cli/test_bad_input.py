@@ -99,7 +99,7 @@ LOGS: dict[str, tuple[Case, str]] = {
     "zero torque": (lambda d: d.identify(d.changed(tau=0 * d.log.tau)), "is 0 throughout"),
     "truncated NPZ": (
         lambda d: d.identify((truncate(d.folder / "good.npz"), "good.npz")[1]),
-        "truncated or no NPZ",
+        "truncated or not an NPZ",
     ),
     "pickled NPZ": (lambda d: d.identify(pickled(d)), "pickled Python objects"),
     "noise as CSV": (lambda d: d.identify(d.put("x.csv", NOISE)), "expected to be UTF-8 text"),

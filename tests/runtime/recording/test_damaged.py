@@ -90,7 +90,7 @@ def test_bags_are_inflated_within_bounds(
     tmp_path: Path, log: Recording, bomb: Callable[..., Path], how: str
 ) -> None:
     """Property: a piece that becomes thousands of times as long is no piece of a log."""
-    with pytest.raises(RecordingError, match=r"holds more than|becomes more than"):
+    with pytest.raises(RecordingError, match=r"holds more than|expands to more than"):
         read_recording(bomb(tmp_path, log, how))
 
 
@@ -135,7 +135,7 @@ def test_a_table_of_rows_is_no_larger_than_any(tmp_path: Path, monkeypatch: Any)
         {"config_hash": "mark"}
     )
     pq.write_table(table, tmp_path / "rows.parquet")
-    with pytest.raises(RecordingError, match="claims 1001 cells, more than 1000"):
+    with pytest.raises(RecordingError, match="states 1001 cells, more than 1000"):
         parquet.rows_of(tmp_path / "rows.parquet")
     assert read_rows(tmp_path / "rows.parquet", "mark") is None
     pq.write_table(table.slice(1), tmp_path / "rows.parquet")
@@ -189,7 +189,7 @@ def test_a_film_needs_a_tree_and_numbers(tmp_path: Path, tiny: Library) -> None:
 
     def look(text: str) -> str:
         (tmp_path / "r.urdf").write_text(text)
-        return look_of(tiny, tmp_path / "r.urdf").told
+        return look_of(tiny, tmp_path / "r.urdf").sentence
 
     ring = "".join(
         f'<link name="{a}"><visual/></link><joint name="{a}{b}" type="fixed">'

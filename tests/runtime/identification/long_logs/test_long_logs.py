@@ -179,7 +179,7 @@ def test_arrays_that_cannot_be_read_in_place(tmp_path):
     with pytest.raises(RecordingError, match="cannot be read row by row"):
         open_streamed(tmp_path / "x.npz")
     (tmp_path / "x.npz").write_bytes(data[:300])
-    with pytest.raises(RecordingError, match="truncated or none at all"):
+    with pytest.raises(RecordingError, match="truncated or not an NPZ"):
         open_streamed(tmp_path / "x.npz")
 
 

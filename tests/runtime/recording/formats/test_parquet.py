@@ -108,7 +108,7 @@ def test_rows_that_no_log_has(tmp_path):
     zeros = pa.array(np.zeros(10_000_000))
     pq.write_table(pa.table({"t": zeros, "q1": zeros}), tmp_path / "x.parquet")
     assert (tmp_path / "x.parquet").stat().st_size < 100_000
-    with pytest.raises(RecordingError, match="claims 10000000 rows"):
+    with pytest.raises(RecordingError, match="states 10000000 rows"):
         read_recording(tmp_path / "x.parquet")
 
 

@@ -34,7 +34,7 @@ class Watched:
 
     Attributes:
         complaints: errors and warnings of the console, and exceptions.
-        requests: addresses asked for beside the page's own.
+        requests: addresses of requests other than that of the page.
     """
 
     def __init__(self, browser: Any, path: Path, **options: Any) -> None:
@@ -42,12 +42,12 @@ class Watched:
         self.requests: list[str] = []
         self.page = browser.new_page(**options)
         self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("console", self._heard)
+        self.page.on("console", self._on_console)
         self.page.on("request", lambda request: self.requests.append(request.url))
         self.page.goto(path.resolve().as_uri())
         self.requests.remove(path.resolve().as_uri())
 
-    def _heard(self, message: Any) -> None:
+    def _on_console(self, message: Any) -> None:
         if message.type in {"error", "warning"}:
             self.complaints.append(message.text)
 

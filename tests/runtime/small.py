@@ -30,11 +30,11 @@ def small(per_chunk: int | None = None) -> Iterator[None]:
     """The registry holds small studies while the block runs."""
     before = dict(STUDIES), dict(IDS)
     for name, study in before[0].items():
-        own: dict[str, Any] = {"trials": TRIALS.get(name, study.trials)}
+        changes: dict[str, Any] = {"trials": TRIALS.get(name, study.trials)}
         if per_chunk is not None:
-            own["per_chunk"] = per_chunk
+            changes["per_chunk"] = per_chunk
         config = replace(study.config, **CONFIGS.get(name, {}))
-        STUDIES[name] = replace(study, config=config, **own)
+        STUDIES[name] = replace(study, config=config, **changes)
     IDS.update(
         {view.id: STUDIES[study.name] for study in before[1].values() for view in study.views}
     )

@@ -29,12 +29,12 @@ def pinocchio_rows(lib: Library, trajectory: Trajectory, t: np.ndarray) -> np.nd
 
 
 def with_friction(rows: np.ndarray, dq: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """[Y F] with every joint's friction columns on its own rows only, (N n, k)."""
-    own = friction.columns(friction.JointMotion(dq), Friction(names))
-    count, n, k = own.shape
+    """[Y F] with every joint's friction columns on its rows only, (N n, k)."""
+    columns = friction.columns(friction.JointMotion(dq), Friction(names))
+    count, n, k = columns.shape
     blocks = np.zeros((count, n, n, k))
     for j in range(n):
-        blocks[:, j, j] = own[:, j]
+        blocks[:, j, j] = columns[:, j]
     return np.concatenate([rows, blocks.reshape(count, n, -1)], axis=2).reshape(count * n, -1)
 
 

@@ -27,7 +27,7 @@ TRIALS = 10
 
 @pytest.fixture(scope="module")
 def done(lib: Library, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """`all --trials 10`, small; nobody writes into it."""
+    """`all --trials 10`, small; read only."""
     pytest.importorskip("mujoco", reason="pip install 'symgen[experiments]'")
     out = tmp_path_factory.mktemp("experiments")
     with small.small():
@@ -38,12 +38,12 @@ def done(lib: Library, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def mean(facts: dict[str, Any], case: str, method: str, metric: str) -> float:
     """One line of the summary."""
-    (found,) = (
+    (value,) = (
         line["mean"]
         for line in facts["summary"]
         if (line["case"], line["method"], line["metric"]) == (case, method, metric)
     )
-    return float(found)
+    return float(value)
 
 
 def test_every_id_of_the_document_has_a_result(done: Path) -> None:
@@ -62,8 +62,8 @@ def test_every_id_of_the_document_has_a_result(done: Path) -> None:
         for view in study.views:
             assert set(view.series) <= set(series)
             assert set(view.cases) <= {case for case, _, _ in known}
-            told = {metric for _, _, metric in known}
-            assert set(view.metrics) - told <= {"mass_error_g", "com_error_mm"}
+            published = {metric for _, _, metric in known}
+            assert set(view.metrics) - published <= {"mass_error_g", "com_error_mm"}
         for line in facts["document"]:
             assert (line["case"], line["method"], line["metric"]) in known
 
@@ -116,7 +116,9 @@ def test_link_7_stays_where_it_was_left(
     assert all(np.array_equal(x[60:], truth[60:]) for x in places)
     assert fit.lam is not None
     assert np.array_equal(fit.lam[60:], truth[60:])
-    assert (places[-1][10:60] != places[0][10:60]).all()  # of link 1 torque tells one entry
+    assert (
+        places[-1][10:60] != places[0][10:60]
+    ).all()  # the torque depends on one entry of link 1
     series = read_series(done / "noise")
     (row,) = (
         row for row in rows_of(done, "noise") if (row["method"], row["trial"]) == ("adam-frozen", 2)
@@ -178,20 +180,20 @@ def _empty(path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["chunks/00000-00009.parquet", "trials.parquet", "series.npz", "result.json"]
 )
-def test_damaged_files_are_told_and_made_again(
+def test_damaged_files_are_reported_and_computed_again(
     lib: Library, done: Path, tmp_path: Path, name: str, damage: Callable[[Path], None]
 ) -> None:
     """Property: whatever is cut or altered, the next run ends with the same table."""
     shutil.copytree(done / "excitation", tmp_path / "excitation")
     shutil.copytree(done / "noise", tmp_path / "noise")
     damage(tmp_path / "noise" / name)
-    told: list[str] = []
+    sentences: list[str] = []
     with small.small():
         if name.startswith("chunks"):
             (tmp_path / "noise" / "result.json").unlink()
             assert state_of(lib, STUDIES["noise"], Request(tmp_path, TRIALS)).done == 0
-        reproduce(lib, STUDIES["noise"], Request(tmp_path, TRIALS, tell=told.append))
-    assert len(told) == 1
-    assert "again" in told[0]
+        reproduce(lib, STUDIES["noise"], Request(tmp_path, TRIALS, notify=sentences.append))
+    assert len(sentences) == 1
+    assert "again" in sentences[0]
     assert rows_of(tmp_path, "noise") == rows_of(done, "noise")
     assert valid_result(tmp_path / "noise") is not None

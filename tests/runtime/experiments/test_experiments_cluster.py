@@ -25,18 +25,18 @@ def test_a_killed_worker_changes_no_digit(lib: Library, tmp_path: Path) -> None:
     ):
         victim = cluster.workers[0]
         pid = victim.pid
-        told: list[int] = []
+        progress: list[int] = []
 
         def kill(study: str, done: int, total: int) -> None:
             if study == "ideal":
-                told.append(done)
+                progress.append(done)
                 if done == 1:
                     os.kill(pid, signal.SIGKILL)
 
         far = Request(tmp_path / "far", trials, scheduler=cluster.scheduler_address, progress=kill)
         reproduce(lib, STUDIES["ideal"], far)
         assert victim.pid != pid
-    assert told == list(range(trials + 1))
+    assert progress == list(range(trials + 1))
     with small.small():
         reproduce(lib, STUDIES["ideal"], Request(tmp_path / "here", trials))
     assert small.rows_of(tmp_path / "far", "ideal") == small.rows_of(tmp_path / "here", "ideal")

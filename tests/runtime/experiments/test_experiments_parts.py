@@ -48,7 +48,7 @@ def test_the_judge_measures_by_the_book(
     assert "airm" not in impossible
 
 
-def test_sines_keep_the_limits_and_are_their_own_derivatives(lib: Library) -> None:
+def test_sines_keep_the_limits_and_have_exact_derivatives(lib: Library) -> None:
     """Oracle: central differences, which err by h²/6 of the third derivative, 1e-4 at 100 Hz."""
     log, amplitude = sinusoidal(lib, 10.0, 100.0, 1.0, 0)
     limits = lib.limits()
@@ -68,10 +68,10 @@ def test_a_band_keeps_the_last_value_of_a_trial_that_has_ended() -> None:
         {"case": "a", "method": "adam", "curve": [8.0], "airm": 3.0},
         {"case": "b", "method": "adam", "curve": [9.0], "airm": 9.0},
     ]
-    found = band(rows, "a", "adam", 25, 75)
-    assert found["a/adam/iteration"].tolist() == [0, 25, 50, 75]
-    assert found["a/adam/mean"].tolist() == [6.0, 2.5, 2.0, 2.0]
-    assert found["a/adam/std"] == pytest.approx(np.sqrt([8, 0.5, 2, 2]))
+    series = band(rows, "a", "adam", 25, 75)
+    assert series["a/adam/iteration"].tolist() == [0, 25, 50, 75]
+    assert series["a/adam/mean"].tolist() == [6.0, 2.5, 2.0, 2.0]
+    assert series["a/adam/std"] == pytest.approx(np.sqrt([8, 0.5, 2, 2]))
 
 
 def test_the_documents_numbers_stand_in_the_document(shared_data: Path) -> None:

@@ -32,7 +32,7 @@ pytest.importorskip("pyarrow", reason="pip install 'symgen[experiments]'")
 
 @pytest.fixture(scope="module")
 def designs(lib: Library, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The excitation study alone, small; nobody writes into it."""
+    """The excitation study alone, small; read only."""
     out = tmp_path_factory.mktemp("designs")
     with small.small():
         reproduce(lib, STUDIES["excitation"], Request(out))

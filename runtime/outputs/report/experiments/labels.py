@@ -13,7 +13,7 @@ _VARIANTS = {
     "map-dahl": "MAP + Dahl",
     "fixed-arm": "payload alone",
 }
-"""Methods of studies that are no estimator of their own."""
+"""Methods of studies that are variants of an estimator."""
 BEST = ("map-friction", "map", "lm")
 """Method of this package that is compared with the document: the first one that a study has.
 

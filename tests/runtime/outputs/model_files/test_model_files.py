@@ -46,7 +46,7 @@ def exported(lib: Library, folder: Path, *kinds: str) -> dict[str, tuple[str, st
 
 
 @pytest.mark.parametrize("name", ["fr3", "arm", "tree", "gantry"])
-def test_every_format_reloads_in_its_own_engine(
+def test_every_format_reloads_in_its_engine(
     name: str,
     arm: Library,
     robot: Callable[[str], Library],
@@ -82,7 +82,7 @@ def test_mujoco_and_pinocchio_move_alike(arm: Library, tmp_path: Path) -> None:
 
 
 def test_friction_is_what_it_is_called(arm: Library, tmp_path: Path) -> None:
-    """Property: damping, dry friction and rotor by joint; what drives or has no name is told."""
+    """Property: damping, dry friction and rotor by joint; negative or other columns are listed."""
     files = exported(arm, tmp_path)
     phi = friction_of(arm)
     model = mujoco.MjModel.from_xml_string(files["mjcf"][0])

@@ -70,7 +70,7 @@ def test_fixed_bodies_keep_their_inertial_and_all_else_stays(arm: Library) -> No
     assert values(roots[0]) == values(roots[1])
 
 
-def test_a_link_without_matter_of_its_own_carries_its_tool(arm: Library) -> None:
+def test_a_link_without_mass_carries_its_tool(arm: Library) -> None:
     """Property: with the URDF's own π nothing but rounding is left of the slider less its tool."""
     bodies = make_model(arm, arm.pi0).bodies
     assert bodies.emptied == ("tool",)

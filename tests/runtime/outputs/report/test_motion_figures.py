@@ -45,7 +45,7 @@ def limits_of(axis: Axes) -> list[float]:
 
 
 def test_every_joint_has_its_panels(shown: MotionProfile) -> None:
-    """Property: q, dq, ddq, torque per row with units, and limits drawn or told; then the use."""
+    """Property: q, dq, ddq, torque per row with units, limits drawn or in the title; use."""
     figure = drawn_by(draw_motion, shown)
     rows = np.array(figure.axes).reshape(7, 5)
     for j, row in enumerate(rows):
@@ -105,7 +105,7 @@ def test_path_and_distances(shown: MotionProfile) -> None:
         assert bool(axis.patches) == broken
 
 
-def test_what_nobody_checked_is_told(shown: MotionProfile) -> None:
+def test_unchecked_limits_are_listed(shown: MotionProfile) -> None:
     """Property: no gaps is no clearance; unchecked distances say so."""
     for left, words in (
         (replace(shown, gaps=(), table=None, box=None), "no collision proxies"),
@@ -116,8 +116,8 @@ def test_what_nobody_checked_is_told(shown: MotionProfile) -> None:
     ):
         figure = drawn_by(draw_space, left)
         panel = figure.subfigs[1].axes[0]
-        told = [panel.get_title("left"), *(text.get_text() for text in panel.texts)]
-        assert any(words in text for text in told)
+        texts = [panel.get_title("left"), *(text.get_text() for text in panel.texts)]
+        assert any(words in text for text in texts)
 
 
 def test_the_pictures_are_pngs(shown: MotionProfile, tmp_path: Path, tiny_built: Path) -> None:

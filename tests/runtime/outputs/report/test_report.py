@@ -97,7 +97,7 @@ def test_the_page_needs_nothing_from_outside(tmp_path: Path) -> None:
     assert "default-src 'none'" in text
 
 
-def test_only_our_own_script_may_run(tmp_path: Path) -> None:
+def test_only_the_script_of_the_page_may_run(tmp_path: Path) -> None:
     """Property: the policy's one hash is the SHA-256 of the page's one script."""
     text = write_report(write(tmp_path)).read_text(encoding="utf-8")
     (script,) = re.findall(r"<script>(.*?)</script>", text, flags=re.DOTALL)

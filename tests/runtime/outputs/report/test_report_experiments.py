@@ -56,7 +56,7 @@ def study(folder: Path, change: Change | None = None) -> Path:
         {"case": "p=0.15", "method": m, "metric": "consistent", "mean": 1.0, "std": 0.0, "n": 3}
         for m in AIRM
     ]
-    told = {"id": "table-5.2", "source": "Table 5.2", "case": "p=0.15", "method": "adam"}
+    published = {"id": "table-5.2", "source": "Table 5.2", "case": "p=0.15", "method": "adam"}
     torque = ["tau_error_1", "tau_error_2"]
     raw = {
         "format": 1,
@@ -86,9 +86,9 @@ def study(folder: Path, change: Change | None = None) -> Path:
         "facts": {"rate_hz": 100.0, "filter": "none"},
         "summary": summary,
         "document": [
-            told | {"metric": "airm", "mean": 0.0402, "std": 0.0409},
-            told | {"metric": "tau_error_1", "mean": 0.1, "std": 0.13},
-            told | {"metric": "consistent", "mean": 1.0, "std": None},
+            published | {"metric": "airm", "mean": 0.0402, "std": 0.0409},
+            published | {"metric": "tau_error_1", "mean": 0.1, "std": 0.13},
+            published | {"metric": "consistent", "mean": 1.0, "std": None},
         ],
     }
     if change:
@@ -210,7 +210,7 @@ def test_truncated_and_missing_files_are_named(tmp_path: Path) -> None:
         read_experiments(place.parent)
 
 
-def test_a_study_that_has_not_finished_is_told_and_left_out(tmp_path: Path) -> None:
+def test_an_unfinished_study_is_listed_and_omitted(tmp_path: Path) -> None:
     folder = study(tmp_path)
     (folder / "late").mkdir()
     (folder / "late" / "config.json").write_text("{}")

@@ -96,7 +96,7 @@ def test_the_server_serves_until_it_is_closed(fr3: Library) -> None:
         urllib.request.urlopen(scene.url, timeout=5)  # noqa: S310
 
 
-def test_meshes_are_found_where_they_may_lie(
+def test_meshes_are_searched_in_packages(
     fr3: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A package beside, below, or in ROS's and ament's paths; a hand rides on its link."""

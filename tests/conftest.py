@@ -23,6 +23,7 @@ FIRST = (
     *(
         "symgen/mechanics/test_dynamics.py",
         "symgen/test_memory.py",
+        "test_docs.py",
         "test_readme.py",
         "test_bench.py",
     ),

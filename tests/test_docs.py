@@ -21,6 +21,10 @@ PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
 NOTEBOOKS = ("own-robot", "payload")
 SIZES = ((1400, 900), (400, 800))
 EXCESS = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+OF_SCRIPTS = {f"--{name}" for name in ("update", "goals", "joints", "serve", "notebooks")} | {
+    f"--{name}" for name in ("count", "first", "kind")
+}
+"""Options of the programs in scripts/ that pages name."""
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 """Colours of a terminal."""
 LOOKED_AT = (
@@ -56,6 +60,21 @@ def test_commands_of_console_blocks_exist() -> None:
                 assert options <= known | {"--help"}, f"{page.name}: {' '.join(words)}"
                 checked += 1
     assert checked > 15
+
+
+def test_options_named_in_pages_exist() -> None:
+    """Property: a page of the how-to section names no option that no command has."""
+    import typer.main
+
+    import runtime.cli
+    import symgen.cli
+
+    groups = [typer.main.get_command(app).commands for app in (symgen.cli.app, runtime.cli.app)]
+    params = [p for group in groups for command in group.values() for p in command.params]
+    known = {name for p in params for name in (*p.opts, *p.secondary_opts)} | OF_SCRIPTS
+    for page in PAGES:
+        named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page.read_text(encoding="utf-8")))
+        assert named <= known, f"{page.name}: {sorted(named - known)}"
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,9 @@
 """Capsules of small volume around the triangles of a link: one, two or three of them.
 
 One capsule around points x_i: min log(π r² L + 4/3 π r³) with |x_i − segment| ≤ r, by SLSQP with
-exact gradients from several axes. Several: triangles go to the capsule that they stick out of
-least, and each capsule is fitted anew, until nothing changes (Lloyd). A further capsule is taken
-only where it saves a sixth of the volume, since every capsule makes pairs.
+exact gradients from several axes. Several capsules: each triangle is assigned to the capsule that
+it protrudes from least, and each capsule is fitted again, until the assignment is stable (Lloyd). A
+further capsule is added only if it saves a sixth of the volume, since every capsule adds pairs.
 """
 
 from dataclasses import dataclass
@@ -19,18 +19,23 @@ from symgen.collision.model import Proxy
 Array = NDArray[np.float64]
 
 GRAIN = 1e-4
-"""m; ends are rounded to it and radii up to it."""
-WORTH = 1 / 6
+"""Grid of the ends and radii, m; radii are rounded up."""
+LEAST_SAVING = 1 / 6
 """Part of the volume that one more capsule must save."""
 _ROUNDS = 8
-"""Reassignments of triangles at most; they settle after three or four."""
+"""Largest number of reassignments of triangles; three or four suffice."""
 _CONSTRAINED = 400
-"""Points that SLSQP sees at most; the radius is checked with all of them afterwards."""
+"""Largest number of points for SLSQP; the radius is then checked with all of them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Capsule:
-    """start, end (3,) and radius, m."""
+    """All points within `radius` of a segment.
+
+    Attributes:
+        start, end: (3,) m.
+        radius: m.
+    """
 
     start: Array
     end: Array
@@ -43,16 +48,19 @@ class Capsule:
         return float(np.pi * self.radius**2 * (length + 4 / 3 * self.radius))
 
     def depth(self, points: Array) -> Array:
-        """Distance to the surface, negative inside, for points (…, 3)."""
+        """Signed distance of points (…, 3) to the surface, negative inside, m."""
         return _to_segment(points, self.start, self.end)[0] - self.radius
 
 
 def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
-    """Proxies that hold every triangle of a link, and its own spheres and capsules.
+    """Return proxies that enclose a link.
 
     Args:
-        geometry: of one link.
-        most: capsules at most around the triangles.
+        geometry: triangles, spheres and capsules of one link.
+        most: largest number of capsules around the triangles.
+
+    Returns:
+        The spheres and capsules of the URDF, and the fitted capsules.
     """
     capsules = [Capsule(r.start, r.end, r.radius) for r in geometry.rounds]
     if len(geometry.triangles):
@@ -71,11 +79,19 @@ def fit_link(geometry: LinkGeometry, most: int) -> tuple[Proxy, ...]:
 
 
 def fit_capsules(triangles: Array, most: int) -> list[Capsule]:
-    """As many capsules as pay, each triangle (3, 3) wholly inside one of them."""
+    """Fit capsules to triangles, each triangle wholly inside one of them.
+
+    Args:
+        triangles: (T, 3, 3) corners, m.
+        most: largest number of capsules.
+
+    Returns:
+        As many capsules as save volume.
+    """
     best = [_rounded(_enclosing(triangles), triangles)]
     for count in range(2, most + 1):
         more = _split(triangles, count)
-        if sum(c.volume for c in more) > (1 - WORTH) * sum(c.volume for c in best):
+        if sum(c.volume for c in more) > (1 - LEAST_SAVING) * sum(c.volume for c in best):
             break
         best = more
     return best
@@ -103,24 +119,25 @@ def _split(triangles: Array, count: int) -> list[Capsule]:
 
 
 def _enclosing(triangles: Array, starts: int = 5) -> Capsule:
-    """The smallest capsule found around all corners, from axes of inertia and of the frame."""
+    """The smallest capsule around all corners, from axes of inertia and of the frame."""
     points = _extreme(triangles.reshape(-1, 3))
     centre = (points.min(axis=0) + points.max(axis=0)) / 2
     size = float(np.abs(points - centre).max()) or 1.0
     scaled = (points - centre) / size
     _, _, axes = np.linalg.svd(scaled - scaled.mean(axis=0), full_matrices=False)
-    found = [_minimised(scaled, axis) for axis in [*axes[:2], *np.eye(3)][:starts]]
-    best = min(found, key=lambda c: c.volume)
+    fits = [_minimised(scaled, axis) for axis in [*axes[:2], *np.eye(3)][:starts]]
+    best = min(fits, key=lambda c: c.volume)
     return Capsule(centre + size * best.start, centre + size * best.end, size * best.radius)
 
 
 def _extreme(points: Array) -> Array:
-    """Corners of the convex hull: a capsule that holds them holds everything between."""
+    """Corners of the convex hull: a capsule that contains them contains all points."""
     points = np.unique(points, axis=0)
     try:
         points = points[ConvexHull(points).vertices]
     except (QhullError, ValueError):
         return points  # flat: no hull
+    # Too many for SLSQP: the extreme points in directions of a Fibonacci sphere.
     if len(points) > _CONSTRAINED:
         golden = np.pi * (1 + 5**0.5) * np.arange(_CONSTRAINED)
         height = 1 - (2 * np.arange(_CONSTRAINED) + 1) / _CONSTRAINED
@@ -138,6 +155,7 @@ def _minimised(points: Array, axis: Array) -> Capsule:
     half = max(half - radius, 0.1 * half)
     start = np.concatenate([(middle - half) * axis, (middle + half) * axis, [radius + half]])
 
+    # x = (start, end, radius); cost log volume, constraints r − |x_i − segment| ≥ 0.
     def cost(x: Array) -> tuple[float, Array]:
         d, r = x[3:6] - x[:3], x[6]
         length = np.sqrt(d @ d) + 1e-9
@@ -166,6 +184,7 @@ def _minimised(points: Array, axis: Array) -> Capsule:
         constraints=[constraint],
         options={"maxiter": 100, "ftol": 1e-7},
     )
+    # Whatever SLSQP returns, the radius is that of the farthest point: the capsule encloses all.
     x = answer.x if np.isfinite(answer.x).all() else start
     return Capsule(x[:3], x[3:6], float(_to_segment(points, x[:3], x[3:6])[0].max()))
 
@@ -180,13 +199,13 @@ def _to_segment(points: Array, start: Array, end: Array) -> tuple[Array, Array, 
 
 
 def _rounded(capsule: Capsule, triangles: Array) -> Capsule:
-    """Ends on the grain, radius up to it, and every corner inside."""
+    """Ends rounded to the grain, radius rounded up, so that every corner is inside."""
     start, end = (np.round(p / GRAIN) * GRAIN for p in (capsule.start, capsule.end))
     reach = float(_to_segment(triangles, start, end)[0].max())
     return Capsule(start, end, float(np.ceil(reach / GRAIN + 1e-6) * GRAIN))
 
 
 def _point(x: Array) -> tuple[float, float, float]:
-    """Without the rounding of binary fractions, and without −0."""
+    """Coordinates without the rounding of binary fractions, and without −0."""
     a, b, c = (round(float(value), 9) + 0.0 for value in x)
     return a, b, c

@@ -1,7 +1,7 @@
-"""How well proxies hold a link, asked of coal: nothing sticks out, and how much air they take in.
+"""Coverage of a link by its proxies, measured by coal: protruding parts and excess volume.
 
-The corners of triangles at most `EDGE` long are asked one by one. Where all three corners of a
-triangle lie in one capsule, the whole triangle does, since a capsule is convex.
+The corners of triangles with edges of at most `EDGE` are checked one by one. If all three corners
+of a triangle lie in one capsule, so does the triangle, since a capsule is convex.
 """
 
 from dataclasses import dataclass
@@ -16,18 +16,19 @@ from symgen.collision.model import Proxy
 Array = NDArray[np.float64]
 
 _POINT = 1e-9
-"""m; radius of the sphere that stands for a point."""
+"""Radius of the sphere that represents a point, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """What the proxies of a link hold.
+    """Coverage of one link.
 
     Attributes:
         link: moving link, or `BASE`.
-        proxies: how many.
-        corners: of triangles, as many as were asked.
-        outside: m; how far a triangle sticks out of the proxy that holds it best, at most.
+        proxies: number of proxies.
+        corners: number of corners of triangles.
+        outside: largest distance by which a triangle protrudes from the proxy that holds it best,
+            m.
         ratio: volume of the proxies over that of the convex hulls; NaN without angular shapes.
     """
 
@@ -39,21 +40,29 @@ class Coverage:
 
 
 def coverage(geometry: LinkGeometry, proxies: tuple[Proxy, ...]) -> Coverage:
-    """Ask coal for the distance of every corner to every proxy of the link."""
-    own = [proxy for proxy in proxies if proxy.link == geometry.link]
+    """Measure how well proxies enclose a link.
+
+    Args:
+        geometry: triangles of one link.
+        proxies: of all links.
+
+    Returns:
+        Numbers of the link.
+    """
+    ours = [proxy for proxy in proxies if proxy.link == geometry.link]
     corners, owner = np.unique(geometry.triangles.reshape(-1, 3), axis=0, return_inverse=True)
     outside = np.inf if len(corners) else 0.0
-    if own and len(corners):
-        distance = np.stack([_distances(proxy, corners) for proxy in own])  # (proxies, corners)
+    if ours and len(corners):
+        distance = np.stack([_distances(proxy, corners) for proxy in ours])  # (proxies, corners)
         per_triangle = distance[:, owner.reshape(-1, 3)].max(axis=2)  # (proxies, T)
         outside = float(per_triangle.min(axis=0).max())
-    volume = sum(np.pi * p.radius**2 * (p.length + 4 / 3 * p.radius) for p in own)
+    volume = sum(np.pi * p.radius**2 * (p.length + 4 / 3 * p.radius) for p in ours)
     ratio = float(volume / geometry.volume) if geometry.volume > 0 else float("nan")
-    return Coverage(geometry.link, len(own), len(corners), max(outside, 0.0), ratio)
+    return Coverage(geometry.link, len(ours), len(corners), max(outside, 0.0), ratio)
 
 
 def capsule_of(proxy: Proxy) -> tuple[coal.Capsule, coal.Transform3s]:
-    """coal's capsule and its placement in the frame of the link."""
+    """Capsule of a proxy and its placement in the frame of the link, as coal's types."""
     start, end = np.array(proxy.start), np.array(proxy.end)
     axis = (end - start) / proxy.length if proxy.length > 0 else np.array([0.0, 0.0, 1.0])
     side = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
@@ -67,10 +76,10 @@ def _distances(proxy: Proxy, points: Array) -> Array:
     capsule, placement = capsule_of(proxy)
     point, request = coal.Sphere(_POINT), coal.DistanceRequest()
     request.enable_signed_distance = True
-    answer, there = coal.DistanceResult(), coal.Transform3s()
-    found = np.empty(len(points))
+    answer, place = coal.DistanceResult(), coal.Transform3s()
+    distances = np.empty(len(points))
     for k, x in enumerate(points):
-        there.setTranslation(x)
+        place.setTranslation(x)
         answer.clear()
-        found[k] = coal.distance(capsule, placement, point, there, request, answer) + _POINT
-    return found
+        distances[k] = coal.distance(capsule, placement, point, place, request, answer) + _POINT
+    return distances

@@ -1,10 +1,10 @@
 """Distances between capsules, and of capsules from a plane, with exact gradients in q.
 
 d = |P − Q| − r₁ − r₂ with P, Q the closest points of two segments. By the envelope theorem the
-gradient is that of |P − Q| with P and Q held in their links: ∂d/∂q_j = n · ż_j(P), n the direction
-from Q to P, for each joint j that moves one of them only. Where the segments cross, n is
-undefined and the gradient is given as zero; where they are parallel, the closest points are not
-unique and one choice of them is taken. Nothing here divides by zero.
+gradient is that of |P − Q| with P and Q fixed in their links: ∂d/∂q_j = n · ż_j(P), n the direction
+from Q to P, for each joint j that moves only one of them. Where the segments cross, n is undefined
+and the gradient is set to zero; where they are parallel, the closest points are not unique and one
+choice is taken. No expression divides by zero.
 Source: Ericson, Real-Time Collision Detection, 5.1.9; Danskin's theorem for the gradient.
 """
 
@@ -25,7 +25,7 @@ _CROSSING = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """Pose of a link in the base frame, its joint's axis and moment z × o, joints that move it."""
+    """Pose of a link in the base frame, axis z and moment z × o of its joint, joints that move it."""
 
     rotation: Matrix
     origin: Matrix
@@ -46,15 +46,15 @@ class _Segment:
 
 
 def clearance(chain: Chain, model: CollisionModel, q: Matrix) -> tuple[Matrix, Matrix]:
-    """Surface distance of every pair, negative inside each other, and its gradient.
+    """Surface distance of every pair, negative for overlapping proxies, and its gradient.
 
     Args:
         chain: n joints.
-        model: its pairs in their order.
-        q: (n,) rad or m.
+        model: proxies and pairs.
+        q: (n,) joint positions [rad, m].
 
     Returns:
-        (n_pairs,) m and (n_pairs, n) m/rad or 1.
+        (n_pairs,) distances [m] and (n_pairs, n) gradients [m/rad, 1].
     """
     frames = _frames(chain, q)
     segments = {p.name: _segment(chain, model, frames, p) for p in model.proxies}
@@ -69,12 +69,12 @@ def plane_clearance(
 
     Args:
         chain: n joints.
-        model: its moving proxies in their order.
-        q: (n,) rad or m.
+        model: proxies.
+        q: (n,) joint positions [rad, m].
         plane: (4,) unit normal n and offset d [m] of the plane n·x = d in the base frame.
 
     Returns:
-        (n_moving,) m and (n_moving, n) m/rad or 1.
+        (n_moving,) distances [m] and (n_moving, n) gradients [m/rad, 1].
     """
     frames = _frames(chain, q)
     normal, offset = plane[:3], plane[3]
@@ -94,7 +94,15 @@ def plane_clearance(
 
 
 def moving(chain: Chain, model: CollisionModel) -> tuple[Proxy, ...]:
-    """Proxies that some joint moves: those that a plane can meet."""
+    """Proxies that some joint moves, which therefore can meet a plane.
+
+    Args:
+        chain: n joints.
+        model: proxies of the robot.
+
+    Returns:
+        Proxies in the order of the model.
+    """
     links = [joint.link for joint in chain.joints]
     return tuple(p for p in model.proxies if model.joint_of(p, links) >= 0)
 
@@ -143,8 +151,8 @@ def _pair(
 def _closest(a: _Segment, b: _Segment) -> tuple[Matrix, Matrix]:
     """s, t ∈ [0, 1] of the closest points a.start + s·a.direction and b.start + t·b.direction.
 
-    The minimum over s of the distance to the line of b, clamped; then t for that s; where t had
-    to be clamped, s again for that t. A sphere's parameter is 0.
+    s minimises the distance to the line of b and is clamped; t follows from s and is clamped; s
+    follows again from t. A sphere's parameter is 0.
     """
     across = a.start - b.start
     if not a.square and not b.square:
@@ -173,10 +181,10 @@ def _row(
     first: frozenset[int],
     second: frozenset[int],
 ) -> Matrix:
-    """n · ∂P/∂q_j for the joints of `first` only, −n · ∂Q/∂q_j for those of `second` only.
+    """n · ∂P/∂q_j for joints of `first` only, −n · ∂Q/∂q_j for joints of `second` only.
 
-    n · (z × (P − o)) = z · (P × n) − n · (z × o); the line through P along n is also the one
-    through Q, so that one moment P × n serves both.
+    n · (z × (P − o)) = z · (P × n) − n · (z × o). The line through P along n also goes through Q,
+    so one moment P × n serves both.
     """
     row: list[Matrix] = []
     for j, frame in enumerate(frames):

@@ -1,8 +1,7 @@
 """Collision geometry of a URDF as triangles and round shapes in the frames of the chain's links.
 
 Pinocchio reads the URDF and its meshes through coal. Triangles are cut until their edges are short,
-so that one of them lies in one convex proxy or another as a whole: three corners inside a capsule
-mean that the triangle is inside.
+so that each lies as a whole in one convex proxy: a triangle is inside a capsule if its corners are.
 """
 
 from dataclasses import dataclass
@@ -22,16 +21,21 @@ from symgen.errors import CollisionError
 Array = NDArray[np.float64]
 
 LARGEST = 10.0
-"""m from the frame of its link; beyond lies no robot, but a mesh in mm."""
+"""Largest coordinate of a shape in the frame of its link, m; beyond it a mesh is in mm."""
 EDGE = 0.02
-"""m; longest edge of a triangle after cutting."""
+"""Longest edge of a triangle after cutting, m."""
 _CORNERS = 32
 """Corners of the polygon around a circle."""
 
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """A sphere or capsule of the URDF itself: needs no fit."""
+    """A sphere or capsule of the URDF, which needs no fit.
+
+    Attributes:
+        start, end: (3,) m, in the link's frame.
+        radius: m.
+    """
 
     start: Array
     end: Array
@@ -40,11 +44,11 @@ class Round:
 
 @dataclass(frozen=True, slots=True)
 class LinkGeometry:
-    """Shapes rigid in one link.
+    """Shapes fixed in one link.
 
     Attributes:
         link: moving link of the chain, or `BASE`.
-        triangles: (T, 3, 3) corners, m, in the link's frame; none longer than `EDGE`.
+        triangles: (T, 3, 3) corners, m, in the link's frame; no edge is longer than `EDGE`.
         rounds: spheres and capsules.
         volume: m³ of the convex hulls of the angular shapes.
     """
@@ -56,27 +60,30 @@ class LinkGeometry:
 
 
 def read_geometry(chain: Chain, packages: list[Path]) -> tuple[LinkGeometry, ...]:
-    """The collision geometry of every link of a chain that has any.
+    """Collision geometry of all links of a chain that have any.
 
     Args:
         chain: read from a URDF; its `urdf` keeps the shapes.
         packages: folders in which `package://…` is looked up.
 
+    Returns:
+        One entry per link with shapes, the base first.
+
     Raises:
         CollisionError: a mesh is missing or damaged, or no link has geometry.
     """
     objects = _objects(chain, packages)
-    found = []
+    links = []
     for joint, link in enumerate((BASE, *(j.link for j in chain.joints))):
         parts = [o for o in objects if o.parentJoint == joint]
         if parts:
-            found.append(_link(link, parts))
-    if not found:
+            links.append(_link(link, parts))
+    if not links:
         raise CollisionError(
             f"no link of '{chain.name}' has a <collision> shape, so there is nothing to enclose; "
-            "take a URDF with collision geometry or write [[proxy]] tables by hand"
+            "use a URDF with collision geometry or write [[proxy]] tables by hand"
         )
-    return tuple(found)
+    return tuple(links)
 
 
 def _objects(chain: Chain, packages: list[Path]) -> list[Any]:
@@ -106,8 +113,8 @@ def _link(link: str, parts: list[Any]) -> LinkGeometry:
         corners = corners @ placement.rotation.T + placement.translation
         if not np.abs(corners).max() < LARGEST:
             raise CollisionError(
-                f"the collision shape '{part.name}' reaches {np.abs(corners).max():g} m, which no "
-                "robot does; shapes are in m, so correct its size or the scale of its mesh"
+                f"the collision shape '{part.name}' reaches {np.abs(corners).max():g} m, expected "
+                f"less than {LARGEST:g} m; shapes are in m, correct its size or the scale of its mesh"
             )
         volume += float(ConvexHull(corners.reshape(-1, 3)).volume)
         triangles.append(cut(corners))
@@ -116,7 +123,7 @@ def _link(link: str, parts: list[Any]) -> LinkGeometry:
 
 
 def _corners(name: str, shape: Any) -> Array:
-    """Triangles (T, 3, 3) of a shape in its own frame, or of a polytope around it."""
+    """Triangles (T, 3, 3) of a shape in its frame, or of a polytope around it."""
     if isinstance(shape, coal.Box):
         signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
         return _hull(signs * np.asarray(shape.halfSide))
@@ -132,8 +139,8 @@ def _corners(name: str, shape: Any) -> Array:
         if indices and np.isfinite(vertices).all():
             return vertices[np.array(indices)]
     raise CollisionError(
-        f"the collision shape '{name}' ({type(shape).__name__}) is no mesh with triangles, box, "
-        "cylinder, sphere or capsule; replace it in the URDF"
+        f"the collision shape '{name}' ({type(shape).__name__}) is not a mesh with triangles, a "
+        "box, cylinder, cone, sphere or capsule; replace it in the URDF"
     )
 
 
@@ -142,7 +149,15 @@ def _hull(points: Array) -> Array:
 
 
 def cut(triangles: Array, edge: float = EDGE) -> Array:
-    """The same surface in triangles with no edge above `edge`: the longest one is halved."""
+    """Divide triangles until no edge is longer than `edge`: the longest edge is halved.
+
+    Args:
+        triangles: (T, 3, 3) corners, m.
+        edge: longest edge allowed, m.
+
+    Returns:
+        (T', 3, 3) corners of the same surface.
+    """
     done = []
     while len(triangles):
         sides = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)  # (T, 3)

@@ -1,4 +1,4 @@
-"""Distances between the links themselves, by coal: what proxies are measured against."""
+"""Distances between the links themselves, by coal: the reference for the proxies."""
 
 import casadi as ca
 import coal
@@ -16,27 +16,39 @@ Array = NDArray[np.float64]
 def link_distances(
     chain: Chain, first: LinkGeometry, second: LinkGeometry, postures: Array
 ) -> Array:
-    """Distance of two links at each posture, (N,) m; 0 where they touch or overlap.
+    """Distance of two links at each posture.
 
     Args:
         chain: n joints.
-        first: of one link.
-        second: of another one.
-        postures: (N, n) rad or m.
+        first: geometry of one link.
+        second: geometry of another link.
+        postures: (N, n) joint positions [rad, m].
+
+    Returns:
+        (N,) m; 0 where the links touch or overlap.
     """
     meshes = [_mesh(first.triangles), _mesh(second.triangles)]
     places = [link_poses(chain, part.link, postures) for part in (first, second)]
     request, answer = coal.DistanceRequest(), coal.DistanceResult()
-    found = np.empty(len(postures))
+    distances = np.empty(len(postures))
     for k, (a, b) in enumerate(zip(*places, strict=True)):
         where = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in (a, b)]
         answer.clear()
-        found[k] = coal.distance(meshes[0], where[0], meshes[1], where[1], request, answer)
-    return np.maximum(found, 0.0)
+        distances[k] = coal.distance(meshes[0], where[0], meshes[1], where[1], request, answer)
+    return np.maximum(distances, 0.0)
 
 
 def link_poses(chain: Chain, link: str, postures: Array) -> Array:
-    """Pose of a link in the base frame at each posture, (N, 4, 4)."""
+    """Pose of a link in the base frame at each posture.
+
+    Args:
+        chain: n joints.
+        link: moving link, or `BASE`.
+        postures: (N, n) joint positions [rad, m].
+
+    Returns:
+        (N, 4, 4) homogeneous matrices.
+    """
     q = ca.SX.sym("q", len(chain.joints))
     pose = ca.SX.eye(4)
     index = -1 if link == BASE else [j.link for j in chain.joints].index(link)

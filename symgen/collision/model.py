@@ -1,4 +1,4 @@
-"""Capsules rigid in a link, and pairs of them that must keep a distance."""
+"""Capsules fixed in a link, and pairs of them that must keep a distance."""
 
 from dataclasses import dataclass
 
@@ -9,20 +9,20 @@ from symgen.errors import CollisionError
 Vector = tuple[float, float, float]
 
 BASE = "base"
-"""How a proxy names the fixed base, whatever the base link is called."""
+"""Name of the fixed base in proxies, whatever the base link is called."""
 
 
 MARGIN = 0.02
-"""m; what two proxies keep where there is room for it."""
+"""Distance that two proxies keep where there is room for it, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Proxy:
-    """All points within `radius` of the segment from `start` to `end`; a sphere where they agree.
+    """All points within `radius` of the segment from `start` to `end`; a sphere if they are equal.
 
     Attributes:
         name: unique.
-        link: the moving link that carries it, or `BASE`.
+        link: moving link that carries it, or `BASE`.
         start, end: m, in the frame of that link (of its joint), or of the base link.
         radius: m.
     """
@@ -50,7 +50,7 @@ class Pair:
 
 @dataclass(frozen=True, slots=True)
 class CollisionModel:
-    """Proxies of a robot and the pairs of them that a motion has to watch.
+    """Proxies of a robot and the pairs of them that a motion must keep apart.
 
     Raises:
         CollisionError: a name twice or unknown, a number that is not finite, a radius ≤ 0.
@@ -75,7 +75,7 @@ class CollisionModel:
             for name in (pair.first, pair.second):
                 if name not in seen:
                     raise CollisionError(
-                        f"a pair names the proxy '{name}', which is not there; "
+                        f"a pair names the proxy '{name}', which does not exist; "
                         f"proxies are {', '.join(sorted(seen)) or 'none'}"
                     )
             if pair.first == pair.second or not np.isfinite(pair.margin):
@@ -85,7 +85,14 @@ class CollisionModel:
                 )
 
     def joint_of(self, proxy: Proxy, links: list[str]) -> int:
-        """Index of the joint that moves a proxy, −1 for the base.
+        """Index of the joint that moves a proxy.
+
+        Args:
+            proxy: proxy of this model.
+            links: names of the moving links, in the order of the joints.
+
+        Returns:
+            Index into `links`, −1 for the base.
 
         Raises:
             CollisionError: the chain has no such moving link.
@@ -100,5 +107,5 @@ class CollisionModel:
         return links.index(proxy.link)
 
     def named(self, name: str) -> Proxy:
-        """The proxy of this name."""
+        """Return the proxy of this name."""
         return next(proxy for proxy in self.proxies if proxy.name == name)

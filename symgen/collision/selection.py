@@ -1,12 +1,12 @@
-"""Which pairs of proxies a motion has to watch, and how far apart each must stay.
+"""Choice of the pairs of proxies that a motion must keep apart, and of their margins.
 
-All pairs of proxies on links that no joint connects, without those that stay apart in every
-posture and those that never get clear of each other. Distances are searched over the whole range
-of the joints: at random first, then downhill from the closest postures found.
+Candidates are all pairs of proxies on links that no joint connects. Left out are pairs that stay
+apart in every posture and pairs that overlap in every posture. Distances are searched over the
+whole range of the joints: random postures first, then descents from the closest ones.
 
-Proxies take in air, so that a pair may be short of its margin where the robot rests although the
-links themselves have room. Its margin is then set by the links: the least one that keeps these
-apart by `MARGIN`, or by half of their distance at rest, in all postures tried. It can be negative.
+Proxies are larger than their links, so a pair may be closer than its margin at rest although the
+links have room. The margin then follows from the links: the least margin that keeps the links apart
+by `MARGIN`, or by half of their distance at rest, in all sampled postures. It can be negative.
 """
 
 from dataclasses import dataclass
@@ -25,16 +25,24 @@ from symgen.collision.model import MARGIN, CollisionModel, Pair, Proxy
 Array = NDArray[np.float64]
 
 FAR = 0.005
-"""m above the margin that a pair never falls below to be left out."""
+"""Distance above the margin that a pair must always keep to be left out, m."""
 SPARE = 2e-3
-"""m; what a margin that was found at sampled postures gets on top."""
+"""Reserve of a margin that is determined from sampled postures, m."""
 _POSTURES = 4000
+"""Random postures."""
 _DESCENTS = 3
+"""Descents per pair."""
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """The pairs, and those left out: never close, or never clear."""
+    """Chosen pairs, and pairs left out.
+
+    Attributes:
+        pairs: pairs with their margins.
+        apart: pairs that never come close.
+        touching: pairs that overlap in every posture.
+    """
 
     pairs: tuple[Pair, ...]
     apart: tuple[tuple[str, str], ...]
@@ -48,15 +56,18 @@ def select_pairs(
     geometry: tuple[LinkGeometry, ...] = (),
     margin: float = MARGIN,
 ) -> Selection:
-    """Pairs worth watching, each with its margin.
+    """Choose the pairs of proxies that a motion must keep apart.
 
     Args:
         chain: n joints.
         proxies: of its links and its base.
-        home: (n,) where the robot rests.
-        geometry: what the proxies hold; without it pairs too close at rest keep half of the
-            distance that their proxies have there.
-        margin: m.
+        home: (n,) position at rest [rad, m].
+        geometry: shapes that the proxies enclose; without them, pairs that are too close at rest
+            keep half of the distance of their proxies at rest.
+        margin: distance that pairs keep, m.
+
+    Returns:
+        Pairs with margins, and pairs left out.
     """
     model = _all_pairs(chain, proxies, margin)
     if not model.pairs:
@@ -68,37 +79,42 @@ def select_pairs(
     rng = np.random.default_rng(0)
     postures = np.vstack([home, rng.uniform(lower, upper, (_POSTURES, len(lower)))])
     function = ca.Function("distance", [q], [distance], {"cse": True})
-    found = np.asarray(function.map(len(postures))(postures.T)).T  # (postures, pairs)
+    distances = np.asarray(function.map(len(postures))(postures.T)).T  # (postures, pairs)
     links = {part.link: part for part in geometry if not part.rounds}
     kept, apart, touching = [], [], []
     for k, pair in enumerate(model.pairs):
-        names, own = (pair.first, pair.second), margin
-        if found[0, k] < margin + SPARE:
+        names, kept_margin = (pair.first, pair.second), margin
+        if distances[0, k] < margin + SPARE:
             ends = [links[link] for name in names if (link := model.named(name).link) in links]
             if len(ends) == 2:
-                own = _from_links(chain, ends, postures, found[:, k], margin)
-            elif found[0, k] > 0:
-                own = _floor(float(found[0, k]) / 2)
-        if own > found[:, k].max():
+                kept_margin = _from_links(chain, ends, postures, distances[:, k], margin)
+            elif distances[0, k] > 0:
+                kept_margin = _floor(float(distances[0, k]) / 2)
+        if kept_margin > distances[:, k].max():
             touching.append(names)
-        elif _least(both, k, postures[np.argsort(found[:, k])], lower, upper) > own + FAR:
+        elif (
+            _least(both, k, postures[np.argsort(distances[:, k])], lower, upper) > kept_margin + FAR
+        ):
             apart.append(names)
         else:
-            kept.append(Pair(*names, own))
+            kept.append(Pair(*names, kept_margin))
     return Selection(tuple(kept), tuple(apart), tuple(touching))
 
 
 def _from_links(
     chain: Chain, ends: list[LinkGeometry], postures: Array, proxies: Array, margin: float
 ) -> float:
-    """The margin of the proxies that keeps the links apart, m; −∞ where they always are.
+    """Margin of two proxies that keeps their links apart, m; −∞ where the links always are.
 
     Args:
         chain: n joints.
         ends: the two links.
-        postures: (N, n), the first one where the robot rests.
-        proxies: (N,) distances of the proxies.
-        margin: m, what the links shall keep.
+        postures: (N, n), the first one at rest.
+        proxies: (N,) distances of the proxies, m.
+        margin: distance that the links keep, m.
+
+    Returns:
+        Margin of the proxies, m.
     """
     between = link_distances(chain, ends[0], ends[1], postures)
     wanted = min(margin, float(between[0]) / 2)
@@ -109,12 +125,12 @@ def _from_links(
 
 
 def _floor(distance: float) -> float:
-    """Down to whole millimetres, in metres."""
+    """Round down to whole millimetres, in metres."""
     return float(np.floor(distance * 1e3)) / 1e3
 
 
 def _least(both: ca.Function, k: int, closest: Array, lower: Array, upper: Array) -> float:
-    """The smallest distance that descents from the closest postures reach."""
+    """The smallest distance that descents from the closest postures reach, m."""
 
     def cost(x: Array) -> tuple[float, Array]:
         distance, jacobian = both(x)
@@ -143,7 +159,7 @@ def _all_pairs(chain: Chain, proxies: tuple[Proxy, ...], margin: float) -> Colli
 
 
 def _range(chain: Chain) -> tuple[Array, Array]:
-    """Position limits; a joint without them goes once round, or 1 m to both sides."""
+    """Position limits; one turn, or 1 m to both sides, for a joint without limits."""
     far = [1.0 if j.kind == "prismatic" else np.pi for j in chain.joints]
     lower = [-f if j.lower is None else j.lower for j, f in zip(chain.joints, far, strict=True)]
     upper = [f if j.upper is None else j.upper for j, f in zip(chain.joints, far, strict=True)]

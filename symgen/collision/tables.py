@@ -11,10 +11,18 @@ _PAIR = ("first", "second", "margin")
 
 
 def collision_from_tables(proxies: Any, pairs: Any, where: str) -> CollisionModel:
-    """The model of parsed tables.
+    """Return the model of parsed tables.
+
+    Args:
+        proxies: value of the key `proxy`.
+        pairs: value of the key `pair`.
+        where: name of the source, for messages.
+
+    Returns:
+        Proxies and pairs.
 
     Raises:
-        CollisionError: a key is missing, unknown or of another kind.
+        CollisionError: a key is missing, unknown or of the wrong kind.
     """
     for rows, keys, name in ((proxies, _PROXY, "proxy"), (pairs, _PAIR, "pair")):
         if not isinstance(rows, list) or not all(
@@ -43,7 +51,7 @@ def collision_from_tables(proxies: Any, pairs: Any, where: str) -> CollisionMode
 
 
 def tables_from_collision(model: CollisionModel) -> dict[str, list[dict[str, Any]]]:
-    """The same model as plain tables, JSON-ready."""
+    """The model as plain tables, JSON-ready."""
     return {
         "proxy": [
             {
@@ -60,7 +68,7 @@ def tables_from_collision(model: CollisionModel) -> dict[str, list[dict[str, Any
 
 
 def toml_from_collision(model: CollisionModel) -> str:
-    """`[[proxy]]` and `[[pair]]` as TOML text."""
+    """The model as TOML text."""
     tables = tables_from_collision(model)
     lines: list[str] = []
     for name, rows in tables.items():

@@ -1,4 +1,4 @@
-"""Kernels → the text of a generated folder; knows no robots and no compilers."""
+"""Kernels → the text of a generated folder, independent of robots and compilers."""
 
 from symgen.emit.files import Early, EmittedRobot, emit, ignored
 from symgen.emit.forms import Forms, forms_of

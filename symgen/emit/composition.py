@@ -1,7 +1,7 @@
-"""A kernel that is another one at other arguments, as calls: τ(λ) = τ(β(π(λ))), h = τ(ddq = 0).
+"""Kernels that call other kernels: τ(λ) = τ(β(π(λ))), h = τ(ddq = 0).
 
-Its last input goes through maps, inputs that it does not have are zero. Written out, it would be
-the text of the kernel it calls once more, for the compiler to work through at every level.
+The last input goes through maps; inputs that the kernel does not have are zero. Written out, such a
+kernel would repeat the text of the one it calls, for the compiler to process at every level.
 """
 
 from collections.abc import Iterator
@@ -13,12 +13,24 @@ Kernels = dict[str, Kernel]
 
 
 def compositions(kernels: Kernels) -> list[Kernel]:
-    """Kernels that are calls; where one that they call is missing, they are written out."""
+    """Return the kernels that are calls of other kernels.
+
+    A kernel whose parts are not all in the catalogue is written out instead, and is not returned.
+    """
     return [k for k in kernels.values() if k.through and kernels.keys() >= set(k.through)]
 
 
 def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
-    """Statements for one sample."""
+    """C statements of a composition for one sample.
+
+    Args:
+        robot: prefix of the functions.
+        kernel: kernel with `through`.
+        kernels: all kernels by name.
+
+    Returns:
+        Lines of C.
+    """
     *maps, last = (kernels[name] for name in kernel.through)
     image = last.inputs[-1] if maps else kernel.inputs[-1]
     words = [*_state(last), image.name, *(a.name for a in kernel.outputs)]
@@ -33,7 +45,19 @@ def composed_body(robot: str, kernel: Kernel, kernels: Kernels) -> list[str]:
 def composed_program(
     robot: str, kernel: Kernel, kernels: Kernels, tiles: dict[str, TileProgram]
 ) -> TileProgram:
-    """The maps are computed once per batch: `u` is the image, then what the last prepares."""
+    """Tile form of a composition; the maps are computed once per batch.
+
+    `u` holds the mapped value, followed by what the last kernel prepares.
+
+    Args:
+        robot: prefix of the functions.
+        kernel: kernel with `through`.
+        kernels: all kernels by name.
+        tiles: tile forms of the kernels that it calls.
+
+    Returns:
+        Tile form.
+    """
     *maps, last = (kernels[name] for name in kernel.through)
     inner, size = tiles[last.name], last.inputs[-1].size if maps else 0
     image, rest = ("u", f"u + {size}") if maps else (kernel.inputs[-1].name, "u")
@@ -54,7 +78,7 @@ def composed_program(
             f"{last.name}_lanes({', '.join(words)});",
         ],
         inner.operations,
-        {own.name: inner.filled[theirs.name] for own, theirs in outputs},
+        {ours.name: inner.filled[theirs.name] for ours, theirs in outputs},
     )
 
 
@@ -63,25 +87,25 @@ def _state(last: Kernel) -> list[str]:
 
 
 def _missing(kernel: Kernel, last: Kernel) -> list[Argument]:
-    own = {a.name for a in kernel.inputs}
-    return [a for a in last.inputs[:-1] if a.name not in own]
+    available = {a.name for a in kernel.inputs}
+    return [a for a in last.inputs[:-1] if a.name not in available]
 
 
 def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[str]:
-    """Calls of the maps, one after the other, link by link where they are of one link."""
+    """Calls of the maps, one after the other; maps of one link are called link by link."""
     lines = list[str]()
     given = kernel.inputs[-1].name
     for one, count in _with_counts(kernel, maps):
-        (own,), (made,) = one.inputs, one.outputs
-        target = made.name
+        (source,), (result,) = one.inputs, one.outputs
+        target = result.name
         if one is maps[-1]:
             target = last
         else:
-            lines.append(f"double {target}[{count * made.size}];")
+            lines.append(f"double {target}[{count * result.size}];")
         if count == 1:
             lines.append(f"{robot}_{one.name}({given}, {target});")
         else:
-            at, to = f"{given} + link * {own.size}", f"{target} + link * {made.size}"
+            at, to = f"{given} + link * {source.size}", f"{target} + link * {result.size}"
             lines += [
                 f"for (int link = 0; link < {count}; ++link) {{",
                 f"    {robot}_{one.name}({at}, {to});",
@@ -92,13 +116,21 @@ def _images(robot: str, kernel: Kernel, maps: list[Kernel], last: str) -> list[s
 
 
 def composed_numbers(kernel: Kernel, kernels: Kernels) -> int:
-    """Numbers that the calls keep on the stack at most: every image."""
+    """Numbers that the calls keep on the stack at most: all mapped values.
+
+    Args:
+        kernel: kernel with `through`.
+        kernels: all kernels by name.
+
+    Returns:
+        Count of doubles.
+    """
     maps = [kernels[name] for name in kernel.through[:-1]]
     return sum(count * one.outputs[0].size for one, count in _with_counts(kernel, maps))
 
 
 def _with_counts(kernel: Kernel, maps: list[Kernel]) -> Iterator[tuple[Kernel, int]]:
-    """Each map and how often it is called: once per piece of what the one before has made."""
+    """Each map and the number of its calls: one per block of the value before it."""
     length = kernel.inputs[-1].size
     for one in maps:
         count = length // one.inputs[0].size

@@ -1,27 +1,27 @@
-"""Which rows and columns take part when rows of a known 0/1 pattern are eliminated into a triangle.
+"""Rows and columns that take part when rows of a known 0/1 pattern are eliminated.
 
-One row of the pattern stands for all rows of that kind, such as those of one joint: they go into a
-triangular factor that is kept, column by column, by orthogonal transformations. A transformation
-mixes the rows that it touches, so each of them is filled where any of them was (George & Heath,
-Linear Algebra Appl. 34, 1980).
+One row of the pattern stands for all rows of that kind, such as those of one joint. They are
+eliminated into a triangular factor that is kept, column by column, by orthogonal transformations. A
+transformation mixes the rows that it touches, so each of them is filled where any of them was
+(George & Heath, Linear Algebra Appl. 34, 1980).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 PANEL = 8
-"""Most columns of a panel: they stay in the first cache while they are applied to others."""
+"""Largest number of columns of a panel: they stay in the first-level cache while applied."""
 
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """Neighbouring columns with the same rows, each one with all later ones to its right.
+    """Neighbouring columns with the same rows, each with all later ones to its right.
 
     Attributes:
         first: the leftmost column.
-        width: at most `PANEL`.
-        rows: those with an entry in these columns, ascending.
-        columns: those right of the panel that change, ascending.
+        width: number of columns, at most `PANEL`.
+        rows: rows with an entry in these columns, ascending.
+        columns: columns to the right of the panel that change, ascending.
     """
 
     first: int
@@ -31,9 +31,15 @@ class Panel:
 
 
 def eliminate(pattern: Sequence[Sequence[bool]], count: int) -> tuple[Panel, ...]:
-    """The panels of the first `count` columns of a 0/1 pattern (rows, columns), left to right.
+    """Panels of the first columns of a 0/1 pattern, left to right.
 
-    The other columns, such as a right-hand side, are carried along. Empty columns have no panel.
+    Args:
+        pattern: rows of flags, one per column.
+        count: columns that are eliminated; the others, such as a right-hand side, are only
+            transformed.
+
+    Returns:
+        Panels; empty columns have none.
     """
     filled = [{c for c, here in enumerate(row) if here} for row in pattern]
     panels: list[Panel] = []
@@ -41,9 +47,11 @@ def eliminate(pattern: Sequence[Sequence[bool]], count: int) -> tuple[Panel, ...
         rows = tuple(i for i, row in enumerate(filled) if c in row)
         if not rows:
             continue
+        # Column c is eliminated from its rows; they all get the union of their entries beyond c.
         right = {j for i in rows for j in filled[i] if j > c}
         for i in rows:
             filled[i] = set(right)
+        # Column c joins the panel before it if the rows agree and that panel changes c and `right`.
         last = panels[-1] if panels else None
         if (
             last is not None
@@ -59,7 +67,15 @@ def eliminate(pattern: Sequence[Sequence[bool]], count: int) -> tuple[Panel, ...
 
 
 def fill_in(pattern: Sequence[Sequence[bool]], panels: Sequence[Panel]) -> list[tuple[int, int]]:
-    """(row, column) that are zero in the pattern and not after some elimination."""
+    """Entries that are zero in the pattern and filled by some elimination.
+
+    Args:
+        pattern: rows of flags, one per column.
+        panels: from `eliminate`.
+
+    Returns:
+        (row, column), sorted.
+    """
     touched = {
         (i, c)
         for panel in panels

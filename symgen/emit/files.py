@@ -1,6 +1,6 @@
-"""Kernels → C, header, manifest, README: text only; equal input gives equal bytes.
+"""Files of a generated folder: C, header, manifest, README; equal input gives equal bytes.
 
-The files come from `templates/`, which hold loops and names, never maths.
+The files are rendered from `templates/`, which hold loops and names, never mathematics.
 """
 
 import hashlib
@@ -24,18 +24,29 @@ _TEMPLATES = Path(__file__).parents[1] / "templates"
 
 @dataclass(frozen=True, slots=True)
 class EmittedRobot:
-    """File name → text of one generated folder, and the hash that ties library and manifest."""
+    """Text of a generated folder.
+
+    Attributes:
+        files: name → text.
+        model_hash: hash of all that library and manifest share, compared when the library is
+            loaded.
+    """
 
     files: dict[str, str]
     model_hash: str
 
 
 Early = Callable[[str, str], None]
-"""Takes name and text of a file that is ready before the others, for a compiler to start on."""
+"""Callback with name and text of a file that is ready before the others, to compile it early."""
 
 
 def ignored(name: str, text: str) -> None:
-    """The `Early` that waits for all files."""
+    """Do nothing: the `Early` callback of callers that wait for all files.
+
+    Args:
+        name: name of a file.
+        text: its text.
+    """
 
 
 def emit(
@@ -45,14 +56,20 @@ def emit(
     versions: dict[str, str],
     early: Early = ignored,
 ) -> EmittedRobot:
-    """Render every file of a generated folder.
+    """Render all files of a generated folder.
 
     Args:
         name: C prefix and folder name.
         kernels: in the order in which they appear in the files.
-        facts: the model's own part of the manifest, JSON-ready.
+        facts: the robot's part of the manifest, JSON-ready.
         versions: tool → version, for the banner and the manifest.
-        early: is given the reference, which depends on no other file.
+        early: called with reference.c, which depends on no other file.
+
+    Returns:
+        All files and the hash of the model.
+
+    Raises:
+        BuildError: an instruction of a kernel has no C text.
     """
     render = _renderer()
     reference = reference_code(kernels)
@@ -71,7 +88,7 @@ def emit(
     digest.update(json.dumps(manifest, sort_keys=True).encode())
     digest.update(json.dumps(forms.bodies, sort_keys=True).encode())
     digest.update(repr((forms.tiles, forms.products)).encode())
-    for template in sorted(_TEMPLATES.iterdir()):  # programs and their structs tie both sides too
+    for template in sorted(_TEMPLATES.iterdir()):  # programs and structs are shared by both sides
         digest.update(template.read_bytes())
     manifest["model_hash"] = digest.hexdigest()
     context |= {

@@ -1,4 +1,4 @@
-"""Every kernel in the forms that the templates write: for one sample, on tiles, as a product."""
+"""The forms of every kernel that the templates write: for one sample, on tiles, as a product."""
 
 from dataclasses import dataclass
 
@@ -10,12 +10,12 @@ from symgen.kernel import Kernel
 
 @dataclass(frozen=True, slots=True)
 class Forms:
-    """By name of the kernel.
+    """Forms by name of the kernel.
 
     Attributes:
-        bodies: statements for one sample; none for a product.
-        tiles: of all that are not rare.
-        products: tables of those that are one.
+        bodies: statements for one sample; products have none.
+        tiles: tile forms of all kernels that are not rare.
+        products: tables of all kernels that are products.
     """
 
     bodies: dict[str, list[str]]
@@ -24,11 +24,14 @@ class Forms:
 
 
 def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
-    """Write each kernel once in every form.
+    """Return all forms of the kernels.
 
     Args:
         robot: prefix of the functions' names.
-        kernels: those that others are made of among them.
+        kernels: all kernels of the robot.
+
+    Returns:
+        Forms by name of the kernel.
 
     Raises:
         BuildError: an instruction has no C text.
@@ -40,7 +43,7 @@ def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
     bodies = {kernel.name: c_body(kernel) for kernel in whole}
     bodies |= {k.name: composed_body(robot, k, by_name) for k in composed}
     tiles = {kernel.name: tile_program(kernel) for kernel in whole if not kernel.rare}
-    for kernel in composed:  # one may be made of another before it
+    for kernel in composed:  # may call a composition before it
         tiles[kernel.name] = composed_program(robot, kernel, by_name, tiles)
     products = {k.name: product(k, by_name, tiles) for k in kernels if k.factors}
     tiles |= {name: product_program(by_name[name], p, tiles) for name, p in products.items()}

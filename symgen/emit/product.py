@@ -1,7 +1,7 @@
-"""A regressor times a Jacobian that is block-diagonal over the links, as tables for loops.
+"""A regressor times a block-diagonal Jacobian over the links, as tables for loops.
 
 ∂τ/∂λ = Y blockdiag(∂π/∂λ) has three times the operations of Y. Written out it was a fifth of all
-that is compiled, and slower: the compiler keeps neither Y nor the blocks in registers.
+compiled code, and slower: the compiler keeps neither Y nor the blocks in registers.
 """
 
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from symgen.kernel import Kernel
 
 @dataclass(frozen=True, slots=True)
 class Product:
-    """What the loops of `templates/` need.
+    """Tables for the loops of `templates/`.
 
     Attributes:
         regressor, block: kernels of the factors; the block is the second output of its kernel.
-        joints, links, size: of Y, joints × (links · size).
-        entries: (row, column) of a block that are not zero by structure, column after column.
-        rows: joints whose rows of Y are not zero, link after link; first[k] to first[k + 1] of
-            them belong to link k.
-        first: see rows.
+        joints, links, size: Y is joints × (links · size).
+        entries: (row, column) of the structural nonzeros of a block, column by column.
+        rows: joints whose rows of Y are not zero, link by link; first[k] to first[k + 1] belong to
+            link k.
+        first: start of each link in `rows`.
         zeros: entries of Y in such rows that no statement writes.
     """
 
@@ -36,7 +36,16 @@ class Product:
 
 
 def product(kernel: Kernel, kernels: dict[str, Kernel], tiles: dict[str, TileProgram]) -> Product:
-    """The tables of one kernel with `factors`."""
+    """Tables of a kernel with `factors`.
+
+    Args:
+        kernel: kernel with `factors`.
+        kernels: all kernels by name.
+        tiles: tile forms of the factors.
+
+    Returns:
+        Tables for the loops.
+    """
     left, right = kernel.factors
     (y,), jacobian = kernels[left].outputs, kernels[right].outputs[1]
     joints, width = y.shape
@@ -48,17 +57,26 @@ def product(kernel: Kernel, kernels: dict[str, Kernel], tiles: dict[str, TilePro
     for link in range(links):
         for joint in range(joints):
             at = joint * width + link * size
-            own = set(range(at, at + size))
-            if own & filled:
+            block = set(range(at, at + size))
+            if block & filled:
                 rows.append(joint)
-                zeros += sorted(own - filled)
+                zeros += sorted(block - filled)
         first.append(len(rows))
     entries = [(i, j) for j in range(size) for i in range(size) if i * size + j in inside]
     return Product(left, right, joints, links, size, entries, rows, first, zeros)
 
 
 def product_program(kernel: Kernel, p: Product, tiles: dict[str, TileProgram]) -> TileProgram:
-    """What the templates ask of every kernel on tiles; the statements are their own."""
+    """Tile form of a product; the templates write its statements.
+
+    Args:
+        kernel: the product.
+        p: its tables.
+        tiles: tile forms of the factors.
+
+    Returns:
+        Sizes and filled entries, without statements.
+    """
     y = tiles[p.regressor]
     per_row = 2 * len(p.entries) - p.size
     entries = [

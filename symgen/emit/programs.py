@@ -1,4 +1,4 @@
-"""Programs on top of the kernels: which of them a robot's kernels allow, and their tables."""
+"""Programs built on the kernels: those that a robot's kernels allow, and their tables."""
 
 import re
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ from symgen.kernel import Argument, Kernel
 LANES = 8
 """Samples, or links, of a tile: LANES of lanes.h."""
 _SIDE = 4
+"""Rows and columns of a block of the Gram matrix."""
 
 Kernels = dict[str, Kernel]
 Tiles = dict[str, TileProgram]
@@ -19,7 +20,13 @@ Tiles = dict[str, TileProgram]
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """A file to render beside the kernels, what its template needs, headers it includes as are."""
+    """A file to render beside the kernels.
+
+    Attributes:
+        file: name of the file.
+        context: values for its template.
+        includes: headers of `templates/` that it includes, copied unchanged.
+    """
 
     file: str
     context: dict[str, Any]
@@ -29,27 +36,36 @@ class Program:
 def programs(
     kernels: tuple[Kernel, ...], tiles: Tiles, facts: dict[str, Any]
 ) -> tuple[Program, ...]:
-    """The programs whose kernels are there."""
+    """Return the programs whose kernels are all in the catalogue.
+
+    Args:
+        kernels: all kernels of the robot.
+        tiles: tile forms by name.
+        facts: the robot's part of the manifest.
+
+    Returns:
+        Programs in the order of the files.
+    """
     by_name = {kernel.name: kernel for kernel in kernels}
-    found = []
+    chosen = []
     if by_name.keys() >= _STATISTICS:
         tables = _statistics(by_name, tiles)
-        found += [Program("statistics.c", tables), Program("update.c", tables)]
+        chosen += [Program("statistics.c", tables), Program("update.c", tables)]
     if by_name.keys() >= _DESCENT:
-        found.append(Program("descent.c", _descent(by_name, tiles)))
+        chosen.append(Program("descent.c", _descent(by_name, tiles)))
     if by_name.keys() >= _CONVEX:
-        found.append(Program("convex.c", _convex(by_name)))
+        chosen.append(Program("convex.c", _convex(by_name)))
     if by_name.keys() >= _ONLINE:
-        found.append(Program("online.c", _online(by_name)))
-        found.append(Program("example_online.c", _example(facts)))
+        chosen.append(Program("online.c", _online(by_name)))
+        chosen.append(Program("example_online.c", _example(facts)))
     if by_name.keys() >= _EXCITATION:
-        found.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
+        chosen.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
     if by_name.keys() >= _CLOSED_LOOP:
         joints = by_name["bias_forces"].outputs[0].size
-        found.append(Program("closed_loop.c", {"joints": joints}))
+        chosen.append(Program("closed_loop.c", {"joints": joints}))
     if by_name.keys() >= _EXAMPLE:
-        found.append(Program("example.c", _example(facts)))
-    return tuple(found)
+        chosen.append(Program("example.c", _example(facts)))
+    return tuple(chosen)
 
 
 _STATISTICS = {"base_regressor"}
@@ -70,11 +86,12 @@ _EXAMPLE = {"inverse_dynamics", "regressor", "base_regressor"}
 
 
 def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
-    """Tables of the rows [Y_b tau] for the programs that eliminate them."""
+    """Tables for the programs that eliminate the rows [Y_b tau]."""
     (output,) = kernels["base_regressor"].outputs
     joints, base = output.shape
     filled = tiles["base_regressor"].filled[output.name]
     entries = {divmod(index, base) for index in filled}
+    # One row per joint, with the torque as the last column; George & Heath gives the panels.
     pattern = [[(i, c) in entries for c in range(base)] + [True] for i in range(joints)]
     panels = eliminate(pattern, base)
     rows: list[int] = []
@@ -110,7 +127,7 @@ def _statistics(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
 
 
 def _placed(line: str, output: str, columns: int) -> str:
-    """A statement of a tile, its output by joint and column: `PUT(joint, column, value)`."""
+    """A statement of a tile with its output by joint and column: `PUT(joint, column, value)`."""
     match = re.fullmatch(rf"{output}\[(\d+) \* VS\] = (.*);", line)
     if match is None:
         return line
@@ -119,12 +136,12 @@ def _placed(line: str, output: str, columns: int) -> str:
 
 
 def _run(columns: list[int]) -> tuple[int, int]:
-    """From the first to behind the last of them."""
+    """First column and one past the last."""
     return (columns[0], columns[-1] + 1) if columns else (0, 0)
 
 
 def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
-    """Sizes for the descents in λ."""
+    """Sizes for the descent methods in λ."""
     (pi,), (beta,) = kernels["base_parameters"].inputs, kernels["base_parameters"].outputs
     lam, frame, _ = kernels["pi_adjoint"].inputs
     return {
@@ -143,30 +160,30 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
 
 
 def _on_tiles(kernel: Kernel, bodies: Argument, size: int) -> dict[str, Any]:
-    """A map from or to all links, `size` numbers each, these as tiles whose lanes are links."""
+    """A map from or to all links, `size` numbers each, on tiles whose lanes are links."""
 
     def place(match: re.Match[str]) -> str:
         link, entry = divmod(int(match[1]), size)
         return f"{bodies.name}[{(link // LANES * size + entry) * LANES + link % LANES}]"
 
-    (given,), (wanted,) = kernel.inputs, kernel.outputs
+    (source,), (result,) = kernel.inputs, kernel.outputs
     pattern = re.compile(rf"\b{bodies.name}\[(\d+)\]")
     return {
         "equation": kernel.equation,
-        "input": given.name,
-        "output": wanted.name,
+        "input": source.name,
+        "output": result.name,
         "body": [pattern.sub(place, line) for line in c_body(kernel)],
     }
 
 
 def _convex(kernels: Kernels) -> dict[str, Any]:
     """Sizes for the convex estimators."""
-    (own,), (pi,) = kernels["barrier"].inputs, kernels["base_parameters"].inputs
-    return {"parameters": own.size, "links": pi.size // own.size}
+    (body,), (pi,) = kernels["barrier"].inputs, kernels["base_parameters"].inputs
+    return {"parameters": body.size, "links": pi.size // body.size}
 
 
 def _online(kernels: Kernels) -> dict[str, Any]:
-    """Sizes of the streaming estimator's state."""
+    """Sizes of the state of the online estimator."""
     sizes = _convex(kernels)
     joints, base = kernels["base_regressor"].outputs[0].shape
     width = -(-sizes["links"] * sizes["parameters"] // 8) * 8
@@ -174,7 +191,7 @@ def _online(kernels: Kernels) -> dict[str, Any]:
 
 
 def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
-    """Which rows of the base regressor are filled where; blocks of the Gram matrix are 4 × 4."""
+    """Filled rows of the base regressor by 4 × 4 blocks of the Gram matrix."""
     (output,) = kernels["base_regressor"].outputs
     joints, columns = output.shape
     program, adjoint = tiles["base_regressor"], tiles["regressor_adjoint"]
@@ -199,7 +216,7 @@ def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
 
 
 def _example(facts: dict[str, Any]) -> dict[str, Any]:
-    """A state of the robot, its parameters and its joints; Python's shortest digits are C's too."""
+    """A state of the robot, its parameters and its joints; Python's shortest digits are valid C."""
     signs = [(-1.0) ** k for k in range(len(facts["joints"]))]
     return {
         "joints": facts["joints"],

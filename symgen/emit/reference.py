@@ -1,7 +1,7 @@
-"""CasADi's own C of the kernels: the reference that every other form is compared with.
+"""C code of the kernels by CasADi: the reference for all other forms.
 
-Of what `casadi.CodeGenerator` writes, the functions are kept to the letter. Its entry points,
-sparsity tables and macros are left out: they would export names that another robot has too.
+The functions that `casadi.CodeGenerator` writes are kept verbatim. Its entry points, sparsity
+tables and macros are left out: they would export names that other robots export as well.
 """
 
 import re
@@ -15,11 +15,11 @@ from symgen.kernel import Kernel
 
 @dataclass(frozen=True, slots=True)
 class ReferenceCode:
-    """CasADi's text.
+    """Text by CasADi.
 
     Attributes:
-        helpers: small functions that the bodies call, static.
-        bodies: kernel → its function, static, in the file's order.
+        helpers: static functions that the bodies call.
+        bodies: kernel → its static function, in the order of the file.
         functions: kernel → name of its function.
     """
 
@@ -29,10 +29,11 @@ class ReferenceCode:
 
 
 def reference_code(kernels: tuple[Kernel, ...]) -> ReferenceCode:
-    """Let CasADi write the kernels.
+    """Return CasADi's C code of the kernels.
 
     Raises:
-        BuildError: CasADi's file is not laid out as the version this was written for.
+        BuildError: the file of this CasADi version has another layout than the one that is read
+            here.
     """
     generator = ca.CodeGenerator("reference", {"casadi_int": "long"})
     for kernel in kernels:

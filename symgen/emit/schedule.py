@@ -1,27 +1,33 @@
-"""An order of straight-line statements that keeps the processor's pipes full.
+"""List scheduling of straight-line statements, to keep the processor's pipes full.
 
 CasADi writes expressions depth first, which keeps few values alive. A recursion along a chain of
-bodies then waits for itself, since a processor looks ahead by less than one such body of code:
-where the longest chain of dependent statements takes more than half as long as issuing all of
-them, they are listed by height instead, as a compiler's scheduler would.
+bodies is then limited by latency, since a processor looks ahead by less than one such body of code.
+Where the longest chain of dependent statements takes more than half as long as issuing all of them,
+the statements are ordered by height instead, as the scheduler of a compiler would.
 """
 
 import re
 from dataclasses import dataclass
 
 LATENCY = 4
-"""Cycles until the result of a multiplication or addition can be used, on current processors."""
+"""Cycles until the result of a multiplication or addition is available (current processors)."""
 LONGER = {"vd_sincos(": 60, "vd_exp(": 60, "vd_sqrt(": 20, "1.0 / ": 13}
-"""The same of statements with these in their text; functions are those of lanes.h."""
+"""Cycles of statements that contain these texts; the functions are those of lanes.h."""
 ISSUE = 2
 """Multiplications that start per cycle."""
 ALIVE = 28
-"""Values alive at once above which one that frees registers goes first; AVX-512 has 32."""
+"""Live values above which a statement that frees registers goes first; AVX-512 has 32 registers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One line of C: the name it defines ("" for a store) and the names it uses."""
+    """One line of C.
+
+    Attributes:
+        text: the line.
+        defines: name that it defines, "" for a store.
+        uses: names that it uses.
+    """
 
     text: str
     defines: str
@@ -30,7 +36,7 @@ class Statement:
 
 @dataclass(slots=True)
 class _Node:
-    """Statements that become one instruction: a sum with the product that only it uses."""
+    """Statements that become one instruction: a sum, with the product that only the sum uses."""
 
     statements: list[Statement]
     needs: set[int]
@@ -55,6 +61,7 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
     for statement in statements:
         for name in statement.uses:
             users[name] = users.get(name, 0) + 1
+    # A product that only one sum uses is fused with it (multiply-add): both become one node.
     owner = list(range(len(statements)))
     for k, statement in enumerate(statements):
         if not _SUM.fullmatch(statement.text):
@@ -63,7 +70,7 @@ def _nodes(statements: list[Statement]) -> list[_Node]:
             n for n in statement.uses if users[n] == 1 and _is_product(statements, where, n)
         ]
         if products:
-            owner[where[products[-1]]] = k  # fused multiply-add takes one of them
+            owner[where[products[-1]]] = k  # of two products a multiply-add takes one
     number = {k: i for i, k in enumerate(sorted(set(owner)))}
     nodes = [_Node([], set(), set()) for _ in number]
     for k, statement in enumerate(statements):
@@ -89,17 +96,17 @@ def _is_product(statements: list[Statement], where: dict[str, int], name: str) -
 
 
 def _by_height(nodes: list[_Node]) -> list[int]:
-    """List scheduling on a model processor: what is farthest from the end goes first."""
+    """List scheduling on a model processor: the statement farthest from the end goes first."""
     waits = [len(node.needs) for node in nodes]
     unread = [len(node.feeds) for node in nodes]
     ready_at = [0] * len(nodes)
-    # How many values more are alive after a statement: its own, less those it is the last to read.
+    # Change of the number of live values: its result, minus operands that it is the last to read.
     growth = [int(bool(node.feeds)) - sum(unread[m] == 1 for m in node.needs) for node in nodes]
     done = [False] * len(nodes)
     ready = {k for k, count in enumerate(waits) if count == 0}
     order: list[int] = []
     cycle = alive = 0
-    while ready:
+    while ready:  # one cycle per pass
         for _ in range(ISSUE):
             now = [k for k in ready if ready_at[k] <= cycle]
             if not now:
@@ -109,16 +116,16 @@ def _by_height(nodes: list[_Node]) -> list[int]:
             else:
                 chosen = min(now, key=lambda k: (growth[k], -nodes[k].height, k))
                 if growth[chosen] > 0 and any(growth[k] <= 0 for k in ready):
-                    break  # a statement that frees a register is on its way
+                    break  # wait: a statement that frees a register becomes ready
             ready.remove(chosen)
             done[chosen] = True
             order.append(chosen)
             alive += growth[chosen]
-            for m in nodes[chosen].needs:
+            for m in nodes[chosen].needs:  # the remaining reader of an operand will free it
                 unread[m] -= 1
                 if unread[m] == 1:
                     growth[next(k for k in nodes[m].feeds if not done[k])] -= 1
-            for m in nodes[chosen].feeds:
+            for m in nodes[chosen].feeds:  # available once all operands have passed the pipe
                 waits[m] -= 1
                 ready_at[m] = max(ready_at[m], cycle + nodes[chosen].latency)
                 if waits[m] == 0:

@@ -1,8 +1,8 @@
-"""CasADi's instruction list → static single assignment C, for one sample or for W of them.
+"""CasADi's instruction list → static single assignment C, for one sample or for W samples.
 
-The scalar form (`c_body`) is the reference: every instruction is one `const double`. The tile form
-(`tile_program`) works on W samples at a time with GCC's vector types: what depends on shared
-inputs only, such as λ → π, is computed once per batch as scalars (`prepare`), the rest per tile.
+The scalar form (`c_body`) has one `const double` per instruction. The tile form (`tile_program`)
+works on W samples at a time with GCC's vector types: instructions that depend on shared inputs
+only, such as λ → π, run once per batch on scalars (`prepare`), the others once per tile.
 """
 
 import re
@@ -43,6 +43,7 @@ EXPRESSIONS = {
     ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
     ca.OP_IF_ELSE_ZERO: "{0} != 0.0 ? {1} : 0.0",
 }
+"""CasADi operation → C expression for numbers."""
 
 _TILE_EXPRESSIONS = {
     op: EXPRESSIONS[op]
@@ -75,27 +76,28 @@ _TILE_EXPRESSIONS = {
     ca.OP_OR: "vd_truth(({0} != 0.0) | ({1} != 0.0))",
     ca.OP_IF_ELSE_ZERO: "vd_if({0}, {1})",
 }
-"""Arithmetic reads the same for a number and for a vector; the functions are those of lanes.h."""
+"""CasADi operation → C expression for vectors; the functions are those of lanes.h."""
 
 _NEEDS_VECTORS = frozenset(
     (ca.OP_ATAN2, ca.OP_FMIN, ca.OP_FMAX, ca.OP_IF_ELSE_ZERO, ca.OP_AND, ca.OP_OR)
 )
-"""Operations whose shared operand must be spread over the lanes."""
+"""Operations whose shared operands must be broadcast to all lanes."""
 
 
 @dataclass(frozen=True, slots=True)
 class TileProgram:
-    """A kernel split into what is computed once and what is computed per tile of samples.
+    """A kernel split into statements per batch and statements per tile of samples.
 
     Attributes:
         prepare: statements that fill `u` from the shared inputs.
         uniform: length of `u`.
-        turned: name of the input whose sines and cosines the body reads from `sc`; without any,
-            the first per-sample input.
-        turns: entries of it, in order; entry i has its sine in row 2i of `sc`, its cosine below.
+        turned: name of the input whose sines and cosines the body reads from `sc`; if there is
+            none, the first per-sample input.
+        turns: entries of it, ascending; entry i has its sine in row 2i of `sc`, its cosine in 2i +
+            1.
         body: statements on rows of W samples.
         operations: per sample, without those of `prepare`.
-        filled: per output, the entries that the body writes; the others are zero by structure.
+        filled: output → entries that the body writes; the others are structural zeros.
     """
 
     prepare: list[str]
@@ -108,10 +110,10 @@ class TileProgram:
 
 
 def c_body(kernel: Kernel) -> list[str]:
-    """Statements of one kernel: one constant per instruction, outputs by index.
+    """C statements of one kernel: one constant per instruction, outputs by index.
 
     Raises:
-        BuildError: an instruction has no C text yet.
+        BuildError: an instruction has no C text.
     """
     names: dict[int, str] = {}
     lines: list[str] = []
@@ -129,13 +131,13 @@ def c_body(kernel: Kernel) -> list[str]:
         else:
             raise BuildError(
                 f"kernel '{kernel.name}' uses the CasADi instruction {op}, for which the emitter "
-                "has no C text; add it to symgen.emit"
+                "has no C text; add it to symgen.emit.ssa"
             )
     return lines
 
 
 def c_constant(value: float) -> str:
-    """17 significant digits, always a double, negative numbers in parentheses."""
+    """A double as C text: 17 significant digits, negative numbers in parentheses."""
     text = f"{value:.17g}"
     if not any(mark in text for mark in ".eni"):
         text += ".0"
@@ -143,7 +145,7 @@ def c_constant(value: float) -> str:
 
 
 def tile_program(kernel: Kernel) -> TileProgram:
-    """The tile form of a kernel.
+    """Return the tile form of a kernel.
 
     Raises:
         BuildError: a per-sample instruction has no vector form.
@@ -165,6 +167,8 @@ class _TileWriter:
 
     def program(self) -> TileProgram:
         kernel = self._kernel
+        # Per place of CasADi's work vector: its C text, whether it is the same for all samples, and
+        # its value where it is a constant. Places are reused, so each instruction overwrites them.
         text: dict[int, str] = {}
         shared: dict[int, bool] = {}
         constants: dict[int, float] = {}
@@ -174,7 +178,7 @@ class _TileWriter:
                 argument = kernel.inputs[ins[0]]
                 shared[outs[0]] = argument.shared
                 text[outs[0]] = f"{argument.name}[{ins[1]}{'' if argument.shared else ' * VS'}]"
-                constants.pop(outs[0], None)  # CasADi uses its places again
+                constants.pop(outs[0], None)
             elif op == ca.OP_CONST:
                 constants[outs[0]] = constant
                 text[outs[0]] = c_constant(constant)
@@ -182,10 +186,10 @@ class _TileWriter:
             elif op == ca.OP_OUTPUT:
                 self._output(kernel.outputs[outs[0]], outs[1], text[ins[0]], shared[ins[0]])
             else:
-                uniform = all(shared[i] for i in ins)
+                uniform = all(shared[i] for i in ins)  # then it runs once per batch
                 operands = [text[i] for i in ins]
                 if op == ca.OP_DIV and ins[1] in constants:
-                    # a vector divides ten times slower than it multiplies
+                    # a vector division takes ten times as long as a multiplication
                     op, operands[1] = ca.OP_MUL, c_constant(1.0 / constants[ins[1]])
                 elif op == ca.OP_DIV and not uniform:
                     op, operands[1] = ca.OP_MUL, self._inverse(k, operands[1], shared[ins[1]])
@@ -233,7 +237,7 @@ class _TileWriter:
         return name
 
     def _inverse(self, k: int, operand: str, shared: bool) -> str:
-        """1 / operand, once for all that it divides."""
+        """1 / operand, computed once for all quotients by it."""
         if operand not in self._inverses:
             name = self._inverses[operand] = f"inv{k}"
             if shared:
@@ -244,9 +248,9 @@ class _TileWriter:
         return self._operand(self._inverses[operand], shared, ca.OP_MUL)
 
     def _sine_or_cosine(self, op: int, operand: str, k: int) -> str:
-        """Both at once, since the other one is nearly always needed too.
+        """Sine and cosine together, since a body nearly always needs both.
 
-        Those of an input come from `sc`, where a caller may have stored them.
+        Those of an input are read from `sc`, where a caller may have stored them.
         """
         argument = _INPUT.fullmatch(operand)
         if argument and self._turned in {"", argument["name"]}:
@@ -266,14 +270,14 @@ class _TileWriter:
         return f"vd_all({seen})" if op in _NEEDS_VECTORS else seen
 
     def _seen_by_tile(self, text: str) -> str:
-        """How the tile body reads a shared value: inputs and constants directly, others from u."""
+        """Text of a shared value in a tile: inputs and constants directly, others from `u`."""
         if not _LOCAL.fullmatch(text):
             return text
         return f"u[{self._slots.setdefault(text, len(self._slots))}]"
 
     @staticmethod
     def _uses(operands: list[str]) -> tuple[str, ...]:
-        """Names of the body among the operands; inputs and shared values are memory."""
+        """Names of the body among the operands; inputs and shared values are read from memory."""
         return tuple(dict.fromkeys(m[0] for o in operands if (m := _LOCAL.match(o))))
 
     def _prepare_lines(self) -> list[str]:

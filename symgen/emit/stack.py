@@ -1,8 +1,8 @@
-"""How much stack the emitted functions take at most, whatever compiler compiles them.
+"""Upper bounds for the stack of the emitted functions, for any compiler.
 
-A straight-line function cannot keep more on the stack than each of its named values, its
-arguments and its buffers once: a compiler shares places, it never needs more of them. Bounds are
-for the deepest chain of calls within a file; the C library's functions come on top.
+A straight-line function keeps at most each named value, argument and buffer on the stack once: a
+compiler may share places, but never needs more. Bounds are for the deepest chain of calls within a
+file; functions of the C library come on top.
 """
 
 import re
@@ -15,15 +15,18 @@ from symgen.emit.ssa import TileProgram
 from symgen.kernel import Kernel
 
 NUMBER = 8
+"""Bytes of a double."""
 ROW = 64
 """Bytes of one row of a tile."""
 BLOCK = 4
 """Tiles whose sines are computed together."""
 FRAMES = 4096
-"""Saved registers, alignment and loop counters of all functions on the way, and W x W numbers
-turned in registers by lanes.h, spilled whole."""
+"""Bytes of saved registers, alignment and loop counters of all functions in a chain of calls.
+
+Includes the W × W numbers that lanes.h transposes in registers, all spilled.
+"""
 INLINED = {"sincos": 40, "exp": 24, "all": 0}
-"""Values of a function of lanes.h that a body may take in; those not named here have two."""
+"""Values of a function of lanes.h or sines.h that may be inlined; others have two."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +35,8 @@ class StackBounds:
 
     Attributes:
         one: the function of kernels.c.
-        reference: the loop of reference.c and what it calls.
-        tiles: lanes W → the deeper one of `_batch` and `_tiles` and what it calls.
+        reference: the loop of reference.c and the functions it calls.
+        tiles: lanes W → the deeper one of `_batch` and `_tiles`, with the functions they call.
     """
 
     one: dict[str, int]
@@ -44,23 +47,32 @@ class StackBounds:
 def stack_bounds(
     kernels: tuple[Kernel, ...], forms: Forms, reference: ReferenceCode
 ) -> StackBounds:
-    """Bounds for every kernel and every width of a vector."""
+    """Bounds for every kernel and every vector width.
+
+    Args:
+        kernels: all kernels of the robot.
+        forms: their forms.
+        reference: CasADi's code.
+
+    Returns:
+        Bytes per kernel.
+    """
     by_name = {k.name: k for k in kernels}
     composed = {k.name: NUMBER * composed_numbers(k, by_name) for k in compositions(by_name)}
     one = {k: FRAMES + NUMBER * len(lines) for k, lines in forms.bodies.items()}
-    for name, own in composed.items():
-        one[name] += own + max(one[called] for called in by_name[name].through)
+    for name, images in composed.items():
+        one[name] += images + max(one[called] for called in by_name[name].through)
     for name, p in forms.products.items():
-        own = p.joints * p.links * p.size + p.size + p.size**2
-        one[name] = FRAMES + NUMBER * own + max(one[p.regressor], one[p.block])
+        factors = p.joints * p.links * p.size + p.size + p.size**2
+        one[name] = FRAMES + NUMBER * factors + max(one[p.regressor], one[p.block])
     tiles: dict[int, dict[str, int]] = {}
     for w in (1, 2, 4, 8):
         tiles[w] = {k.name: _tiles(k, forms.tiles[k.name], w) for k in kernels if not k.rare}
         for name, p in forms.products.items():
             tiles[w][name] += ROW * p.joints * p.links * p.size + tiles[w][p.regressor]
-        for name, own in composed.items():
+        for name, images in composed.items():
             *maps, last = by_name[name].through
-            tiles[w][name] += own + max([tiles[w][last], *(one[called] for called in maps)])
+            tiles[w][name] += images + max([tiles[w][last], *(one[called] for called in maps)])
     return StackBounds(
         {k.name: one[k.name] + NUMBER * _arguments(k) for k in kernels},
         {k.name: _reference(k, reference.bodies[k.name]) for k in kernels},
@@ -79,9 +91,9 @@ def _reference(kernel: Kernel, body: str) -> int:
 
 
 def _tiles(kernel: Kernel, program: TileProgram, width: int) -> int:
-    own = [a for a in kernel.inputs if not a.shared]
+    per_sample = [a for a in kernel.inputs if not a.shared]
     rows = sum(a.size * (2 if a.summed else 1) for a in kernel.outputs)
-    for argument in own:
+    for argument in per_sample:
         rows += argument.size * (3 * BLOCK if argument.name == program.turned else 1)
     values = sum(line.startswith("const vd") for line in program.body)
     called = _CALL.findall("\n".join(program.body))

@@ -25,7 +25,7 @@ _CROSSING = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class _Frame:
-    """Pose of a link in the base frame, axis z and moment z × o of its joint, joints that move it."""
+    """Pose of a link in the base frame; its joint's axis z, moment z × o; joints that move it."""
 
     rotation: Matrix
     origin: Matrix

@@ -114,7 +114,7 @@ def _link(link: str, parts: list[Any]) -> LinkGeometry:
         if not np.abs(corners).max() < LARGEST:
             raise CollisionError(
                 f"the collision shape '{part.name}' reaches {np.abs(corners).max():g} m, expected "
-                f"less than {LARGEST:g} m; shapes are in m, correct its size or the scale of its mesh"
+                f"less than {LARGEST:g} m; shapes are in m, correct it or the scale of its mesh"
             )
         volume += float(ConvexHull(corners.reshape(-1, 3)).volume)
         triangles.append(cut(corners))

@@ -1,13 +1,13 @@
-"""Is a robot model file possible, is it plausible, and what is the nearest one that is?
+"""Check of a robot model file: physical consistency, plausibility, and the nearest consistent file.
 
-`urdf` and `mjcf` read a file without refusing it, `geometry` measures shapes, `bodies`,
-`relatives` and `joints` judge, `base` finds what motion reveals, `repair` projects, `rewrite` puts
-the result into the text, `inspection` is the door.
+`urdf` and `mjcf` read a file without rejecting it; `geometry` measures shapes; `bodies`,
+`comparison` and `joints` check; `base` computes base parameters; `repair` projects; `rewrite`
+writes the result into the text; `inspection` combines them.
 """
 
 from symgen.inspect.inspection import (
     Inspection,
-    Row,
+    LinkFigures,
     facts,
     inspect_file,
     inspect_text,
@@ -23,8 +23,8 @@ __all__ = [
     "Body",
     "Finding",
     "Inspection",
+    "LinkFigures",
     "Repair",
-    "Row",
     "facts",
     "inspect_file",
     "inspect_text",

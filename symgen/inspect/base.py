@@ -1,7 +1,7 @@
 """Base parameters of a file whatever its inertials: β = K T x, x the π of every link as written.
 
-Kinematics alone decide K, so every inertial is replaced by a unit body before `symgen.chain` reads
-the file; T moves the links that are fixed together into the link that carries them.
+K depends on kinematics only, so every inertial is replaced by a unit body before `symgen.chain`
+reads the file. T adds the links that are fixed together to the link that carries them.
 """
 
 from dataclasses import dataclass
@@ -19,25 +19,26 @@ from symgen.mechanics.base_parameters import BaseParameters, describe_combinatio
 from symgen.mechanics.dynamics import sampled_regressor
 
 SNAP = 1e-4
-"""rad: how far rounded angles may be off before the rank is decided on exact ones."""
+"""Error of rounded angles, rad, up to which the rank is decided on exact ones."""
 EXACT = 1e-9
-"""rad: angles closer than this to a multiple of π/2 are written with enough digits."""
+"""Distance from a multiple of π/2, rad, below which an angle has enough digits."""
 MOST_JOINTS = 24
-"""Beyond it the symbolic regressor takes minutes."""
+"""Largest number of moving joints; beyond it the symbolic regressor takes minutes."""
 _STATES = 400
+"""Random states for the condition number and the weights of torques."""
 _P = inertia.N_PARAMETERS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Base:
-    """What motion can reveal of this robot.
+    """Identifiable parameters of a robot.
 
     Attributes:
         chain: the kinematics; its inertials are unit bodies.
         parameters: K and the rank decision.
-        rows: Y_b at random states, (N, n, n_b).
-        condition: of Y_b over those states, its columns normalised.
-        snapped: True when rounded angles had to be taken as exact multiples of π/2.
+        rows: (N, n, n_b) Y_b at random states.
+        condition: condition number of Y_b over those states, its columns normalised.
+        snapped: True if rounded angles had to be replaced by exact multiples of π/2.
     """
 
     chain: Chain
@@ -53,9 +54,16 @@ class Base:
         return [describe_combination(names, list(row)) for row in self.parameters.matrix]
 
     def factor(self, beta: Array) -> Array:
-        """R with ‖R Δβ‖² = mean over states and joints of (Δτ_j / τ_rms,j)², (n_b, n_b).
+        """R with ‖R Δβ‖² = mean over states and joints of (Δτ_j / τ_rms,j)².
 
-        A torque counts relative to what its joint carries under β, or a wrist would count nothing.
+        A torque is weighted relative to the torque of its joint under β, else a wrist would not
+        count.
+
+        Args:
+            beta: (n_b,) base parameters.
+
+        Returns:
+            (n_b, n_b) upper triangular.
         """
         rms = np.sqrt(np.mean((self.rows @ beta) ** 2, axis=0))  # (n,)
         weights = 1 / np.maximum(rms, 1e-3 * max(float(rms.max()), 1e-12))
@@ -67,7 +75,8 @@ def base_of(text: str) -> Base:
     """Rank and K of a URDF.
 
     Raises:
-        SymgenError: no tree, a joint that cannot be modelled, or no gap in the singular values.
+        SymgenError: not one tree of links, a joint that cannot be modelled, or singular values
+            without a gap.
     """
     document = _unit_bodies(text)
     moving = sum(document.kind(name) in MOVING for name in document.joints)
@@ -84,6 +93,7 @@ def base_of(text: str) -> Base:
     dq, ddq = rng.normal(0, 1, (_STATES, n)), rng.normal(0, 2, (_STATES, n))
     rows = regressor(q, dq, ddq)[:, :, list(parameters.columns)]
     flat = rows.reshape(-1, len(parameters.columns))
+    # Columns of unit length: the condition of the directions, not of the units.
     sigma = np.linalg.svd(flat / np.linalg.norm(flat, axis=0), compute_uv=False)
     return Base(chain, parameters, rows, float(sigma[0] / sigma[-1]), snapped)
 
@@ -99,7 +109,7 @@ def _is_rounded(joint: Element) -> bool:
 def _unit_bodies(text: str) -> Document:
     document = Document(text)
     for element in document.joints.values():
-        for tag in ("mimic", "limit"):  # a mimicking joint is taken as free: its β are kept too
+        for tag in ("mimic", "limit"):  # a mimicking joint counts as free, which keeps its β too
             for node in element.findall(tag):
                 element.remove(node)
     for name, link in document.links.items():
@@ -119,10 +129,18 @@ def _unit_bodies(text: str) -> Document:
 
 
 def lumping(model: Model, chain: Chain, links: list[str]) -> Array:
-    """T, (10 n, 10 L): π of the moving links from π of the links as written.
+    """T: π of the moving links from π of the links as written.
 
-    P of a body fixed at the pose H = [R p; 0 1] of its carrier is H P Hᵀ there.
-    Rows of links that are fixed to the base are absent: their columns are zero.
+    P of a body fixed at the pose H = [R p; 0 1] of its carrier is H P Hᵀ there. Links that are
+    fixed to the base have zero columns.
+
+    Args:
+        model: links and joints of the file.
+        chain: n moving links.
+        links: names of L links.
+
+    Returns:
+        (10 n, 10 L) matrix.
     """
     carriers = {joint.link: k for k, joint in enumerate(chain.joints)}
     matrix = np.zeros((_P * len(carriers), _P * len(links)))
@@ -142,7 +160,7 @@ def lumping(model: Model, chain: Chain, links: list[str]) -> Array:
 
 
 def _moved(pose: Array) -> Array:
-    """π → π of the same body seen from a frame in which its own has this pose, (10, 10)."""
+    """(10, 10) map of π to another frame, in which the present frame has this pose."""
     unit = np.eye(_P)
     if np.array_equal(pose, unit[:4, :4]):
         return unit
@@ -150,12 +168,26 @@ def _moved(pose: Array) -> Array:
 
 
 def pseudo_of(pi: Array) -> Array:
-    """P of π, (4, 4)."""
+    """P of π.
+
+    Args:
+        pi: (10,) inertial parameters.
+
+    Returns:
+        (4, 4) pseudo-inertia.
+    """
     return np.array(ca.DM(consistency.pseudo_inertia(ca.DM(pi))))
 
 
 def pi_of(pseudo: Array) -> Array:
-    """π of P: m, m·c, and I = tr(Σ) 1 − Σ about the same origin."""
+    """π of P: m, m·c, and I = tr(Σ) 1 − Σ about the same origin.
+
+    Args:
+        pseudo: (4, 4) pseudo-inertia.
+
+    Returns:
+        (10,) inertial parameters.
+    """
     sigma = pseudo[:3, :3]
     i = np.trace(sigma) * np.eye(3) - sigma
     moment = pseudo[:3, 3]

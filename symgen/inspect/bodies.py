@@ -1,9 +1,9 @@
-"""What one link says about its own matter: can it exist, and is it made of a known material?
+"""Checks of one link's mass properties: physical consistency and plausible density.
 
 A body of mass m and second moments Σ_com about its centre has at least the mean density of the
 solid ellipsoid with the same m and Σ_com, ρ = m / (4/3 π 5^{3/2} √det(Σ_com/m)): among all bodies
-no denser than ρ, the ellipsoid is the most compact one (rearrangement). Bounds are those of matter:
-nothing solid is denser than osmium.
+no denser than ρ, the ellipsoid is the most compact one (rearrangement). The bounds are those of
+materials: no solid is denser than osmium.
 """
 
 import itertools
@@ -15,18 +15,19 @@ from symgen.inspect.geometry import Extent
 from symgen.inspect.model import ERROR, POINT, WARNING, Array, Body, Finding, Model
 
 OSMIUM = 22590.0
-"""kg/m³, the densest element."""
+"""Density of the densest element, kg/m³."""
 FOAM = 20.0
-"""kg/m³, packing foam: mass spread wider than that is not a robot's link."""
+"""Density of packing foam, kg/m³: mass spread wider than that is not a robot's link."""
 USUAL = (100.0, 12000.0)
-"""kg/m³ of robot links, motors and gears included, by which a decimal point is judged."""
+"""Densities of robot links including motors and gears, kg/m³, to detect shifted decimal points."""
 DECIMALS = (-1, 1, -2, 2, -3, 3, -4, 4, -5, 5, -6, 6)
+"""Powers of ten that a shifted decimal point may amount to."""
 STRETCH = 1.2
-"""A body may exceed its own shapes by this much: hulls are coarse."""
+"""Factor by which a body may exceed its shapes, since hulls are coarse."""
 TREE_STRETCH = 3.0
-"""The same where only the distances between joints tell how large a link is."""
+"""The same factor where the size of a link is known from the distances of its joints only."""
 STUB = 0.1
-"""Of the lengths of all links together: no link counts as smaller (joints of a wrist coincide)."""
+"""Smallest length of a link relative to the sum of all (joints of a wrist coincide)."""
 
 
 def ellipsoid_density(body: Body) -> float:
@@ -37,12 +38,20 @@ def ellipsoid_density(body: Body) -> float:
     return float(body.mass / (4 / 3 * np.pi * 5**1.5 * np.sqrt(np.prod(moments))))
 
 
-def impossible(model: Model, name: str) -> list[Finding]:
-    """Errors: what no body has."""
+def consistency_errors(model: Model, name: str) -> list[Finding]:
+    """Errors of a link whose mass properties are not physically consistent.
+
+    Args:
+        model: the file.
+        name: of the link.
+
+    Returns:
+        Errors, and warnings that name a likely cause.
+    """
     body, where = model.links[name].body, f"link '{name}'"
 
-    def error(kind: str, found: str, expected: str) -> list[Finding]:
-        return [Finding(ERROR, kind, where, found, expected)]
+    def error(kind: str, observed: str, expected: str) -> list[Finding]:
+        return [Finding(ERROR, kind, where, observed, expected)]
 
     if body is None or body.is_empty:
         return _massless(model, name)
@@ -62,28 +71,28 @@ def impossible(model: Model, name: str) -> list[Finding]:
     j = body.moments
     shown = ", ".join(f"{x:.4g}" for x in j)
     if j[0] < 0:
-        found = f"the principal moment {j[0]:.3g} kg m² is negative (all: {shown})"
+        observed = f"the principal moment {j[0]:.3g} kg m² is negative (all: {shown})"
     else:
-        found = (
+        observed = (
             f"the largest principal moment exceeds the sum of the others by {-body.slack:.3g} "
             f"kg m² ({shown})"
         )
-    return error("triangle", found, "expected J3 ≤ J1 + J2, which every body obeys") + _causes(
+    return error("triangle", observed, "expected J3 ≤ J1 + J2, as for every solid") + _causes(
         body, where
     )
 
 
 def _massless(model: Model, name: str) -> list[Finding]:
-    """A moving link needs matter somewhere on it, or its joint cannot be accelerated."""
+    """Check that a moving link or a link beyond it has mass: its joint must have inertia."""
     joint = model.joint_of(name)
     if joint is None or not joint.moves or _mass(model, model.subtree(name, rigid=True)) > 0:
         return []
     where = f"link '{name}'"
     if _mass(model, model.subtree(name)) > 0:
-        found = f"it moves with joint '{joint.name}' and has no mass of its own"
-        return [Finding(WARNING, "massless", where, found, "expected an <inertial>")]
-    found = f"it moves with joint '{joint.name}', and neither it nor anything on it has mass"
-    return [Finding(ERROR, "massless", where, found, "expected an <inertial>, or a fixed joint")]
+        observed = f"it moves with joint '{joint.name}' and has no mass of its own"
+        return [Finding(WARNING, "massless", where, observed, "expected an <inertial>")]
+    observed = f"it moves with joint '{joint.name}', and neither it nor any link beyond has mass"
+    return [Finding(ERROR, "massless", where, observed, "expected an <inertial>, or a fixed joint")]
 
 
 def _mass(model: Model, names: list[str]) -> float:
@@ -92,41 +101,41 @@ def _mass(model: Model, names: list[str]) -> float:
 
 
 def _causes(body: Body, where: str) -> list[Finding]:
-    """Why a body may be impossible: one sign, one decimal point, one shift turned around."""
-    found = []
+    """Likely causes of an inconsistent body: a sign, a decimal point, a shift with wrong sign."""
+    findings = []
     flipped = body.inertia * (2 * np.eye(3) - 1)
     if Body(body.mass, body.com, flipped).is_realisable:
-        found.append(
+        findings.append(
             Finding(
                 WARNING,
                 "sign",
                 where,
-                "with the opposite sign of one product of inertia (or of all) it could exist",
+                "with the opposite sign of one product of inertia (or of all) it is consistent",
                 "expected Ixy, Ixz, Iyz as integrals −∫xy dm, not mirrored",
             )
         )
     shift = body.mass * (body.com @ body.com * np.eye(3) - np.outer(body.com, body.com))
     if Body(body.mass, body.com, body.inertia + shift).is_realisable:
-        found.append(
+        findings.append(
             Finding(
                 WARNING,
                 "wrong-point",
                 where,
-                "with m|c|² added back it could exist, as if the shift to the centre of mass had "
-                "been made twice",
+                "with m|c|² added it is consistent, as if the shift to the centre of mass had been "
+                "applied twice",
                 "expected the inertia about the centre of mass",
             )
         )
-    found += _decimal_entry(body, where)
-    return found
+    findings += _decimal_entry(body, where)
+    return findings
 
 
 def _decimal_entry(body: Body, where: str) -> list[Finding]:
-    """One entry times 10^±1 or 10^±2 that makes the tensor possible, if there is only one."""
+    """The entry that makes the tensor consistent if multiplied by 10^±1 or 10^±2, if unique."""
     candidates = []
     entries = [(i, j) for i in range(3) for j in range(i, 3)]
     for (i, j), k in itertools.product(entries, (-1, 1, -2, 2)):
-        # |Ixy| ≤ Izz / 2 holds for every body: only a product that breaks it is a suspect.
+        # |Ixy| ≤ Izz / 2 holds for every body: only products that violate it are candidates.
         if i != j and 2 * abs(body.inertia[i, j]) <= body.inertia[3 - i - j, 3 - i - j]:
             continue
         tensor = body.inertia.copy()
@@ -139,48 +148,58 @@ def _decimal_entry(body: Body, where: str) -> list[Finding]:
         return []
     i, j, k = candidates[0]
     entry = f"i{'xyz'[i]}{'xyz'[j]}"
-    found = (
-        f"{entry} = {body.inertia[i, j]:g} is the one entry that, times 10^{k}, makes it possible"
+    observed = (
+        f"{entry} = {body.inertia[i, j]:g} is the only entry that makes it consistent when "
+        f"multiplied by 10^{k}"
     )
-    return [Finding(WARNING, "decimal", where, found, "expected the decimal point elsewhere")]
+    return [Finding(WARNING, "decimal", where, observed, "expected the decimal point elsewhere")]
 
 
-def implausible(model: Model, name: str, extent: Extent | None) -> list[Finding]:
-    """Warnings about a body that can exist: matter, size and place that no link has."""
+def plausibility_warnings(model: Model, name: str, extent: Extent | None) -> list[Finding]:
+    """Warnings about a consistent body: density, size and place that links do not have.
+
+    Args:
+        model: the file.
+        name: of the link.
+        extent: space that its shapes occupy; None if unknown.
+
+    Returns:
+        Warnings.
+    """
     body, where = model.links[name].body, f"link '{name}'"
     if body is None or not body.is_realisable:
         return []
-    found = [*_geometry(body, where, extent)]
+    findings = [*_geometry(body, where, extent)]
     density = ellipsoid_density(body)
     reach = extent.reach(body.com) if extent else _kinematic_reach(model, name, body)
     slip = _slipped(body, reach)
     if density > OSMIUM:
         thin = np.sqrt(max(np.linalg.eigvalsh(body.sigma)[0], 0.0) / body.mass)
         text = (
-            f"mass and inertia ask for matter of at least {density:.3g} kg/m³ (it spreads only "
-            f"{1e3 * thin:.2g} mm along its thinnest axis)"
+            f"mass and inertia require a density of at least {density:.3g} kg/m³ (the mass spreads "
+            f"only {1e3 * thin:.2g} mm along its thinnest axis)"
         )
         wanted = f"expected less than osmium, {OSMIUM:g} kg/m³{slip}"
-        found.append(Finding(WARNING, "dense", where, text, wanted))
+        findings.append(Finding(WARNING, "dense", where, text, wanted))
     bound = (STRETCH if extent else TREE_STRETCH) * reach
     if bound > 0 and body.size > bound:
-        text = f"the inertia spreads the mass {body.size:.3g} m from its centre (root mean square)"
-        witness = "its shapes" if extent else "the distances of its joints"
-        wanted = f"expected at most {bound:.2g} m by {witness}{slip}"
-        found.append(Finding(WARNING, "size", where, text, wanted))
+        text = f"by its inertia the mass lies {body.size:.3g} m from its centre (root mean square)"
+        source = "its shapes" if extent else "the distances of its joints"
+        wanted = f"expected at most {bound:.2g} m by {source}{slip}"
+        findings.append(Finding(WARNING, "size", where, text, wanted))
     elif density < FOAM:
         text = f"mass and inertia are those of a solid of {density:.3g} kg/m³"
         wanted = f"expected more than packing foam, {FOAM:g} kg/m³{slip}"
-        found.append(Finding(WARNING, "airy", where, text, wanted))
+        findings.append(Finding(WARNING, "airy", where, text, wanted))
     tensor = body.inertia
     if np.array_equal(tensor, tensor[0, 0] * np.eye(3)) and _is_power_of_ten(tensor[0, 0]):
         text = f"the inertia is {tensor[0, 0]:g} times the identity, a placeholder"
-        found.append(Finding(WARNING, "placeholder", where, text, "expected that of the part"))
-    return found
+        findings.append(Finding(WARNING, "placeholder", where, text, "expected that of the part"))
+    return findings
 
 
 def _kinematic_reach(model: Model, name: str, body: Body) -> float:
-    """How far a link is known to reach: to its joints, or to its centre of mass, m."""
+    """Distance from the link origin to its joints and its centre of mass, at most, m."""
     joint = model.joint_of(name)
     offsets = [joint.offset] if joint is not None else []
     offsets += [child.offset for child in model.children(name)] + [body.com]
@@ -191,12 +210,12 @@ def _kinematic_reach(model: Model, name: str, body: Body) -> float:
 def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
     if extent is None:
         return []
-    found = []
+    findings = []
     density = body.mass / extent.volume
     if not FOAM < density < OSMIUM:
         k = _fitting(lambda power: density * 10.0**power)
         hint = f", such as the mass times 10^{k}" if k is not None else ""
-        found.append(
+        findings.append(
             Finding(
                 WARNING,
                 "density",
@@ -209,7 +228,7 @@ def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
     low, high = extent.points.min(axis=0), extent.points.max(axis=0)
     outside = np.maximum(np.maximum(low - body.com, body.com - high), 0.0)
     if np.linalg.norm(outside) > 0.05 * np.linalg.norm(high - low):
-        found.append(
+        findings.append(
             Finding(
                 WARNING,
                 "outside",
@@ -219,11 +238,11 @@ def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:
                 "expected it inside",
             )
         )
-    return found
+    return findings
 
 
 def _slipped(body: Body, reach: float) -> str:
-    """`, such as the inertia times 10^k`: the power of ten that gives usual matter and size."""
+    """`, such as the inertia times 10^k`: the power of ten that gives usual density and size."""
     density = ellipsoid_density(body)
 
     def fits(k: int) -> float:
@@ -245,7 +264,14 @@ def _is_power_of_ten(value: float) -> bool:
 
 
 def shifted_from_origin(body: Body) -> tuple[float, float]:
-    """Share of m|c|² in tr Σ, and λ_min(Σ − m c cᵀ) / tr Σ: is Σ perhaps about the link origin?"""
+    """Indicators of an inertia about the link origin instead of the centre of mass.
+
+    Args:
+        body: consistent body.
+
+    Returns:
+        Share of m|c|² in tr Σ, and λ_min(Σ − m c cᵀ) / tr Σ.
+    """
     trace = float(np.trace(body.sigma))
     moment: Array = body.mass * np.outer(body.com, body.com)
     smallest = float(np.linalg.eigvalsh(body.sigma - moment)[0])

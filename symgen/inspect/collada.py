@@ -1,7 +1,7 @@
-"""COLLADA meshes looked at before they are loaded: what is no number makes loaders run for ever.
+"""Check of COLLADA meshes before loading: text among numbers makes the loader loop for ever.
 
-Assimp, which coal loads meshes with, reads a list of indices until it has read as many numbers as
-it was promised; a character that is none stops it from moving on, but not from reading.
+Assimp, with which coal loads meshes, reads a list of indices until it has as many numbers as the
+file announces. A character that is not a digit stops its position, but not its loop.
 """
 
 from pathlib import Path
@@ -10,13 +10,15 @@ from xml.etree.ElementTree import ParseError
 from defusedxml.ElementTree import iterparse
 
 INDICES = frozenset({"p", "ph", "h", "v", "vcount"})
+"""Elements that hold integers."""
 FLOATS = frozenset({"float_array", "matrix", "translate", "rotate", "scale", "lookat", "skew"})
+"""Elements that hold floating-point numbers."""
 DEEPEST = 200
-"""Levels of elements; exporters make ten."""
+"""Largest depth of elements; exporters write about ten levels."""
 
 
 def is_sound(path: Path) -> bool:
-    """Whether a .dae file is XML of moderate depth whose lists hold numbers alone."""
+    """True for a .dae file of well-formed XML and moderate depth whose lists hold only numbers."""
     depth = 0
     try:
         for event, element in iterparse(path, events=("start", "end"), forbid_dtd=True):

@@ -1,10 +1,10 @@
 """Volume and extent of a link's shapes: primitives in closed form, meshes by their convex hull.
 
-A mesh may lie anywhere, for packages keep theirs beside the model's folder; nothing of it but its
-shape is told.
+Meshes are searched outside the folder of the model too, since packages keep theirs elsewhere; only
+their shape is reported.
 
-The hull's volume is at least that of the part, watertight or not. coal (in the `pin` wheel) loads
-STL, DAE and OBJ. Overlap of a link's shapes is counted twice: the density is a rough one.
+The volume of the hull is at least that of the part, watertight or not. coal (in the `pin` wheel)
+loads STL, DAE and OBJ. Overlapping shapes count twice, so the density is approximate.
 """
 
 import os
@@ -17,24 +17,41 @@ from symgen.inspect.collada import is_sound
 from symgen.inspect.model import Array, Link, Shape
 
 LARGEST_MESH = 200 * 2**20
-"""Bytes beyond which a mesh is left alone."""
+"""Largest size of a mesh file that is read, bytes."""
 _ROUND = 32
+"""Points on a circle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Extent:
-    """Space a link takes up: volume [m³] and points (N, 3) [m] that span its shapes."""
+    """Space that a link occupies.
+
+    Attributes:
+        volume: m³.
+        points: (N, 3) points that span its shapes, m.
+    """
 
     volume: float
     points: Array
 
     def reach(self, centre: Array) -> float:
-        """Largest distance of a point from a centre, m."""
+        """Largest distance of a point from a centre, m.
+
+        Args:
+            centre: (3,) m.
+
+        Returns:
+            Distance, m.
+        """
         return float(np.linalg.norm(self.points - centre, axis=1).max())
 
 
 class Meshes:
-    """Finds and measures mesh files beside a model file."""
+    """Search and measurement of the mesh files of a model file.
+
+    Attributes:
+        missing: file names that were not found or are not solids.
+    """
 
     def __init__(self, model_file: Path, packages: tuple[Path, ...] = ()) -> None:
         self._folder = model_file.resolve().parent
@@ -42,11 +59,11 @@ class Meshes:
         listed = [Path(p) for v in variables for p in os.environ.get(v, "").split(":") if p]
         shares = [p / "share" for p in listed]
         self._roots = (*packages, *listed, *shares, self._folder, *self._folder.parents)
-        self._known: dict[tuple[str, tuple[float, ...]], Array | None] = {}
+        self._cache: dict[tuple[str, tuple[float, ...]], Array | None] = {}
         self.missing: list[str] = []
 
     def extent(self, link: Link) -> Extent | None:
-        """Of the collision shapes, else of the visual ones; None when nothing is known."""
+        """Extent of the collision shapes of a link, else of its visual shapes; None if unknown."""
         for is_collision in (True, False):
             shapes = [s for s in link.shapes if s.is_collision == is_collision]
             parts = [self._part(shape) for shape in shapes]
@@ -66,12 +83,12 @@ class Meshes:
 
     def _mesh(self, shape: Shape) -> tuple[float, Array] | None:
         key = (shape.file, shape.size)
-        if key not in self._known:
+        if key not in self._cache:
             path = self._find(shape.file)
-            self._known[key] = None if path is None else _corners(path, shape.size)
-            if self._known[key] is None:
+            self._cache[key] = None if path is None else _corners(path, shape.size)
+            if self._cache[key] is None:
                 self.missing.append(shape.file)
-        corners = self._known[key]
+        corners = self._cache[key]
         return None if corners is None else (_hull_volume(corners), corners)
 
     def _find(self, file: str) -> Path | None:
@@ -86,13 +103,13 @@ class Meshes:
             try:
                 if place.is_file() and 0 < place.stat().st_size < LARGEST_MESH:
                     return place
-            except (OSError, ValueError):  # a name with a NUL, a folder that may not be read
+            except (OSError, ValueError):  # a name with a NUL, or a folder without permission
                 continue
         return None
 
 
 def _corners(path: Path, scale: tuple[float, ...]) -> Array | None:
-    """Vertices of the convex hull, or None for what is no solid."""
+    """Vertices of the convex hull, or None for a mesh that is not a solid."""
     import coal
     from scipy.spatial import ConvexHull, QhullError
 

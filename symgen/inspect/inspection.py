@@ -1,6 +1,6 @@
-"""One robot model file judged: a row per link, findings, base parameters; and its repair."""
+"""Inspection of one robot model file: numbers per link, findings, base parameters, and repair."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from symgen.documents import text_of
 from symgen.errors import InertiaError, SymgenError, UrdfError
-from symgen.inspect import bodies, joints, relatives
+from symgen.inspect import bodies, comparison, joints
 from symgen.inspect.base import Base, base_of
 from symgen.inspect.geometry import Meshes
 from symgen.inspect.mjcf import read_mjcf
@@ -22,8 +22,16 @@ INERTIAL = frozenset({"triangle", "zero-inertia"})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Row:
-    """One link in figures: kg, m, kg·m²; density in kg/m³ by its shapes, None without."""
+class LinkFigures:
+    """Numbers of one link.
+
+    Attributes:
+        link: its name.
+        body: mass properties.
+        smallest: smallest eigenvalue of P.
+        relative: the same relative to tr P.
+        density: mass over the volume of its shapes, kg/m³; None without shapes.
+    """
 
     link: str
     body: Body
@@ -34,75 +42,100 @@ class Row:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inspection:
-    """What a file says and what is wrong with it.
+    """Contents and faults of a file.
 
     Attributes:
+        model: links and joints as written.
         text: the URDF as read, None for MJCF.
-        base: rank and K, None where `notes` say why not.
+        rows: one entry per link with mass or inertia.
+        findings: errors first, then warnings.
+        base: rank and K, None where `notes` give the reason.
+        notes: sentences about parts that could not be checked.
     """
 
     model: Model
     text: str | None
-    rows: tuple[Row, ...]
+    rows: tuple[LinkFigures, ...]
     findings: tuple[Finding, ...]
     base: Base | None
     notes: tuple[str, ...]
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Findings that cannot exist."""
+        """Findings that are physically impossible or cannot be read."""
         return tuple(f for f in self.findings if f.severity == ERROR)
 
 
 def inspect_file(path: Path, packages: tuple[Path, ...] = (), with_base: bool = True) -> Inspection:
-    """Read and judge a URDF, an expanded xacro or an MJCF file.
+    """Read and check a URDF, an expanded xacro or an MJCF file.
 
     Args:
         path: the file.
-        packages: folders in which package:// meshes are looked for, besides the usual ones.
-        with_base: compute the base parameters, the only part that takes seconds.
+        packages: folders in which package:// meshes are searched, besides the usual ones.
+        with_base: True computes the base parameters, the only part that takes seconds.
+
+    Returns:
+        Numbers, findings and base parameters.
 
     Raises:
         UrdfError: the file cannot be read at all.
     """
     text = _read(path)
     if "<mujoco" in text and "<robot" not in text:
-        return _judged(read_mjcf(path), None, Meshes(path, packages), with_base)
+        return _checked(read_mjcf(path), None, Meshes(path, packages), with_base)
     return inspect_text(text, path, packages, with_base)
 
 
 def inspect_text(
     text: str, path: Path, packages: tuple[Path, ...] = (), with_base: bool = True
 ) -> Inspection:
-    """Judge a URDF given as text; `path` tells where its meshes are."""
-    return _judged(read_urdf(text), text, Meshes(path, packages), with_base)
+    """Check a URDF given as text.
+
+    Args:
+        text: the URDF.
+        path: its file, beside which meshes are searched.
+        packages: folders in which package:// meshes are searched, besides the usual ones.
+        with_base: True computes the base parameters.
+
+    Returns:
+        Numbers, findings and base parameters.
+
+    Raises:
+        UrdfError: the text is not a URDF.
+    """
+    return _checked(read_urdf(text), text, Meshes(path, packages), with_base)
 
 
 def repaired(inspection: Inspection, path: Path) -> tuple[str, Repair, Inspection]:
-    """The URDF with the nearest consistent inertials, read again and judged again.
+    """Return the URDF with the nearest consistent inertials, read and checked again.
+
+    Args:
+        inspection: of the file as it is.
+        path: the file.
 
     Returns:
-        Its text, what moved, and the new inspection.
+        Text of the new URDF, the changes, and its inspection.
 
     Raises:
-        SymgenError: MJCF, a mass that is not positive, or a result that does not pass.
+        SymgenError: MJCF, a mass that is not positive, or a result that does not pass the checks.
     """
     if inspection.text is None:
         raise UrdfError("--repair writes URDF; convert the MJCF file first, or correct it by hand")
-    found = repair(inspection.model, inspection.base)
-    text = with_bodies(inspection.text, found.bodies)
+    changes = repair(inspection.model, inspection.base)
+    text = with_bodies(inspection.text, changes.bodies)
     again = inspect_text(text, path, with_base=False)
     before = {(f.kind, f.where) for f in inspection.errors}
     bad = [f for f in again.errors if f.kind in INERTIAL or (f.kind, f.where) not in before]
     if bad:
         raise InertiaError(
-            f"not written: the repaired file would still be wrong, {bad[0].sentence}"
+            f"not written: the repaired file would still have an error, {bad[0].sentence}; "
+            "correct it in the file first"
         )
-    return text, found, again
+    return text, changes, again
 
 
 def facts(inspection: Inspection) -> dict[str, Any]:
-    """JSON-ready."""
+    """Return the inspection as JSON-ready values."""
     base = inspection.base
     return {
         "robot": inspection.model.name,
@@ -120,11 +153,22 @@ def facts(inspection: Inspection) -> dict[str, Any]:
             }
             for row in inspection.rows
         ],
-        "findings": [asdict(f) | {"sentence": f.sentence} for f in inspection.findings],
+        "findings": [_finding(f) for f in inspection.findings],
         "base_parameters": None
         if base is None
         else {"rank": len(base.names), "names": base.names, "condition": base.condition},
         "notes": list(inspection.notes),
+    }
+
+
+def _finding(f: Finding) -> dict[str, str]:
+    return {
+        "severity": f.severity,
+        "kind": f.kind,
+        "where": f.where,
+        "found": f.observed,
+        "expected": f.expected,
+        "sentence": f.sentence,
     }
 
 
@@ -138,18 +182,18 @@ def _read(path: Path) -> str:
         raise UrdfError(f"cannot read '{path}' ({reason}); name a URDF or MJCF file") from None
 
 
-def _judged(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> Inspection:
+def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> Inspection:
     extents = {name: meshes.extent(link) for name, link in model.links.items()}
     findings = list(model.findings)
     unread = {f.where for f in model.findings}
     for name in model.links:
         if f"link '{name}'" not in unread:
-            findings += bodies.impossible(model, name)
-            findings += bodies.implausible(model, name, extents[name])
-    findings += relatives.compare(model)
+            findings += bodies.consistency_errors(model, name)
+            findings += bodies.plausibility_warnings(model, name, extents[name])
+    findings += comparison.comparison_warnings(model)
     for joint in model.joints:
         if f"joint '{joint.name}'" not in unread:
-            findings += joints.judge(joint)
+            findings += joints.joint_findings(joint)
     findings.sort(key=lambda f: f.severity != ERROR)
     notes = list(model.notes)
     base = None
@@ -164,12 +208,12 @@ def _judged(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> 
             notes.append(f"no base parameters: {error}")
     if base is not None and base.snapped:
         notes.append(
-            "angles are rounded in this file: for the base parameters those within 1e-4 rad of a "
-            "multiple of π/2 are taken as exact"
+            "angles are rounded in this file: for the base parameters, those within 1e-4 rad of a "
+            "multiple of π/2 count as exact"
         )
     if meshes.missing:
         notes.append(
-            f"{len(meshes.missing)} mesh file(s) not found or not solid, such as "
+            f"{len(meshes.missing)} mesh file(s) not available or not solid, such as "
             f"'{meshes.missing[0]}': their densities are unknown (see --package-dir)"
         )
     rows = []
@@ -177,12 +221,12 @@ def _judged(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> 
         if link.body is not None and not link.body.is_empty:
             extent = extents[name]
             density = None if extent is None else link.body.mass / extent.volume
-            rows.append(_row(name, link.body, density))
+            rows.append(_figures(name, link.body, density))
     return Inspection(model, text, tuple(rows), tuple(findings), base, tuple(notes))
 
 
-def _row(name: str, body: Body, density: float | None) -> Row:
+def _figures(name: str, body: Body, density: float | None) -> LinkFigures:
     pseudo = body.pseudo_inertia
     smallest = float(np.linalg.eigvalsh(pseudo)[0])
     trace = abs(float(np.trace(pseudo)))
-    return Row(name, body, smallest, smallest / trace if trace else 0.0, density)
+    return LinkFigures(name, body, smallest, smallest / trace if trace else 0.0, density)

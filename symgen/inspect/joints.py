@@ -1,30 +1,30 @@
-"""Limits, friction and damping of joints: missing, contradictory, or against physics."""
+"""Checks of joints: limits, friction and damping that are missing, contradictory or unphysical."""
 
 import numpy as np
 
 from symgen.inspect.model import ERROR, WARNING, Finding, Joint
 
 TURNS = 20.0
-"""rad, about three turns: a larger limit is usually written in degrees."""
+"""Largest plausible limit, rad, about three turns: larger ones are usually in degrees."""
 
 
-def judge(joint: Joint) -> list[Finding]:
-    """Everything that is wrong with one joint."""
+def joint_findings(joint: Joint) -> list[Finding]:
+    """Return all faults of one joint."""
     if not joint.moves:
         return []
     where = f"joint '{joint.name}'"
-    found = [
+    findings = [
         Finding(ERROR, "dissipation", where, f"the {key} is {value:g}", "expected 0 or more")
         for key, value in (("damping", joint.damping), ("friction", joint.friction))
         if value is not None and value < 0
     ]
     if joint.kind in {"revolute", "continuous", "prismatic"} and not np.any(joint.axis):
-        found.append(Finding(ERROR, "axis", where, "its axis is 0 0 0", "expected a direction"))
+        findings.append(Finding(ERROR, "axis", where, "its axis is 0 0 0", "expected a direction"))
     if joint.kind in {"revolute", "prismatic"}:
-        found += _range(joint, where)
+        findings += _range(joint, where)
     if joint.has_effort and joint.kind in {"revolute", "continuous", "prismatic"}:
-        found += _strength(joint, where)
-    return found
+        findings += _strength(joint, where)
+    return findings
 
 
 def _range(joint: Joint, where: str) -> list[Finding]:
@@ -32,9 +32,9 @@ def _range(joint: Joint, where: str) -> list[Finding]:
     if lower is None and upper is None:
         text = "no position limits"
         if joint.has_effort:
-            text += ", which a URDF reader takes as 0 … 0"
+            text += ", which URDF parsers read as 0 … 0"
         return [Finding(WARNING, "limits", where, text, "expected lower < upper, or continuous")]
-    low, high = lower or 0.0, upper or 0.0  # what the format says a missing one means
+    low, high = lower or 0.0, upper or 0.0  # the value that URDF gives to a missing limit
     if low > high:
         text = f"the lower limit {low:g} lies above the upper limit {high:g}"
         return [Finding(ERROR, "limits", where, text, "expected lower < upper")]
@@ -48,12 +48,12 @@ def _range(joint: Joint, where: str) -> list[Finding]:
 
 
 def _strength(joint: Joint, where: str) -> list[Finding]:
-    found = []
+    findings = []
     for key, value in (("velocity", joint.velocity), ("effort", joint.effort)):
         if value is not None and value < 0:
             text = f"the {key} limit is {value:g}"
-            found.append(Finding(ERROR, "limits", where, text, "expected a positive one"))
+            findings.append(Finding(ERROR, "limits", where, text, "expected a positive one"))
         elif not value:
             text = f"the {key} limit is {'missing' if value is None else '0'}"
-            found.append(Finding(WARNING, "limits", where, text, "expected a positive one"))
-    return found
+            findings.append(Finding(WARNING, "limits", where, text, "expected a positive one"))
+    return findings

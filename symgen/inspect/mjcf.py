@@ -1,7 +1,7 @@
-"""MJCF → `Model` by MuJoCo's own loader; what its compiler refuses is read as it is written.
+"""MJCF → `Model` by MuJoCo's loader; files that its compiler rejects are read as written.
 
-A compiled model has all inertials, those that MuJoCo infers from geoms included. MuJoCo's compiler
-refuses impossible inertias itself; then the inertials written in the file are judged here.
+A compiled model has all inertials, including those that MuJoCo infers from geoms. MuJoCo's compiler
+rejects inconsistent inertias; then the inertials written in the file are checked.
 """
 
 from pathlib import Path
@@ -13,12 +13,14 @@ from symgen.errors import UrdfError
 from symgen.inspect.model import ERROR, Body, Finding, Joint, Link, Model
 from symgen.inspect.urdf import HUGE, SPECK
 
+_COMPILES = "expected a file that compiles"
+
 
 def read_mjcf(path: Path) -> Model:
     """Read an MJCF file.
 
     Raises:
-        UrdfError: MuJoCo is absent, or cannot parse the file at all.
+        UrdfError: MuJoCo is not installed, or cannot parse the file at all.
     """
     try:
         import mujoco
@@ -26,19 +28,23 @@ def read_mjcf(path: Path) -> Model:
         raise UrdfError(
             f"'{path}' is an MJCF file, which MuJoCo reads; install it: pip install mujoco"
         ) from None
-    mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT where we stand
+    mujoco.set_mju_user_warning(
+        lambda _: None
+    )  # else it writes MUJOCO_LOG.TXT into the working folder
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except Exception as error:  # MuJoCo raises several types
-        raise UrdfError(f"MuJoCo cannot parse '{path}' ({_line(error)}); mend the file") from None
+        raise UrdfError(
+            f"MuJoCo cannot parse '{path}' ({_line(error)}); correct the file"
+        ) from None
     name = spec.modelname or path.stem
     try:
         model = spec.compile()
     except Exception as error:
         finding = Finding(
-            ERROR, "structure", "the file", f"MuJoCo refuses it ({_line(error)})", "expected none"
+            ERROR, "structure", "the file", f"MuJoCo rejects it ({_line(error)})", _COMPILES
         )
-        note = "inertias that MuJoCo would infer from geoms are unknown: only written ones are read"
+        note = "inertias that MuJoCo infers from geoms are unknown: only written ones are read"
         links = {b.name or f"body {b.id}": _written(b, mujoco) for b in spec.bodies[1:]}
         links, unread = _readable(links)
         joints = tuple(_spec_joint(j, mujoco) for j in spec.joints)
@@ -49,7 +55,7 @@ def read_mjcf(path: Path) -> Model:
 
 
 def _readable(links: dict[str, Link]) -> tuple[dict[str, Link], tuple[Finding, ...]]:
-    """The links, those without a body whose numbers no machine has, and what is said of these."""
+    """Links without the bodies whose numbers are out of range, and findings about these."""
     kept, findings = {}, []
     for name, link in links.items():
         kept[name], body = link, link.body
@@ -58,9 +64,9 @@ def _readable(links: dict[str, Link]) -> tuple[dict[str, Link], tuple[Finding, .
         sizes = np.abs([body.mass, *body.com, *body.inertia.ravel()])
         if not (sizes < HUGE).all() or 0 < abs(body.mass) < SPECK:
             kept[name] = Link(name)
-            told = f"a mass of {body.mass:g} kg, an inertia up to {sizes[4:].max():g} kg·m²"
+            observed = f"a mass of {body.mass:g} kg, an inertia up to {sizes[4:].max():g} kg·m²"
             wanted = f"expected masses from {SPECK:g} kg up and numbers below {HUGE:g}"
-            findings.append(Finding(ERROR, "unreadable", f"link '{name}'", told, wanted))
+            findings.append(Finding(ERROR, "unreadable", f"link '{name}'", observed, wanted))
     return kept, tuple(findings)
 
 

@@ -1,8 +1,8 @@
-"""A robot model file as data that may be wrong: links with inertials and shapes, joints, findings.
+"""Contents of a robot model file: links with inertials and shapes, joints, findings.
 
-Nothing is refused here. `urdf` and `mjcf` fill it, the checks judge it, `inspection` shows it.
+Nothing is rejected here. `urdf` and `mjcf` fill it, the checks test it, `inspection` reports it.
 Inertias are about the centre of mass in the axes of the link; π, P and the rest come from
-`symgen.mechanics.inertia`.
+`symgen.mechanics`.
 """
 
 from dataclasses import dataclass, field
@@ -16,37 +16,43 @@ from symgen.mechanics import consistency, inertia
 Array = NDArray[np.float64]
 
 ERROR = "error"
-"""Cannot exist: no body, no joint is like this."""
+"""Severity of a value that is physically impossible."""
 WARNING = "warning"
-"""Can exist, but is probably not what was meant."""
+"""Severity of a value that is possible, but probably not intended."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One fault: what was found where, and what was expected instead.
+    """One fault: its place, the value, and the expected value.
 
     Attributes:
         severity: `ERROR` or `WARNING`.
-        kind: short name of the check, for machines.
+        kind: short name of the check, for programs.
         where: the link or joint, such as "link 'hand'".
-        found, expected: halves of the sentence.
+        observed, expected: halves of the sentence.
     """
 
     severity: str
     kind: str
     where: str
-    found: str
+    observed: str
     expected: str
 
     @property
     def sentence(self) -> str:
-        """One plain sentence."""
-        return f"{self.where}: {self.found}; {self.expected}"
+        """The finding as one sentence."""
+        return f"{self.where}: {self.observed}; {self.expected}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """Mass [kg], centre of mass (3,) [m], inertia about it (3, 3) [kg·m²] in the link's axes."""
+    """Mass properties of a link.
+
+    Attributes:
+        mass: kg.
+        com: (3,) centre of mass in the link frame, m.
+        inertia: (3, 3) about the centre of mass in the link's axes, kg·m².
+    """
 
     mass: float
     com: Array
@@ -54,33 +60,33 @@ class Body:
 
     @property
     def pi(self) -> Array:
-        """(10,), inertia about the link origin."""
+        """(10,) π, inertia about the link origin."""
         return _flat(inertia.pi_from_com(self.mass, ca.DM(self.com), ca.DM(self.inertia)))
 
     @property
     def pseudo_inertia(self) -> Array:
-        """P = [[Σ, mc], [mcᵀ, m]] about the link origin, (4, 4)."""
+        """(4, 4) P = [[Σ, mc], [mcᵀ, m]] about the link origin."""
         return np.array(ca.DM(consistency.pseudo_inertia(ca.DM(self.pi))))
 
     @property
     def sigma(self) -> Array:
-        """Σ_com = ½ tr(I_com) 1 − I_com, the second moments of mass about the centre, (3, 3)."""
+        """(3, 3) Σ_com = ½ tr(I_com) 1 − I_com, second moments of mass about the centre, kg·m²."""
         return float(np.trace(self.inertia)) / 2 * np.eye(3) - self.inertia
 
     @property
     def moments(self) -> Array:
-        """Principal moments, ascending, kg·m²."""
+        """(3,) principal moments, ascending, kg·m²."""
         return np.asarray(np.linalg.eigvalsh(self.inertia), dtype=float)
 
     @property
     def slack(self) -> float:
-        """J₁ + J₂ − J₃ of the ascending principal moments, kg·m²; negative cannot exist."""
+        """J₁ + J₂ − J₃ of the ascending principal moments, kg·m²; negative is not consistent."""
         j = self.moments
         return float(j[0] + j[1] - j[2])
 
     @property
     def is_empty(self) -> bool:
-        """A frame written as a body: neither mass nor inertia."""
+        """True for a frame that is written as a body, with neither mass nor inertia."""
         return self.mass == 0 and not self.inertia.any()
 
     @property
@@ -90,7 +96,7 @@ class Body:
 
     @property
     def is_realisable(self) -> bool:
-        """m > 0, inertia above rounding, and Σ_com ⪰ 0 up to rounding."""
+        """True for m > 0, inertia above rounding, and Σ_com ⪰ 0 up to rounding."""
         trace = float(np.trace(self.inertia))
         if not (self.mass > 0 and trace > POINT**2 * self.mass):
             return False
@@ -98,7 +104,7 @@ class Body:
 
 
 POINT = 1e-6
-"""Size in m below which a body with mass is a point."""
+"""Size below which a body with mass counts as a point, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,8 +113,10 @@ class Shape:
 
     Attributes:
         kind: name of the primitive, or "mesh".
-        size: box x y z; radius and length of cylinder and capsule; radius; scale of a mesh.
-        file: of a mesh, as written.
+        size: box x y z; radius and length of cylinder and capsule; radius; scale of a mesh. m.
+        rotation: (3, 3) from the shape's frame to the link frame.
+        translation: (3,) m.
+        file: name of the mesh file, as written.
         is_collision: False for visual shapes.
     """
 
@@ -121,13 +129,13 @@ class Shape:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Equal for equal shapes wherever they are placed."""
+        """Equal for equal shapes, wherever they are placed."""
         return (self.kind, self.size, self.file)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Link:
-    """A link and what the file says about its matter."""
+    """A link with its mass properties and shapes as written; `body` is None without <inertial>."""
 
     name: str
     body: Body | None = None
@@ -139,9 +147,15 @@ class Joint:
     """A joint with its numbers as written; None where the file gives none.
 
     Attributes:
+        name: of the joint.
         kind: revolute, continuous, prismatic, fixed, …
+        parent, child: names of links.
         offset, rotation: frame at q = 0 in the parent link's frame, m.
-        has_effort: False where the format has no effort and velocity limits.
+        axis: (3,) in the joint frame.
+        lower, upper: rad or m.
+        velocity, effort: rad/s or m/s, N·m or N.
+        damping, friction: N·m·s/rad or N·s/m, N·m or N.
+        has_effort: False if the format has no effort and velocity limits.
     """
 
     name: str
@@ -161,17 +175,21 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """True unless it is fixed."""
+        """True unless the joint is fixed."""
         return self.kind != "fixed"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """A whole file; `findings` are the faults met while reading it.
+    """Contents of a file; `findings` are the faults met while reading it.
 
     Attributes:
+        name: of the robot.
         form: "URDF" or "MJCF".
-        notes: sentences about what could not be looked at.
+        links: name → link.
+        joints: in the order of the file.
+        findings: faults of reading.
+        notes: sentences about parts that could not be checked.
     """
 
     name: str
@@ -190,11 +208,19 @@ class Model:
         return self._by_child.get(link)
 
     def children(self, link: str) -> list[Joint]:
-        """Joints that hang on a link."""
+        """Joints whose parent is a link."""
         return [j for j in self.joints if j.parent == link]
 
     def subtree(self, link: str, rigid: bool = False) -> list[str]:
-        """A link and what hangs on it, or only what is fixed to it; loops are walked once."""
+        """A link and all links beyond it; loops are followed once.
+
+        Args:
+            link: name of the link.
+            rigid: True for only the links that are fixed to it, directly or not.
+
+        Returns:
+            Names of links that exist.
+        """
         seen, pending = [], [link]
         while pending:
             here = pending.pop()

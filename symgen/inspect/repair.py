@@ -2,10 +2,10 @@
 
     min Σ_l ‖S_l − S_l⁰‖²   s.t.   K T x = K T x⁰,   m_l = m_l⁰,   P_l(x_l) ⪰ ε P_l^ref
 
-in the coordinates S = L⁻¹ P L⁻ᵀ of a body L Lᵀ like the link's, where the distance is the pullback
-metric of Lee, Wensing & Park (IEEE T-RO 36(2), 2020), frozen at that body: it does not depend on
-units, origins or axes. Masses stay: a repair that invents kilograms is none. Where no consistent
-body has these base parameters, ‖R K T (x − x⁰)‖, the change of torque, is minimised first.
+in the coordinates S = L⁻¹ P L⁻ᵀ of a body L Lᵀ like the link's. The distance is the pullback metric
+of Lee, Wensing & Park (IEEE T-RO 36(2), 2020), frozen at that body: it does not depend on units,
+origins or axes. Masses are kept, since a repair must not invent them. If no consistent bodies have
+these base parameters, ‖R K T (x − x⁰)‖, the change of torque, is minimised first.
 """
 
 from dataclasses import dataclass
@@ -20,31 +20,38 @@ from symgen.inspect.model import Array, Body, Model
 from symgen.mechanics import consistency, inertia
 
 FLOOR = 1e-2
-"""P ⪰ FLOOR · P_ref: a link keeps at least this much of its own body in every direction."""
+"""ε: P ⪰ FLOOR · P_ref keeps at least this part of a reference body in every direction."""
 THIN = 1e-2
-"""Thinnest reference body of an impossible link: eigenvalue of Σ_com over their sum."""
+"""Least eigenvalue of Σ_com over their sum of the reference body of an inconsistent link."""
 ROUND = 0.1
-"""The same of the body that measures distance: rounder, so that no direction is stiff."""
+"""The same of the body that defines the distance: rounder, so that no direction is stiff."""
 KEPT = 1e-7
-"""Relative change of torque up to which the base parameters count as attainable exactly; the cone
-solver leaves about 1e-9."""
+"""Relative change of torque up to which the base parameters count as kept.
+
+The cone solver leaves about 1e-9.
+"""
 SLACK = 0.25
-"""Share of the smallest possible torque change given away for staying near the file: the minimum
-itself is reached only with absurd bodies (centres of mass 10 cm away on the FR3 of 2023)."""
+"""Part of the smallest possible torque change that is added to stay near the file.
+
+The minimum itself needs absurd bodies (centres of mass 10 cm away on the FR3 of 2023).
+"""
 STILL = 1e-5
-"""Relative change below which a possible link stays as it was written; the solver leaves 1e-6."""
+"""Relative change below which a consistent link is left as written; the solver leaves 1e-6."""
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
+"""Entries of the upper triangle of a (4, 4) matrix, column by column, as in Clarabel."""
 _WEIGHT = np.array([1.0 if i == j else np.sqrt(2.0) for i, j in _SVEC])
+"""Factors of svec, with which the inner product is that of matrices."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repair:
-    """New bodies of the links that moved.
+    """Changed bodies.
 
     Attributes:
-        bodies: link → body, only where something changed.
-        torque_change: ‖Δτ‖ / ‖τ‖ at random states, each joint by its own torque; 0 when kept.
-        kept: True when the base parameters are those of the file.
+        bodies: link → body, only for links that changed.
+        torque_change: ‖Δτ‖ / ‖τ‖ at random states, each joint relative to its own torque; 0 if
+            kept.
+        kept: True if the base parameters are those of the file.
     """
 
     bodies: dict[str, Body]
@@ -53,22 +60,25 @@ class Repair:
 
 
 def repair(model: Model, base: Base | None) -> Repair:
-    """Solve the projection for all links with mass.
+    """Project the inertials of all links with mass.
 
     Args:
         model: every body with a positive mass.
-        base: None projects link by link.
+        base: base parameters to keep; None projects link by link.
+
+    Returns:
+        Changed bodies.
 
     Raises:
         InertiaError: a mass that is not positive, or no solution.
     """
     links = _links(model)
-    problem = _Problem(model, links, base)
-    s, change, kept = problem.solve()
+    projection = _Projection(model, links, base)
+    s, change, kept = projection.solve()
     bodies = {
-        name: _body(problem.roots[k] @ _matrix(s[10 * k : 10 * k + 10]) @ problem.roots[k].T)
+        name: _body(projection.roots[k] @ _matrix(s[10 * k : 10 * k + 10]) @ projection.roots[k].T)
         for k, name in enumerate(links)
-        if (s != problem.start)[10 * k : 10 * k + 10].any()
+        if (s != projection.start)[10 * k : 10 * k + 10].any()
     }
     return Repair(bodies, change, kept)
 
@@ -80,8 +90,8 @@ def _links(model: Model) -> list[str]:
             continue
         if not link.body.mass > 0:
             raise InertiaError(
-                f"link '{name}' has the mass {link.body.mass:g} kg, and a repair cannot know the "
-                "right one; correct it in the file, then repair the rest"
+                f"link '{name}' has the mass {link.body.mass:g} kg, which a repair cannot "
+                "determine; correct it in the file, then repair the rest"
             )
         names.append(name)
     if not names:
@@ -89,11 +99,12 @@ def _links(model: Model) -> list[str]:
     return names
 
 
-class _Problem:
+class _Projection:
     """The projection in whitened coordinates s = svec(L⁻¹ P L⁻ᵀ), all links in one vector."""
 
     def __init__(self, model: Model, links: list[str], base: Base | None) -> None:
         bodies = [body for name in links if (body := model.links[name].body) is not None]
+        # L of each link's metric, and start s⁰ and floor ε P_ref in its coordinates.
         old = np.concatenate([body.pi for body in bodies])
         self.roots = [np.linalg.cholesky(pseudo_of(_nearest(body, ROUND))) for body in bodies]
         self.start = np.concatenate(
@@ -111,11 +122,12 @@ class _Problem:
                 for root, body in zip(self.roots, bodies, strict=True)
             ]
         )
+        # (10, 10) per link: π from s; its first row is the mass.
         to_pi = [
             np.column_stack([pi_of(root @ _matrix(e) @ root.T) for e in np.eye(10)])
             for root in self.roots
         ]
-        self._possible = np.array([body.is_realisable for body in bodies])
+        self._consistent = np.array([body.is_realisable for body in bodies])
         size = 10 * len(links)
         self._mass = np.zeros((len(links), size))
         for k, block in enumerate(to_pi):
@@ -123,6 +135,7 @@ class _Problem:
         self._mass_scale = np.abs(self._mass).max(axis=1, keepdims=True)
         self._motion, self._scale = np.zeros((0, size)), 1.0
         if base is not None:
+            # Torque change R K T Δx in units of the torque itself, ‖R β‖.
             whole = base.parameters.matrix @ lumping(model, base.chain, links)
             beta = whole @ old
             factor = base.factor(beta)
@@ -133,29 +146,35 @@ class _Problem:
 
     def solve(self) -> tuple[Array, float, bool]:
         """s, the relative change of torque, and whether the base parameters are kept."""
+        # 1. Least possible change of torque. 2. If it is zero, the nearest s with equal base
+        # parameters; else the nearest s within (1 + SLACK) times the least change.
         smallest = self._change(self._cone(None))
         if smallest <= KEPT:
-            s = self._settled(self._cone(0.0), np.vstack([self._masses(), self._rows()]))
+            s = self._on_equalities(self._cone(0.0), np.vstack([self._masses(), self._rows()]))
             if s is not None:
                 return s, 0.0, True
         raw = self._cone((1 + SLACK) * max(smallest, KEPT))
-        s = self._settled(raw, self._masses())
+        s = self._on_equalities(raw, self._masses())
         if s is None:
             raise InertiaError(
-                "the projection left the consistent bodies by rounding; correct inertials that "
-                "are wrong by orders of magnitude first"
+                "the projection is not consistent after rounding; first correct inertials that are "
+                "wrong by orders of magnitude"
             )
         return s, self._change(s), False
 
-    def _settled(self, raw: Array, equalities: Array) -> Array | None:
-        """s on the equalities to rounding, links that hardly moved put back; None if outside."""
+    def _on_equalities(self, raw: Array, equalities: Array) -> Array | None:
+        """s on the equalities to rounding, with nearly unchanged links restored.
+
+        Returns None if the result is outside the cone.
+        """
         links, start = raw.reshape(-1, 10), self.start.reshape(-1, 10)
         step = np.linalg.norm(links - start, axis=1) / np.linalg.norm(start, axis=1)
-        still = (step < STILL) & self._possible
+        still = (step < STILL) & self._consistent
+        # Links that hardly moved are restored; if that is infeasible, all stay free.
         for kept in (still, np.zeros_like(still)):
             free = np.repeat(~kept, 10)
             s = np.where(free, raw, self.start)
-            for _ in range(2):
+            for _ in range(2):  # least-norm step onto the equalities, repeated for its rounding
                 rest = equalities @ (s - self.start)
                 s[free] -= np.linalg.lstsq(equalities[:, free], rest, rcond=1e-12)[0]
             if np.abs(equalities @ (s - self.start)).max() < 1e-12 and self._is_inside(s):
@@ -176,6 +195,7 @@ class _Problem:
         """Least torque change (bound None), else the nearest s whose change is within the bound."""
         import clarabel
 
+        # Variables (s, t): min t with A (s, t) + slack = b, slack in the cones of Clarabel.
         size = self.start.size
         masses, rows = self._masses(), self._rows()
         zero = np.zeros
@@ -189,7 +209,7 @@ class _Problem:
         else:
             second.append((eye, self.start))
             heads.append((-1.0, 0.0))
-            if bound == 0.0:
+            if bound == 0.0:  # a cone of radius zero has no interior: equalities instead
                 equalities.append(rows)
             else:
                 second.append((rows / bound, rows @ self.start / bound))
@@ -204,6 +224,7 @@ class _Problem:
             )
             b.append(np.concatenate([[head], -target]))
             cones.append(clarabel.SecondOrderConeT(len(matrix) + 1))
+        # s − ε s_ref ⪰ 0 per link, in svec.
         a.append(np.hstack([-eye, zero((size, 1))]))
         b.append(-self._least)
         cones += [clarabel.PSDTriangleConeT(4)] * (size // 10)
@@ -211,7 +232,7 @@ class _Problem:
         return _solve(cost, np.vstack(a), np.concatenate(b), cones)[:size]
 
     def _is_inside(self, s: Array) -> bool:
-        """P ⪰ ½ ε P_ref: the last step onto the equalities used at most half of the floor."""
+        """True if P ⪰ ½ ε P_ref: the step onto the equalities used at most half of the floor."""
         rest = (s - self._least / 2).reshape(-1, 10)
         return all(float(np.linalg.eigvalsh(_matrix(row))[0]) >= 0 for row in rest)
 
@@ -230,8 +251,8 @@ def _solve(cost: Array, a: Array, b: Array, cones: list[object]) -> Array:
     status = str(solution.status)
     if status not in {"Solved", "AlmostSolved"}:
         raise InertiaError(
-            f"the projection was not solved (Clarabel says {status}); look at the inertials for "
-            "numbers that are wrong by orders of magnitude, and correct those first"
+            f"the projection was not solved (Clarabel status {status}); first correct inertials "
+            "that are wrong by orders of magnitude"
         )
     return np.array(solution.x)
 

@@ -1,7 +1,7 @@
-"""New <inertial> blocks in the text of a URDF, every other byte as it was.
+"""New <inertial> blocks in the text of a URDF; every other byte is kept.
 
-The XML parser tells where the blocks lie; a document written back from its tree would lose
-comments, blanks and the order of attributes.
+The XML parser gives the positions of the blocks. Writing the document back from its tree would lose
+comments, white space and the order of attributes.
 """
 
 import os
@@ -16,20 +16,23 @@ _AXES = "xyz"
 
 
 def with_bodies(text: str, bodies: dict[str, Body]) -> str:
-    """The URDF with the <inertial> of the named links replaced.
+    """Return the URDF with the <inertial> of the named links replaced.
 
     Args:
         text: a URDF that `symgen.chain.document.parse` accepts.
         bodies: link name → body, for links that have an <inertial>.
 
+    Returns:
+        The new text.
+
     Raises:
-        UrdfError: a link or its <inertial> is not there.
+        UrdfError: a link or its <inertial> does not exist.
     """
     data = text.encode()
     places = _places(data)
     missing = [name for name in bodies if name not in places]
     if missing:
-        raise UrdfError(f"link '{missing[0]}' has no <inertial> that could be replaced; write one")
+        raise UrdfError(f"link '{missing[0]}' has no <inertial> to replace; add one")
     for name in sorted(bodies, key=lambda name: places[name], reverse=True):
         start, end = places[name]
         line = data.rfind(b"\n", 0, start) + 1
@@ -40,8 +43,8 @@ def with_bodies(text: str, bodies: dict[str, Body]) -> str:
 
 
 def _places(data: bytes) -> dict[str, tuple[int, int]]:
-    """First and last byte of the first <inertial> of each link of the robot."""
-    parser = expat.ParserCreate("utf-8")  # the text is in UTF-8 now, whatever its header says
+    """Position of the first <inertial> of each link: first byte, and one past the last byte."""
+    parser = expat.ParserCreate("utf-8")  # the text is UTF-8 now, whatever its header states
     path: list[str] = []
     link, start = "", 0
     places: dict[str, tuple[int, int]] = {}
@@ -86,10 +89,15 @@ def _digits(value: float) -> str:
 
 
 def write_text(path: Path, text: str, overwrite: bool) -> None:
-    """Write a file that appears as a whole or not at all.
+    """Write a file atomically.
+
+    Args:
+        path: the file.
+        text: its content, UTF-8.
+        overwrite: True replaces a file that exists.
 
     Raises:
-        BuildError: it exists and may not be overwritten, or the place cannot be written.
+        BuildError: the file exists and may not be overwritten, or cannot be written.
     """
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -101,9 +109,7 @@ def write_text(path: Path, text: str, overwrite: bool) -> None:
             os.fsync(file.fileno())
         os.replace(draft, path)
     except OSError as error:
-        raise BuildError(
-            f"cannot write '{path}' ({error.strerror}); choose another place"
-        ) from None
+        raise BuildError(f"cannot write '{path}' ({error.strerror}); choose another path") from None
     finally:
         with suppress(OSError):
             draft.unlink(missing_ok=True)

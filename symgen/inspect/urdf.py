@@ -1,6 +1,6 @@
-"""URDF text → `Model`, forgiving: what cannot be read becomes a finding, the rest is read on.
+"""URDF text → `Model`, tolerant: what cannot be read becomes a finding, and reading goes on.
 
-XML without DTD, entities and xacro is the only demand; `symgen.chain` asks for the rest when a
+The text must be XML without DTD, entities and xacro. `symgen.chain` requires the rest when a
 library is built.
 """
 
@@ -21,23 +21,23 @@ _SIZES = {
     "sphere": (("radius", 1),),
 }
 HUGE = 1e9
-"""Lengths, masses and inertias beyond this are no robot's, and their products overflow."""
+"""Largest length, mass or inertia that is read (SI); products of larger ones overflow."""
 SPECK = 1e-9
-"""kg; a smaller mass is no part of a machine, and quotients by it overflow."""
+"""Smallest mass other than zero that is read, kg; quotients by smaller ones overflow."""
 _ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def read_urdf(text: str) -> Model:
-    """Read everything that can be read.
+    """Read everything in a URDF that can be read.
 
     Raises:
-        UrdfError: not XML, or no <robot> document.
+        UrdfError: the text is not XML, or not a <robot>.
     """
     root = parse(text)
     reader = _Reader()
     links = {link.name: link for element in root.findall("link") for link in reader.link(element)}
     if not links:
-        raise UrdfError("the URDF defines no link")
+        raise UrdfError("the URDF defines no link; a robot needs at least one")
     joints = [j for element in root.findall("joint") for j in reader.joint(element)]
     try:
         Document(text)
@@ -47,18 +47,18 @@ def read_urdf(text: str) -> Model:
 
 
 class _Reader:
-    """Reads element by element and collects what it stumbles over."""
+    """Reads element by element and collects faults."""
 
     def __init__(self) -> None:
         self.findings: list[Finding] = []
 
-    def fault(self, kind: str, where: str, found: str, expected: str) -> None:
-        self.findings.append(Finding(ERROR, kind, where, found, expected))
+    def fault(self, kind: str, where: str, observed: str, expected: str) -> None:
+        self.findings.append(Finding(ERROR, kind, where, observed, expected))
 
     def link(self, element: Element) -> list[Link]:
         name = element.get("name")
         if not name:
-            return []  # the structure says so
+            return []  # reported by the check of the structure
         where = f"link '{name}'"
         inertials = element.findall("inertial")
         if len(inertials) > 1:
@@ -137,10 +137,10 @@ class _Reader:
         ):
             node = element.find(tag)
             for key in keys:
-                given = node is not None and key in node.attrib
+                is_given = node is not None and key in node.attrib
                 values[key] = (
                     self.number(node, key, where, f"{tag} {key}", None)
-                    if given and node is not None
+                    if is_given and node is not None
                     else None
                 )
         return [
@@ -177,11 +177,11 @@ class _Reader:
         if key not in node.attrib and default is not None:
             return default
         values = self._caught(lambda: numbers(node.get(key, ""), count, what), where, what)
-        # Limits may be as large as a format allows; lengths, masses, inertias enter products.
+        # Limits may have any size; lengths, masses and inertias are multiplied with each other.
         if values is None or what.startswith(("limit", "dynamics")) or np.abs(values).max() < HUGE:
             return values
-        found = f"the {what} is {node.get(key)}"
-        self.fault("unreadable", where, found, f"expected numbers in SI units, below {HUGE:g}")
+        observed = f"the {what} is {node.get(key)}"
+        self.fault("unreadable", where, observed, f"expected numbers in SI units, below {HUGE:g}")
         return None
 
     def number(

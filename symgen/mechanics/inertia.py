@@ -36,11 +36,11 @@ m|c|² may exceed the inertia of a thin body by orders of magnitude.
 """
 
 
-Body = tuple[Matrix, Matrix, Matrix]
+MassMoments = tuple[Matrix, Matrix, Matrix]
 """(m, m·c, I): () kg, (3,) kg·m, (3, 3) kg·m² about the origin of a frame."""
 
 
-def mass_moment_inertia(pi: Matrix) -> Body:
+def mass_moment_inertia(pi: Matrix) -> MassMoments:
     """m, m·c and I about the link origin of one body.
 
     Args:
@@ -54,7 +54,7 @@ def mass_moment_inertia(pi: Matrix) -> Body:
     return pi[0], pi[1:4], inertia
 
 
-def bodies_of(pi: Matrix) -> list[Body]:
+def bodies_of(pi: Matrix) -> list[MassMoments]:
     """Return the bodies of all links.
 
     Args:
@@ -67,7 +67,7 @@ def bodies_of(pi: Matrix) -> list[Body]:
     return [mass_moment_inertia(pi[k : k + N_PARAMETERS]) for k in links]
 
 
-def joined(a: Body, b: Body) -> Body:
+def joined(a: MassMoments, b: MassMoments) -> MassMoments:
     """Return the sum of two bodies given in the same frame.
 
     Args:
@@ -109,7 +109,7 @@ def pi_from_com(mass: Matrix, com: Matrix, inertia_com: Matrix) -> Matrix:
     return pi_of_body(mass, mass * com, inertia_com - mass * ca.mtimes(skew(com), skew(com)))
 
 
-def seen_from(rotation: Matrix, translation: Matrix, body: Body) -> Body:
+def seen_from(rotation: Matrix, translation: Matrix, body: MassMoments) -> MassMoments:
     """Return a body in the frame in which its present frame has the pose (R, p).
 
     With h = R m c: m c' = h + m p and I' = R I Rᵀ + (2 p·h + m p·p) 1 − p s' − s p', s = h + m p/2.

@@ -10,7 +10,7 @@ import casadi as ca
 
 from symgen.chain import Chain, Joint
 from symgen.kernel import Matrix
-from symgen.mechanics.inertia import Body, bodies_of, joined, pi_of_body, seen_from
+from symgen.mechanics.inertia import MassMoments, bodies_of, joined, pi_of_body, seen_from
 
 
 def regrouped(chain: Chain, pi: Matrix) -> Matrix:
@@ -35,7 +35,7 @@ def regrouped(chain: Chain, pi: Matrix) -> Matrix:
     return ca.vertcat(*(pi_of_body(*body) for body in bodies))
 
 
-def _split(joint: Joint, body: Body) -> tuple[Body, Body]:
+def _split(joint: Joint, body: MassMoments) -> tuple[MassMoments, MassMoments]:
     """Split a body into the part that its joint moves and the part that acts as if it were fixed.
 
     A prismatic joint does not rotate: all of I is moved. About an axis z the mass, mZ, and YY as

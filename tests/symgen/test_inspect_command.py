@@ -119,7 +119,7 @@ def test_mjcf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path.write_text(MJCF.replace("0.002 0.002 0.001", "0.002 0.002 0.01"))
     code, out, _ = run(capsys, "inspect", path)
     assert code == 1
-    assert "MuJoCo refuses it" in out
+    assert "MuJoCo rejects it" in out
     assert "error: link 'tip': the largest principal moment exceeds" in out
     code, _, err = run(capsys, "inspect", path, "--repair", tmp_path / "out.urdf")
     assert code == 2

@@ -17,7 +17,7 @@ FLAGS = {
     "mass": (arm([block(-1.0, POINT, BRICK)]), ERROR, "mass", "the mass is -1 kg"),
     "no mass": (arm([block(0.0, POINT, BRICK)]), ERROR, "mass", "inertia but no mass"),
     "zero": (arm([block(2.0, POINT, 0 * BRICK)]), ERROR, "zero-inertia", "2 kg without inertia"),
-    "missing": (arm([GOOD, ""]), ERROR, "massless", "neither it nor anything on it has mass"),
+    "missing": (arm([GOOD, ""]), ERROR, "massless", "neither it nor any link beyond has mass"),
     "hollow": (arm(["", GOOD]), "warning", "massless", "no mass of its own"),
     "negative": (arm([block(2.0, POINT, -BRICK)]), ERROR, "triangle", "is negative"),
     "no tensor": (
@@ -100,13 +100,13 @@ FLAGS = {
         ),
         "warning",
         "wrong-point",
-        "taken about the link origin.*as for all links",
+        "about the link origin.*as for all links",
     ),
     "shifted twice": (
         arm([block(2.0, POINT, BRICK - steiner(1.5, POINT))]),
         "warning",
         "wrong-point",
-        "shift to the centre of mass had been made twice",
+        "shift to the centre of mass had been applied twice",
     ),
     "crossed limits": (
         arm([GOOD]).replace('lower="-2"', 'lower="3"'),

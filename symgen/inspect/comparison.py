@@ -1,8 +1,8 @@
-"""Links compared with one another: copies, mirrored sisters, a whole robot about the wrong point.
+"""Checks that compare links: copied inertias, mirror images, inertias about the wrong point.
 
-Two links are sisters when their masses are equal and their centres of mass are mirror images,
-c₂ = S c₁ with S = diag(±1, ±1, ±1). Then I₂ = S I₁ S: signs of products that no such S explains
-are a mirroring gone wrong.
+Two links are mirror images if their masses are equal and their centres of mass satisfy c₂ = S c₁
+with S = diag(±1, ±1, ±1). Then I₂ = S I₁ S: signs of products of inertia that no such S explains
+are wrong in one of the links.
 """
 
 import itertools
@@ -13,20 +13,20 @@ from symgen.inspect.bodies import shifted_from_origin
 from symgen.inspect.model import WARNING, Array, Body, Finding, Model
 
 _SAME_MASS = 1e-6
-_SAME_PLACE = 1e-3  # m: sister parts differ by a washer
+_SAME_COM = 1e-3  # m: mirrored parts differ by a washer
 _SAME_INERTIA = 0.02  # of the trace
-_COUNTS = 0.005  # of the trace: products and of the size: offsets above this have a sign
+_COUNTS = 0.005  # of the trace for products, of the size for offsets: above it signs count
 
 SHARE = 0.1
-"""Of tr Σ: below it m|c|² is too small to tell the centre of mass from the link origin."""
+"""Least share of m|c|² in tr Σ for which the centre of mass and the link origin differ enough."""
 EDGE = 1e-3
-"""|λ_min(Σ − m c cᵀ)| / tr Σ this small is no accident: a flat body was shifted to the origin."""
+"""|λ_min(Σ − m c cᵀ)| / tr Σ below which Σ is that of a flat body shifted to the origin."""
 ENOUGH = 3
-"""Links that must all look shifted before a robot is suspected as a whole."""
+"""Least number of links that must look shifted before all of a robot are reported."""
 
 
-def compare(model: Model) -> list[Finding]:
-    """Warnings about links that cannot both be right, or that were all written the same way."""
+def comparison_warnings(model: Model) -> list[Finding]:
+    """Return warnings about links that contradict each other or share one error."""
     bodies = {
         name: link.body
         for name, link in model.links.items()
@@ -44,7 +44,7 @@ def _copies(model: Model, bodies: dict[str, Body]) -> list[Finding]:
     groups: dict[bytes, list[str]] = {}
     for name, body in bodies.items():
         groups.setdefault((body.inertia + 0.0).tobytes(), []).append(name)
-    found = []
+    findings = []
     for names in groups.values():
         first = names[0]
         others = [name for name in names[1:] if _differ(model, first, name)]
@@ -52,16 +52,16 @@ def _copies(model: Model, bodies: dict[str, Body]) -> list[Finding]:
             mass = {f"{bodies[name].mass:g}" for name in (first, *others)}
             shapes = "different masses" if len(mass) > 1 else "different shapes"
             listed = ", ".join(f"'{name}'" for name in others)
-            found.append(
+            findings.append(
                 Finding(
                     WARNING,
                     "copied",
                     f"link '{first}'",
-                    f"its inertia is to the last digit that of {listed}, with {shapes}",
-                    "expected different bodies to differ",
+                    f"its inertia equals that of {listed} to the last digit, with {shapes}",
+                    "expected different inertias for different bodies",
                 )
             )
-    return found
+    return findings
 
 
 def _differ(model: Model, a: str, b: str) -> bool:
@@ -75,41 +75,41 @@ def _differ(model: Model, a: str, b: str) -> bool:
 
 
 def _mirrored(bodies: dict[str, Body]) -> list[Finding]:
-    found = []
+    findings = []
     for (a, one), (b, two) in itertools.combinations(bodies.items(), 2):
-        if not _are_sisters(one, two) or _explained(one, two):
+        if not _are_mirror_images(one, two) or _explained(one, two):
             continue
         products = ", ".join(
             f"i{key} {one.inertia[i, j]:.3g} and {two.inertia[i, j]:.3g}"
             for key, i, j in (("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2))
         )
-        found.append(
+        findings.append(
             Finding(
                 WARNING,
                 "sign",
                 f"link '{b}'",
-                f"it mirrors link '{a}', but no mirror explains the signs of its products of "
-                f"inertia ({products})",
-                "expected them to follow the signs of the centre of mass",
+                f"it is a mirror image of link '{a}', but no mirror explains the signs of its "
+                f"products of inertia ({products})",
+                "expected signs that follow those of the centre of mass",
             )
         )
-    return found
+    return findings
 
 
-def _are_sisters(one: Body, two: Body) -> bool:
+def _are_mirror_images(one: Body, two: Body) -> bool:
     trace = float(np.trace(np.abs(one.inertia)))
     return bool(
         abs(one.mass - two.mass) <= _SAME_MASS * one.mass
-        and np.abs(np.abs(one.com) - np.abs(two.com)).max() <= _SAME_PLACE
+        and np.abs(np.abs(one.com) - np.abs(two.com)).max() <= _SAME_COM
         and np.abs(np.abs(one.inertia) - np.abs(two.inertia)).max() <= _SAME_INERTIA * trace
         and _signs(one.inertia[np.triu_indices(3, 1)], _COUNTS * trace).any()
     )
 
 
 def _explained(one: Body, two: Body) -> bool:
-    """Some S with c₂ = S c₁ and I₂ = S I₁ S, as far as the entries are large enough to count."""
+    """True if some S gives c₂ = S c₁ and I₂ = S I₁ S, for entries above the tolerance."""
     trace = float(np.trace(np.abs(one.inertia)))
-    place = max(2 * _SAME_PLACE, _COUNTS * one.size)
+    place = max(2 * _SAME_COM, _COUNTS * one.size)
     a, b = _signs(one.com, place), _signs(two.com, place)
     upper = np.triu_indices(3, 1)
     p, q = (_signs(body.inertia[upper], _COUNTS * trace) for body in (one, two))
@@ -126,13 +126,13 @@ def _signs(values: Array, least: float) -> Array:
 
 
 def _origin(bodies: dict[str, Body]) -> list[Finding]:
-    """Links whose inertia may be about the link origin: Σ − m c cᵀ ⪰ 0, by chance or not.
+    """Links whose inertia may be about the link origin, since Σ − m c cᵀ ⪰ 0.
 
-    For one link that proves nothing unless Σ − m c cᵀ is exactly on the edge; when it holds for
-    every link of a robot whose centre of mass is far enough from its origin, it is a pattern.
+    For one link that proves nothing unless Σ − m c cᵀ is singular. If it holds for every link of a
+    robot whose centre of mass is far enough from its origin, it is a systematic error.
     """
-    told = {name: shifted_from_origin(body) for name, body in bodies.items()}
-    far = {name: smallest for name, (share, smallest) in told.items() if share > SHARE}
+    shifts = {name: shifted_from_origin(body) for name, body in bodies.items()}
+    far = {name: smallest for name, (share, smallest) in shifts.items() if share > SHARE}
     edge = {name for name, smallest in far.items() if abs(smallest) < EDGE}
     moved = [name for name, smallest in far.items() if smallest > -EDGE]
     whole = len(moved) >= ENOUGH and len(moved) >= 0.8 * len(far)
@@ -141,9 +141,9 @@ def _origin(bodies: dict[str, Body]) -> list[Finding]:
             WARNING,
             "wrong-point",
             f"link '{name}'",
-            "the inertia looks as if taken about the link origin: with m|c|² "
-            f"({told[name][0]:.0%} of it) taken away it still belongs to a "
-            f"{'body, as for all links here' if whole else 'flat body'}",
+            "the inertia seems to be about the link origin: with m|c|² "
+            f"({shifts[name][0]:.0%} of it) subtracted it is still that of a "
+            f"{'consistent body, as for all links' if whole else 'flat body'}",
             "expected it about the centre of mass",
         )
         for name in moved

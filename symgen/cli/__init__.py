@@ -1,4 +1,4 @@
-"""`python -m symgen build | check | clean | describe | inspect | list | proxies`: sentences out.
+"""Commands of the build tool: build, check, clean, describe, inspect, list, proxies.
 
 One module per group of commands; importing it registers them.
 """
@@ -20,7 +20,7 @@ for command in app.registered_commands:
 
 
 def main() -> None:
-    """Run the command line; a `SymgenError` becomes one sentence and exit code 2."""
+    """Run the command line; a `SymgenError` is printed as one sentence, with exit code 2."""
     try:
         app()
     except SymgenError as error:
@@ -29,7 +29,7 @@ def main() -> None:
     except SystemExit as end:
         if end.code == INTERRUPTED:
             print(
-                "symgen: interrupted; files that were there before stay as they are",
+                "symgen: interrupted; existing files were not changed",
                 file=sys.stderr,
             )
         raise

@@ -1,4 +1,4 @@
-"""What the commands share: the application, the console, options and folders."""
+"""Parts that the commands share: application, console, options and folders."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,36 +15,45 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},
-    help="Write the physics of a robot arm as C and compile it: URDF in, generated/<robot>/ out.",
+    help="Generate the rigid-body model of a robot arm as C and compile it: "
+    "from a URDF to generated/<robot>/.",
 )
 console = Console()
 
 Root = Annotated[
-    Path, typer.Option("--out", help="Folder that holds one folder per robot.", show_default=True)
+    Path, typer.Option("--out", help="Folder with one subfolder per robot.", show_default=True)
 ]
 DEFAULT_ROOT = Path("generated")
 
-Base = Annotated[str | None, typer.Option(help="Link that is fixed to the world.")]
-Tip = Annotated[str | None, typer.Option(help="Last link; whatever hangs beyond it is cut off.")]
+Base = Annotated[
+    str | None, typer.Option(help="Link that is fixed to the world. Default: the root link.")
+]
+Tip = Annotated[
+    str | None, typer.Option(help="Last link of the chain; links beyond it are removed.")
+]
 Lock = Annotated[
     list[str] | None,
-    typer.Option(metavar="JOINT=VALUE", help="Freeze a joint at rad or m; repeatable."),
+    typer.Option(metavar="JOINT=VALUE", help="Fix a joint at a position in rad or m; repeatable."),
 ]
 Config = Annotated[
     list[Path] | None,
     typer.Option(
-        help="TOML with home, limits, braking, proxies, pairs; repeatable.", dir_okay=False
+        help="TOML file with home, limits, braking, proxies, pairs; repeatable.", dir_okay=False
     ),
 ]
 
 
 def say(sentence: str) -> None:
-    """One line to the terminal as it is."""
+    """Print one line to the terminal, without wrapping and highlighting."""
     console.print(sentence, highlight=False, soft_wrap=True)
 
 
 def flowing(doc: str) -> str:
-    r"""A docstring as help: a paragraph flows with the terminal, one after \b keeps its lines."""
+    r"""Return a docstring as help text.
+
+    Lines of a paragraph are joined, so that it is wrapped by the terminal; a paragraph after \b
+    keeps its lines.
+    """
     blocks = doc.split("\n\n")
     return "\n\n".join(
         block.removeprefix("\\b\n") if block.startswith("\\b\n") else " ".join(block.split("\n"))
@@ -53,10 +62,10 @@ def flowing(doc: str) -> str:
 
 
 def read_urdf(urdf: Path) -> str:
-    """Text of a URDF.
+    """Return the text of a URDF.
 
     Raises:
-        BuildError: it cannot be read.
+        BuildError: the file cannot be read.
     """
     try:
         return text_of(urdf)
@@ -68,7 +77,11 @@ def read_urdf(urdf: Path) -> str:
 
 
 def read_locks(items: list[str]) -> dict[str, float]:
-    """--lock JOINT=VALUE as a table."""
+    """Return the values of --lock JOINT=VALUE by joint, rad or m.
+
+    Raises:
+        BuildError: an item is not of this form.
+    """
     locks = {}
     for item in items:
         joint, _, value = item.partition("=")
@@ -80,11 +93,22 @@ def read_locks(items: list[str]) -> dict[str, float]:
 
 
 def folders_of(out: Path, robot: str | None) -> list[Path]:
-    """The folder of a generated robot, or of all."""
+    """Folder of one generated robot, or of all.
+
+    Args:
+        out: folder that holds one folder per robot.
+        robot: name of the robot; None: all.
+
+    Returns:
+        Folders that hold a manifest.
+
+    Raises:
+        BuildError: the robot was not generated.
+    """
     if robot is not None:
         if not (out / robot / "manifest.json").exists():
             raise BuildError(
-                f"'{out / robot}' holds no generated robot; run: python -m symgen build"
+                f"'{out / robot}' contains no generated robot; run: python -m symgen build"
             )
         return [out / robot]
     return sorted(f for f in out.glob("[a-z]*/") if (f / "manifest.json").exists())

@@ -1,4 +1,4 @@
-"""`python -m symgen inspect`: a model file in, a table, sentences and an exit code out."""
+"""Command `inspect`: a model file in; a table, sentences and an exit code out."""
 
 import json
 from pathlib import Path
@@ -24,37 +24,43 @@ from symgen.inspect.inspection import INERTIAL
 
 @app.command("inspect")
 def inspect_command(
-    model: Annotated[Path, typer.Argument(help="URDF, expanded xacro, or MJCF.")],
-    as_json: Annotated[bool, typer.Option("--json", help="Everything as JSON.")] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Warnings count as well.")] = False,
+    model: Annotated[Path, typer.Argument(help="URDF, expanded xacro or MJCF file.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit code 1 for warnings too.")] = False,
     repair: Annotated[
         Path | None,
-        typer.Option(help="Write a URDF here whose inertias can exist, for the same torques."),
+        typer.Option(
+            help="Write a physically consistent URDF with the same joint torques to this file."
+        ),
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Let --repair replace a file that exists.")
+        bool, typer.Option("--overwrite", help="Allow --repair to replace an existing file.")
     ] = False,
     package_dir: Annotated[
         list[Path] | None,
-        typer.Option(help="Folder that holds a package:// of the meshes; repeatable."),
+        typer.Option(help="Folder in which package:// meshes are searched; repeatable."),
     ] = None,
 ) -> None:
     r"""Check the inertial parameters of a robot model.
 
-    Errors cannot exist: a mass below zero, a principal moment larger than the sum of the other
-    two, friction that drives. Warnings can, but are seldom meant: matter denser than osmium or
-    lighter than foam, copied inertias, a sign that its mirrored sister contradicts, a decimal
-    point that slipped, inertia about the link origin, missing limits.
+    Errors are physically impossible: a negative mass, a principal moment larger than the sum of the
+    other two, negative friction. Warnings are possible but rarely intended: a density above osmium
+    or below foam, copied inertias, signs that contradict those of a mirrored link, a shifted
+    decimal point, inertia about the link origin, missing limits.
 
-    --repair moves the inertias (and where it must, centres of mass, never masses) to the nearest
-    ones that exist and give the same torques; where none do, the torques change as little as
-    possible, and it says how much.
+    The table lists per link mass, centre of mass, principal moments, slack J1 + J2 − J3 of the
+    triangle inequality, smallest eigenvalue of the pseudo-inertia P, the same relative to its
+    trace, and density.
+
+    --repair changes inertias (and if necessary centres of mass, never masses) to the nearest
+    consistent ones with the same joint torques. If there are none, the torques change as little as
+    possible, and the change is reported.
 
     \b
     python -m symgen inspect my.urdf
-    python -m symgen inspect my.urdf --strict --json    (for a pipeline)
+    python -m symgen inspect my.urdf --strict --json    (in a pipeline)
     python -m symgen inspect my.urdf --repair better.urdf
-    Exit code: 0 fine, 1 findings (errors; with --strict warnings too), 2 not readable.
+    Exit code: 0 no findings, 1 errors (with --strict also warnings), 2 unreadable file.
     """
     inspection = inspect_file(model, tuple(package_dir or ()))
     result: dict[str, Any] = facts(inspection)
@@ -115,46 +121,45 @@ def _show(inspection: Inspection) -> None:
 def _repair(
     inspection: Inspection, model: Path, out: Path, overwrite: bool, quiet: bool
 ) -> dict[str, Any]:
-    """Write the repaired file unless there is nothing to repair; returns what happened."""
+    """Write the repaired file if there is anything to repair; return the facts."""
     say = (lambda _: None) if quiet else _say
     if not any(f.kind in INERTIAL for f in inspection.errors):
-        say("repair: no inertia of this file is impossible, so nothing was written")
+        say("repair: all inertias are physically consistent, nothing was written")
         return {"written": None, "moved": []}
-    if out.exists() and not overwrite:  # said before the work, not after it
-        raise BuildError(f"'{out}' exists; name another file, or allow it with --overwrite")
-    text, found, again = repaired(inspection, model)
+    if out.exists() and not overwrite:  # before the work, not after it
+        raise BuildError(f"'{out}' exists; choose another file, or give --overwrite")
+    text, changes, again = repaired(inspection, model)
     write_text(out, text, overwrite)
     if not quiet:
-        console.print(_moves(inspection, found))
-    _report(inspection, found, say)
-    say(f"repair: wrote '{out}', read it again: {len(again.errors)} error(s) left")
+        console.print(_moves(inspection, changes))
+    _report(inspection, changes, say)
+    say(f"repair: wrote '{out}', checked again: {len(again.errors)} error(s) left")
     return {
         "written": str(out),
-        "keeps_base_parameters": found.kept,
-        "relative_torque_change": found.torque_change,
-        "moved": sorted(found.bodies),
+        "keeps_base_parameters": changes.kept,
+        "relative_torque_change": changes.torque_change,
+        "moved": sorted(changes.bodies),
         "errors_left": [f.sentence for f in again.errors if f.severity == ERROR],
     }
 
 
-def _report(inspection: Inspection, found: Repair, say: Any) -> None:
+def _report(inspection: Inspection, changes: Repair, say: Any) -> None:
     if inspection.base is None:
-        say("repair: without base parameters every link was projected on its own, torques change")
-    elif found.kept:
-        say("repair: all base parameters are kept, so every torque is the same as before")
+        say("repair: without base parameters each link was projected separately, so torques change")
+    elif changes.kept:
+        say("repair: all base parameters are kept, so the joint torques are unchanged")
     else:
         say(
-            "repair: no consistent body has these base parameters; the smallest change was sought, "
-            f"and torques change by {100 * found.torque_change:.2g} % (root mean square, each "
-            "joint by its own)"
+            "repair: no consistent bodies have these base parameters; the torques change by "
+            f"{100 * changes.torque_change:.2g} % (root mean square, each relative to its joint)"
         )
 
 
-def _moves(inspection: Inspection, found: Repair) -> Table:
-    table = Table("link", "centre of mass by, mm", title="repair: what moved (no mass did)")
+def _moves(inspection: Inspection, changes: Repair) -> Table:
+    table = Table("link", "centre of mass moved, mm", title="repair: changes (masses are kept)")
     for head in ("principal moments before", "after", "slack before", "after"):
         table.add_column(head, justify="right")
-    for name, new in found.bodies.items():
+    for name, new in changes.bodies.items():
         old = inspection.model.links[name].body
         if old is not None:
             moments = [" ".join(f"{x:.3g}" for x in body.moments) for body in (old, new)]

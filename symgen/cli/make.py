@@ -1,4 +1,4 @@
-"""`build`, `check` and `clean`: what writes and deletes generated folders."""
+"""Commands that write and delete generated folders: `build`, `check`, `clean`."""
 
 import difflib
 import shutil
@@ -30,43 +30,57 @@ from symgen.errors import BuildError
 
 @app.command("build")
 def build_command(
-    robot: Annotated[str, typer.Option(help="A robot that ships with symgen.")] = "fr3",
+    robot: Annotated[str, typer.Option(help="Name of a bundled robot, see `symgen list`.")] = "fr3",
     urdf: Annotated[
-        Path | None, typer.Option(help="Your own robot instead; needs --name.", dir_okay=False)
+        Path | None, typer.Option(help="URDF of your own robot; needs --name.", dir_okay=False)
     ] = None,
     name: Annotated[
-        str | None, typer.Option(help="Folder and C prefix of your robot: a-z, 0-9, _.")
+        str | None,
+        typer.Option(help="Name of the folder and prefix of the C functions: a-z, 0-9, _."),
     ] = None,
     base: Base = None,
     tip: Tip = None,
     gravity: Annotated[
         str | None,
         typer.Option(
-            metavar="X,Y,Z", help="m/s² in the base frame; default 0,0,-9.81 at the root."
+            metavar="X,Y,Z",
+            help="Gravity in the base frame, m/s². Default: 0,0,-9.81 in the root frame.",
         ),
     ] = None,
     lock: Lock = None,
     snap: Annotated[
-        float, typer.Option(help="Take rpy within this of a multiple of π/2 as exact, e.g. 1e-4.")
+        float,
+        typer.Option(
+            help="Replace rpy angles within this distance, rad, of a multiple of π/2 by the "
+            "multiple; 1e-4 for a URDF that rounds its angles."
+        ),
     ] = 0.0,
     project: Annotated[
-        bool, typer.Option("--project", help="Replace impossible inertias by the nearest possible.")
+        bool,
+        typer.Option(
+            "--project",
+            help="Replace physically inconsistent inertias by the nearest consistent ones.",
+        ),
     ] = False,
     config: Config = None,
     level: Annotated[
         list[str] | None,
         typer.Option(
-            help="Compile for this instruction set only (v4: AVX-512, v3: AVX2, v2, portable, "
-            "casadi: its own C to compare with; neon on ARM); repeatable. Default: all, and the "
-            "processor decides at load."
+            help="Instruction set to compile for: v4 (AVX-512), v3 (AVX2), v2 (SSE), neon (ARM), "
+            "portable, or casadi (reference code by CasADi); repeatable. Default: all; the best "
+            "that the processor supports is chosen when the library is loaded."
         ),
     ] = None,
     force: Annotated[
-        bool, typer.Option("--force", help="Rebuild although nothing changed.")
+        bool, typer.Option("--force", help="Rebuild even if the folder is up to date.")
     ] = False,
     out: Root = DEFAULT_ROOT,
 ) -> None:
     r"""Generate and compile the C library of a robot arm.
+
+    Reads a URDF, derives the kernels (torques, regressor, base parameters, derivatives), writes
+    them as C to OUT/NAME/ and compiles one library for all instruction sets of this machine.
+    Nothing is done if the folder is up to date.
 
     \b
     python -m symgen build                             the Franka Research 3
@@ -78,11 +92,11 @@ def build_command(
         if options != ChainOptions() or name or project or config:
             raise BuildError(
                 "the options --name, --base, --tip, --gravity, --lock, --snap, --project and "
-                "--config describe your own robot; give its --urdf too"
+                "--config belong to your own robot; give its --urdf too"
             )
         request = bundled_request(robot)
     else:
-        request = _own_request(urdf, name, options, project, config)
+        request = _request_from_urdf(urdf, name, options, project, config)
     with console.status(f"building {request.name}"):
         result = build(request, out, force, level or ())
     for note in result.notes:
@@ -91,14 +105,16 @@ def build_command(
     console.print(f"{result.folder}: {state}", highlight=False, soft_wrap=True)
 
 
-@app.command()
-def check(
-    robot: Annotated[str | None, typer.Argument(help="Default: every robot in the folder.")] = None,
+@app.command("check")
+def check_command(
+    robot: Annotated[
+        str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
+    ] = None,
     out: Root = DEFAULT_ROOT,
 ) -> None:
     """Compare generated files with the C code that symgen writes today.
 
-    Exit code: 0 equal, 1 different.
+    Nothing is written. Differences are printed as a unified diff. Exit code: 0 equal, 1 different.
     """
     different = []
     for folder in folders_of(out, robot):
@@ -121,14 +137,16 @@ def check(
     raise typer.Exit(int(bool(different)))
 
 
-@app.command()
-def clean(
-    robot: Annotated[str | None, typer.Argument(help="Default: every robot in the folder.")] = None,
+@app.command("clean")
+def clean_command(
+    robot: Annotated[
+        str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
+    ] = None,
     out: Root = DEFAULT_ROOT,
 ) -> None:
     """Delete compiled libraries and generated folders.
 
-    Of a bundled robot the library is deleted, of your own robot the whole folder.
+    Of a bundled robot only the library is deleted, of your own robot the whole folder.
     """
     for folder in folders_of(out, robot):
         if folder.name in bundled_robots():
@@ -139,12 +157,12 @@ def clean(
         console.print(f"{folder}: clean", highlight=False, soft_wrap=True)
 
 
-def _own_request(
+def _request_from_urdf(
     urdf: Path, name: str | None, options: ChainOptions, project: bool, config: list[Path] | None
 ) -> BuildRequest:
     if name is None:
         raise BuildError(
-            "--urdf needs --name, which becomes the folder and the prefix of the C code"
+            "--urdf needs --name, the name of the folder and the prefix of the C functions"
         )
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")

@@ -1,4 +1,4 @@
-"""`proxies`: capsules around the collision geometry of a URDF, and the pairs to watch."""
+"""Command `proxies`: capsules around the collision geometry of a URDF, and pairs to check."""
 
 import math
 from pathlib import Path
@@ -23,11 +23,13 @@ if TYPE_CHECKING:
 @app.command("proxies")
 def proxies_command(
     urdf: Annotated[Path, typer.Argument(help="URDF with <collision> shapes.", dir_okay=False)],
-    out: Annotated[Path, typer.Option(help="TOML to write, for build --config.", dir_okay=False)],
+    out: Annotated[
+        Path, typer.Option(help="TOML file to write, for build --config.", dir_okay=False)
+    ],
     package_dir: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="DIR", help="Folder that holds the package:// of the meshes; repeatable."
+            metavar="DIR", help="Folder in which package:// meshes are searched; repeatable."
         ),
     ] = None,
     packages: Annotated[list[Path] | None, typer.Option(hidden=True)] = None,
@@ -35,10 +37,17 @@ def proxies_command(
     tip: Tip = None,
     lock: Lock = None,
     config: Config = None,
-    most: Annotated[int, typer.Option(min=1, max=6, help="Capsules per link at most.")] = 3,
-    margin: Annotated[float, typer.Option(help="Distance that pairs keep, m.")] = MARGIN,
+    most: Annotated[
+        int, typer.Option(min=1, max=6, help="Largest number of capsules per link.")
+    ] = 3,
+    margin: Annotated[
+        float, typer.Option(help="Distance that a motion keeps between the proxies of a pair, m.")
+    ] = MARGIN,
 ) -> None:
     r"""Fit collision capsules to a robot and choose the pairs to check.
+
+    Every link gets one to MOST capsules that enclose its collision shapes; pairs that never come
+    close or always overlap are left out. The TOML file that is written is an input of build.
 
     \b
     python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
@@ -70,10 +79,10 @@ def proxies_command(
     worst = max(covered, key=lambda c: c.outside)
     if worst.outside > 0:
         raise CollisionError(
-            f"the proxies of link '{worst.link}' leave {1e3 * worst.outside:.3g} mm of it outside; "
-            "nothing was written, please report the URDF"
+            f"the proxies must enclose link '{worst.link}', which protrudes by "
+            f"{1e3 * worst.outside:.3g} mm; nothing was written, please report the URDF"
         )
-    header = f"# Capsules around the collision geometry of {chain.name} and pairs to watch; m.\n"
+    header = f"# Capsules around the collision geometry of {chain.name} and pairs to check; m.\n"
     try:
         out.write_text(
             header + toml_from_collision(CollisionModel(fitted, chosen.pairs)), encoding="utf-8"
@@ -85,7 +94,7 @@ def proxies_command(
 
 def _table(covered: "list[Coverage]") -> Table:
     table = Table(
-        Column("link", overflow="fold"), "capsules", "corners asked", "outside", "volume / hull"
+        Column("link", overflow="fold"), "capsules", "corners", "outside", "volume / hull"
     )
     for c in covered:
         ratio = "-" if math.isnan(c.ratio) else f"{c.ratio:.2f}"
@@ -102,7 +111,7 @@ def _sentences(chosen: "Selection") -> list[str]:
     if chosen.apart:
         sentences.append(f"{len(chosen.apart)} pairs never come close and are left out")
     sentences += [
-        f"note: {first} and {second} overlap in every posture tried and are not watched"
+        f"note: {first} and {second} overlap in every sampled posture and are left out"
         for first, second in chosen.touching
     ]
     return sentences

@@ -1,4 +1,4 @@
-"""`list` and `describe`: what is there, read from the manifests."""
+"""Commands that print what the manifests contain: `list`, `describe`."""
 
 import json
 from typing import Annotated, Any
@@ -17,12 +17,15 @@ _DAMAGE = (
     *(OSError, ValueError, ArithmeticError, LookupError),
     *(TypeError, AttributeError, RecursionError),
 )
-"""What reading a manifest can raise that is none."""
+"""Exceptions that a damaged manifest can raise."""
 
 
 @app.command("list")
 def list_command(out: Root = DEFAULT_ROOT) -> None:
-    """List bundled and generated robots."""
+    """List bundled and generated robots.
+
+    The library of a generated robot is built, not compiled, or stale (built from other inputs).
+    """
     table = Table("robot", "bundled", "generated", "library")
     built = {folder.name for folder in out.glob("*/") if (folder / "manifest.json").exists()}
     for name in sorted(built | set(bundled_robots())):
@@ -39,13 +42,18 @@ def list_command(out: Root = DEFAULT_ROOT) -> None:
     console.print(table)
 
 
-@app.command()
-def describe(
+@app.command("describe")
+def describe_command(
     robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3",
-    as_json: Annotated[bool, typer.Option("--json", help="The facts as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     out: Root = DEFAULT_ROOT,
 ) -> None:
-    """Show joints, limits, base parameters and kernels of a robot."""
+    """Show joints, limits, base parameters and kernels of a robot.
+
+    Positions in rad or m, velocities in rad/s or m/s, efforts in N·m or N. Base parameters are
+    combinations of link parameters, such as link1.ZZ + link2.YY. Kernels are listed with the shapes
+    of their arguments and their arithmetic operations.
+    """
     (folder,) = folders_of(out, robot)
     path = folder / "manifest.json"
     try:
@@ -79,7 +87,7 @@ def _description(manifest: dict[str, Any]) -> dict[str, Any]:
 def _joint_table(manifest: dict[str, Any]) -> Table:
     heads = (Column(head, overflow="fold") for head in ("joint", "moves"))
     table = Table(*heads, "kind", "lower", "upper", "velocity", "effort", "home")
-    table.title = Text(f"{manifest['robot']}: joints (rad or m, N·m or N)")
+    table.title = Text(f"{manifest['robot']}: joints (rad or m, rad/s or m/s, N·m or N)")
     for joint, home in zip(manifest["joints"], manifest["home"], strict=True):
         limits = [joint[key] for key in ("lower", "upper", "velocity", "effort")]
         shown = ["none" if x is None else f"{x:.4g}" for x in limits]

@@ -28,9 +28,8 @@ def read_mjcf(path: Path) -> Model:
         raise UrdfError(
             f"'{path}' is an MJCF file, which MuJoCo reads; install it: pip install mujoco"
         ) from None
-    mujoco.set_mju_user_warning(
-        lambda _: None
-    )  # else it writes MUJOCO_LOG.TXT into the working folder
+    # Else MuJoCo writes MUJOCO_LOG.TXT into the working folder.
+    mujoco.set_mju_user_warning(lambda _: None)
     try:
         spec = mujoco.MjSpec.from_file(str(path))
     except Exception as error:  # MuJoCo raises several types

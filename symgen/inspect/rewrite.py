@@ -102,7 +102,7 @@ def write_text(path: Path, text: str, overwrite: bool) -> None:
     draft = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         if path.exists() and not overwrite:
-            raise BuildError(f"'{path}' exists; name another file, or allow it with --overwrite")
+            raise BuildError(f"'{path}' exists; choose another file, or give --overwrite")
         with draft.open("w", encoding="utf-8", newline="") as file:
             file.write(text)
             file.flush()

@@ -9,7 +9,7 @@ from symgen.inspect import Inspection, inspect_text
 from tests.taylor import Array
 
 
-def judge(text: str, path: Path = Path("robot.urdf")) -> Inspection:
+def inspect(text: str, path: Path = Path("robot.urdf")) -> Inspection:
     return inspect_text(text, path, with_base=False)
 
 

@@ -233,11 +233,11 @@ def test_describe_regroups_readably(fr3: Library, capsys: pytest.CaptureFixture[
 
 
 def test_clean(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Property: an own robot's folder goes; only what was asked for."""
+    """Property: the folder of an own robot is deleted, and nothing else."""
     (tiny.parent / "keep").mkdir()
     code, _, sentence = run(capsys, "clean", "nobody", "--out", tiny.parent)
     assert code == 2
-    assert "holds no generated robot" in sentence
+    assert "contains no generated robot" in sentence
     assert run(capsys, "clean", "tiny", "--out", tiny.parent)[0] == 0
     assert [path.name for path in tiny.parent.iterdir()] == ["keep"]
 

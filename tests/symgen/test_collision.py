@@ -65,10 +65,10 @@ def run(*arguments: str, monkeypatch: pytest.MonkeyPatch) -> int:
 def panda() -> tuple[LinkGeometry, ...]:
     """Collision meshes of the Panda, whose outer shell the FR3 has, on the links of the FR3."""
     try:
-        found = files("example-robot-data") or []
+        result = files("example-robot-data") or []
     except PackageNotFoundError:
         pytest.skip("the meshes come with the package example-robot-data: pip install .[meshes]")
-    (urdf,) = [f for f in found if str(f).endswith("panda_description/urdf/panda.urdf")]
+    (urdf,) = [f for f in result if str(f).endswith("panda_description/urdf/panda.urdf")]
     path = Path(str(urdf.locate())).resolve()
     chain = read_chain(path.read_text(), ChainOptions(tip="panda_link8"))
     geometry = read_geometry(chain, [path.parents[4]])
@@ -92,10 +92,10 @@ def test_fr3_lies_inside_its_proxies(
     """Oracle: coal finds no triangle of any link outside, and every link has a proxy."""
     assert [part.link for part in panda] == [BASE, *(f"fr3_link{k}" for k in range(1, 8))]
     for part in panda:
-        found = coverage(part, fr3_model.proxies)
-        assert found.outside == 0
-        assert found.corners > 500
-        assert 1 < found.ratio < 2.5  # what robots/fr3.toml says
+        result = coverage(part, fr3_model.proxies)
+        assert result.outside == 0
+        assert result.corners > 500
+        assert 1 < result.ratio < 2.5  # what robots/fr3.toml says
         thinner = tuple(replace(p, radius=p.radius - 5e-4) for p in fr3_model.proxies)
         assert coverage(part, thinner).outside > 1e-4
 
@@ -187,12 +187,12 @@ def test_distances_of_any_two_segments(
     )
     q = ca.SX.sym("q", 1)
     model = CollisionModel(proxies, (Pair("a", "b", 0.0),))
-    found = ca.Function("d", [q], clearance(read_chain(arm("box")), model, q))(0.0)
+    result = ca.Function("d", [q], clearance(read_chain(arm("box")), model, q))(0.0)
     answer = lsq_linear(np.column_stack([d, -e]), b0 - a0, (0, 1), tol=1e-15, max_iter=500)
     residual = a0 - b0 + np.column_stack([d, -e]) @ answer.x
     # The solver's own error is about the root of its tolerance where the axes nearly meet.
-    assert float(found[0]) + 0.3 == pytest.approx(np.linalg.norm(residual), abs=1e-6)
-    assert np.isfinite(np.asarray(found[1])).all()
+    assert float(result[0]) + 0.3 == pytest.approx(np.linalg.norm(residual), abs=1e-6)
+    assert np.isfinite(np.asarray(result[1])).all()
 
 
 def test_crossing_axes_have_a_zero_gradient() -> None:

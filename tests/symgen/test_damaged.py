@@ -38,8 +38,8 @@ def with_mesh(folder: Path, dae: str) -> Path:
 
 def test_a_good_mesh_is_measured(tmp_path: Path) -> None:
     """Oracle: 1.5 kg in a corner of a unit cube, 1/6 m³."""
-    found = inspect_file(with_mesh(tmp_path, DAE), with_base=False)
-    assert found.rows[0].density == pytest.approx(9.0)
+    inspection = inspect_file(with_mesh(tmp_path, DAE), with_base=False)
+    assert inspection.rows[0].density == pytest.approx(9.0)
 
 
 @pytest.mark.parametrize(
@@ -54,29 +54,29 @@ def test_a_good_mesh_is_measured(tmp_path: Path) -> None:
     ids=["no XML", "no index", "no number", "DTD", "depth"],
 )
 def test_a_mesh_of_no_numbers_is_not_loaded(tmp_path: Path, good: str, bad: str) -> None:
-    """Property: what sends the loader into an endless loop is passed over, and told."""
+    """Property: what sends the loader into an endless loop is passed over, and reported."""
     dae = DAE.replace(good, bad)
     assert dae != DAE
-    found = inspect_file(with_mesh(tmp_path, dae), with_base=False)
-    assert found.rows[0].density is None
-    assert any("mesh.dae" in note for note in found.notes)
+    inspection = inspect_file(with_mesh(tmp_path, dae), with_base=False)
+    assert inspection.rows[0].density is None
+    assert any("mesh.dae" in note for note in inspection.notes)
 
 
 @pytest.mark.parametrize("number", ["nan", "1e300", "1e-12"])
 def test_a_body_of_mjcf_has_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: str
 ) -> None:
-    """Property: what MuJoCo refuses or takes is judged as a URDF is, and it leaves no log."""
+    """Property: files that MuJoCo rejects or accepts are checked like URDFs, and leave no log."""
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "robot.xml"
     path.write_text(
         '<mujoco><worldbody><body name="rod"><joint/><inertial pos="0 0 0.1" '
         f'mass="{number}" diaginertia="0.02 0.02 0.01"/></body></worldbody></mujoco>'
     )
-    found = inspect_file(path)
-    assert found.rows == ()
+    inspection = inspect_file(path)
+    assert inspection.rows == ()
     assert [each.name for each in tmp_path.iterdir()] == ["robot.xml"]
-    assert any(f.kind in {"unreadable", "structure"} for f in found.errors)
+    assert any(f.kind in {"unreadable", "structure"} for f in inspection.errors)
 
 
 def test_shapes_are_in_metres(tmp_path: Path) -> None:

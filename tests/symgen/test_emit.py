@@ -64,7 +64,7 @@ def toy(name: str, expression: ca.SX, x: ca.SX, y: ca.SX) -> Kernel:
 
 
 def toys() -> dict[int, Kernel]:
-    """One kernel per operation that the emitter knows."""
+    """One kernel per operation that the emitter supports."""
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     kernels = {op: toy(f"op_{op}", function(x), x, y) for op, function in UNARY.items()}
     kernels |= {op: toy(f"op_{op}", function(x, y), x, y) for op, function in BINARY.items()}
@@ -193,8 +193,8 @@ def test_reference_is_casadi_to_the_letter() -> None:
     generator = ca.CodeGenerator("other", {"casadi_int": "long"})
     for kernel in kernels:
         generator.add(kernel.function)
-    own = generator.dump()
-    bodies = re.findall(r"^static int casadi_f\d+\(.*?\n}\n", own, re.MULTILINE | re.DOTALL)
+    dumped = generator.dump()
+    bodies = re.findall(r"^static int casadi_f\d+\(.*?\n}\n", dumped, re.MULTILINE | re.DOTALL)
     assert len(bodies) == len(kernels)
     for body in bodies:
         assert body in text
@@ -254,7 +254,7 @@ def test_strictest_c99(tmp_path: Path) -> None:
 
 
 def test_header_tells_order_units_and_stack(tiny_built: Path) -> None:
-    """Property: who has the header alone knows what goes where."""
+    """Property: the header alone documents every argument."""
     header = (tiny_built / "tiny.h").read_text()
     facts = json.loads((tiny_built / "manifest.json").read_text())
     assert ", ".join(joint["name"] for joint in facts["joints"]) in header

@@ -17,7 +17,7 @@ from symgen.inspect.geometry import Meshes
 from symgen.inspect.urdf import read_urdf
 from symgen.mechanics.consistency import require_realisable
 from tests.conftest import TINY_URDF
-from tests.symgen.bodies import BOX, GOOD, POINT, TILTED, arm, before_2024, block, judge, steiner
+from tests.symgen.bodies import BOX, GOOD, POINT, TILTED, arm, before_2024, block, inspect, steiner
 
 BAD = {
     "franka_fer/fer.urdf": {"link 'fer_link4'"},
@@ -38,17 +38,17 @@ def kinds(inspection: Inspection, where: str | None = None) -> set[tuple[str, st
 def published(models: Path) -> Iterator[tuple[str, Inspection]]:
     for path in sorted(models.glob("*/*.urdf")):
         yield path.relative_to(models).as_posix(), inspect_file(path, with_base=False)
-    yield "fr3_before_2024", judge(before_2024(models))
+    yield "fr3_before_2024", inspect(before_2024(models))
 
 
 def test_errors_of_published_models(shared_data: Path) -> None:
     """Real data: exactly the known-bad models have errors, and exactly where."""
-    found = {
+    inspected = {
         name: {f.where for f in inspection.errors}
         for name, inspection in published(shared_data / "models")
     }
-    assert len(found) > 20
-    assert {name: where for name, where in found.items() if where} == BAD
+    assert len(inspected) > 20
+    assert {name: where for name, where in inspected.items() if where} == BAD
 
 
 def test_wrong_point_of_the_fr3(shared_data: Path) -> None:
@@ -93,7 +93,7 @@ def solids(draw: st.DrawFn) -> Body:
 @given(solids())
 def test_bodies_that_exist_have_no_error(body: Body) -> None:
     """Property: second moments above zero, whatever their size, are never called impossible."""
-    inspection = judge(arm([block(body.mass, body.com, body.inertia)]))
+    inspection = inspect(arm([block(body.mass, body.com, body.inertia)]))
     assert not inspection.errors, [f.sentence for f in inspection.errors]
 
 
@@ -105,7 +105,7 @@ def test_bodies_beyond_the_cone_have_an_error(body: Body, beyond: float, axis: i
     sigma = axes @ np.diag(moments) @ axes.T
     tensor = np.trace(sigma) * np.eye(3) - sigma
     wrong = Body(body.mass, body.com, (tensor + tensor.T) / 2)
-    inspection = judge(arm([block(wrong.mass, wrong.com, wrong.inertia)]))
+    inspection = inspect(arm([block(wrong.mass, wrong.com, wrong.inertia)]))
     assert (ERROR, "triangle") in kinds(inspection, "link 'link1'")
     with pytest.raises(InertiaError):
         require_realisable(Body(wrong.mass, np.zeros(3), wrong.inertia).pi, "link1")
@@ -147,7 +147,7 @@ SIZES = ("1e400", "1e200", "1e-310")
 @settings(max_examples=150)
 @given(st.integers(0, 2**32))
 def test_broken_files_never_crash(seed: int) -> None:
-    """Property: whatever is cut, doubled or swapped in a URDF, it is judged or refused by name."""
+    """Property: a URDF with parts cut, doubled or swapped is checked or rejected by name."""
     rng = random.Random(seed)  # noqa: S311  reproducible, not secret
     text = arm([GOOD, block(1.0, POINT, TILTED), ""], {1: BOX}) if seed % 2 else TINY_URDF
     words = re.split(r"(\W)", text)

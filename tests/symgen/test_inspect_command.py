@@ -73,7 +73,7 @@ def test_unreadable_files(
 
 
 def test_repair_by_command(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Property: JSON tells what moved; a file that exists survives without --overwrite."""
+    """Property: JSON lists what moved; a file that exists survives without --overwrite."""
     out = file.with_name("better.urdf")
     code, said, _ = run(capsys, "inspect", file, "--repair", out, "--json")
     facts = json.loads(said)
@@ -87,7 +87,7 @@ def test_repair_by_command(file: Path, capsys: pytest.CaptureFixture[str]) -> No
     for target in (out, file):
         code, _, err = run(capsys, "inspect", file, "--repair", target)
         assert code == 2
-        assert "exists; name another file, or allow it with --overwrite" in err
+        assert "exists; choose another file, or give --overwrite" in err
     assert (out.read_bytes(), file.read_bytes()) == before
     assert run(capsys, "inspect", file, "--repair", file, "--overwrite")[0] == 1
     assert run(capsys, "inspect", file)[0] == 0

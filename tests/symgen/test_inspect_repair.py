@@ -44,10 +44,10 @@ def fer(shared_data: Path) -> Path:
 def test_fer_keeps_every_torque(fer: Path) -> None:
     """Oracle: Pinocchio on both files; link 4 can exist afterwards, masses and the rest stay."""
     inspection = inspect_file(fer)
-    text, found, again = repaired(inspection, fer)
-    assert found.kept
+    text, changes, again = repaired(inspection, fer)
+    assert changes.kept
     assert not again.errors
-    assert "fer_link0" not in found.bodies
+    assert "fer_link0" not in changes.bodies
     before, after = torques(inspection.text or ""), torques(text)
     # 17 digits through two recursions, condition of K about 1e3
     assert np.abs(after - before).max() <= 1e-11 * np.abs(before).max()
@@ -65,10 +65,10 @@ def test_fr3_before_2024_predicts_no_worse(shared_data: Path, fr3: Library) -> N
     """
     text = before_2024(shared_data / "models")
     inspection = inspect_text(text, shared_data / "fr3.urdf")
-    _, found, again = repaired(inspection, shared_data / "fr3.urdf")
+    _, changes, again = repaired(inspection, shared_data / "fr3.urdf")
     assert not again.errors
-    assert not found.kept
-    assert 0 < found.torque_change < 0.01
+    assert not changes.kept
+    assert 0 < changes.torque_change < 0.01
     log = prepare(read_recording(shared_data / "data/panda_gaz"))
     part = slice(int(0.6 * len(log)), None)
 
@@ -91,9 +91,9 @@ def test_reported_torque_change(shared_data: Path) -> None:
     path = shared_data / "models/kuka_lwr4/kuka_lwr4_identified.urdf"
     text = before_2024(shared_data / "models")
     inspection = inspect_text(text, path)
-    new, found, _ = repaired(inspection, path)
+    new, changes, _ = repaired(inspection, path)
     # 0.25: 50 states of another distribution against 400
-    assert relative(torques(text), torques(new)) == pytest.approx(found.torque_change, rel=0.25)
+    assert relative(torques(text), torques(new)) == pytest.approx(changes.torque_change, rel=0.25)
 
 
 @pytest.mark.parametrize("fixed", [False, True])
@@ -105,8 +105,8 @@ def test_projection_is_the_optimum(*, fixed: bool) -> None:
     inspection = inspect_text(text, Path("robot.urdf"))
     base = inspection.base
     assert base is not None
-    found = repair(inspection.model, base)
-    assert found.kept
+    changes = repair(inspection.model, base)
+    assert changes.kept
     names = [name for name, link in inspection.model.links.items() if link.body is not None]
     old = {name: _body(inspection.model.links[name].body) for name in names}
     unknowns = {name: cvxpy.Variable((4, 4), symmetric=True) for name in names}
@@ -126,12 +126,12 @@ def test_projection_is_the_optimum(*, fixed: bool) -> None:
     for name in names:
         body = old[name]
         root = np.linalg.inv(np.linalg.cholesky(pseudo_of(_near(body, ROUND))))
-        new = found.bodies.get(name, body).pseudo_inertia
+        new = changes.bodies.get(name, body).pseudo_inertia
         value += float(np.sum((root @ (new - body.pseudo_inertia) @ root.T) ** 2))
     assert value > 0.01
     # 1e-5: two interior-point runs at their default tolerances of 1e-8 in a squared distance
     assert value == pytest.approx(optimum.value, rel=1e-5)
-    new = with_bodies(text, found.bodies)
+    new = with_bodies(text, changes.bodies)
     assert np.abs(torques(new) - torques(text)).max() <= 1e-11 * np.abs(torques(text)).max()
 
 
@@ -176,7 +176,7 @@ def test_what_cannot_be_repaired() -> None:
 
 
 def test_a_failed_repair_is_not_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Property: the text is read and judged again; what is still impossible is refused."""
+    """Property: the text is read and checked again; what is still inconsistent is rejected."""
     inspection = inspect_text(arm([GOOD, FLAT]), Path("robot.urdf"))
     monkeypatch.setattr(door, "repair", lambda *_: Repair({}, 0.0, True))
     with pytest.raises(InertiaError, match=r"not written: .* link 'link2'"):
@@ -189,6 +189,6 @@ def test_too_large_for_base_parameters() -> None:
     inspection = inspect_text(text, Path("robot.urdf"))
     assert inspection.base is None
     assert any("25 moving joints are more than 24" in note for note in inspection.notes)
-    _, found, again = repaired(inspection, Path("robot.urdf"))
-    assert list(found.bodies) == ["link25"]
+    _, changes, again = repaired(inspection, Path("robot.urdf"))
+    assert list(changes.bodies) == ["link25"]
     assert not again.errors

@@ -39,10 +39,10 @@ def test_quotients(tmp_path: Path, fr3: Library) -> None:
     a[:8] = 0.0
     a[8:16], b[8:16] = 1.0, 1.0
     for level in levels_here(fr3):
-        found = np.empty_like(a)
-        pointers = [x.ctypes.data_as(ctypes.c_void_p) for x in (a, b, found)]
+        quotients = np.empty_like(a)
+        pointers = [x.ctypes.data_as(ctypes.c_void_p) for x in (a, b, quotients)]
         dll[f"quotients_{level}"](ctypes.c_long(a.size), *pointers)
-        # One unit in the last place is what the function promises.
-        np.testing.assert_array_max_ulp(found, a / b, maxulp=1)
-        assert not found[:8].any()
-        np.testing.assert_array_equal(found[8:16], 1.0)
+        # The function is accurate to one unit in the last place.
+        np.testing.assert_array_max_ulp(quotients, a / b, maxulp=1)
+        assert not quotients[:8].any()
+        np.testing.assert_array_equal(quotients[8:16], 1.0)

@@ -218,8 +218,8 @@ def driver(manifest: dict, name: str, level: str, tiles_h: str) -> str:
                     batch_declared.append(f"long {a['name']}_step")
         calls.append(f"{name}_{kernel['name']}({', '.join(one)});")
         # a kernel without sines in tiles.h is rare: its batches go one by one
-        own = f"{name}_{level}_" if turns else f"{name}_"
-        for prefix in (own, f"{name}_casadi_"):
+        compiled = f"{name}_{level}_" if turns else f"{name}_"
+        for prefix in (compiled, f"{name}_casadi_"):
             prototypes.append(f"void {prefix}{kernel['name']}_batch({', '.join(batch_declared)});")
             calls += [f"{prefix}{kernel['name']}_batch({', '.join(call)});" for call in batches]
         if turns and not summed:
@@ -286,7 +286,7 @@ def sanitized(
 
 @pytest.fixture(scope="module")
 def plain(robot: Callable[[str], Library], tmp_path_factory: pytest.TempPathFactory) -> Workbench:
-    """With the names of functions, for valgrind to tell."""
+    """With the names of functions, for the reports of valgrind."""
     return workbench(robot("gantry"), tmp_path_factory.mktemp("plain"), "-g")
 
 
@@ -312,7 +312,7 @@ def test_no_byte_out_of_place(sanitized: Workbench, level: str):
 
 @pytest.mark.parametrize("level", ["portable", "v3"])
 def test_no_uninitialised_byte_decides(plain: Workbench, level: str):
-    """Oracle: valgrind's memcheck, up to AVX2, which is all that it knows."""
+    """Oracle: valgrind's memcheck, up to AVX2, the widest set that it supports."""
     valgrind = shutil.which("valgrind")
     if valgrind is None:
         pytest.skip("valgrind is not installed: apt-get install valgrind")

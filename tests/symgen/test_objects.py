@@ -112,14 +112,14 @@ def test_objects_have_no_state_and_import_maths_only(objects: Path) -> None:
     paths = sorted(p for p in objects.glob("*.o") if not p.name.startswith("example"))
     assert {"kernels.o", "reference.o"} <= {p.name for p in paths}
     assert any(p.name.startswith("tiles_") for p in paths)
-    own = {name for path in paths for kind, name in symbols(path) if kind == "T"}
-    # what the processor can do, asked once by <robot>_level
+    defined = {name for path in paths for kind, name in symbols(path) if kind == "T"}
+    # the instruction sets of the processor, read once by <robot>_level
     processor = {"__cpu_model", "__cpu_indicator_init", "__cpu_features2"}
     for path in paths:
         for kind, name in symbols(path):
             assert kind not in set("bBdDcCsSgG"), (path.name, kind, name)
             if kind == "U":
-                allowed = MATHS | own | {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
+                allowed = MATHS | defined | {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
                 allowed |= processor if path.name == "kernels.o" else set()
                 assert name in allowed, (path.name, name)
 
@@ -138,17 +138,17 @@ def test_objects_export_the_robot_s_names_only(objects: Path) -> None:
 
 def frames(report: Path) -> dict[str, int]:
     """Function → bytes of its frame, from `gcc -fstack-usage`; parts that GCC split off add up."""
-    found: dict[str, int] = {}
+    frame_of: dict[str, int] = {}
     for line in report.read_text(encoding="utf-8").splitlines():
         place, size, kind = line.split("\t")
         assert kind in {"static", "dynamic,bounded"}, line
         name = place.split(":")[3].split(".")[0]
-        found[name] = found.get(name, 0) + int(size)
-    return found
+        frame_of[name] = frame_of.get(name, 0) + int(size)
+    return frame_of
 
 
 def bounds_of(name: str) -> tuple[StackBounds, Catalogue]:
-    """What the emitter promises for a robot of the tests."""
+    """The emitter's bounds for a robot of the tests."""
     request = CASES[name].request(name, None) if name in CASES else bundled_request(name)
     catalogue = make_catalogue(read_chain(request.urdf, request.options))
     kernels = catalogue.kernels
@@ -162,16 +162,16 @@ def test_tiles_stay_below_the_printed_stack(objects: Path) -> None:
     for unit, (source, _) in per_level_names().items():
         if source != "tiles.c":
             continue
-        found, level = frames(objects / f"{unit}.su"), unit.removeprefix("tiles_")
-        turn = max(found.get(name, 0) for name in turning)
-        leaf = sum(found.get(name, 0) for name in far)
+        frame_of, level = frames(objects / f"{unit}.su"), unit.removeprefix("tiles_")
+        turn = max(frame_of.get(name, 0) for name in turning)
+        leaf = sum(frame_of.get(name, 0) for name in far)
         width = LEVELS[machine()][level][0]
         for kernel in (k for k in catalogue.kernels if not k.rare):
-            own = f"gantry_{level}_{kernel.name}"
-            entry = max(found[f"{own}_batch"], found.get(f"{own}_tiles", 0))
+            stem = f"gantry_{level}_{kernel.name}"
+            entry = max(frame_of[f"{stem}_batch"], frame_of.get(f"{stem}_tiles", 0))
             lanes = [f"{name}_lanes" for name in (kernel.name, *kernel.factors[:1])]
-            body = found.get(f"{own}_tile", 0) + sum(found.get(name, 0) for name in lanes)
-            below = max(body, found.get(f"{own}_sines", 0))
+            body = frame_of.get(f"{stem}_tile", 0) + sum(frame_of.get(name, 0) for name in lanes)
+            below = max(body, frame_of.get(f"{stem}_sines", 0))
             deepest = entry + max(turn, below + leaf)
             assert deepest <= bounds.tiles[width][kernel.name], (unit, kernel.name)
 

@@ -22,7 +22,7 @@ ROBOTS = ["fr3", "xarm7", "kinova_gen3", "tree", "gantry"]
 
 
 @dataclass(frozen=True, slots=True)
-class Judge:
+class Reference:
     """A library, Pinocchio's reading of its URDF, and where its joints lie in Pinocchio's order."""
 
     lib: Library
@@ -38,12 +38,12 @@ class Judge:
 
 
 @pytest.fixture(scope="module", params=ROBOTS)
-def judge(request: pytest.FixtureRequest, robot: Callable[[str], Library]) -> Judge:
+def reference(request: pytest.FixtureRequest, robot: Callable[[str], Library]) -> Reference:
     lib = robot(request.param)
     model = pinocchio_model(lib.urdf(), lib.gravity)
     columns = np.array([model.joints[model.getJointId(j)].idx_v for j in lib.joint_names])
     jerk = np.random.default_rng(7).normal(0, 20, (STATES, lib.n_joints))
-    return Judge(lib, model, columns, (*random_states(lib.n_joints, STATES, 3), jerk))
+    return Reference(lib, model, columns, (*random_states(lib.n_joints, STATES, 3), jerk))
 
 
 def relative(ours: Array, theirs: Array) -> float:
@@ -51,43 +51,46 @@ def relative(ours: Array, theirs: Array) -> float:
     return float(np.abs(ours - theirs).max() / np.abs(theirs).max())
 
 
-def pinocchio_slopes(judge: Judge) -> tuple[Array, Array, Array, Array]:
+def pinocchio_slopes(reference: Reference) -> tuple[Array, Array, Array, Array]:
     """τ, ∂τ/∂q, ∂τ/∂dq, M of Pinocchio's analytical derivatives."""
-    data, pick = judge.model.createData(), np.ix_(judge.columns, judge.columns)
-    found: list[list[Array]] = [[], [], [], []]
-    states = zip(*(judge.spread(x) for x in judge.state[:3]), strict=True)
+    data, pick = reference.model.createData(), np.ix_(reference.columns, reference.columns)
+    slopes: list[list[Array]] = [[], [], [], []]
+    states = zip(*(reference.spread(x) for x in reference.state[:3]), strict=True)
     for q, dq, ddq in states:
-        pinocchio.computeRNEADerivatives(judge.model, data, q, dq, ddq)
+        pinocchio.computeRNEADerivatives(reference.model, data, q, dq, ddq)
         mass = np.triu(data.M) + np.triu(data.M, 1).T
-        for rows, part in zip(found[1:], (data.dtau_dq, data.dtau_dv, mass), strict=True):
+        for rows, part in zip(slopes[1:], (data.dtau_dq, data.dtau_dv, mass), strict=True):
             rows.append(part[pick].copy())
-        found[0].append(data.tau[judge.columns].copy())
-    return tuple(np.array(rows) for rows in found)
+        slopes[0].append(data.tau[reference.columns].copy())
+    return tuple(np.array(rows) for rows in slopes)
 
 
-def test_torque_derivatives(judge: Judge) -> None:
+def test_torque_derivatives(reference: Reference) -> None:
     """Oracle: Pinocchio's computeRNEADerivatives, entry by entry."""
-    ours = judge.lib.torque_derivatives(*judge.state[:3], judge.lib.pi0)
-    for mine, theirs in zip(ours, pinocchio_slopes(judge), strict=True):
+    ours = reference.lib.torque_derivatives(*reference.state[:3], reference.lib.pi0)
+    for mine, theirs in zip(ours, pinocchio_slopes(reference), strict=True):
         assert relative(mine, theirs) < ROUNDING
 
 
-def test_torque_rate(judge: Judge) -> None:
+def test_torque_rate(reference: Reference) -> None:
     """Oracle: the chain rule with Pinocchio's derivatives, d τ/dt = τ_q dq + τ_dq ddq + M dddq."""
-    _, dq, ddq, dddq = judge.state
-    _, by_q, by_dq, mass = pinocchio_slopes(judge)
+    _, dq, ddq, dddq = reference.state
+    _, by_q, by_dq, mass = pinocchio_slopes(reference)
     terms = zip((by_q, by_dq, mass), (dq, ddq, dddq), strict=True)
     expected = sum(np.einsum("kij,kj->ki", slope, step) for slope, step in terms)
-    assert relative(judge.lib.torque_rate(*judge.state, judge.lib.pi0), expected) < ROUNDING
+    assert (
+        relative(reference.lib.torque_rate(*reference.state, reference.lib.pi0), expected)
+        < ROUNDING
+    )
 
 
-def test_torque_course(judge: Judge) -> None:
+def test_torque_with_rates(reference: Reference) -> None:
     """Oracle: the torque and its rate, which are Pinocchio's; Taylor of the rate along a motion."""
-    lib, snap = judge.lib, np.random.default_rng(6).normal(0, 100, judge.state[0].shape)
-    tau, dtau, ddtau = lib.torque_with_rates(*judge.state, snap, lib.pi0)
-    assert relative(tau, lib.inverse_dynamics(*judge.state[:3], lib.pi0)) < ROUNDING
-    assert relative(dtau, lib.torque_rate(*judge.state, lib.pi0)) < ROUNDING
-    derivatives = [x[0] for x in (*judge.state, snap)]
+    lib, snap = reference.lib, np.random.default_rng(6).normal(0, 100, reference.state[0].shape)
+    tau, dtau, ddtau = lib.torque_with_rates(*reference.state, snap, lib.pi0)
+    assert relative(tau, lib.inverse_dynamics(*reference.state[:3], lib.pi0)) < ROUNDING
+    assert relative(dtau, lib.torque_rate(*reference.state, lib.pi0)) < ROUNDING
+    derivatives = [x[0] for x in (*reference.state, snap)]
     measured = taylor_slope(
         lambda y: lib.torque_rate(*np.split(y, 4), lib.pi0),
         np.concatenate(derivatives[:-1]),
@@ -98,11 +101,11 @@ def test_torque_course(judge: Judge) -> None:
     assert_second_order(measured, decades=3)  # a rate of 1e3 N·m/s rounds at 1e-13 of it
 
 
-def test_torque_rate_jacobian(judge: Judge) -> None:
+def test_torque_rate_jacobian(reference: Reference) -> None:
     """Derivative: Taylor in a random direction of all four; oracle: the last block is M."""
-    lib, n = judge.lib, judge.lib.n_joints
-    x = np.concatenate([part[0] for part in judge.state])
-    jacobian = lib.torque_rate_jacobian(*(part[:2] for part in judge.state), lib.pi0)[1][0]
+    lib, n = reference.lib, reference.lib.n_joints
+    x = np.concatenate([part[0] for part in reference.state])
+    jacobian = lib.torque_rate_jacobian(*(part[:2] for part in reference.state), lib.pi0)[1][0]
     assert jacobian.shape == (n, 4 * n)
     direction = np.random.default_rng(1).normal(size=4 * n)
     measured = taylor_slope(
@@ -122,18 +125,20 @@ def test_torque_rate_jacobian(judge: Judge) -> None:
     assert relative(gradient, (seed @ jacobian).reshape(4, n)) < ROUNDING
 
 
-def test_tip_motion(judge: Judge) -> None:
+def test_tip_motion(reference: Reference) -> None:
     """Oracle: Pinocchio's frame placement, velocity and Jacobian; Taylor for d v / d q."""
-    lib, model = judge.lib, judge.model
+    lib, model = reference.lib, reference.model
     data, frame = model.createData(), model.getFrameId(lib.manifest.tip, pinocchio.BODY)
-    q, dq = judge.state[:2]
+    q, dq = reference.state[:2]
     p, v, dp_dq, dv_dq = lib.tip_motion(q, dq)
     there = pinocchio.LOCAL_WORLD_ALIGNED
-    for k, (x, y) in enumerate(zip(judge.spread(q), judge.spread(dq), strict=True)):
+    for k, (x, y) in enumerate(zip(reference.spread(q), reference.spread(dq), strict=True)):
         pinocchio.forwardKinematics(model, data, x, y)
         pinocchio.updateFramePlacements(model, data)
         velocity = pinocchio.getFrameVelocity(model, data, frame, there).linear
-        jacobian = pinocchio.computeFrameJacobian(model, data, x, frame, there)[:3, judge.columns]
+        jacobian = pinocchio.computeFrameJacobian(model, data, x, frame, there)[
+            :3, reference.columns
+        ]
         # Lengths of a metre, velocities of ten.
         np.testing.assert_allclose(p[k], data.oMf[frame].translation, rtol=0, atol=ROUNDING)
         np.testing.assert_allclose(v[k], velocity, rtol=0, atol=10 * ROUNDING)

@@ -48,10 +48,10 @@ def batch(
         for x, step in zip(inputs, steps, strict=True)
         for item in (ctypes.c_void_p(x.ctypes.data), ctypes.c_long(step))
     ]
-    own = ctypes.CDLL(dll._name)
+    handle = ctypes.CDLL(dll._name)
     name = f"{lib.name}_{level}_{kernel}_batch"
     rare = f"{lib.name}_{kernel}_batch"  # of kernels without a vector form
-    function = own[name if hasattr(own, name) else rare]
+    function = handle[name if hasattr(handle, name) else rare]
     function(ctypes.c_long(n), *pairs, *(ctypes.c_void_p(x.ctypes.data) for x in out))
     return out
 
@@ -93,7 +93,7 @@ def test_all_kernels_equal_casadi_on_all_levels(robot, name, n):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 @pytest.mark.parametrize("name", ["fr3", "gantry"])
-def test_what_is_not_a_number_spoils_its_own_sample_only(robot, name, bad):
+def test_not_a_number_spoils_one_sample_only(robot, name, bad):
     """Oracle: CasADi's C; a NaN or infinity comes through, and the other lanes do not see it."""
     lib = robot(name)
     calls = arguments_of(lib, 9)

@@ -1,4 +1,4 @@
-"""The pipeline: when nothing, and when something has to be built; what is told."""
+"""The pipeline: what is built when, and what is reported."""
 
 import ctypes
 import json
@@ -65,7 +65,7 @@ def test_other_levels_are_another_build(tiny: Path, tiny_request: BuildRequest) 
     assert is_current(tiny_request, tiny)
     assert not build(tiny_request, tiny.parent, levels=["portable"]).rebuilt
     assert build(tiny_request, tiny.parent).rebuilt
-    # A process keeps the library that it has open, so the record of the build tells.
+    # A process keeps the library that it has open, so the record of the build decides.
     commands = json.loads((tiny / "build.json").read_text())["commands"]
     assert any("reference.c" in command for command in commands)
 

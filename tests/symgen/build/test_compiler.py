@@ -68,7 +68,7 @@ def test_compiles_and_records(source: Path) -> None:
 def test_a_file_that_came_early_is_compiled_once(
     source: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Property: started before the others are there, asked for again with them, one command."""
+    """Property: a file started early and again with the others is compiled by one command."""
     log = source.with_name("calls")
     program = source.with_name("logging-cc")
     program.write_text(f'#!/bin/sh\necho "$@" >> {log}\nexec {shlex.join(find_compiler())} "$@"\n')
@@ -193,7 +193,7 @@ def test_levels_that_the_compiler_does_not_know_are_left_out(
 
 
 def test_wanted_levels_alone_are_compiled(source: Path) -> None:
-    """Property: what was not asked for is not in the library; a name that is none is a sentence."""
+    """Property: levels not requested are not in the library; an unknown name is one sentence."""
     plain, level = source.with_name("plain.c"), source.with_name("level.c")
     plain.write_text("int plain(void);\nint plain(void) { return 1; }\n")
     level.write_text(
@@ -218,10 +218,10 @@ def test_wanted_levels_alone_are_compiled(source: Path) -> None:
     assert target.read_bytes() == before
 
 
-def test_a_wanted_level_that_the_compiler_does_not_know_is_told(
+def test_a_wanted_level_that_the_compiler_does_not_support_is_named(
     monkeypatch: pytest.MonkeyPatch, source: Path, tmp_path: Path
 ) -> None:
-    """Property: asked for by name, a level is not left out in silence."""
+    """Property: a level requested by name is never left out silently."""
     best = level_names()[0]
     if best == "portable":
         pytest.skip("this machine has one level alone")

@@ -34,7 +34,7 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class Checked:
     """A library and Pinocchio's answers for the same robot with the same π."""
 
     lib: Library
@@ -42,13 +42,13 @@ class Judged:
 
 
 @pytest.fixture(scope="session", params=["fr3", *CASES])
-def judged(request: pytest.FixtureRequest, robot: Callable[[str], Library]) -> Judged:
-    """Every robot, judged at 1000 states by Pinocchio's reading of the same URDF."""
+def checked(request: pytest.FixtureRequest, robot: Callable[[str], Library]) -> Checked:
+    """Every robot, compared at 1000 states with Pinocchio's reading of the same URDF."""
     lib = robot(request.param)
     model = pinocchio_model(lib.urdf(), lib.gravity)
     if projected_links(lib):
         model = with_parameters(model, lib, lib.pi0)
-    return Judged(lib, ask_pinocchio(model, lib, STATES))
+    return Checked(lib, ask_pinocchio(model, lib, STATES))
 
 
 def projected_links(lib: Library) -> dict[str, float]:
@@ -63,25 +63,25 @@ def relative_error(ours: Array, theirs: Array) -> float:
     return float(np.abs(ours - theirs).max() / np.abs(theirs).max())
 
 
-def test_joint_torques(judged: Judged) -> None:
+def test_joint_torques(checked: Checked) -> None:
     """Oracle: τ of the URDF's own inertias, and h at zero acceleration."""
-    lib, a = judged.lib, judged.answers
+    lib, a = checked.lib, checked.answers
     assert relative_error(lib.inverse_dynamics(a.q, a.dq, a.ddq, lib.pi0), a.tau) < ROUNDING
     assert relative_error(lib.torque(a.q, a.dq, a.ddq, lib.lam0), a.tau) < ROUNDING
     assert relative_error(lib.bias_forces(a.q, a.dq, lib.pi0), a.bias) < ROUNDING
 
 
-def test_regressor(judged: Judged) -> None:
+def test_regressor(checked: Checked) -> None:
     """Oracle: every entry of Y, and Y π0 = τ."""
-    lib, a = judged.lib, judged.answers
+    lib, a = checked.lib, checked.answers
     y = lib.regressor(a.q, a.dq, a.ddq)
     assert relative_error(to_pinocchio_order(y), a.regressor) < ROUNDING
     assert relative_error(y @ lib.pi0, a.tau) < ROUNDING
 
 
-def test_base_regressor(judged: Judged) -> None:
+def test_base_regressor(checked: Checked) -> None:
     """Oracle: Y_b is the chosen columns of Y, and Y_b K π0 = τ."""
-    lib, a = judged.lib, judged.answers
+    lib, a = checked.lib, checked.answers
     y_b = lib.base_regressor(a.q, a.dq, a.ddq)
     chosen = to_pinocchio_order(np.eye(10 * lib.n_joints))[list(lib.base_columns)].argmax(axis=1)
     assert relative_error(y_b, a.regressor[:, :, chosen]) < ROUNDING
@@ -89,17 +89,17 @@ def test_base_regressor(judged: Judged) -> None:
     assert relative_error(y_b @ (lib.base_matrix @ lib.pi0), a.tau) < 1e-12
 
 
-def test_mass_matrix(judged: Judged) -> None:
+def test_mass_matrix(checked: Checked) -> None:
     """Oracle: M(q); symmetric to the bit."""
-    lib, a = judged.lib, judged.answers
+    lib, a = checked.lib, checked.answers
     m = lib.mass_matrix(a.q, lib.pi0)
     assert relative_error(m, a.mass) < ROUNDING
     np.testing.assert_array_equal(m, m.swapaxes(1, 2))
 
 
-def test_forward_dynamics(judged: Judged) -> None:
+def test_forward_dynamics(checked: Checked) -> None:
     """Oracle: Pinocchio's τ gives back the acceleration, to rounding × cond M of each state."""
-    lib, a = judged.lib, judged.answers
+    lib, a = checked.lib, checked.answers
     ddq = lib.forward_dynamics(a.q, a.dq, a.tau, lib.pi0)
     error = np.linalg.norm(ddq - a.ddq, axis=1)
     smallest = np.linalg.eigvalsh(a.mass)[:, 0]
@@ -107,24 +107,24 @@ def test_forward_dynamics(judged: Judged) -> None:
     assert (error < ROUNDING * np.linalg.norm(a.tau, axis=1).max() / smallest).all()
 
 
-def test_end_effector(judged: Judged) -> None:
+def test_end_effector(checked: Checked) -> None:
     """Oracle: pose of the tip in the base frame."""
-    lib, a = judged.lib, judged.answers
+    lib, a = checked.lib, checked.answers
     # Lengths of order one.
     np.testing.assert_allclose(lib.end_effector(a.q), a.pose, rtol=0, atol=ROUNDING)
 
 
-def test_link_poses(judged: Judged) -> None:
+def test_link_poses(checked: Checked) -> None:
     """Oracle: pose of every joint's frame in the base frame."""
-    lib, a = judged.lib, judged.answers
+    lib, a = checked.lib, checked.answers
     # Lengths of order one.
     np.testing.assert_allclose(lib.link_poses(a.q), a.links, rtol=0, atol=ROUNDING)
     np.testing.assert_array_equal(lib.link_poses(a.q[3]), lib.link_poses(a.q)[3])
 
 
-def test_parameters_are_those_of_the_urdf(judged: Judged) -> None:
+def test_parameters_are_those_of_the_urdf(checked: Checked) -> None:
     """Oracle: π0, with fixed links counted in, is what Pinocchio reads from the file."""
-    lib, model = judged.lib, pinocchio_model(judged.lib.urdf())
+    lib, model = checked.lib, pinocchio_model(checked.lib.urdf())
     ours = to_pinocchio_order(lib.pi0).reshape(-1, 10)
     for joint, link, pi in zip(lib.joint_names, lib.link_names, ours, strict=True):
         theirs = model.inertias[model.getJointId(joint)].toDynamicParameters()

@@ -1,4 +1,4 @@
-"""eigen.h: the two outermost eigenpairs against LAPACK, for spectra that are hard to tell apart."""
+"""eigen.h: the two outermost eigenpairs against LAPACK, for spectra that are hard to separate."""
 
 import ctypes
 from collections.abc import Callable

@@ -115,7 +115,7 @@ def test_lam_reproduces_pi(lam: Array) -> None:
 
 
 @given(bodies)
-def test_widths_are_found_again(lam: Array) -> None:
+def test_widths_are_reproduced(lam: Array) -> None:
     """Property: sorted (a, b, c) come back where they are not lost to cancellation."""
     pi = call(PI, lam)
     squares = np.sort(lam[7:] ** 2)[::-1]

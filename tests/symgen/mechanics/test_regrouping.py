@@ -39,8 +39,8 @@ def tilted(tilt: float) -> Chain:
 def kept(chain: Chain, link: int) -> set[str]:
     """Names of the entries that a link keeps."""
     entries = regrouped(chain, ca.SX.sym("pi", N_PARAMETERS * len(chain.joints)))
-    own = entries[N_PARAMETERS * link : N_PARAMETERS * (link + 1)]
-    return {name for k, name in enumerate(PI_NAMES) if not own[k].is_zero()}
+    block = entries[N_PARAMETERS * link : N_PARAMETERS * (link + 1)]
+    return {name for k, name in enumerate(PI_NAMES) if not block[k].is_zero()}
 
 
 @pytest.mark.parametrize("name", ["fr3", "tree", "gantry", "double"])

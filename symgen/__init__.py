@@ -1,8 +1,8 @@
-"""symgen writes the physics of a robot arm as C: URDF → chain → kernels → generated/<robot>/.
+"""C code of the rigid-body model of a robot arm: URDF → chain → kernels → generated/<robot>/.
 
 Build time only (casadi, pinocchio, jinja2); the `runtime` package never imports it.
-The rooms, in the order in which data flow: `chain`, `inertia`, `dynamics`, `base_parameters`,
-`excitation`, `catalogue`, `emit`, `compiler`, `build`.
+The rooms from the ground up: `errors`, `documents`, `kernel`, `chain`, `mechanics`, `collision`,
+`catalogue`, `emit`, `inspect`, `build`, `cli`, `console`; `robots` and `templates` hold data.
 """
 
 __version__ = "0.1.0"

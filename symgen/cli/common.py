@@ -20,22 +20,22 @@ app = typer.Typer(
 )
 console = Console()
 
-Root = Annotated[
+RootOption = Annotated[
     Path, typer.Option("--out", help="Folder with one subfolder per robot.", show_default=True)
 ]
 DEFAULT_ROOT = Path("generated")
 
-Base = Annotated[
+BaseOption = Annotated[
     str | None, typer.Option(help="Link that is fixed to the world. Default: the root link.")
 ]
-Tip = Annotated[
+TipOption = Annotated[
     str | None, typer.Option(help="Last link of the chain; links beyond it are removed.")
 ]
-Lock = Annotated[
+LockOption = Annotated[
     list[str] | None,
     typer.Option(metavar="JOINT=VALUE", help="Fix a joint at a position in rad or m; repeatable."),
 ]
-Config = Annotated[
+ConfigOption = Annotated[
     list[Path] | None,
     typer.Option(
         help="TOML file with home, limits, braking, proxies, pairs; repeatable.", dir_okay=False
@@ -44,8 +44,8 @@ Config = Annotated[
 
 
 def say(sentence: str) -> None:
-    """Print one line to the terminal, without wrapping and highlighting."""
-    console.print(sentence, highlight=False, soft_wrap=True)
+    """Print one line to the terminal as it is: no wrapping, highlighting or markup."""
+    console.print(sentence, highlight=False, soft_wrap=True, markup=False)
 
 
 def flowing(doc: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from symgen.cli.common import app, console
+from symgen.cli.common import app, console, say
 from symgen.errors import BuildError
 from symgen.inspect import (
     ERROR,
@@ -73,10 +73,6 @@ def inspect_command(
     raise typer.Exit(int(bool(inspection.findings if strict else inspection.errors)))
 
 
-def _say(text: str) -> None:
-    console.print(text, highlight=False, soft_wrap=True, markup=False)
-
-
 def _show(inspection: Inspection) -> None:
     model = inspection.model
     table = Table(
@@ -107,24 +103,24 @@ def _show(inspection: Inspection) -> None:
     console.print(table)
     base = inspection.base
     if base is not None:
-        _say(f"{len(base.names)} base parameters, condition {base.condition:.3g} at random states:")
+        say(f"{len(base.names)} base parameters, condition {base.condition:.3g} at random states:")
         for k, name in enumerate(base.names, 1):
-            _say(f"  {k} {name}")
+            say(f"  {k} {name}")
     for note in inspection.notes:
-        _say(f"note: {note}")
+        say(f"note: {note}")
     for finding in inspection.findings:
-        _say(f"{finding.severity}: {finding.sentence}")
+        say(f"{finding.severity}: {finding.sentence}")
     errors = len(inspection.errors)
-    _say(f"{errors} error(s), {len(inspection.findings) - errors} warning(s)")
+    say(f"{errors} error(s), {len(inspection.findings) - errors} warning(s)")
 
 
 def _repair(
     inspection: Inspection, model: Path, out: Path, overwrite: bool, quiet: bool
 ) -> dict[str, Any]:
     """Write the repaired file if there is anything to repair; return the facts."""
-    say = (lambda _: None) if quiet else _say
+    report = (lambda _: None) if quiet else say
     if not any(f.kind in INERTIAL for f in inspection.errors):
-        say("repair: all inertias are physically consistent, nothing was written")
+        report("repair: all inertias are physically consistent, nothing was written")
         return {"written": None, "moved": []}
     if out.exists() and not overwrite:  # before the work, not after it
         raise BuildError(f"'{out}' exists; choose another file, or give --overwrite")
@@ -132,8 +128,8 @@ def _repair(
     write_text(out, text, overwrite)
     if not quiet:
         console.print(_moves(inspection, changes))
-    _report(inspection, changes, say)
-    say(f"repair: wrote '{out}', checked again: {len(again.errors)} error(s) left")
+    _report(inspection, changes, report)
+    report(f"repair: wrote '{out}', checked again: {len(again.errors)} error(s) left")
     return {
         "written": str(out),
         "keeps_base_parameters": changes.kept,
@@ -143,13 +139,15 @@ def _repair(
     }
 
 
-def _report(inspection: Inspection, changes: Repair, say: Any) -> None:
+def _report(inspection: Inspection, changes: Repair, report: Any) -> None:
     if inspection.base is None:
-        say("repair: without base parameters each link was projected separately, so torques change")
+        report(
+            "repair: without base parameters each link was projected separately, so torques change"
+        )
     elif changes.kept:
-        say("repair: all base parameters are kept, so the joint torques are unchanged")
+        report("repair: all base parameters are kept, so the joint torques are unchanged")
     else:
-        say(
+        report(
             "repair: no consistent bodies have these base parameters; the torques change by "
             f"{100 * changes.torque_change:.2g} % (root mean square, each relative to its joint)"
         )

@@ -14,16 +14,17 @@ from symgen.build.request import BuildRequest, bundled_request, bundled_robots, 
 from symgen.chain import ChainOptions
 from symgen.cli.common import (
     DEFAULT_ROOT,
-    Base,
-    Config,
-    Lock,
-    Root,
-    Tip,
+    BaseOption,
+    ConfigOption,
+    LockOption,
+    RootOption,
+    TipOption,
     app,
     console,
     folders_of,
     read_locks,
     read_urdf,
+    say,
 )
 from symgen.errors import BuildError
 
@@ -38,8 +39,8 @@ def build_command(
         str | None,
         typer.Option(help="Name of the folder and prefix of the C functions: a-z, 0-9, _."),
     ] = None,
-    base: Base = None,
-    tip: Tip = None,
+    base: BaseOption = None,
+    tip: TipOption = None,
     gravity: Annotated[
         str | None,
         typer.Option(
@@ -47,7 +48,7 @@ def build_command(
             help="Gravity in the base frame, m/s². Default: 0,0,-9.81 in the root frame.",
         ),
     ] = None,
-    lock: Lock = None,
+    lock: LockOption = None,
     snap: Annotated[
         float,
         typer.Option(
@@ -62,7 +63,7 @@ def build_command(
             help="Replace physically inconsistent inertias by the nearest consistent ones.",
         ),
     ] = False,
-    config: Config = None,
+    config: ConfigOption = None,
     level: Annotated[
         list[str] | None,
         typer.Option(
@@ -74,7 +75,7 @@ def build_command(
     force: Annotated[
         bool, typer.Option("--force", help="Rebuild even if the folder is up to date.")
     ] = False,
-    out: Root = DEFAULT_ROOT,
+    out: RootOption = DEFAULT_ROOT,
 ) -> None:
     r"""Generate and compile the C library of a robot arm.
 
@@ -100,9 +101,9 @@ def build_command(
     with console.status(f"building {request.name}"):
         result = build(request, out, force, level or ())
     for note in result.notes:
-        console.print(f"note: {note}", highlight=False, soft_wrap=True)
+        say(f"note: {note}")
     state = "built" if result.rebuilt else "up to date"
-    console.print(f"{result.folder}: {state}", highlight=False, soft_wrap=True)
+    say(f"{result.folder}: {state}")
 
 
 @app.command("check")
@@ -110,7 +111,7 @@ def check_command(
     robot: Annotated[
         str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
     ] = None,
-    out: Root = DEFAULT_ROOT,
+    out: RootOption = DEFAULT_ROOT,
 ) -> None:
     """Compare generated files with the C code that symgen writes today.
 
@@ -133,7 +134,7 @@ def check_command(
                     f"{line}\n" for _, line in zip(range(200), diff, strict=False)
                 )
         state = "differs, run: python -m symgen build" if folder in different else "in sync"
-        console.print(f"{folder}: {state}", highlight=False, soft_wrap=True)
+        say(f"{folder}: {state}")
     raise typer.Exit(int(bool(different)))
 
 
@@ -142,7 +143,7 @@ def clean_command(
     robot: Annotated[
         str | None, typer.Argument(help="Name of a robot. Default: all in the folder.")
     ] = None,
-    out: Root = DEFAULT_ROOT,
+    out: RootOption = DEFAULT_ROOT,
 ) -> None:
     """Delete compiled libraries and generated folders.
 
@@ -154,7 +155,7 @@ def clean_command(
                 path.unlink(missing_ok=True)
         else:
             shutil.rmtree(folder)
-        console.print(f"{folder}: clean", highlight=False, soft_wrap=True)
+        say(f"{folder}: clean")
 
 
 def _request_from_urdf(

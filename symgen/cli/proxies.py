@@ -10,7 +10,17 @@ from rich.table import Column, Table
 
 from symgen.build.config import RobotConfig, home_of, read_config
 from symgen.chain import ChainOptions, read_chain
-from symgen.cli.common import Base, Config, Lock, Tip, app, console, read_locks, read_urdf, say
+from symgen.cli.common import (
+    BaseOption,
+    ConfigOption,
+    LockOption,
+    TipOption,
+    app,
+    console,
+    read_locks,
+    read_urdf,
+    say,
+)
 from symgen.collision import MARGIN, CollisionModel
 from symgen.collision.tables import toml_from_collision
 from symgen.errors import BuildError, CollisionError
@@ -33,10 +43,10 @@ def proxies_command(
         ),
     ] = None,
     packages: Annotated[list[Path] | None, typer.Option(hidden=True)] = None,
-    base: Base = None,
-    tip: Tip = None,
-    lock: Lock = None,
-    config: Config = None,
+    base: BaseOption = None,
+    tip: TipOption = None,
+    lock: LockOption = None,
+    config: ConfigOption = None,
     most: Annotated[
         int, typer.Option(min=1, max=6, help="Largest number of capsules per link.")
     ] = 3,

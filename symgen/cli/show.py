@@ -9,7 +9,7 @@ from rich.text import Text
 
 from symgen.build.pipeline import is_current
 from symgen.build.request import bundled_request, bundled_robots
-from symgen.cli.common import DEFAULT_ROOT, Root, app, console, folders_of
+from symgen.cli.common import DEFAULT_ROOT, RootOption, app, console, folders_of
 from symgen.errors import BuildError
 from symgen.mechanics.base_parameters import describe_combination
 
@@ -21,7 +21,7 @@ _DAMAGE = (
 
 
 @app.command("list")
-def list_command(out: Root = DEFAULT_ROOT) -> None:
+def list_command(out: RootOption = DEFAULT_ROOT) -> None:
     """List bundled and generated robots.
 
     The library of a generated robot is built, not compiled, or stale (built from other inputs).
@@ -46,7 +46,7 @@ def list_command(out: Root = DEFAULT_ROOT) -> None:
 def describe_command(
     robot: Annotated[str, typer.Argument(help="Name of a generated robot.")] = "fr3",
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    out: Root = DEFAULT_ROOT,
+    out: RootOption = DEFAULT_ROOT,
 ) -> None:
     """Show joints, limits, base parameters and kernels of a robot.
 

@@ -75,12 +75,14 @@ def select_pairs(
     q = ca.SX.sym("q", len(chain.joints))
     distance, jacobian = clearance(chain, model, q)
     both = ca.Function("clearance", [q], [distance, jacobian], {"cse": True})
+    # Distances of all pairs at rest (row 0) and at random postures of the whole range.
     lower, upper = _range(chain)
     rng = np.random.default_rng(0)
     postures = np.vstack([home, rng.uniform(lower, upper, (_POSTURES, len(lower)))])
     function = ca.Function("distance", [q], [distance], {"cse": True})
     distances = np.asarray(function.map(len(postures))(postures.T)).T  # (postures, pairs)
     links = {part.link: part for part in geometry if not part.rounds}
+    # Per pair: its margin, then drop it if it never reaches the margin or never comes near it.
     kept, apart, touching = [], [], []
     for k, pair in enumerate(model.pairs):
         names, kept_margin = (pair.first, pair.second), margin

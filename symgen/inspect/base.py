@@ -30,7 +30,7 @@ _P = inertia.N_PARAMETERS
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Base:
+class SampledBase:
     """Identifiable parameters of a robot.
 
     Attributes:
@@ -71,7 +71,7 @@ class Base:
         return np.linalg.qr(weighted, mode="r") / np.sqrt(len(weighted))
 
 
-def base_of(text: str) -> Base:
+def base_of(text: str) -> SampledBase:
     """Rank and K of a URDF.
 
     Raises:
@@ -95,7 +95,7 @@ def base_of(text: str) -> Base:
     flat = rows.reshape(-1, len(parameters.columns))
     # Columns of unit length: the condition of the directions, not of the units.
     sigma = np.linalg.svd(flat / np.linalg.norm(flat, axis=0), compute_uv=False)
-    return Base(chain, parameters, rows, float(sigma[0] / sigma[-1]), snapped)
+    return SampledBase(chain, parameters, rows, float(sigma[0] / sigma[-1]), snapped)
 
 
 def _is_rounded(joint: Element) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from symgen.documents import text_of
 from symgen.errors import InertiaError, SymgenError, UrdfError
 from symgen.inspect import bodies, comparison, joints
-from symgen.inspect.base import Base, base_of
+from symgen.inspect.base import SampledBase, base_of
 from symgen.inspect.geometry import Meshes
 from symgen.inspect.mjcf import read_mjcf
 from symgen.inspect.model import ERROR, Body, Finding, Model
@@ -57,7 +57,7 @@ class Inspection:
     text: str | None
     rows: tuple[LinkFigures, ...]
     findings: tuple[Finding, ...]
-    base: Base | None
+    base: SampledBase | None
     notes: tuple[str, ...]
 
     @property

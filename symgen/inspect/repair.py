@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from symgen.errors import InertiaError
-from symgen.inspect.base import Base, lumping, pi_of, pseudo_of
+from symgen.inspect.base import SampledBase, lumping, pi_of, pseudo_of
 from symgen.inspect.model import Array, Body, Model
 from symgen.mechanics import consistency, inertia
 
@@ -59,7 +59,7 @@ class Repair:
     kept: bool
 
 
-def repair(model: Model, base: Base | None) -> Repair:
+def repair(model: Model, base: SampledBase | None) -> Repair:
     """Project the inertials of all links with mass.
 
     Args:
@@ -102,7 +102,7 @@ def _links(model: Model) -> list[str]:
 class _Projection:
     """The projection in whitened coordinates s = svec(L⁻¹ P L⁻ᵀ), all links in one vector."""
 
-    def __init__(self, model: Model, links: list[str], base: Base | None) -> None:
+    def __init__(self, model: Model, links: list[str], base: SampledBase | None) -> None:
         bodies = [body for name in links if (body := model.links[name].body) is not None]
         # L of each link's metric, and start s⁰ and floor ε P_ref in its coordinates.
         old = np.concatenate([body.pi for body in bodies])

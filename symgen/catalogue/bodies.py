@@ -8,7 +8,7 @@ from symgen.mechanics.inertia import N_PARAMETERS as P
 
 
 def body_kernels() -> tuple[Kernel, ...]:
-    """Every kernel of one body; a batch runs over links."""
+    """Return the kernels of one body; their batches run over links."""
     pi_, lam_ = Argument("pi", (P,), "SI"), Argument("lam", (P,), "lambda")
     frame_ = Argument("frame", (12,), "m, R by columns, B, C")
     floor_ = Argument("floor", (1,), "1", shared=True)

@@ -26,6 +26,12 @@ THINNEST = 1e-3
 def pseudo_inertia(pi: Matrix) -> Matrix:
     """P = [[Σ, mc], [mcᵀ, m]] with Σ = ½ tr(I) 1 − I; P ⪰ 0 is full physical consistency.
 
+    Args:
+        pi: (10,) inertial parameters.
+
+    Returns:
+        (4, 4) symmetric [kg·m², kg·m, kg].
+
     Source: Eqs. 3.9, 3.10.
     """
     mass, moment, inertia = mass_moment_inertia(pi)
@@ -76,6 +82,13 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
     """π from log-Cholesky θ = (α, d1, d2, d3, s12, s23, s13, t1, t2, t3): P = U Uᵀ, P ≻ 0 always.
 
     U = e^α [[e^d1, s12, s13, t1], [0, e^d2, s23, t2], [0, 0, e^d3, t3], [0, 0, 0, 1]].
+
+    Args:
+        theta: (10,) θ.
+
+    Returns:
+        (10,) inertial parameters.
+
     Source: Rucker & Wensing, Smooth parameterization of rigid-body inertia, 2022.
     """
     d1, d2, d3 = (ca.exp(theta[i]) for i in (1, 2, 3))
@@ -91,7 +104,14 @@ def pi_from_cholesky(theta: Matrix) -> Matrix:
 
 
 def cholesky_from_pi(pi: Matrix) -> Matrix:
-    """θ of `pi_from_cholesky` from π; NaN where P is not positive definite."""
+    """θ of `pi_from_cholesky` from π; NaN where P is not positive definite.
+
+    Args:
+        pi: (10,) inertial parameters.
+
+    Returns:
+        (10,) θ.
+    """
     mass, com, inertia = com_inertia(pi)
     sigma = (ca.trace(inertia) / 2 * ca.DM.eye(3) - inertia) / mass
     u33 = ca.sqrt(sigma[2, 2])

@@ -265,7 +265,14 @@ def lam_from_pi(pi: Matrix) -> Matrix:
 
 
 def spatial_inertia(lam: Matrix) -> Matrix:
-    """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], 6×6, linear part first (Eq. 4.14, errata)."""
+    """M(λ) = [[m 1, [mc×]ᵀ], [[mc×], I]], linear part first (Eq. 4.14, errata).
+
+    Args:
+        lam: (10,) λ.
+
+    Returns:
+        (6, 6) spatial inertia about the link origin [kg, kg·m, kg·m²].
+    """
     mass, moment, inertia = mass_moment_inertia(pi_from_lam(lam))
     h = skew(moment)
     return ca.vertcat(ca.horzcat(mass * ca.DM.eye(3), h.T), ca.horzcat(h, inertia))

@@ -55,7 +55,7 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
 def forward_dynamics(
     chain: Chain, q: Matrix, dq: Matrix, tau: Matrix, pi: Matrix, rotor: Matrix
 ) -> Matrix:
-    """Ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
+    """ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
 
     Args:
         chain: n joints.

@@ -74,7 +74,9 @@ def test_slipped_decimals_of_the_ur5(shared_data: Path) -> None:
     path = shared_data / "models/universal_robots/ur5_robot.urdf"
     sentences = [f.sentence for f in inspect_file(path, with_base=False).findings]
     for k in (2, 3):
-        pattern = rf"link 'wrist_{k}_link': by its inertia the mass lies .* times 10\^-[12] \(a decimal"
+        pattern = (
+            rf"link 'wrist_{k}_link': by its inertia the mass lies .* times 10\^-[12] \(a decimal"
+        )
         assert any(re.match(pattern, sentence) for sentence in sentences)
 
 

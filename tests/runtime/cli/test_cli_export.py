@@ -186,7 +186,17 @@ def test_excite_certifies_a_motion_once(
         return certificate_of(lib, trajectory, safety)
 
     monkeypatch.setattr(certified_motion, "certificate_of", counted)
-    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--rate", "100", "--plot")
+    words = (
+        "--duration",
+        "4",
+        "--harmonics",
+        "2",
+        "--starts",
+        "1",
+        "--export-rate",
+        "100",
+        "--plot",
+    )
     exports = ("--export", "ros", "--export", "libfranka", "--out", "m.json")
     ran = command("excite", "--robot", lib.folder, *words, *exports)
     assert ran.code == 0, ran.err

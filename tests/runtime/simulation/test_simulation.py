@@ -189,13 +189,13 @@ def test_stiff_friction_is_stable(tiny_built: Path) -> None:
     3.5 N·m of gravity against the friction: at rest the speed creeps at a fraction of ε.
     """
     pendulum = load(tiny_built)
-    for coulomb, speed, settled in ((20.0, 2e-2, 100), (20.0, 1e-3, 900)):
+    for coulomb, speed, at_rest in ((20.0, 2e-2, 100), (20.0, 1e-3, 900)):
         # 20 N·m over ε on 0.125 kg·m², times 1 ms: 8 and 160; Runge–Kutta ends at 2.8.
         plant = Plant(pendulum.pi0, coulomb=coulomb, coulomb_speed=speed, rotor=ROTOR)
         log = released(pendulum, plant, np.array([[0.3], [1.0]]), 1000, 1e-3).log
         # The midpoint rule rings where friction is very stiff, but within the first speed.
         assert np.abs(log[:, 1]).max() <= 1.0
-        assert np.abs(log[settled:, 1]).max() < speed
+        assert np.abs(log[at_rest:, 1]).max() < speed
 
 
 def test_the_closed_loop_is_pinocchios(

@@ -157,12 +157,12 @@ def test_sensors_err_as_much_as_they_say() -> None:
     rng = np.random.default_rng(3)
     of = Calibration(np.array([1.01, 0.99]), np.array([0.2, -0.1]))
     true = rng.normal(0, 10, (40_000, 2))
-    reports = measured_torque(true, sensors_of(2, torque_noise=0.05, torque_quantum=0.02), of, rng)
-    assert reports / 0.02 == pytest.approx(np.round(reports / 0.02), abs=1e-6)
+    sensed = measured_torque(true, sensors_of(2, torque_noise=0.05, torque_quantum=0.02), of, rng)
+    assert sensed / 0.02 == pytest.approx(np.round(sensed / 0.02), abs=1e-6)
     for j in range(2):
         line = np.stack([true[:, j], np.ones(len(true))], axis=1)
-        gain, bias = np.linalg.lstsq(line, reports[:, j])[0]
-        rest = reports[:, j] - gain * true[:, j] - bias
+        gain, bias = np.linalg.lstsq(line, sensed[:, j])[0]
+        rest = sensed[:, j] - gain * true[:, j] - bias
         # σ/√N: 2.5e-4 N·m of bias, a tenth of it in the gain; four of them.
         assert gain == pytest.approx(of.gain[j], abs=1e-4)
         assert bias == pytest.approx(of.bias[j], abs=1e-3)
@@ -174,12 +174,12 @@ def test_encoders_differ_and_filter() -> None:
     """Oracle: the step response of the low-pass, 1 − exp(−2π f t), of a speed that sets in."""
     period, speed = 1e-3, 0.7
     encoders = Encoders(sensors_of(1), np.zeros((50, 1)), period, np.array([0]))
-    reports = []
+    sensed = []
     for k in range(50):
         q = np.array([speed * period * k])
-        reports.append(encoders.read(k, q, np.zeros(1))[1][0])
+        sensed.append(encoders.read(k, q, np.zeros(1))[1][0])
     expected = speed * (1 - np.exp(-2 * np.pi * 100 * period * np.arange(50)))
-    assert reports == pytest.approx(expected, abs=1e-12)
+    assert sensed == pytest.approx(expected, abs=1e-12)
     coarse = Encoders(sensors_of(1, position_quantum=1e-3), np.zeros((9, 1)), period, np.array([0]))
     read = [coarse.read(k, np.array([2.6e-4 * k]), np.zeros(1))[0][0] for k in range(9)]
     assert read == pytest.approx(1e-3 * np.array([0, 0, 1, 1, 1, 1, 2, 2, 2]), abs=1e-15)

@@ -186,24 +186,24 @@ def test_excite_certifies_a_motion_once(
         return certificate_of(lib, trajectory, safety)
 
     monkeypatch.setattr(certified_motion, "certificate_of", counted)
-    words = (
-        "--duration",
-        "4",
-        "--harmonics",
-        "2",
-        "--starts",
-        "1",
-        "--export-rate",
-        "100",
-        "--plot",
-    )
-    exports = ("--export", "ros", "--export", "libfranka", "--out", "m.json")
-    ran = command("excite", "--robot", lib.folder, *words, *exports)
+    words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--pictures")
+    exports = ("--export", "ros", "--export", "libfranka", "--export-rate", "100")
+    ran = command("excite", "--out", "m.json", "--robot", lib.folder, *words, *exports)
     assert ran.code == 0, ran.err
     assert durations == [4.0]
     durations.clear()
     ran = command(
-        "excite", "--robot", lib.folder, *words, *exports, "--speed", "50", "--speed", "100"
+        "excite",
+        "--out",
+        "m.json",
+        "--robot",
+        lib.folder,
+        *words,
+        *exports,
+        "--speed",
+        "50",
+        "--speed",
+        "100",
     )
     assert ran.code == 0, ran.err
     assert durations == [4.0, 8.0]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 NOT_POSITIVE, RAN_AWAY = 1, 2
-"""Why a simulation stopped early: M + J is not positive definite; the motion left every bound."""
+"""Reasons of an early stop: M + J is not positive definite; the motion diverged."""
 
 _POINTER = ctypes.POINTER(ctypes.c_double)
 

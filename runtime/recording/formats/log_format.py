@@ -69,7 +69,7 @@ class RawFile:
         """Content of the file.
 
         Raises:
-            RecordingError: it cannot be read, or is no regular file.
+            RecordingError: it cannot be read, or is not a regular file.
         """
         if self._data is None:
             self._data = raw_bytes(self.path)
@@ -80,7 +80,7 @@ class RawFile:
         """Path of a file that is not held; it is hashed piece by piece.
 
         Raises:
-            RecordingError: it cannot be read, or is no regular file.
+            RecordingError: it cannot be read, or is not a regular file.
         """
         path = self.path
         with _reading(path):
@@ -210,7 +210,7 @@ def raw_bytes(path: Path) -> bytes:
     """Content of a file.
 
     Raises:
-        RecordingError: it cannot be read, or is no regular file.
+        RecordingError: it cannot be read, or is not a regular file.
     """
     with _reading(path):
         return require_file(path).read_bytes()

@@ -127,7 +127,7 @@ class ParquetLog:
 
 @dataclass(frozen=True, slots=True)
 class Batch:
-    """Some rows of an open file."""
+    """Batch of rows of an open file."""
 
     cells: Any
     name: str

@@ -15,10 +15,10 @@ PIECE = 2**23
 
 
 def head_of_text(path: Path) -> str:
-    """The whole lines of the first piece of a text.
+    """Whole lines of the first piece of a text.
 
     Raises:
-        RecordingError: it is no UTF-8 text.
+        RecordingError: it is not UTF-8 text.
     """
     return next(_pieces(path), "")
 

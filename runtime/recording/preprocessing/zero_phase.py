@@ -33,18 +33,20 @@ def zero_phase(
     rows: NDArray[np.int64],
     period: int = 1,
 ) -> list[FloatArray]:
-    """Some rows of `sosfiltfilt(sections, signal, axis=0, padlen=padding)` of every signal.
+    """Selected rows of `sosfiltfilt(sections, signal, axis=0, padlen=padding)` of every signal.
 
     Args:
         sections: of a low-pass, (s, 6).
         signals: (N, m) each, of any widths m.
         padding: rows of odd extension at either end, fewer than N.
-        rows: ascending; (M,).
-        period: distance after which their pattern repeats itself; only the time depends on it.
+        rows: (M,) indices, ascending.
+        period: distance after which the pattern of rows repeats; only the computing time depends
+            on it.
 
     Returns:
         (M, m) each.
     """
+    # Blocks whose length is a multiple of the period have the same pattern of needed rows.
     length = DENSE if period == 1 else period * -(-LENGTH // period)
     count = len(signals[0]) // length
     if count < _FEW:
@@ -55,14 +57,20 @@ def zero_phase(
     cascade = _Cascade(sections)
     phi, gamma, free, forced = cascade.block(length)
     order, gamma_back = len(phi), gamma[:, ::-1]
+    # Both passes are driven by the samples: Γ u forwards, ΓJ T u backwards. All signals share the
+    # same products, so that their columns lie side by side.
     blocks = [x[:cut].reshape(count, length, -1) for x in signals]
     into = np.vstack([gamma, gamma_back @ forced])
     driven = np.concatenate([into @ u for u in blocks], axis=2)
+    # States forwards at the start of every block, x⁺ = Φ x + Γ u; behind the last block scipy
+    # filters the tail and returns the state backwards, z.
     x = _states(phi, driven[:, :order], cascade.entering(signals, padding))
     z, tail = cascade.returning(signals, padding, cut, x[-1])
+    # States backwards at the end of every block, z⁻ = Φ z + ΓJ (O x + T u).
     back = driven[:, order:] + (gamma_back @ free) @ x[:-1]
     xz = np.concatenate([x[:-1], _states(phi, back[::-1], z)[-2::-1]], axis=1)
 
+    # Place of each requested row: its block, and its index among the needed rows of a block.
     inner = rows[: np.searchsorted(rows, cut)]
     block, place = np.divmod(inner, length)
     needed = np.flatnonzero(np.bincount(place, minlength=length))
@@ -70,6 +78,7 @@ def zero_phase(
     index = np.concatenate(
         [block * len(needed) + np.searchsorted(needed, place), rows[len(inner) :] - cut + first]
     )
+    # y = J T J T u + J T J O x + J O z, of the needed rows only.
     taps = (forced @ forced[::-1])[::-1][needed]
     out = np.hstack([(forced @ free[::-1])[::-1], free[::-1]])[needed]
     filtered, column = [], 0
@@ -77,6 +86,7 @@ def zero_phase(
         mine = slice(column, column := column + u.shape[2])
         y = np.empty((first + len(tail), u.shape[2]))
         inside = y[:first].reshape(count, -1, u.shape[2])
+        # A few blocks at a time, so that the two products stay in the cache.
         for part in (slice(k, k + TOGETHER) for k in range(0, count, TOGETHER)):
             np.matmul(taps, u[part], out=inside[part])
             inside[part] += out @ xz[part, :, mine]
@@ -140,7 +150,7 @@ class _Cascade:
         return state, backwards[: padding - 1 : -1]
 
     def _run(self, values: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """What comes out of values (N, m), and the state after them."""
+        """Filter values (N, m); return the output and the state after them."""
         out, end = scipy_signal.sosfilt(self.sections, values, axis=0, zi=start)
         state = np.stack([end[:, 0], (end[:, 0] + end[:, 1]) / self.slowness], axis=1)
         return out, state.reshape(-1, values.shape[1])

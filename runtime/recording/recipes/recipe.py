@@ -5,7 +5,7 @@ A signal of the file passes, in this order: unit (and gain) → order → sign �
     x[:, i]  = sign_i · gain_i · unit_i · raw[:, order_i]
     q = R⁻¹ x + offset,   dq = R⁻¹ x,   ddq = R⁻¹ x,   τ = Rᵀ x      (R = 1 without [gear])
 
-Nothing of this is ever guessed: a recipe states it. `recipe_file` reads recipes from TOML.
+Nothing of this is guessed; a recipe states it. `recipe_file` reads recipes from TOML.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ UNITS: dict[str, dict[str, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where the public files come from: one address per file, pinned by commit and sha256.
+    """Source of public files: one address per file, pinned by commit and sha256.
 
     `base` is the address of the folder that holds the files; `{commit}` in it is filled in.
     """
@@ -57,7 +57,7 @@ class Time:
             if self.unit or self.file or self.column != "":
                 raise RecordingError(
                     "[time] expects either rate_hz or a column with a unit, but got both; "
-                    "keep the one that is true"
+                    "keep one of them"
                 )
             return
         one_of("[time] unit", self.unit, tuple(UNITS["time"]))
@@ -76,7 +76,7 @@ class Time:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """One measured quantity of all joints: where it lies in the files, and what it means there.
+    """One measured quantity of all joints: its place in the files, unit, order and sign.
 
     `columns` are names or indices (csv, parquet), `width` the numbers per sample (flat), `key` the
     array (npz), the column of lists (parquet) or the field of JointState (bag). `offset` is in the
@@ -110,7 +110,11 @@ class Signal:
             )
 
     def check_unit(self, kind: str) -> None:
-        """Raises if the unit is none of `kind`, or if amperes come without a gain."""
+        """Require a unit of this kind of signal, and a gain for amperes.
+
+        Raises:
+            RecordingError: the unit is another, or amperes have no gain.
+        """
         units = (self.unit,) if isinstance(self.unit, str) else self.unit
         for unit in units:
             one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
@@ -122,7 +126,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How to read the logs of one robot, and defaults for what follows.
+    """Description of the logs of one robot, and defaults for their preparation.
 
     Without `position` the files follow the default convention of `read_recording`, and only the
     defaults (and a rate) are taken from here. `{run}` in a file name is filled with `run`. In a
@@ -158,7 +162,7 @@ class Recipe:
             raise RecordingError("expected a table [time] with a unit or rate_hz, got none; add it")
 
     def signals(self) -> dict[str, Signal]:
-        """The signals that the recipe describes, by kind."""
+        """Signals of the recipe by kind."""
         kinds = {name: getattr(self, name) for name in UNITS if name != "time"}
         return {kind: signal for kind, signal in kinds.items() if signal is not None}
 

@@ -1,6 +1,6 @@
-"""TOML → `Recipe`: every key is known, of the right type and stated once, or it is an error.
+"""TOML → `Recipe`; an unknown key, a wrong type or a repeated key is an error.
 
-Bundled recipes lie beside this module; a recipe of your own is a file of the same form.
+Bundled recipes lie beside this module; other recipes are files of the same form.
 """
 
 import dataclasses
@@ -21,15 +21,15 @@ FOLDER = Path(__file__).resolve().parent
 
 
 def bundled_names() -> tuple[str, ...]:
-    """The names of the recipes that come with the package."""
+    """Names of the recipes that come with the package."""
     return tuple(sorted(path.stem for path in FOLDER.glob("*.toml")))
 
 
 def load_recipe(which: str | Path | Recipe) -> Recipe:
-    """A recipe from its TOML file, from the name of a bundled one, or as it is.
+    """Load a recipe from its TOML file or by the name of a bundled one; a `Recipe` passes through.
 
     Raises:
-        RecordingError: there is no such recipe, or it does not say what a recipe says.
+        RecordingError: there is no such recipe, or its content is not that of a recipe.
     """
     if isinstance(which, Recipe):
         return which
@@ -54,10 +54,10 @@ def load_recipe(which: str | Path | Recipe) -> Recipe:
 
 
 def recipe_from_table(table: dict[str, Any]) -> Recipe:
-    """A recipe from the nested dictionary that a TOML file gives.
+    """Recipe from the nested dictionary of a TOML file.
 
     Raises:
-        RecordingError: an unknown key, a wrong type, or a value that no recipe can have.
+        RecordingError: an unknown key, a wrong type, or a value out of range.
     """
     table = dict(table)
     gear = table.pop("gear", None)
@@ -70,7 +70,7 @@ def _default_name(path: Path) -> str:
 
 
 def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
-    """The gear matrix R (motor angle = R · joint angle): square, finite, invertible."""
+    """Gear matrix R (motor angle = R · joint angle): square, finite, invertible."""
     if not isinstance(table, dict):
         raise RecordingError(f"[gear] expects a table with the key matrix, got {table!r}")
     _check_keys(table, ("matrix",), "gear")
@@ -89,7 +89,7 @@ def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
 
 
 def _build(cls: type, table: dict[str, Any], where: str) -> Any:
-    """A frozen dataclass from a table; nested dataclasses from nested tables."""
+    """Frozen dataclass from a table; nested dataclasses from nested tables."""
     kinds = typing.get_type_hints(cls)
     fields = [item for item in dataclasses.fields(cls) if item.name != "gear"]
     valid = tuple(item.name for item in fields)
@@ -120,7 +120,7 @@ def _check_keys(table: dict[str, Any], valid: tuple[str, ...], where: str) -> No
 
 
 def _convert(value: Any, kind: Any, where: str) -> Any:
-    """A TOML value as the annotated type: lists → tuples, integers → floats where allowed."""
+    """TOML value as the annotated type: lists → tuples, integers → floats where allowed."""
     options = typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
     for option in options:
         if option is type(None):
@@ -141,7 +141,7 @@ def _convert(value: Any, kind: Any, where: str) -> Any:
 
 
 def _simple(value: Any, kind: Any) -> Any:
-    """The value as a scalar, tuple or str → str dict of that kind, or None if it is none."""
+    """Value as a scalar, tuple or str → str dict of that kind; None if it is of another kind."""
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is tuple and isinstance(value, list):
         kinds = inner[:1] * len(value) if inner[-1] is Ellipsis else inner

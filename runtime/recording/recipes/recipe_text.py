@@ -1,4 +1,4 @@
-"""`Recipe` → TOML that `recipe_file` reads back as the same recipe; defaults are left out."""
+"""`Recipe` → TOML that `recipe_file` reads back as the same recipe; defaults are omitted."""
 
 import dataclasses
 import json
@@ -16,7 +16,7 @@ def recipe_text(recipe: Recipe, *comments: str) -> str:
 
 
 def _facts(part: Any) -> dict[str, Any]:
-    """Fields of a dataclass that differ from their defaults, a part without any left out."""
+    """Fields of a dataclass that differ from their defaults; parts without any are omitted."""
     facts = {}
     for item in dataclasses.fields(part):
         value = getattr(part, item.name)

@@ -176,5 +176,5 @@ def test_an_edited_recipe_is_not_overwritten(command, lib: Library, tmp_path: Pa
     refused = command(*words)
     assert refused.code == 2
     assert refused.err.count("\n") == 1
-    assert "differs from what is proposed now" in refused.err
+    assert "exists and differs from the proposed recipe" in refused.err
     assert (tmp_path / "r.toml").read_bytes() == edited

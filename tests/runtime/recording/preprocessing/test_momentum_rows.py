@@ -283,7 +283,7 @@ def test_the_command(lib, made, tmp_path, command: Command):
     assert any("seen momenta and no accelerations" in line for line in facts["warnings"])
     ran = command("identify", "log.csv", *said, "--regressor", "auto")
     assert ran.code == 2
-    assert "name the regressor with --regressor" in ran.err
+    assert "give --regressor acceleration, momentum or energy" in ran.err
     ran = command("compare", *said, "--regressor", "energy", "--methods", "pc-ols,nn")
     assert ran.code == 0, ran.err
     rows = json.loads((tmp_path / "results" / "log-compare" / "compare.json").read_text())["rows"]

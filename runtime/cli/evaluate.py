@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from runtime.cli.common import console, say, torque_table
-from runtime.cli.log_options import CutoffHz, Rate, Recipe, Run
+from runtime.cli.log_options import Recipe, Run
 from runtime.cli.prepared_log import preparation_of
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
@@ -25,7 +25,7 @@ RAW = (
     "--cutoff and --rate as identify"
 )
 
-Result = Annotated[Path, typer.Argument(help="Folder written by identify.")]
+Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
 
 
 def evaluate_command(
@@ -36,8 +36,22 @@ def evaluate_command(
     ] = None,
     recipe: Recipe = None,
     run: Run = None,
-    cutoff: CutoffHz = None,
-    rate: Rate = None,
+    cutoff: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Cut-off of the zero-phase low-pass of q, dq and tau, Hz; default from the "
+            "recipe, else that of identify.",
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Rate of rows to which the log is decimated, Hz; default from the recipe, else "
+            "that of identify.",
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
     r"""Evaluate an identified model on another log.

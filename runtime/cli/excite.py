@@ -88,7 +88,7 @@ def excite_command(
     speed: Annotated[
         list[float] | None,
         typer.Option(
-            help="Speed of an exported motion in % of the designed speed, on the same path; "
+            help="Speed of a stage in % of the designed speed, on the same path; "
             "repeatable, each with its own certificate: 10, 50 and 100 are three stages to try on "
             "a robot. File names end in -speed10. Default 100."
         ),
@@ -133,8 +133,9 @@ def excite_command(
     box: Annotated[
         str | None,
         typer.Option(
-            metavar="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX",
-            help="Box that the tip stays in, m in the base frame; inf leaves a side open.",
+            metavar="BOX",
+            help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
+            "frame; inf leaves a side open.",
         ),
     ] = None,
     clearance: Annotated[
@@ -151,8 +152,8 @@ def excite_command(
         str | None,
         typer.Option(
             metavar="FV",
-            help="Viscous friction in the torque limit, N·m·s/rad: a number, or one per joint with "
-            "commas; default 0.",
+            help="Viscous friction in the torque limits, N·m·s/rad: one number or one per joint "
+            "with commas; default 0.",
         ),
     ] = None,
     coulomb: Annotated[

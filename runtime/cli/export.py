@@ -22,7 +22,7 @@ def _list_formats(wanted: bool) -> None:
 
 
 def export_command(
-    result: Annotated[Path, typer.Argument(help="Folder written by identify.")],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")],
     to: Annotated[
         str | None,
         typer.Option(

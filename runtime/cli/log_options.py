@@ -67,10 +67,11 @@ CarryingLink = Annotated[
 Regressor = Annotated[
     str | None,
     typer.Option(
-        metavar="|".join((*REGRESSORS, AUTO)),
-        help="Form of the equations: acceleration needs ddq, momentum does not, energy gives one "
-        "row for all joints and less information; auto takes momentum where the differentiation "
-        "of dq fails. Default from the recipe, else acceleration.",
+        metavar="FORM",
+        help=f"Form of the equations, of {', '.join((*REGRESSORS, AUTO))}: acceleration "
+        "needs ddq, momentum does not, energy gives one row for all joints and less information; "
+        "auto takes momentum where the differentiation of dq fails. Default from the recipe, else "
+        "acceleration.",
     ),
 ]
 Rate = Annotated[

@@ -50,8 +50,8 @@ def predict_command(
     trajectory: Annotated[
         str,
         typer.Argument(
-            metavar="TRAJECTORY",
-            help="A motion that excite wrote (.json), or a log as for identify.",
+            metavar="MOTION",
+            help="A motion written by excite (.json), or a log.",
         ),
     ],
     robot: Robot = "fr3",

@@ -15,7 +15,7 @@ FOLDER = Path(__file__).resolve().parents[1] / "tutorials"
 def tutorial_command(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="[NAME]", help="Name of a tutorial; default a list of all."),
+        typer.Argument(metavar="NAME", help="Name of a tutorial; default a list of all."),
     ] = None,
 ) -> None:
     r"""Show a tutorial.

@@ -27,10 +27,10 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
     parameters = parameter_order(ids)
     base, tip = (model.getFrameId(name) for name in (lib.manifest.base, lib.manifest.tip))
     blocks = lib.pi_jacobian(batch.lam)
-    found: dict[str, list[Array]] = {}
+    results: dict[str, list[Array]] = {}
 
     def enter(name: str, value: Array) -> None:
-        found.setdefault(name, []).append(np.ravel(value).copy())
+        results.setdefault(name, []).append(np.ravel(value).copy())
 
     for q, dq, ddq, tau in zip(batch.q, batch.dq, batch.ddq, batch.tau, strict=True):
         state = (q[order], dq[order], ddq[order])
@@ -49,7 +49,7 @@ def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
         enter("forward_dynamics", pin.aba(model, data, *state[:2], tau[order])[columns])
         pin.framesForwardKinematics(model, data, q[order])
         enter("end_effector", data.oMf[base].actInv(data.oMf[tip]).homogeneous)
-    return {name: np.array(rows) for name, rows in found.items()}
+    return {name: np.array(rows) for name, rows in results.items()}
 
 
 _OUR_ORDER = np.array([0, 1, 2, 3, 4, 6, 9, 5, 7, 8])

@@ -42,7 +42,7 @@ class Bar:
     """A bar, what was measured, and whether that is enough."""
 
     text: str
-    found: float
+    measured: float
     met: bool
 
 

@@ -30,12 +30,12 @@ def interleave(
     """
     for measure in contenders.values():
         measure()
-    found = {key: np.full(rounds, np.inf) for key in contenders}
+    times = {key: np.full(rounds, np.inf) for key in contenders}
     for k in range(rounds):
         for _ in range(passes):
             for key, measure in contenders.items():
-                found[key][k] = min(found[key][k], measure())
-    return found
+                times[key][k] = min(times[key][k], measure())
+    return times
 
 
 def ratio(theirs: Array, ours: Array) -> float:

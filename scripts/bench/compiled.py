@@ -37,8 +37,10 @@ def find(names: tuple[str, ...]) -> Compiler:
     """
     for name in names:
         if shutil.which(name):
-            told = subprocess.run([name, "--version"], capture_output=True, text=True, check=True)
-            return Compiler(name, told.stdout.splitlines()[0])
+            version = subprocess.run(
+                [name, "--version"], capture_output=True, text=True, check=True
+            )
+            return Compiler(name, version.stdout.splitlines()[0])
     raise BenchError(f"none of the compilers {', '.join(names)} is on the PATH")
 
 

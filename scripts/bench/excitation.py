@@ -89,7 +89,7 @@ def measure(
     duration: float,
     harmonics: int,
     seed: int,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> Report:
     """Run every optimiser from the same random motions, one start after another.
 
@@ -99,7 +99,7 @@ def measure(
         duration: t_f, s.
         harmonics: M.
         seed: of the starts.
-        tell: is called with a line of progress.
+        report: is called with a line of progress.
     """
     problem = Problem(lib.folder, lib.level, lib.home, harmonics, duration, seed)
     rows, skipped = list[Row](), dict[str, str]()
@@ -112,7 +112,7 @@ def measure(
         result = list[Start]()
         for number in range(starts):
             result.append(peers.timed(work, number))
-            tell(f"{label}: start {number + 1} of {starts}, cond {result[-1].condition:.3f}")
+            report(f"{label}: start {number + 1} of {starts}, cond {result[-1].condition:.3f}")
         rows.append(Row(name, label, tuple(result)))
     return Report(lib.name, lib.level, processor(), duration, harmonics, tuple(rows), skipped)
 

@@ -115,7 +115,7 @@ class Report:
 
 
 def measure(
-    lib: Library, goals: tuple[Goal, ...], seed: int, tell: Callable[[str], None]
+    lib: Library, goals: tuple[Goal, ...], seed: int, report: Callable[[str], None]
 ) -> Report:
     """Design for every goal, on as many processes as there are cores.
 
@@ -123,19 +123,19 @@ def measure(
         lib: of the robot.
         goals: of `GOALS`.
         seed: of all starts.
-        tell: is called with a line of progress.
+        report: is called with a line of progress.
     """
     rows = []
     for goal in goals:
-        row = _reached(lib, goal, seed, tell)
-        tell(f"{goal.name}: cond {row.condition:.3f} in {row.wall:.0f} s")
+        row = _reached(lib, goal, seed, report)
+        report(f"{goal.name}: cond {row.condition:.3f} in {row.wall:.0f} s")
         rows.append(row)
     return Report(lib.name, processor(), tuple(rows))
 
 
-def _reached(lib: Library, goal: Goal, seed: int, tell: Callable[[str], None]) -> Row:
+def _reached(lib: Library, goal: Goal, seed: int, report: Callable[[str], None]) -> Row:
     def report(done: int, value: float, best: float) -> None:
-        tell(f"{goal.name}: descent {done}, {value:.4g}, best {best:.4g}")
+        report(f"{goal.name}: descent {done}, {value:.4g}, best {best:.4g}")
 
     known = information(lib, NOISE, RATE)
     processes = cores()

@@ -164,14 +164,14 @@ class Report:
 
 
 @one_blas_thread
-def measure(lib: Library, rounds: int, trials: bool, tell: Callable[[str], None]) -> Report:
+def measure(lib: Library, rounds: int, trials: bool, report: Callable[[str], None]) -> Report:
     """Time every entry that the library has functions for.
 
     Args:
         lib: of the FR3.
         rounds: see `clock.interleave`.
         trials: whether the entries that run once take part.
-        tell: is called with a line of progress.
+        report: is called with a line of progress.
 
     Raises:
         BenchError: the robot has no example trajectory.
@@ -181,7 +181,7 @@ def measure(lib: Library, rounds: int, trials: bool, tell: Callable[[str], None]
     for entry in ENTRIES:
         why = _refusal(entry, lib, has, trials)
         if why is None:
-            tell(f"{entry.label} ...")
+            report(f"{entry.label} ...")
             rows.append(_measured(entry, setting, rounds))
         else:
             skipped[entry.label] = why
@@ -210,10 +210,13 @@ def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
         contenders = {"ours": ours}
         if entry.numpy is not None:
             contenders["numpy"] = entry.numpy(setting)
-        found = interleave(contenders, rounds)
-        seconds = float(np.median(found["ours"]))
-        if "numpy" in found:
-            numpy, times = float(np.median(found["numpy"])), ratio(found["numpy"], found["ours"])
+        times_of = interleave(contenders, rounds)
+        seconds = float(np.median(times_of["ours"]))
+        if "numpy" in times_of:
+            numpy, times = (
+                float(np.median(times_of["numpy"])),
+                ratio(times_of["numpy"], times_of["ours"]),
+            )
     document = entry.document
     return Row(
         entry.name,

@@ -35,7 +35,7 @@ class Row:
     """One kernel of one robot on tiles.
 
     Attributes:
-        code: bytes of machine code per tile; None where nm does not tell.
+        code: bytes of machine code per tile; None where nm does not report.
         output: bytes of the outputs of one tile.
         ratio: how many times longer Pinocchio in C++ takes; None without it.
     """
@@ -74,7 +74,7 @@ class Report:
 
 
 def measure(
-    level: str, counts: tuple[int, ...], rounds: int, cpp: bool, tell: Callable[[str], None]
+    level: str, counts: tuple[int, ...], rounds: int, cpp: bool, report: Callable[[str], None]
 ) -> Report:
     """Build the arms one after the other, then time them all in the same rounds.
 
@@ -83,7 +83,7 @@ def measure(
         counts: joints of the serial arms.
         rounds: see `clock.interleave`.
         cpp: whether Pinocchio in C++ takes part.
-        tell: is called with a line of progress.
+        report: is called with a line of progress.
 
     Raises:
         BenchError: no C compiler.
@@ -104,11 +104,11 @@ def measure(
             start = time.perf_counter()
             robots[name] = robot = build_arm(name, label, text, Path(folder), level, TIMED)
             built[label] = time.perf_counter() - start
-            tell(f"{label}: built in {built[label]:.1f} s")
+            report(f"{label}: built in {built[label]:.1f} s")
             contenders |= _contenders(robot, compiler, level, cpp, missing)
-        tell(f"{len(contenders)} measurements in {rounds} rounds")
-        found = interleave(contenders, rounds)
-        rows = tuple(_row(robot, kernel, found) for kernel in TIMED for robot in robots.values())
+        report(f"{len(contenders)} measurements in {rounds} rounds")
+        times = interleave(contenders, rounds)
+        rows = tuple(_row(robot, kernel, times) for kernel in TIMED for robot in robots.values())
     return Report(level, processor(), rounds, built, missing, rows)
 
 
@@ -117,29 +117,29 @@ def _contenders(
 ) -> dict[tuple[str, ...], Callable[[], float]]:
     lib = robot.lib
     ours, batch = Ours(lib, TIMED, compiler), make_batch(lib, SAMPLES)
-    found: dict[tuple[str, ...], Callable[[], float]] = {}
+    times: dict[tuple[str, ...], Callable[[], float]] = {}
     for kernel in TIMED:
         part = fitting(batch, ours.numbers(kernel))
         one = ours.contender(kernel, level, "tiles", part)
         if one is None:
             raise BenchError(f"the library of '{lib.name}' has no {kernel} on tiles")
-        found["ours", lib.name, kernel] = burst(one.run, part.size)
+        times["ours", lib.name, kernel] = burst(one.run, part.size)
     if cpp:
         try:
             rival = peers.pinocchio_cpp(lib, batch)
         except BenchError as error:
             missing["Pinocchio C++"] = str(error)
-            return found
+            return times
         for kernel in TIMED:
             run = rival.contenders[kernel].run
-            found["Pinocchio C++", lib.name, kernel] = burst(run, batch.size)
-    return found
+            times["Pinocchio C++", lib.name, kernel] = burst(run, batch.size)
+    return times
 
 
-def _row(robot: Arm, kernel: str, found: dict[tuple[str, ...], Array]) -> Row:
-    lib, times = robot.lib, found["ours", robot.lib.name, kernel]
+def _row(robot: Arm, kernel: str, times_of: dict[tuple[str, ...], Array]) -> Row:
+    lib, times = robot.lib, times_of["ours", robot.lib.name, kernel]
     count, ns = robot.operations[kernel], float(np.median(times))
-    theirs = found.get(("Pinocchio C++", lib.name, kernel))
+    theirs = times_of.get(("Pinocchio C++", lib.name, kernel))
     numbers = sum(a.size for a in lib.manifest.kernels[kernel].outputs)
     return Row(
         robot=robot.label,
@@ -148,7 +148,7 @@ def _row(robot: Arm, kernel: str, found: dict[tuple[str, ...], Array]) -> Row:
         operations=count,
         ns=ns,
         per_operation=ns / count,
-        share=float(np.median(count / times * found[("limit",)])),
+        share=float(np.median(count / times * times_of[("limit",)])),
         code=_code(Path(lib.folder) / f"lib{lib.name}.so", kernel),
         output=64 * numbers,
         ratio=None if theirs is None else ratio(theirs, times),
@@ -202,12 +202,12 @@ def growth(rows: tuple[Row, ...]) -> str:
         return "growth: needs at least two serial arms"
     pairs = [(a, b) for k, a in enumerate(arms) for b in arms[k + 1 :]]
     worst = max(pairs, key=lambda pair: pair[1].per_operation / pair[0].per_operation)
-    told = [
+    steps = [
         f"from {a.joints} to {b.joints} joints {b.operations / a.operations:.1f} times the "
         f"operations take {b.ns / a.ns:.1f} times as long"
         for a, b in ((arms[0], arms[-1]), worst)
     ]
-    return f"growth of {_LABELS[rows[0].kernel]}: {told[0]}; at worst {told[1]}"
+    return f"growth of {_LABELS[rows[0].kernel]}: {steps[0]}; at worst {steps[1]}"
 
 
 def markdown(report: Report) -> str:

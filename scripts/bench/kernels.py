@@ -133,9 +133,9 @@ def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
                 contenders[label, name] = burst(rival.run, samples)
                 _compare(label, name, rival, timers.contender(name, levels[0], "batch", tail))
     deviations = _deviations(lib, batch, ours, missing)
-    found = interleave(contenders, rounds)
+    times_of = interleave(contenders, rounds)
     rows = tuple(
-        _row(key, one.samples, facts[key[0]], found, rivals, deviations)
+        _row(key, one.samples, facts[key[0]], times_of, rivals, deviations)
         for key, one in ours.items()
     )
     return Report(
@@ -144,8 +144,8 @@ def measure(lib: Library, samples: int, rounds: int, cpp: bool) -> Report:
         rounds=rounds,
         processor=processor(),
         timer=compiler.version,
-        clock=1 / float(np.median(found[("cycle",)])),
-        limits={level: 1 / float(np.median(found["limit", level])) for level in levels},
+        clock=1 / float(np.median(times_of[("cycle",)])),
+        limits={level: 1 / float(np.median(times_of["limit", level])) for level in levels},
         peers={label: peer.detail for label, peer in rivals.items()},
         missing=missing,
         deviation=max(deviations.values(), default=None),
@@ -167,7 +167,7 @@ def _ours(
     ours: Ours, names: tuple[str, ...], levels: tuple[str, ...], batch: Batch
 ) -> dict[Key, Contender]:
     """(kernel, level, layout) → contender, as the table lists them, run once."""
-    found: dict[Key, Contender] = {}
+    contenders: dict[Key, Contender] = {}
     for level in levels:
         for name in names if level == levels[0] else AT_EVERY_LEVEL:
             for layout in LAYOUTS:
@@ -176,8 +176,8 @@ def _ours(
                 one = ours.contender(name, level, layout, fitting(batch, ours.numbers(name)))
                 if one is not None:
                     one.run(1)
-                    found[name, level, layout] = one
-    return found
+                    contenders[name, level, layout] = one
+    return contenders
 
 
 def _rivals(
@@ -195,14 +195,14 @@ def _rivals(
     }
     if not cpp:
         del makers["Pinocchio C++"]
-    found: dict[str, peers.Peer] = {}
+    rivals: dict[str, peers.Peer] = {}
     missing: dict[str, str] = {}
     for label, make in makers.items():
         try:
-            found[label] = make()
+            rivals[label] = make()
         except BenchError as error:
             missing[label] = str(error)
-    return found, missing
+    return rivals, missing
 
 
 def _compare(label: str, name: str, rival: peers.Contender, ours: Contender | None) -> None:
@@ -230,41 +230,41 @@ def _deviations(
     except BenchError as error:
         missing["accuracy"] = str(error)
         return {}
-    found: dict[Key, float] = {}
+    deviations: dict[Key, float] = {}
     for key, one in ours.items():
-        found[key] = accuracy.deviation(one.answer(), expected[key[0]][: one.samples])
-        if not found[key] < AGREEMENT:
+        deviations[key] = accuracy.deviation(one.answer(), expected[key[0]][: one.samples])
+        if not deviations[key] < AGREEMENT:
             raise BenchError(
                 f"{key[0]} ({key[2]}) at level {key[1]} differs from Pinocchio by "
-                f"{found[key]:.1e}; run: python -m symgen build --force"
+                f"{deviations[key]:.1e}; run: python -m symgen build --force"
             )
-    return found
+    return deviations
 
 
 def _row(
     key: Key,
     samples: int,
     facts: Symbolic,
-    found: dict[tuple[str, ...], Array],
+    times_of: dict[tuple[str, ...], Array],
     rivals: dict[str, peers.Peer],
     deviations: dict[Key, float],
 ) -> Row:
     name, level, layout = key
-    times = found["ours", *key]
+    times = times_of["ours", *key]
     count = facts.operations
     if layout == "stored":
         count -= facts.sines
     against = {
         label: Against(
             peer.contenders[name].algorithm,
-            float(np.median(found[label, name])),
-            ratio(found[label, name], times),
+            float(np.median(times_of[label, name])),
+            ratio(times_of[label, name], times),
         )
         for label, peer in rivals.items()
         if name in peer.contenders
     }
     ns = float(np.median(times))
-    share = float(np.median(count / times * found["limit", level]))
+    share = float(np.median(count / times * times_of["limit", level]))
     return Row(
         name, level, layout, samples, ns, count, count / ns, share, deviations.get(key), against
     )

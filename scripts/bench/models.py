@@ -183,8 +183,8 @@ def _relative(ours: Array, theirs: Array) -> float:
 
 def _verdict(path: Path) -> str:
     try:
-        found = inspect_file(path, with_base=False)
+        inspection = inspect_file(path, with_base=False)
     except SymgenError as error:
         return str(error)
-    kinds = [f"{finding.severity}: {finding.kind}" for finding in found.findings]
+    kinds = [f"{finding.severity}: {finding.kind}" for finding in inspection.findings]
     return ", ".join(f"{kind} ×{kinds.count(kind)}" for kind in dict.fromkeys(kinds)) or "fine"

@@ -51,9 +51,9 @@ def weigh(lib: Library, trajectory: Trajectory, count: int, cutoff: float | None
         if cutoff:
             b, a = signal.butter(4, cutoff / 50.0)
             noise = signal.filtfilt(b, a, noise, axis=0)
-        found = identify_payload(run.replace(tau=loaded + noise), lib, arm=arm)
-        errors.append(found.body.values - TRUTH)
-        held.append(np.abs(errors[-1]) < NORMAL_95 * found.body.sigma)
+        payload = identify_payload(run.replace(tau=loaded + noise), lib, arm=arm)
+        errors.append(payload.body.values - TRUTH)
+        held.append(np.abs(errors[-1]) < NORMAL_95 * payload.body.sigma)
     wrong = np.array(errors)
     return Weighed(
         1e3 * float(np.sqrt(np.mean(wrong[:, 0] ** 2))),

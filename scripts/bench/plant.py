@@ -28,7 +28,7 @@ def preparation(cutoff: float | None) -> Preparation:
 
 
 @dataclass(frozen=True)
-class Bench:
+class SimulatedCase:
     """A robot that is not the URDF's, its log, and what one knows about it."""
 
     lib: Library
@@ -57,21 +57,21 @@ class Bench:
             },
         )
 
-    def errors(self, found: Identification) -> np.ndarray:
+    def errors(self, result: Identification) -> np.ndarray:
         """Torque error in percent per joint on the clean test motion, friction included."""
         q, dq, ddq = self.test
         truth = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
         truth = truth + COULOMB * np.tanh(dq / SPEED) + VISCOUS * dq
-        wrong = found.predict(q, dq, ddq) - truth
+        wrong = result.predict(q, dq, ddq) - truth
         return 100 * np.sqrt(np.sum(wrong**2, axis=0) / np.sum(truth**2, axis=0))
 
-    def base_error(self, found: Identification) -> float:
+    def base_error(self, result: Identification) -> float:
         """‖β̂ − β‖/‖β‖ in percent."""
         beta = self.lib.base_matrix @ self.pi
-        return 100 * float(np.linalg.norm(found.beta - beta) / np.linalg.norm(beta))
+        return 100 * float(np.linalg.norm(result.beta - beta) / np.linalg.norm(beta))
 
 
-def bench(
+def simulated_case(
     lib: Library,
     train: Trajectory,
     test: Trajectory,
@@ -80,7 +80,7 @@ def bench(
     seed: int = 0,
     sigma_tau: float = 0.05,
     **plant: object,
-) -> Bench:
+) -> SimulatedCase:
     """A log of the plant; the CAD model is 5 % off in λ."""
     rng = np.random.default_rng(seed)
     lam = lib.lam_from_pi(pi)
@@ -102,7 +102,7 @@ def bench(
     controller = Controller(pi=lib.pi_from_lam(cad), feels_noise=True)
     log = closed_loop(lib, train, robot, rng, controller=controller).replace(dq=None)
     t = np.arange(0.0, test.duration, 0.05)
-    return Bench(
+    return SimulatedCase(
         lib,
         log,
         cad,

@@ -39,12 +39,12 @@ def lines(lib: Library, designs: Path) -> Iterator[Line]:
     hard = (("100 Hz, encoders of 256 counts", 100.0, 256), ("12.5 Hz", 12.5, None))
     for name, rate, counts in hard:
         for form in FORMS:
-            found = (simulated(lib, designs, rate, counts, form, f_c) for f_c in CUTOFFS)
-            yield Line(f"{name}: base parameters", form, tuple(found))
+            errors_of = (simulated(lib, designs, rate, counts, form, f_c) for f_c in CUTOFFS)
+            yield Line(f"{name}: base parameters", form, tuple(errors_of))
     log = runtime.read_recording("panda_gaz")
     for form in FORMS:
-        found = (of_panda(lib, log, form, f_c) for f_c in CUTOFFS)
-        yield Line("Panda: low-passed torque", form, tuple(found))
+        errors_of = (of_panda(lib, log, form, f_c) for f_c in CUTOFFS)
+        yield Line("Panda: low-passed torque", form, tuple(errors_of))
 
 
 def simulated(
@@ -65,7 +65,7 @@ def simulated(
             q = run.q if counts is None else np.round(run.q * counts / 2 / np.pi)
             q = q if counts is None else q * 2 * np.pi / counts
             runs.append(run.replace(q=q, dq=None, ddq=None))
-        found = runtime.identify(
+        result = runtime.identify(
             runs[0],
             lib,
             preparation=usual,
@@ -74,7 +74,7 @@ def simulated(
             test=runs[-1],
             certify=False,
         )
-        errors.append(100 * np.linalg.norm(found.beta - beta) / np.linalg.norm(beta))
+        errors.append(100 * np.linalg.norm(result.beta - beta) / np.linalg.norm(beta))
     return float(np.mean(errors))
 
 
@@ -82,6 +82,6 @@ def of_panda(lib: Library, log: Recording, form: str, cutoff: float) -> float:
     """Overall error of the torque low-passed at the same cut-off."""
     known = log.recipe.preparation if log.recipe else Preparation()
     usual = replace(known, filter="butterworth", cutoff_hz=cutoff, regressor=form)
-    found = runtime.identify(log, lib, preparation=usual, certify=False)
-    tau = samples_of(found.test, lib).tau
-    return metrics.torque_error(tau, found.predict_recording(found.test)).overall
+    result = runtime.identify(log, lib, preparation=usual, certify=False)
+    tau = samples_of(result.test, lib).tau
+    return metrics.torque_error(tau, result.predict_recording(result.test)).overall

@@ -186,8 +186,8 @@ def child(robot: str, path: str) -> None:
         count += len(part)
     prepare = time.process_time() - start - again
     samples = samples_of(result.train, lib)
-    told = result.streamed
-    if told is None:
+    streamed = result.streamed
+    if streamed is None:
         raise RuntimeError("the log was not streamed")
     with_friction = _speed(lib, samples)
     facts = {
@@ -198,11 +198,11 @@ def child(robot: str, path: str) -> None:
         "samples": count,
         "plain": _speed(lib, _bare(samples)),
         "friction": with_friction,
-        "compress": told.samples["train"] / with_friction,
+        "compress": streamed.samples["train"] / with_friction,
         "wall": wall,
         "rss": rss,
-        "before": told.before.overall,
-        "after": told.after.overall,
+        "before": streamed.before.overall,
+        "after": streamed.after.overall,
     }
     print(json.dumps(facts))
 

@@ -39,14 +39,14 @@ def facts_of(kernel: Any) -> Symbolic:
     import casadi as ca
 
     operations = sines = 0
-    own: dict[int, bool] = {}
+    per_sample: dict[int, bool] = {}
     for op, ins, outs, _ in kernel.instructions:
         if op == ca.OP_INPUT:
-            own[outs[0]] = not kernel.inputs[ins[0]].shared
+            per_sample[outs[0]] = not kernel.inputs[ins[0]].shared
         elif op == ca.OP_CONST:
-            own[outs[0]] = False
+            per_sample[outs[0]] = False
         elif op != ca.OP_OUTPUT:
-            own[outs[0]] = any(own[i] for i in ins)
-            operations += own[outs[0]]
-            sines += own[outs[0]] and op in {ca.OP_SIN, ca.OP_COS}
+            per_sample[outs[0]] = any(per_sample[i] for i in ins)
+            operations += per_sample[outs[0]]
+            sines += per_sample[outs[0]] and op in {ca.OP_SIN, ca.OP_COS}
     return Symbolic(kernel.function, tuple(a.name for a in kernel.inputs), operations, sines)

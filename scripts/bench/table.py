@@ -70,15 +70,15 @@ def footnotes(report: Report) -> list[str]:
         if label == "Pinocchio C++"
     }
     if cycles:
-        told = ", ".join(f"{name} {count:.0f}" for name, count in cycles.items())
-        lines.append(f"cycles of one call of Pinocchio C++: {told}")
+        listed = ", ".join(f"{name} {count:.0f}" for name, count in cycles.items())
+        lines.append(f"cycles of one call of Pinocchio C++: {listed}")
     for label, detail in report.peers.items():
         used = {row.kernel: row.peers[label] for row in report.rows if label in row.peers}
         names = ", ".join(f"{kernel}: {item.algorithm}" for kernel, item in used.items())
         lines += [f"{label}: {names}", f"    {detail}"]
     lines += [f"{label} did not run: {why}." for label, why in report.missing.items()]
     for bar in report.bars:
-        lines.append(f"{'met   ' if bar.met else 'MISSED'} {bar.text}: {bar.found:.3g}")
+        lines.append(f"{'met   ' if bar.met else 'MISSED'} {bar.text}: {bar.measured:.3g}")
     return lines
 
 

@@ -71,7 +71,7 @@ def map_trials(
         data.append(reduced)
         priors.append(prior)
         statistics.append(compressed)
-    found = solve_many(lib, problems, threads=cores())
+    estimates = solve_many(lib, problems, threads=cores())
     paths = follow_many(lib, data[:certify], priors[:certify], cores())
     gaps = [
         abs(path.losses[-1] / cone_optimum(lib, s).loss - 1)
@@ -81,11 +81,11 @@ def map_trials(
     rows = np.linspace(0, len(held) - 1, 50).round().astype(int)
     truth = lib.mass_matrix(held.q[rows], pi)
     airm, percent = [], []
-    for one in found:
+    for one in estimates:
         airm.append(metrics.airm(truth, lib.mass_matrix(held.q[rows], one.pi)).mean())
         predicted = lib.inverse_dynamics(held.q, held.dq, held.ddq, one.pi)
         percent.append(metrics.torque_error(held.tau, predicted).percent)
-    strict = [float(lib.relative_eigenvalues(one.pi).min()) > 0 for one in found]
+    strict = [float(lib.relative_eigenvalues(one.pi).min()) > 0 for one in estimates]
     return Trials(
         float(np.mean(airm)),
         np.mean(percent, axis=0),

@@ -40,8 +40,8 @@ def _encoded(
     sec, nanosec = divmod(stamp, 10**9)
     if encoding == "json":
         head = {"stamp": {"sec": sec, "nanosec": nanosec}}
-        told = {"header": head, "name": names, "position": [*q], "effort": [*effort]}
-        return json.dumps(told).encode()
+        messages = {"header": head, "name": names, "position": [*q], "effort": [*effort]}
+        return json.dumps(messages).encode()
     from rosbags.typesys import Stores, get_typestore
 
     is_ros1 = encoding == "ros1"
@@ -53,7 +53,7 @@ def _encoded(
     return bytes((store.serialize_ros1 if is_ros1 else store.serialize_cdr)(state, TYPE))
 
 
-def mcap(told: Payloads, encoding: str, compression: str = "NONE") -> bytes:
+def mcap(messages: Payloads, encoding: str, compression: str = "NONE") -> bytes:
     """An MCAP file."""
     from mcap.writer import CompressionType, Writer
 
@@ -62,13 +62,13 @@ def mcap(told: Payloads, encoding: str, compression: str = "NONE") -> bytes:
     writer.start()
     schema = writer.register_schema(TYPE, "jsonschema" if encoding == "json" else "ros2msg", b"{}")
     channel = writer.register_channel(TOPIC, encoding, schema)
-    for stamp, data in told:
+    for stamp, data in messages:
         writer.add_message(channel, stamp, data, stamp)
     writer.finish()
     return out.getvalue()
 
 
-def ros1(told: Payloads, compression: str = "") -> bytes:
+def ros1(messages: Payloads, compression: str = "") -> bytes:
     """A ROS 1 bag."""
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -81,12 +81,12 @@ def ros1(told: Payloads, compression: str = "") -> bytes:
             bag.set_compression(Writer.CompressionFormat[compression])
         with bag:
             connection = bag.add_connection(TOPIC, TYPE, typestore=store)
-            for stamp, data in told:
+            for stamp, data in messages:
                 bag.write(connection, stamp, data)
         return path.read_bytes()
 
 
-def ros2(folder: Path, told: Payloads, mode: str = "NONE") -> None:
+def ros2(folder: Path, messages: Payloads, mode: str = "NONE") -> None:
     """A ROS 2 bag, a folder that must not exist."""
     from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -97,13 +97,13 @@ def ros2(folder: Path, told: Payloads, mode: str = "NONE") -> None:
         bag.set_compression(CompressionMode[mode], CompressionFormat.ZSTD)
     with bag:
         connection = bag.add_connection(TOPIC, TYPE, typestore=store)
-        for stamp, data in told:
+        for stamp, data in messages:
             bag.write(connection, stamp, data)
 
 
-def with_some(told: Payloads, mutate: Mutator, rng: Rng) -> Payloads:
+def with_some(messages: Payloads, mutate: Mutator, rng: Rng) -> Payloads:
     """Some messages damaged, doubled, left out, or of another instant."""
-    changed = list(told)
+    changed = list(messages)
     for _ in range(int(rng.integers(1, 6))):
         if not changed:
             break
@@ -118,21 +118,21 @@ def with_some(told: Payloads, mutate: Mutator, rng: Rng) -> Payloads:
             del changed[k]
         else:
             changed[k] = (int(rng.choice([0, 1, START - 1, 2**32 * 10**9 - 1])), data)
-    return changed or told[:1]
+    return changed or messages[:1]
 
 
 def remade_mcap(encoding: str, mutate: Mutator) -> Mutator:
     """An MCAP whose container is whole, or whose chunk is a bomb."""
 
     def remade(data: bytes, rng: Rng) -> bytes:
-        told = messages_of(data)
-        if not told:
+        messages = messages_of(data)
+        if not messages:
             return data
         compression = str(rng.choice(["NONE", "LZ4", "ZSTD"]))
         if int(rng.integers(25)) == 0:
-            told = [(told[0][0], bytes(ZEROS))]
+            messages = [(messages[0][0], bytes(ZEROS))]
             compression = str(rng.choice(["LZ4", "ZSTD"]))
-        return mcap(with_some(told, mutate, rng), encoding, compression)
+        return mcap(with_some(messages, mutate, rng), encoding, compression)
 
     return remade
 
@@ -159,16 +159,19 @@ def remade_ros1(mutate: Mutator) -> Mutator:
                 path = Path(folder) / "log.bag"
                 path.write_bytes(data)
                 with Reader(path) as bag:
-                    told = [(stamp, message) for _, stamp, message in bag.messages()]
+                    messages = [(stamp, message) for _, stamp, message in bag.messages()]
         except Exception:  # damaged before
             return data
-        if not told:
+        if not messages:
             return data
         compression = str(rng.choice(["", "BZ2", "LZ4"]))
         if int(rng.integers(25)) == 0:
-            told, compression = [(told[0][0], bytes(ZEROS))], str(rng.choice(["BZ2", "LZ4"]))
-            return ros1(told, compression)
-        return ros1(with_some(told, mutate, rng), compression)
+            messages, compression = (
+                [(messages[0][0], bytes(ZEROS))],
+                str(rng.choice(["BZ2", "LZ4"])),
+            )
+            return ros1(messages, compression)
+        return ros1(with_some(messages, mutate, rng), compression)
 
     return remade
 

@@ -46,13 +46,13 @@ class Hang(BaseException):
 def main() -> None:
     """Work through the job: {robot, folder, seed, keep, work: [[kind, first, count], …]}."""
     job = json.loads(sys.argv[1])
-    tell = _only_ours()
+    report = _only_ours()
     sys.dont_write_bytecode = True
     lib = load(job["robot"])
     root = Path(job["folder"])
     tempfile.tempdir = str(root / "tmp")
     (root / "tmp").mkdir(exist_ok=True)
-    os.chdir(root / "tmp")  # what libraries leave where they stand is found there
+    os.chdir(root / "tmp")  # files that libraries write to the working directory
     (root / CANARY).write_text("nobody reads this")
     watch = Watch((root / "tmp",))
     for number in (signal.SIGPROF, signal.SIGALRM):
@@ -69,7 +69,7 @@ def main() -> None:
         good = (folder / door.file).read_bytes()
         before = _files(folder, door)
         for index in range(first, first + count):
-            tell(begin=[kind, index])
+            report(begin=[kind, index])
             _damage(door, folder, good, kind, job["seed"], index)
             held, start = _resident(), time.process_time()
             outcome = _read(lambda door=door, folder=folder: door.read(folder, lib), watch)
@@ -82,19 +82,19 @@ def main() -> None:
             if outcome not in {"read", "refused"} and job.get("keep"):
                 _keep(folder / door.file, Path(job["keep"]), f"{kind}-{index}")
             shutil.rmtree(folder / OUT, ignore_errors=True)
-            tell(kind=kind, index=index, outcome=outcome, seconds=seconds, grown=grown)
+            report(kind=kind, index=index, outcome=outcome, seconds=seconds, grown=grown)
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def _only_ours() -> Callable[..., None]:
     """Says facts where commands cannot: what they print goes nowhere."""
-    own = os.fdopen(os.dup(1), "w")
+    output = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
-    def tell(**facts: Any) -> None:
-        print(json.dumps(facts), file=own, flush=True)
+    def report(**facts: Any) -> None:
+        print(json.dumps(facts), file=output, flush=True)
 
-    return tell
+    return report
 
 
 def _damage(door: Door, folder: Path, good: bytes, kind: str, seed: int, index: int) -> None:
@@ -165,18 +165,18 @@ def _peak() -> int:
 
 
 def _files(folder: Path, door: Door) -> set[str]:
-    found = {str(path.relative_to(folder)) for path in folder.rglob("*")}
-    return {name for name in found if name != door.file and name.split("/")[0] != OUT}
+    names = {str(path.relative_to(folder)) for path in folder.rglob("*")}
+    return {name for name in names if name != door.file and name.split("/")[0] != OUT}
 
 
 def _remains(root: Path, folder: Path, outcome: str) -> list[str]:
     """What a temporary folder still holds, and what a command that refused has written."""
-    found = list((root / "tmp").iterdir())
-    for path in found:
+    left = list((root / "tmp").iterdir())
+    for path in left:
         clear(path)
     if outcome == "refused":
-        found += [path for path in (folder / OUT).rglob("*") if path.is_file()]
-    return [str(path.relative_to(root)) for path in found]
+        left += [path for path in (folder / OUT).rglob("*") if path.is_file()]
+    return [str(path.relative_to(root)) for path in left]
 
 
 def _keep(path: Path, folder: Path, name: str) -> None:

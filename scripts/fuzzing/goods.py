@@ -87,10 +87,10 @@ def prior(folder: Path, lib: Library) -> None:
 def trajectory(folder: Path, lib: Library) -> None:
     """A motion and the loop that makes a robot follow it."""
     coefficients = 0.01 * np.ones((lib.n_joints, 4))
-    found = Trajectory(lib.home, coefficients, 5.0)
-    write_motion(found, lib, folder / "motion.json")
+    designed = Trajectory(lib.home, coefficients, 5.0)
+    write_motion(designed, lib, folder / "motion.json")
     write_controller(
-        ClosedLoop(found, rotor=np.full(lib.n_joints, 0.1)), "motion.json", folder / "loop.toml"
+        ClosedLoop(designed, rotor=np.full(lib.n_joints, 0.1)), "motion.json", folder / "loop.toml"
     )
 
 
@@ -98,8 +98,8 @@ def virtual(folder: Path, lib: Library) -> None:
     """Settings of a virtual robot, and what it carries."""
     tables = settings_of(lib).facts()
     lines = [
-        f"[{name}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in own.items())
-        for name, own in tables.items()
+        f"[{name}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in entries.items())
+        for name, entries in tables.items()
     ]
     (folder / "settings.toml").write_text("\n".join(lines))
     (folder / "box.toml").write_text(BOX.format(link=lib.link_names[-1]))
@@ -120,8 +120,8 @@ class Log:
 def mcap(folder: Path, lib: Library) -> None:
     """Joint states as JSON and as CDR."""
     for name, encoding in (("log.mcap", "json"), ("log.cdr.mcap", "cdr")):
-        told = bags.payloads(motion(lib), encoding)
-        (folder / name).write_bytes(bags.mcap(told, encoding))
+        messages = bags.payloads(motion(lib), encoding)
+        (folder / name).write_bytes(bags.mcap(messages, encoding))
 
 
 def ros1(folder: Path, lib: Library) -> None:
@@ -170,8 +170,8 @@ def result(folder: Path, lib: Library) -> None:
     """What `identify` writes, and a log to try it on."""
     log = motion(lib, 400)
     terms = Friction(("viscous", "coulomb", "offset"))
-    found = runtime.identify(log, lib, preparation=Preparation(), friction_columns=terms)
-    write_result(found, folder, "a test")
+    identified = runtime.identify(log, lib, preparation=Preparation(), friction_columns=terms)
+    write_result(identified, folder, "a test")
     write_recording(motion(lib), folder / "log.csv")
 
 
@@ -246,11 +246,11 @@ def study(folder: Path, lib: Library) -> None:
         for method in ("adam", "map")
         for k in range(3)
     ]
-    told = ("airm", "tau_error_1", "tau_error_2")
+    columns = ("airm", "tau_error_1", "tau_error_2")
     views = (
-        View("table-5.2", "table", "AIRM", ("p",), told),
+        View("table-5.2", "table", "AIRM", ("p",), columns),
         View("fig-5.2", "band", "curves", series=("t", "one", "one"), axes=("iteration", "AIRM")),
-        View("fig-5.8", "bars", "bars", ("p",), told[1:]),
+        View("fig-5.8", "bars", "bars", ("p",), columns[1:]),
     )
     toy = Study(
         name="toy",

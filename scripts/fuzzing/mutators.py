@@ -81,10 +81,10 @@ def _replaced(pattern: bytes, values: tuple[bytes, ...]) -> Mutator:
 
     def mutate(data: bytes, rng: Rng) -> bytes:
         for _ in range(int(rng.integers(1, 4))):
-            found = list(regex.finditer(data))
-            if not found:
+            matches = list(regex.finditer(data))
+            if not matches:
                 return data
-            span = found[int(rng.integers(len(found)))].span()
+            span = matches[int(rng.integers(len(matches)))].span()
             data = data[: span[0]] + values[int(rng.integers(len(values)))] + data[span[1] :]
         return data
 
@@ -118,10 +118,10 @@ def nested(*brackets: tuple[bytes, bytes]) -> Mutator:
         deep = opened * DEPTH
         if rng.integers(2):
             return deep + data + closed * DEPTH
-        found = list(re.finditer(rb"-?\d+(?:\.\d+)?", data))
-        if not found:
+        matches = list(re.finditer(rb"-?\d+(?:\.\d+)?", data))
+        if not matches:
             return deep
-        first, last = found[int(rng.integers(len(found)))].span()
+        first, last = matches[int(rng.integers(len(matches)))].span()
         return data[:first] + deep + data[first:last] + closed * DEPTH + data[last:]
 
     return mutate

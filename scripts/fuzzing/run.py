@@ -23,7 +23,7 @@ class Fault(NamedTuple):
     """The index of a file, and what a reader did with it."""
 
     index: int
-    told: str
+    outcome: str
 
 
 Step = Callable[[str, Fault | None], None]

@@ -63,13 +63,13 @@ def damaged(tree: Any, rng: Rng) -> Any:
 
 def _places(tree: Any, most: int = 20_000) -> Any:
     """(owner, key) of everything in a tree; places near the root come as often as deep ones."""
-    pending, told = [tree], 0
-    while pending and told < most:
+    pending, counted = [tree], 0
+    while pending and counted < most:
         node = pending.pop()
         keys = list(node) if isinstance(node, dict) else range(len(node))
         shallow = keys if isinstance(node, dict) else list(keys)[:8]  # long lists of numbers
         for key in shallow:
-            told += 1
+            counted += 1
             yield node, key
             if isinstance(node[key], dict | list) and node[key]:
                 pending.append(node[key])

@@ -42,5 +42,5 @@ def casadi_vm(functions: dict[str, tuple[Any, tuple[str, ...]]], batch: Batch) -
 
         return Contender("Function", run, last)
 
-    found = {name: contender(f, names) for name, (f, names) in functions.items()}
-    return Peer(f"casadi {version('casadi')}", found)
+    contenders = {name: contender(f, names) for name, (f, names) in functions.items()}
+    return Peer(f"casadi {version('casadi')}", contenders)

@@ -17,15 +17,15 @@ from runtime.estimators.classical.ukf import run_ukf
 from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Recording, Split
-from scripts.bench.plant import COULOMB, FRICTION, SPEED, VISCOUS, Bench, bench
+from scripts.bench.plant import COULOMB, FRICTION, SPEED, VISCOUS, SimulatedCase, simulated_case
 from tests.taylor import assert_second_order, taylor_slope
 
 SIGMA_Q, SIGMA_TAU, DT = 1e-5, 0.05, 1e-3
 
 
 @pytest.fixture(scope="module")
-def plant(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Bench:
-    return bench(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q)
+def plant(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> SimulatedCase:
+    return simulated_case(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q)
 
 
 def modelled(
@@ -60,7 +60,7 @@ def scores(lib: Library, pi: np.ndarray, x: np.ndarray, p: np.ndarray) -> np.nda
 
 
 def test_both_filters_follow_their_model(
-    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray, plant: Bench
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray, plant: SimulatedCase
 ) -> None:
     """Oracle: parameters of a robot that is stepped as filters once did; EKF and UKF agree."""
     data = modelled(lib, trajectories[0], pi_true, 800, np.random.default_rng(5))
@@ -79,7 +79,7 @@ def test_both_filters_follow_their_model(
     assert np.abs(found).max() < 4
 
 
-def test_filters_on_the_common_plant(plant: Bench) -> None:
+def test_filters_on_the_common_plant(plant: SimulatedCase) -> None:
     """Property: from 5 % in λ to below 1 % of the base parameters, finite, bad links reported."""
     start = plant.lib.base_matrix @ plant.lib.pi_from_lam(plant.lam_cad)
     beta = plant.lib.base_matrix @ plant.pi
@@ -105,7 +105,7 @@ def test_deviations_hold_on_the_common_plant(
 
     Rotors, a torque that is held for a period and noise in the loop are in no filter's model.
     """
-    own = bench(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q, seed=seed)
+    own = simulated_case(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q, seed=seed)
     data = filter_input_from(own.log.take(slice(0, 2000, every), "Cut."), DT * every, FRICTION)
     found = scores(lib, pi_true, *run_ekf(lib, data, own.lam_cad)[:2])
     # As above; ten seeds of 10 s have 0.9 and 3.2 at most.
@@ -113,7 +113,7 @@ def test_deviations_hold_on_the_common_plant(
     assert np.abs(found).max() < 4.5
 
 
-def test_filters_say_what_they_need(plant: Bench, lib: Library) -> None:
+def test_filters_say_what_they_need(plant: SimulatedCase, lib: Library) -> None:
     """Property: a slow log, a hole, foreign friction and a robot that is another: one sentence."""
     slow = plant.log.take(np.arange(0, len(plant.log), 10), "Kept every tenth.")
     for method in ("ekf", "ukf"):
@@ -128,7 +128,7 @@ def test_filters_say_what_they_need(plant: Bench, lib: Library) -> None:
     assert noise == pytest.approx(np.full(7, SIGMA_Q), rel=0.1)
 
 
-def test_a_filter_that_diverges_is_told(plant: Bench, lib: Library) -> None:
+def test_a_filter_that_diverges_is_told(plant: SimulatedCase, lib: Library) -> None:
     """Property: a torque beyond all numbers ends in a sentence, not in NaN."""
     data = filter_input_from(plant.log.take(slice(0, 400), "Cut."), DT, Friction(("viscous",)))
     data = replace(data, tau=1e200 * data.tau)
@@ -150,7 +150,7 @@ def test_prior_covariance_is_that_of_perturbed_bodies(lib: Library) -> None:
     assert np.abs((seen - found) / np.outer(sigma, sigma)).max() < 0.1
 
 
-def test_derivative_of_a_step(lib: Library, plant: Bench, pi_true: np.ndarray) -> None:
+def test_derivative_of_a_step(lib: Library, plant: SimulatedCase, pi_true: np.ndarray) -> None:
     """Derivative: the Taylor remainder of [q, dq] after a step falls as h²."""
     rng = np.random.default_rng(0)
     data = filter_input_from(plant.log, DT, Friction(("coulomb", "viscous", "offset"), 0.3))

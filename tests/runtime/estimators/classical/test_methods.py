@@ -11,7 +11,15 @@ from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.simulation import Controller, Plant, ideal
 from runtime.simulation.controller_file import ClosedLoop
-from scripts.bench.plant import COULOMB, FRICTION, SPEED, SPLIT, VISCOUS, Bench, bench
+from scripts.bench.plant import (
+    COULOMB,
+    FRICTION,
+    SPEED,
+    SPLIT,
+    VISCOUS,
+    SimulatedCase,
+    simulated_case,
+)
 
 PHI = np.stack([COULOMB, VISCOUS], axis=1)
 
@@ -24,21 +32,25 @@ def clean(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarra
 
 
 @pytest.fixture(scope="module")
-def noisy_q(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Bench:
+def noisy_q(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> SimulatedCase:
     """σ_q = 1e-4 rad, σ_τ = 0.05 N·m."""
-    return bench(lib, trajectories[0], trajectories[2], pi_true, 1e-4)
+    return simulated_case(lib, trajectories[0], trajectories[2], pi_true, 1e-4)
 
 
 @pytest.fixture(scope="module")
-def good_q(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Bench:
+def good_q(
+    lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
+) -> SimulatedCase:
     """σ_q = 1e-5 rad, σ_τ = 0.05 N·m."""
-    return bench(lib, trajectories[0], trajectories[2], pi_true, 1e-5)
+    return simulated_case(lib, trajectories[0], trajectories[2], pi_true, 1e-5)
 
 
 @pytest.fixture(scope="module")
-def quiet(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> Bench:
+def quiet(lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray) -> SimulatedCase:
     """No noise at all."""
-    return bench(lib, trajectories[0], trajectories[2], pi_true, 0.0, sigma_tau=0.0)
+    return simulated_case(lib, trajectories[0], trajectories[2], pi_true, 0.0, sigma_tau=0.0)
 
 
 def test_least_squares_recovers_the_truth(
@@ -62,7 +74,7 @@ def test_least_squares_recovers_the_truth(
         assert np.abs(stacked.T @ rest.ravel()).max() < 1e-8
 
 
-def test_normal_equations_hold_with_noise(good_q: Bench) -> None:
+def test_normal_equations_hold_with_noise(good_q: SimulatedCase) -> None:
     """Property: the residual of IDIM-OLS is orthogonal to every column."""
     found = good_q.identify("ols")
     samples = samples_of(found.train, good_q.lib)
@@ -116,7 +128,7 @@ def test_weights_average_to_the_noise(lib: Library, clean: Recording) -> None:
     assert np.mean(weights, axis=0) * sigma**2 == pytest.approx(np.ones(7), rel=0.1)
 
 
-def test_instruments_remove_the_bias_of_noisy_positions(noisy_q: Bench) -> None:
+def test_instruments_remove_the_bias_of_noisy_positions(noisy_q: SimulatedCase) -> None:
     """Property: at σ_q = 1e-4 and 20 Hz IDIM-IV and DIDIM err by less than a third of IDIM-OLS."""
     ols, iv, didim = (noisy_q.identify(method) for method in ("ols", "iv", "didim"))
     assert "converged after" in iv.status
@@ -128,14 +140,14 @@ def test_instruments_remove_the_bias_of_noisy_positions(noisy_q: Bench) -> None:
     assert (noisy_q.errors(iv)[[0, 3, 6]] < [0.24, 0.12, 0.78]).all()
 
 
-def test_instruments_say_when_they_fail(good_q: Bench) -> None:
+def test_instruments_say_when_they_fail(good_q: SimulatedCase) -> None:
     """Property: differentiated twice without a filter, the motion says nothing, and IV says so."""
     found = good_q.identify("iv", cutoff=None)
     assert found.status.startswith("not converged, the answer of wls is kept: noise")
     assert np.array_equal(found.pi, good_q.identify("wls", cutoff=None).pi)
 
 
-def test_didim_needs_the_torque_only(good_q: Bench, noisy_q: Bench) -> None:
+def test_didim_needs_the_torque_only(good_q: SimulatedCase, noisy_q: SimulatedCase) -> None:
     """Property: few iterations, and neither noise of the positions nor a filter matters much."""
     start = good_q.lib.pi_from_lam(good_q.lam_cad)
     beta = good_q.lib.base_matrix @ good_q.pi
@@ -154,7 +166,7 @@ def test_didim_needs_the_torque_only(good_q: Bench, noisy_q: Bench) -> None:
     assert good_q.errors(good_q.identify("ols", None)).max() > 50.0
 
 
-def test_simulated_methods_recover_the_truth_exactly(quiet: Bench) -> None:
+def test_simulated_methods_recover_the_truth_exactly(quiet: SimulatedCase) -> None:
     """Oracle: without noise and filter DIDIM ends at the robot that was simulated."""
     found = quiet.identify("didim", None)
     # The last step was below 1e-3 of the torque, and steps fall by a factor of 3 and more.
@@ -162,7 +174,7 @@ def test_simulated_methods_recover_the_truth_exactly(quiet: Bench) -> None:
     assert found.phi == pytest.approx(PHI, abs=1e-3)
 
 
-def test_methods_that_simulate_ask_for_the_loop(good_q: Bench) -> None:
+def test_methods_that_simulate_ask_for_the_loop(good_q: SimulatedCase) -> None:
     """Property: no loop, a foreign reference, friction that cannot be simulated: one sentence."""
     for method in ("iv", "didim"):
         with pytest.raises(
@@ -176,7 +188,7 @@ def test_methods_that_simulate_ask_for_the_loop(good_q: Bench) -> None:
         good_q.identify("didim", controller=late)
 
 
-def test_a_first_guess_that_cannot_move_is_told(good_q: Bench) -> None:
+def test_a_first_guess_that_cannot_move_is_told(good_q: SimulatedCase) -> None:
     """Property: gains that let the simulation run away are a sentence; IV keeps WLS."""
     wild = ClosedLoop(good_q.loop.reference, Controller(damping=0.0, stiffness=2e6), 0.1)
     with pytest.raises(SimulationError, match="the motion diverged"):

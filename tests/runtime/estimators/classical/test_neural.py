@@ -15,7 +15,7 @@ from runtime.library import Library
 from runtime.recording import Friction, Split
 from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
-from scripts.bench.plant import SPEED, bench
+from scripts.bench.plant import SPEED, simulated_case
 from tests.runtime.conftest import Command
 from tests.taylor import assert_second_order, taylor_slope
 
@@ -70,7 +70,9 @@ def test_without_friction_the_net_is_silent(
     lib: Library, trajectories: tuple[Trajectory, ...], pi_true: np.ndarray
 ) -> None:
     """Property: on a plant without friction the net stays below 3σ, and π a body."""
-    plant = bench(lib, trajectories[0], trajectories[2], pi_true, 1e-5, viscous=0.0, coulomb=0.0)
+    plant = simulated_case(
+        lib, trajectories[0], trajectories[2], pi_true, 1e-5, viscous=0.0, coulomb=0.0
+    )
     found = plant.identify("nn", friction_columns=TERMS, splitting=HALVES)
     samples = samples_of(found.train, lib)
     assert found.net is not None

@@ -13,7 +13,7 @@ from bench.compiled import BenchError
 from bench.excitation_peers import Start
 from bench.machine import processor
 from runtime.excitation import COST_SAMPLES
-from runtime.excitation.search.single_start import Problem
+from runtime.excitation.search.single_start import SearchProblem
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 
@@ -101,7 +101,7 @@ def measure(
         seed: of the starts.
         report: is called with a line of progress.
     """
-    problem = Problem(lib.folder, lib.level, lib.home, harmonics, duration, seed)
+    problem = SearchProblem(lib.folder, lib.level, lib.home, harmonics, duration, seed)
     rows, skipped = list[Row](), dict[str, str]()
     for name, label, make in OPTIMISERS:
         try:

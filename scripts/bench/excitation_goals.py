@@ -114,28 +114,26 @@ class Report:
         return asdict(self)
 
 
-def measure(
-    lib: Library, goals: tuple[Goal, ...], seed: int, report: Callable[[str], None]
-) -> Report:
+def measure(lib: Library, goals: tuple[Goal, ...], seed: int, say: Callable[[str], None]) -> Report:
     """Design for every goal, on as many processes as there are cores.
 
     Args:
         lib: of the robot.
         goals: of `GOALS`.
         seed: of all starts.
-        report: is called with a line of progress.
+        say: is called with a line of progress.
     """
     rows = []
     for goal in goals:
-        row = _reached(lib, goal, seed, report)
-        report(f"{goal.name}: cond {row.condition:.3f} in {row.wall:.0f} s")
+        row = _reached(lib, goal, seed, say)
+        say(f"{goal.name}: cond {row.condition:.3f} in {row.wall:.0f} s")
         rows.append(row)
     return Report(lib.name, processor(), tuple(rows))
 
 
-def _reached(lib: Library, goal: Goal, seed: int, report: Callable[[str], None]) -> Row:
+def _reached(lib: Library, goal: Goal, seed: int, say: Callable[[str], None]) -> Row:
     def report(done: int, value: float, best: float) -> None:
-        report(f"{goal.name}: descent {done}, {value:.4g}, best {best:.4g}")
+        say(f"{goal.name}: descent {done}, {value:.4g}, best {best:.4g}")
 
     known = information(lib, NOISE, RATE)
     processes = cores()

@@ -10,7 +10,7 @@ from pathlib import Path
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS, all_suffixes, format_of_folder, format_of_suffix
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
 
@@ -54,7 +54,7 @@ class LogFiles:
             gear=self.recipe.gear,
         )
 
-    def table(self, kind: str, part: Signal | Time) -> Table:
+    def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of one part of the recipe.
 
         Args:

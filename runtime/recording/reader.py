@@ -16,7 +16,7 @@ from runtime.errors import RecordingError
 from runtime.recording import datasets
 from runtime.recording.consistency import check_consistency
 from runtime.recording.formats import format_of_folder
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
@@ -73,7 +73,7 @@ class Raw:
 
     plan: Recipe
     recipe: Recipe | None
-    tables: dict[str, Table]
+    tables: dict[str, LogTable]
     kept: NDArray[np.int64]
     dropped: tuple[str, ...]
     names: dict[str, tuple[str, ...]]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording.formats import format_of_folder, format_of_suffix
 from runtime.recording.formats.log_format import Rows
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.log_files import LogFiles, parts_of
 from runtime.recording.reader import place_and_recipe
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
@@ -65,7 +65,7 @@ class StreamedRecording:
         stop = min(stop, self.rows)
         values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
         lines = np.arange(start, stop, dtype=np.int64)
-        raw = {kind: Table(v, lines) for kind, v in sorted(values.items(), key=_time_first)}
+        raw = {kind: LogTable(v, lines) for kind, v in sorted(values.items(), key=_time_first)}
         data = converted(self.plan, raw, first_row=start, origin=self.origin)
         return Recording(
             t=data.t,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.consistency import unwrap
-from runtime.recording.formats.tables import MAX_CORRUPT, Table
+from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import FloatArray
 
@@ -37,7 +37,7 @@ class Converted:
 
 def converted(
     plan: Recipe,
-    raw: dict[str, Table],
+    raw: dict[str, LogTable],
     n_columns: int = 0,
     first_row: int = 0,
     origin: float | None = None,
@@ -72,7 +72,7 @@ def converted(
     return Converted(t, signals, (*dropped, *notes, *steps, *repeated))
 
 
-def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
+def usable_rows(raw: dict[str, LogTable]) -> tuple[NDArray[np.int64], list[str]]:
     """Rows that are whole in every table, and sentences about the others."""
     counts = {kind: len(table.values) for kind, table in raw.items()}
     most, rows = max(counts.values()), min(counts.values())
@@ -108,7 +108,7 @@ def usable_rows(raw: dict[str, Table]) -> tuple[NDArray[np.int64], list[str]]:
 
 def _time(
     plan: Time | None,
-    raw: dict[str, Table],
+    raw: dict[str, LogTable],
     keep: NDArray[np.int64],
     first_row: int,
     origin: float | None,

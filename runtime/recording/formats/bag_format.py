@@ -17,7 +17,7 @@ from runtime.recording.formats.log_format import (
     Texts,
 )
 from runtime.recording.formats.merged_messages import FIELDS
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
 UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N*m"}
@@ -41,7 +41,7 @@ class BagReader(LogReader):
         }
         return Recipe(time=Time(unit="s", layout="bag"), joints=log.names, **signals)
 
-    def table(self, kind: str, part: Signal | Time) -> Table:
+    def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Field of JointState that a part of the recipe means.
 
         Args:

@@ -12,7 +12,7 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import LogFormat, LogReader, Rows
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.formats.text_rows import CsvRows, head_of_text
 from runtime.recording.formats.text_tables import (
     cells_of,
@@ -48,7 +48,7 @@ class TextReader(LogReader):
         header = lines[find_header(lines, ("q1",), self.raw.name)]
         return columns_convention(cells_of(header)[0], "csv", self.raw.name)
 
-    def table(self, kind: str, part: Signal | Time) -> Table:
+    def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Columns that a part of the recipe names.
 
         Args:
@@ -84,7 +84,7 @@ class FlatReader(TextReader):
     convention = LogReader.convention
     rows = LogReader.rows
 
-    def table(self, kind: str, part: Signal | Time) -> Table:
+    def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of the file, `width` per sample.
 
         Args:

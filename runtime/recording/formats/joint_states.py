@@ -15,7 +15,7 @@ from runtime.errors import RecordingError
 from runtime.recording.formats.bag_messages import messages
 from runtime.recording.formats.merged_messages import FIELDS, Publisher, merged
 from runtime.recording.formats.spool import Spool
-from runtime.recording.formats.tables import MAX_CORRUPT, Table
+from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
 
 MOST_JOINTS = 200
 Topic = dict[tuple[str, ...], Publisher]
@@ -38,7 +38,7 @@ class JointLog:
     remarks: tuple[str, ...]
     _spool: Spool
 
-    def table(self, key: str, name: str) -> Table:
+    def table(self, key: str, name: str) -> LogTable:
         """One field of the messages, or the time from the first message on.
 
         Args:
@@ -52,7 +52,7 @@ class JointLog:
             RecordingError: no message has this field.
         """
         values = self.rows({"": key}, name).read(0, self.count)[""]
-        return Table(values.copy(), np.arange(self.count, dtype=np.int64), self.remarks)
+        return LogTable(values.copy(), np.arange(self.count, dtype=np.int64), self.remarks)
 
     def rows(self, kinds: Mapping[str, str], name: str) -> "MessageRows":
         """Rows of several fields.

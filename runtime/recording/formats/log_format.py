@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.files import require_file
-from runtime.recording.formats.tables import FloatArray, Table
+from runtime.recording.formats.tables import FloatArray, LogTable
 
 if TYPE_CHECKING:  # these modules check the name of a layout by the registry of formats
     from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -104,7 +104,7 @@ class Extras:
     """
 
     texts: dict[str, Texts] = field(default_factory=dict)
-    columns: Table | None = None
+    columns: LogTable | None = None
     motors: NDArray | None = None
 
 
@@ -129,7 +129,7 @@ class LogReader:
             "[time], [position] and [torque] with file, layout and unit"
         )
 
-    def table(self, kind: str, part: "Signal | Time") -> Table:
+    def table(self, kind: str, part: "Signal | Time") -> LogTable:
         """Numbers of one signal.
 
         Args:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, Table
+from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable
 
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""
@@ -72,7 +72,7 @@ def _require_text(array: NDArray) -> None:
         raise ValueError("a text holds codes that are not characters")
 
 
-def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> Table:
+def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> LogTable:
     """One array of an NPZ as rows, one per sample.
 
     Args:
@@ -104,7 +104,7 @@ def npz_table(arrays: dict[str, NDArray], key: str, name: str) -> Table:
             f"{name}: the array {key!r} is expected to be (samples, joints), "
             f"but is of shape {array.shape}; reshape it"
         )
-    return Table(rows.astype(np.float64), np.arange(len(rows), dtype=np.int64))
+    return LogTable(rows.astype(np.float64), np.arange(len(rows), dtype=np.int64))
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile, Rows
 from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.default_convention import KINDS, UNITS
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import SIGNALS, Recording
@@ -38,7 +38,7 @@ class NpzReader(LogReader):
         }
         return Recipe(time=Time(key="t", unit="s", layout="npz"), **signals)
 
-    def table(self, kind: str, part: Signal | Time) -> Table:
+    def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part.
 
         Args:
@@ -75,7 +75,7 @@ class NpzReader(LogReader):
         table = None
         if columns is not None and columns.ndim == 3:
             values = columns.reshape(len(columns), -1).astype(np.float64)
-            table = Table(values, np.arange(len(values), dtype=np.int64))
+            table = LogTable(values, np.arange(len(values), dtype=np.int64))
         if motors is not None and motors.dtype.kind != "f":
             motors = None
         return Extras(texts, table, motors)

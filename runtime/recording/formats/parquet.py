@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from runtime.errors import RecordingError
 from runtime.files import require_file
 from runtime.recording.formats.optional_imports import imported
-from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, Table
+from runtime.recording.formats.tables import EXPANSION, SLACK, Columns, LogTable
 
 FloatArray = NDArray[np.float64]
 BATCH = 65536
@@ -63,7 +63,7 @@ class ParquetLog:
         """First row of the row group that holds a row: decoding can only begin there."""
         return int(self._starts[np.searchsorted(self._starts, row, side="right") - 1])
 
-    def table(self, columns: tuple[str, ...]) -> Table:
+    def table(self, columns: tuple[str, ...]) -> LogTable:
         """All rows of some columns, side by side; lists give several numbers each.
 
         Raises:
@@ -75,7 +75,7 @@ class ParquetLog:
                 f"{self.name} is expected to have {self.rows} rows of one width, but its pages "
                 "hold others; export the log again"
             )
-        return Table(np.concatenate(parts), np.arange(self.rows, dtype=np.int64))
+        return LogTable(np.concatenate(parts), np.arange(self.rows, dtype=np.int64))
 
     def batches(self, columns: tuple[str, ...], first_row: int = 0) -> Iterator["Batch"]:
         """Yield batches of rows, beginning with the first row of a row group.

@@ -12,7 +12,7 @@ from runtime.recording.formats.parquet import (
     parquet_columns,
     write_parquet,
 )
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.default_convention import KINDS, UNITS, columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import Recording
@@ -39,7 +39,7 @@ class ParquetReader(LogReader):
             )
         return columns_convention(list(titles), "parquet", self.raw.name)
 
-    def table(self, kind: str, part: Signal | Time) -> Table:
+    def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Columns that a part of the recipe names.
 
         Args:

@@ -14,7 +14,7 @@ EXPANSION, SLACK = 200, 2**26
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class LogTable:
     """Rows of numbers and where they come from.
 
     Attributes:

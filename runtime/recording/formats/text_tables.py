@@ -9,7 +9,7 @@ from collections import Counter
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.tables import MAX_CORRUPT, Columns, Table
+from runtime.recording.formats.tables import MAX_CORRUPT, Columns, LogTable
 
 SHOWN = 60
 """Largest number of characters of a line in a message."""
@@ -87,7 +87,7 @@ def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
     )
 
 
-def csv_table(text: str, columns: Columns, name: str) -> Table:
+def csv_table(text: str, columns: Columns, name: str) -> LogTable:
     """Chosen columns of a CSV, by header name or by index.
 
     Lines before the header are skipped, repeated headers and comments (#) omitted. A row with
@@ -146,10 +146,10 @@ def csv_table(text: str, columns: Columns, name: str) -> Table:
         title = {";": "semicolons", "\t": "tabs"}[separator or ""]
         remarks.append(f"{name}: cells are separated by {title}, a comma is a decimal mark.")
     values = np.array(rows, dtype=np.float64).reshape(len(rows), len(picks))
-    return Table(values, np.array(numbers, dtype=np.int64), tuple(remarks))
+    return LogTable(values, np.array(numbers, dtype=np.int64), tuple(remarks))
 
 
-def flat_table(text: str, width: int, name: str) -> Table:
+def flat_table(text: str, width: int, name: str) -> LogTable:
     """Table of a text with one number per line; a bad line keeps its place as NaN.
 
     Args:
@@ -171,7 +171,7 @@ def flat_table(text: str, width: int, name: str) -> Table:
     if rest:
         remarks.append(f"{name}: the last sample was cut short ({rest} of {width} numbers).")
     values = np.array(numbers[: count * width], dtype=np.float64).reshape(count, width)
-    return Table(values, first + 1 + width * np.arange(count), tuple(remarks))
+    return LogTable(values, first + 1 + width * np.arange(count), tuple(remarks))
 
 
 def _split(line: str, separator: str | None) -> list[str]:

@@ -17,7 +17,7 @@ from tests.plugins import install_toy
 TOY = '''
 import numpy as np
 from runtime.recording.formats.log_format import LogFormat, LogReader
-from runtime.recording.formats.tables import Table
+from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
 
@@ -35,7 +35,7 @@ class ToyReader(LogReader):
         lines = self.raw.data().decode().splitlines()
         which = {"time": 0, "position": 1, "torque": 2}[kind]
         values = np.array([line.split("|")[which].split() for line in lines], dtype=float)
-        return Table(values, np.arange(len(values), dtype=np.int64))
+        return LogTable(values, np.arange(len(values), dtype=np.int64))
 
 
 TOY = LogFormat(

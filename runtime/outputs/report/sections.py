@@ -79,13 +79,13 @@ def tiles(result: Result) -> tuple[Tile, ...]:
 
 def sections(result: Result) -> tuple[Section, ...]:
     """Sections of the page below the summary, in their order."""
+    links = tuple(link.name for link in result.links)
     made = [section for make in _ORDER if (section := make(result)) is not None]
     uncertain = (
         ()
         if result.uncertainty is None
-        else uncertainty_sections(result.uncertainty, result.joints)
+        else uncertainty_sections(result.uncertainty, result.joints, links)
     )
-    links = [link.name for link in result.links]
     several = (
         () if result.several_logs is None else several_logs_sections(result.several_logs, links)
     )
@@ -153,7 +153,7 @@ def _consistency(result: Result) -> Section:
         "mass before [kg]",
         "mass after [kg]",
         "CoM x, y, z [mm]",
-        "CoM moved [mm]",
+        "CoM shift [mm]",
         "λ_min(P)/tr P",
         "verdict",
     )

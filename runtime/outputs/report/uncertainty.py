@@ -91,12 +91,15 @@ def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
     return LinkUncertainty(float(raw["mass_sigma"]), spread, tuple(map(str, raw["verdicts"])))
 
 
-def uncertainty_sections(s: ResultUncertainty, joints: tuple[str, ...]) -> tuple[Section, ...]:
+def uncertainty_sections(
+    s: ResultUncertainty, joints: tuple[str, ...], links: tuple[str, ...]
+) -> tuple[Section, ...]:
     """Tables of the σ of the links and of the residuals.
 
     Args:
         s: uncertainty of a result.
         joints: n names.
+        links: n names.
 
     Returns:
         Two sections.
@@ -104,12 +107,12 @@ def uncertainty_sections(s: ResultUncertainty, joints: tuple[str, ...]) -> tuple
     words = ("identified", "prior-dominated", "unobservable")
     of_links = tuple(
         (
-            f"link of {joint}",
+            name,
             f"{link.mass_sigma:.3g}",
             "–" if link.com_sigma is None else f"{1e3 * float(np.max(link.com_sigma)):.2g}",
             *(str(link.verdicts.count(word)) for word in words),
         )
-        for joint, link in zip(joints, s.links, strict=True)
+        for name, link in zip(links, s.links, strict=True)
     )
     of_joints = tuple(
         (joint, f"{noise:.3g}", f"{band:.2g}", f"{100 * white:.0f}\N{NO-BREAK SPACE}%")
@@ -129,6 +132,8 @@ def uncertainty_sections(s: ResultUncertainty, joints: tuple[str, ...]) -> tuple
             f"Effective sample size of the training residuals: {s.n_eff:.0f} (variance inflation "
             f"{s.inflation:.1f}). Model σ: standard deviation of the torque due to uncertain "
             "parameters.",
-            ReportTable(("joint", "residual RMS", "model σ", "lags as of white noise"), of_joints),
+            ReportTable(
+                ("joint", "residual RMS", "model σ", "lags within the white-noise band"), of_joints
+            ),
         ),
     )

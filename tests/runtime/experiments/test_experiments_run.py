@@ -181,7 +181,7 @@ def test_ctrl_c_keeps_finished_chunks(
         words = ("reproduce", "table-5.2", *rest)
         ran = command(*words)
         assert ran.code == 130
-        assert "finished chunks are kept" in ran.out
+        assert "complete chunks are kept" in ran.out
         assert len(list((begun / "ideal" / "chunks").glob("*.parquet"))) == 2
         monkeypatch.setitem(IDS, "table-5.2", study)
         draft = begun / "ideal" / "chunks" / ".00004-00005.parquet.1"

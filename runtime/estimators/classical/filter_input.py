@@ -1,4 +1,4 @@
-"""What the filters work on: the recording at its full rate, its noise, the friction in their state.
+"""Input of the filters: the recording at its full rate, its noise, friction in the state.
 
 Measured torque is their input and measured position their output; the state is
 [q, dq, parameters, δ], and one step of dt is
@@ -7,14 +7,14 @@ Measured torque is their input and measured position their output; the state is
 
 with M and h in the middle of the step. It is implicit in friction because smooth Coulomb friction
 on a light wrist is far too fast for an explicit step; S = f(v̄)/v̄, its secant, keeps its sign and
-cannot push a joint through rest. δ, one per joint, is what nobody knows of when within a step a
-torque acts (held or not, sampled before or after): 0.2 ms of it, left out, bend the parameters by
-many of their deviations.
+cannot push a joint through rest. δ, one per joint, is the unknown time within a step at which the
+torque acts (held or not, sampled before or after): an omitted δ of 0.2 ms biases the parameters by
+many standard deviations.
 
-v̄ and ā are those of the smoothed positions, and how a step answers to the parameters is asked
-there: the noise of τ over a small inertia is a large a, which the robot never had, and a filter
-that takes it for motion believes to have seen the inertia. Source: instruments against errors in
-variables (Söderström 2018, Ch. 6); in a filter they are ours.
+v̄ and ā come from the smoothed positions, and the derivative of a step by the parameters is taken
+there: the noise of τ over a small inertia is a large a that the robot never had, and a filter that
+takes it for motion becomes overconfident about the inertia. Source: instruments against errors in
+variables (Söderström 2018, Ch. 6); their use in a filter is ours.
 """
 
 from dataclasses import dataclass
@@ -34,22 +34,22 @@ from runtime.recording.preprocessing.segments import segments, uniform_step
 STATE_COLUMNS = names_where(lambda column: column.secant is not None)
 """Friction columns that the state of a filter can hold."""
 SLOWEST = 200.0
-"""Hz below which a step of a filter is too long for the friction of a wrist."""
+"""Rate, Hz, below which a step of a filter is too long for the friction of a wrist."""
 LEAST_NOISE = (1e-6, 1e-3)
-"""Of position, rad or m, and of torque, N·m: a filter that trusts its data blindly diverges."""
+"""Smallest standard deviation of position [rad, m] and torque [N·m]; without it filters diverge."""
 FIRST_FRICTION = 0.3
-"""Viscous and Coulomb friction before the first sample, and its deviation, N·m (s/rad)."""
+"""Viscous and Coulomb friction before the first sample, and its standard deviation, N·m (s/rad)."""
 LAM_FLOOR = lam_from_parts(log_mass=0.3, centre=0.02, rotation=0.3, axes=0.02)
-"""|λ| is taken to be at least so large where its uncertainty is relative."""
+"""Least |λ| for the relative standard deviation of the first guess."""
 TRUST = 0.05
 """Relative standard deviation of the first guess in λ."""
 SPEED_VARIANCE = 1e-4
-"""Of the first velocity, (rad/s)²."""
+"""Variance of the first velocity, (rad/s)²."""
 SMOOTH_HZ = 20.0
-"""Cut-off of ā and τ̇, at most a fifth of the rate: above what arms do, and below the noise."""
+"""Cut-off of ā and τ̇, Hz, at most a fifth of the rate: above motions of arms, below the noise."""
 DELAY, WANDER = 0.5, 0.5
-"""Standard deviation of δ, in steps, and of what it changes by in a second: behind a rotor J it
-is (M + J)⁻¹ M of half a step, and M is another in every posture."""
+"""Standard deviation of δ, in steps, and of its change in a second: behind a rotor J it is
+(M + J)⁻¹ M of half a step, and M depends on the posture."""
 JITTER = 1e-10
 """Process noise of every velocity and step, (rad/s)², so that no covariance is singular."""
 
@@ -79,7 +79,7 @@ class FilterInput:
     width: float
 
     def friction(self, step: int) -> tuple[Array, Array]:
-        """Secants column/dq at the smoothed speed of a step, and constant columns; each (n, k)."""
+        """Secants column/dq at the smoothed speed of a step, and constant columns, each (n, k)."""
         speed = self.speed[step]
         secants_of = (COLUMNS[name].secant for name in self.names)
         parts = [secant(speed, self.width) for secant in secants_of if secant is not None]
@@ -97,13 +97,13 @@ class FilterInput:
 
     @property
     def extra_variance(self) -> Array:
-        """Of the same, (n k + n,)."""
+        """Variance of φ and δ before the first sample, (n k + n,)."""
         n = self.q.shape[1]
         friction = np.full(n * len(self.names), FIRST_FRICTION**2)
         return np.concatenate([friction, np.full(n, (DELAY * self.dt) ** 2)])
 
     def passive(self, phi: Array) -> Array:
-        """φ (…, n, k) without what drives the joints: negative friction would run away."""
+        """φ (…, n, k) with negative dissipation set to 0, which would drive the joints."""
         least = [0.0 if COLUMNS[name].is_passive else -np.inf for name in self.names]
         return np.maximum(phi, least)
 
@@ -120,14 +120,24 @@ class FilterInput:
 
 
 def filter_input_of(problem: Problem, method: str) -> FilterInput:
-    """The training part of the recording at its full rate.
+    """Return the training part of the recording at its full rate.
+
+    Args:
+        problem: its origin holds the recording and the span of the training samples.
+        method: name of the filter, for messages.
+
+    Returns:
+        Samples with a uniform step, their noise and their smoothed motion.
 
     Raises:
         NeedsError: the recording is too slow, not uniform, or has holes.
     """
     origin = problem.origin
     if origin is None or origin.recording.tau is None:
-        raise NeedsError(f"the method {method} needs the recording with its torque")
+        raise NeedsError(
+            f"the method {method} expects the recording with its torque, got neither; give the "
+            "log itself"
+        )
     log, columns = origin.recording, origin.friction
     whole = origin.span
     rows = (log.t >= whole[0]) & (log.t <= whole[1])
@@ -136,12 +146,12 @@ def filter_input_of(problem: Problem, method: str) -> FilterInput:
         dt = uniform_step(part, f"run the {method}")
     except RecordingError:
         raise NeedsError(
-            f"the method {method} follows the robot sample by sample and needs a uniform clock; "
+            f"the method {method} works sample by sample and expects a uniform clock; "
             "resample the recording (max_gap_s in a recipe), or choose another method"
         ) from None
     if dt * SLOWEST > 1.0 + 1e-9 or len(segments(part.t)) > 1:
         raise NeedsError(
-            f"the method {method} follows the robot sample by sample and needs one stretch "
+            f"the method {method} works sample by sample and expects one stretch "
             f"without holes at {SLOWEST:g} Hz or more, got {len(segments(part.t))} at "
             f"{1 / dt:g} Hz; record at the controller's rate, or choose another method"
         )
@@ -149,7 +159,16 @@ def filter_input_of(problem: Problem, method: str) -> FilterInput:
 
 
 def filter_input_from(part: Recording, dt: float, terms: Friction) -> FilterInput:
-    """A recording with torque and a uniform clock, its noise and what is smooth of it."""
+    """Return a recording with torque and a uniform clock as input of a filter.
+
+    Args:
+        part: recording with q and tau.
+        dt: step, s.
+        terms: friction columns and the width of the Coulomb column.
+
+    Returns:
+        Samples, the standard deviations of their noise, and their low-passed motion.
+    """
     tau = part.required("tau")
     bare = part.replace(dq=None, ddq=None, columns=None, column_names=())
     low_passed = low_pass(bare, min(SMOOTH_HZ, 0.2 / dt))
@@ -169,12 +188,20 @@ def filter_input_from(part: Recording, dt: float, terms: Friction) -> FilterInpu
 
 
 def noise_of(values: Array) -> Array:
-    """Standard deviation of white noise on a smooth signal: third differences have 20 σ²."""
+    """Standard deviation of white noise on a smooth signal, from third differences of 20 σ²."""
     return np.asarray(np.sqrt(np.mean(np.diff(values, 3, axis=0) ** 2, axis=0) / 20))
 
 
 def prior_covariance(lib: Library, lam: Array) -> Array:
-    """Of π, (10 n, 10 n), through ∂π/∂λ from relative deviations of λ."""
+    """Covariance of π through ∂π/∂λ from relative standard deviations of λ.
+
+    Args:
+        lib: library of the robot.
+        lam: λ of the first guess, (10 n,).
+
+    Returns:
+        Covariance, (10 n, 10 n), block diagonal.
+    """
     jacobian = lib.pi_jacobian(lam)
     sigma = TRUST * np.maximum(np.abs(links(lam)), LAM_FLOOR)
     blocks = jacobian * sigma[:, None, :]
@@ -185,7 +212,15 @@ def prior_covariance(lib: Library, lam: Array) -> Array:
 
 
 def process_noise(spread: Array, dt: float) -> Array:
-    """Of [q, dq] after a step, (2 n, 2 n), from the effect of the torque's noise on dq, (n, n)."""
+    """Process noise of [q, dq] after a step.
+
+    Args:
+        spread: effect of one standard deviation of each torque on dq, (n, n).
+        dt: step, s.
+
+    Returns:
+        Covariance, (2 n, 2 n).
+    """
     both = np.concatenate([dt / 2 * spread, spread])
     noise = np.asarray(both @ both.T)
     n = len(spread)

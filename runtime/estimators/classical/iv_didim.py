@@ -1,8 +1,8 @@
-"""IDIM-IV and DIDIM: the robot of the last estimate is simulated under the same controller.
+"""IDIM-IV and DIDIM: regressors of a simulation with the last estimate and the same controller.
 
 IDIM-IV takes the regressor Z along that noise-free motion as instruments of the measured one,
 b = (Zᵀ W X)⁻¹ Zᵀ W T; DIDIM takes it instead of the measured one, b = (Zᵀ W Z)⁻¹ Zᵀ W T, and needs
-the measured torque only. Both begin with the first guess and no friction. Source: Janot, Vandanjon
+the measured torque only. Both start at the first guess without friction. Source: Janot, Vandanjon
 & Gautier 2014; Gautier, Janot & Vandanjon 2013.
 """
 
@@ -28,18 +28,21 @@ CONVERGED = 1e-3
 """Relative step of the normalised unknowns at which both methods stop."""
 IV_ITERATIONS = 6
 DIDIM_ITERATIONS = 8
+"""Limits of the number of simulations."""
 UNCERTAIN = 0.1
-"""Standard deviation of the predicted torque, relative to that of the measured one, from which on
-an estimate by instruments says nothing."""
+"""Standard deviation of the predicted torque, relative to that of the measured torque, from which
+an estimate by instruments is rejected."""
 _BLOCK = 4096
+"""Samples whose regressor is held at a time."""
 _SIMULATED = names_where(lambda column: column.in_closed_loop)
 
 
 def fit_iv(problem: Problem) -> Fit:
-    """IDIM-IV with the weights of IDIM-WLS; keeps IDIM-WLS where it fails.
+    """Identify by IDIM-IV with the weights of IDIM-WLS; falls back to IDIM-WLS where it fails.
 
     Raises:
-        IdentificationError: the loop is unknown, or the motion does not excite all parameters.
+        NeedsError: the controller is unknown.
+        IdentificationError: the motion does not excite all parameters.
     """
     lib, train = problem.lib, problem.train
     origin = problem.controlled("iv")[0]
@@ -48,12 +51,12 @@ def fit_iv(problem: Problem) -> Fit:
     for iteration in range(1, IV_ITERATIONS + 1):
         try:
             instruments = _along(problem, now, "iv")
-            found, deviation = _instrumental(lib, instruments, train, weights)
+            estimate, deviation = _instrumental(lib, instruments, train, weights)
         except SimulationError as error:
             why = str(error)
             break
-        size, step = _change(train, now, found, lib)
-        now = found
+        size, step = _change(train, now, estimate, lib)
+        now = estimate
         share = float(np.max(deviation / train.tau.std(axis=0)))
         if not share < UNCERTAIN:
             why = (
@@ -65,25 +68,25 @@ def fit_iv(problem: Problem) -> Fit:
             status = f"converged after {iteration} simulations"
             return fit_of_base(problem, now.beta, now.phi, status, iteration)
     status = (
-        f"not converged, the answer of wls is kept: {why}; filter the positions more strongly, or "
+        f"not converged, the result of wls is kept: {why}; filter the positions more strongly, or "
         "use didim, which needs the torque only"
     )
     return fit_of_base(problem, kept.beta, kept.phi, status, iteration)
 
 
 def fit_didim(problem: Problem) -> Fit:
-    """DIDIM with the weights of its own residuals.
+    """Identify by DIDIM with weights from its residuals.
 
     Raises:
-        IdentificationError: the loop is unknown, the first guess cannot be simulated, or the motion
-            does not excite all parameters.
+        IdentificationError: the controller is unknown, the first guess cannot be simulated, or the
+            motion does not excite all parameters.
     """
     lib, train = problem.lib, problem.train
     origin = problem.controlled("didim")[0]
     now, weights = _first(problem), np.ones(lib.n_joints)
     status = (
         f"not converged after {DIDIM_ITERATIONS} simulations; check gains, rotors and reference "
-        "of the loop, and the friction columns"
+        "of the controller file, and the friction columns"
     )
     for iteration in range(1, DIDIM_ITERATIONS + 1):
         try:
@@ -93,10 +96,10 @@ def fit_didim(problem: Problem) -> Fit:
                 raise
             status = f"not converged, the last estimate is kept: {error}"
             break
-        found = solve(compress(lib, motion, weights), lib, origin.friction.columns)
-        weights, _ = weights_of(residual(lib, motion, found).var(axis=0), lib)
-        size, step = _change(train, now, found, lib)
-        now = found
+        estimate = solve(compress(lib, motion, weights), lib, origin.friction.columns)
+        weights, _ = weights_of(residual(lib, motion, estimate).var(axis=0), lib)
+        size, step = _change(train, now, estimate, lib)
+        now = estimate
         if step < CONVERGED * size:
             status = f"converged after {iteration} simulations"
             break
@@ -104,6 +107,7 @@ def fit_didim(problem: Problem) -> Fit:
 
 
 def _first(problem: Problem) -> Solution:
+    """First guess without friction."""
     lib = problem.lib
     beta = lib.base_matrix @ lib.pi_from_lam(problem.start)
     return Solution(beta, np.zeros(problem.train.columns.shape[1:]), np.nan)
@@ -114,22 +118,23 @@ def _along(problem: Problem, now: Solution, method: str) -> Samples:
     origin, controller = problem.controlled(method)
     names = origin.friction.columns
     # Negative friction drives the joints; the next estimate is free to have it again.
-    found = {
+    friction = {
         name: np.maximum(value, 0.0) if COLUMNS[name].is_passive else value
         for name, value in zip(names, now.phi.T, strict=True)
     }
     speed = {"coulomb_speed": origin.friction.coulomb_speed} if "coulomb" in names else {}
     pi = pi_of_beta(problem, now.beta)
-    motion = controller.simulate(problem.lib, pi, found | speed, origin.recording.t)
+    motion = controller.simulate(problem.lib, pi, friction | speed, origin.recording.t)
     return origin.aligned(motion)
 
 
 def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple[Solution, Array]:
-    """b = (Zᵀ W X)⁻¹ Zᵀ W T, and the deviation of the torque Z b per joint, (n,).
+    """Estimate b = (Zᵀ W X)⁻¹ Zᵀ W T, and the deviation of the torque Z b per joint, (n,).
 
     The deviation follows from cov b = A⁻¹ Zᵀ W S W Z A⁻ᵀ, A = Zᵀ W X, S of the residuals T − X b.
     """
     n, p = lib.n_joints, len(lib.base_columns) + x.columns[0].size
+    # Zᵀ W X, Zᵀ W T, and Zᵀ Z of every joint, block by block.
     product, right, squares = np.zeros((p, p)), np.zeros(p), np.zeros((n, p, p))
     for start in range(0, len(x), _BLOCK):
         part = slice(start, start + _BLOCK)
@@ -137,6 +142,7 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
         squares += left.transpose(0, 2, 1) @ left
         product += np.tensordot(weights, left.transpose(0, 2, 1) @ rows, 1)
         right += np.einsum("jik,ij,j->k", left, x.tau[part], weights)
+    # Normalised columns, so that the rank decision does not depend on units.
     lengths = np.sqrt(np.einsum("jkk->k", squares))
     lengths = np.where(lengths > 0, lengths, 1.0)
     matrix = product / np.outer(lengths, lengths)
@@ -144,21 +150,32 @@ def _instrumental(lib: Library, z: Samples, x: Samples, weights: Array) -> tuple
     if not sigma[-1] > RANK_TOLERANCE * sigma[0]:
         raise IdentificationError(
             "the instruments along the simulated motion do not determine all parameters; record "
-            "a richer trajectory, and check that the loop's reference is that of the recording"
+            "a richer trajectory, and check that the controller file has the reference of the "
+            "recording"
         )
     beta, phi = np.split(
         np.linalg.solve(matrix, right / lengths) / lengths, [len(lib.base_columns)]
     )
-    found = Solution(beta, phi.reshape(n, -1), float(sigma[0] / sigma[-1]))
-    variance = residual(lib, x, found).var(axis=0)
+    # Deviation from cov b, with the variance of the residuals per joint.
+    solution = Solution(beta, phi.reshape(n, -1), float(sigma[0] / sigma[-1]))
+    variance = residual(lib, x, solution).var(axis=0)
     unit = squares / np.outer(lengths, lengths)
     spread = np.linalg.solve(matrix, np.tensordot(weights**2 * variance, unit, 1))
     covariance = np.linalg.solve(matrix, spread.T)
-    return found, np.sqrt(np.einsum("jkl,kl->j", unit, covariance).clip(0) / len(x))
+    return solution, np.sqrt(np.einsum("jkl,kl->j", unit, covariance).clip(0) / len(x))
 
 
 def observations(lib: Library, samples: Samples, part: slice) -> Array:
-    """[Y_b F], (N, n, n_b + n k): the columns of β and of φ joint by joint."""
+    """Explicit rows [Y_b F] over β and φ, joint by joint.
+
+    Args:
+        lib: library of the robot.
+        samples: motion and friction columns.
+        part: samples to take, N of them.
+
+    Returns:
+        Rows, (N, n, n_b + n k).
+    """
     motion = (samples.q[part], samples.dq[part], samples.ddq[part])
     extra = spread(samples.columns[part], samples.coupling)
     return np.concatenate([lib.base_regressor(*motion), extra], axis=2)

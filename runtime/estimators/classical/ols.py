@@ -1,6 +1,7 @@
 """IDIM-OLS: min ‖W_b β + F φ − T‖, unweighted, on base parameters, by QR (Eq. 3.7).
 
-Nothing keeps the result physical. π is the vector nearest to the first guess with K π = β.
+The result need not be physically consistent. π is the vector nearest to the first guess with
+K π = β.
 Source: Gautier 1997; document Sec. 3.1.3.
 """
 
@@ -18,12 +19,19 @@ from runtime.library.parameters import links, mass
 from runtime.recording.friction import names_where
 
 RANK_TOLERANCE = 1e-9
-"""Relative size below which a direction of the normalised columns counts as not excited."""
+"""Singular value of the normalised columns, relative to the largest, below which a direction counts
+as not excited."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """β, φ (n, k) and the condition number of the normalised columns."""
+    """Least-squares solution.
+
+    Attributes:
+        beta: β, (n_b,).
+        phi: φ, (n, k).
+        condition: condition number of the normalised columns.
+    """
 
     beta: Array
     phi: Array
@@ -31,25 +39,28 @@ class Solution:
 
 
 def fit_ols(problem: Problem) -> Fit:
-    """Ordinary least squares on base parameters and friction together.
+    """Identify base parameters and friction together by ordinary least squares.
 
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
     equal = np.ones(problem.train.equations)
-    found = solve(problem.statistics(equal), problem.lib, problem.friction_names)
-    text = f"solved by QR; condition number of the normalised columns {found.condition:.1f}"
-    return fit_of_base(problem, found.beta, found.phi, text)
+    solution = solve(problem.statistics(equal), problem.lib, problem.friction_names)
+    text = f"solved by QR; condition number of the normalised columns {solution.condition:.1f}"
+    return fit_of_base(problem, solution.beta, solution.phi, text)
 
 
 def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> Solution:
-    """Least squares of compressed samples, all columns normalised.
+    """Solve compressed samples by least squares with normalised columns.
 
     Args:
-        statistics: of the samples.
-        lib: of the robot.
-        terms: names of each joint's friction columns. A rotor or coupled motor that does what
-            base parameters do is counted in those, and gets 0.
+        statistics: compressed samples.
+        lib: library of the robot.
+        terms: names of the friction columns of each joint. A rotor or coupled motor that base
+            parameters explain is counted in those and gets 0.
+
+    Returns:
+        β, φ and the condition number.
 
     Raises:
         IdentificationError: the motion does not excite all of them.
@@ -62,8 +73,8 @@ def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> 
     if rank < shown.sum():
         raise IdentificationError(
             f"the motion excites {rank} of {shown.sum()} columns (base parameters and friction), "
-            "so least squares has no unique answer; record a richer trajectory, or use a method "
-            "that keeps to the first guess where the data are silent: map, adam, pc-ols"
+            "so least squares has no unique solution; record a richer trajectory, or use a method "
+            "that keeps unexcited parameters at the first guess: map, adam, pc-ols"
         )
     solution = np.zeros(len(shown))
     solution[shown] = np.linalg.lstsq(matrix[:, shown], statistics.target, rcond=None)[0]
@@ -75,10 +86,18 @@ def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> 
 def counted_in_links(
     statistics: Statistics, lib: Library, terms: tuple[str, ...]
 ) -> NDArray[np.bool_]:
-    """(n k,): columns of rotors and coupled motors that do what base parameters do as well.
+    """Columns of rotors and coupled motors that base parameters explain as well.
 
-    On the first joint of an arm above all, a link's inertia does what the rotor does; a method
-    that asks no prior cannot tell them apart. Source: Gautier's regrouping.
+    On the first joint of an arm above all, the inertia of a link has the effect of the rotor; a
+    method without a prior cannot separate them. Source: Gautier's regrouping.
+
+    Args:
+        statistics: compressed samples.
+        lib: library of the robot.
+        terms: names of the friction columns of each joint.
+
+    Returns:
+        A flag per column of φ, (n k,).
     """
     inertial = names_where(lambda column: column.is_inertial or column.of_motors)
     rotors = [name in inertial for name in terms]
@@ -88,7 +107,15 @@ def counted_in_links(
 
 
 def pi_of_beta(problem: Problem, beta: Array) -> Array:
-    """The π nearest to the first guess with K π = β."""
+    """Return the π nearest to the first guess with K π = β.
+
+    Args:
+        problem: its start is the first guess.
+        beta: β, (n_b,).
+
+    Returns:
+        π, (10 n,).
+    """
     guess, k = problem.lib.pi_from_lam(problem.start), problem.lib.base_matrix
     return np.asarray(guess + np.linalg.lstsq(k, beta - k @ guess, rcond=None)[0])
 
@@ -101,7 +128,19 @@ def fit_of_base(
     iterations: int | None = None,
     notes: tuple[str, ...] = (),
 ) -> Fit:
-    """The answer of a method that finds base parameters."""
+    """Return the result of a method that estimates base parameters.
+
+    Args:
+        problem: the problem that was solved.
+        beta: β, (n_b,).
+        phi: φ, (n, k).
+        status: how the method ended, one sentence.
+        iterations: number of steps; None for closed forms.
+        notes: further sentences.
+
+    Returns:
+        The fit, with the π nearest to the first guess.
+    """
     return fit_of_pi(problem, pi_of_beta(problem, beta), phi, status, iterations, notes)
 
 
@@ -113,10 +152,22 @@ def fit_of_pi(
     iterations: int | None = None,
     notes: tuple[str, ...] = (),
 ) -> Fit:
-    """The answer of a method that finds π, with λ where its links can exist."""
+    """Return the result of a method that estimates π.
+
+    Args:
+        problem: the problem that was solved.
+        pi: π, (10 n,).
+        phi: φ, (n, k).
+        status: how the method ended, one sentence.
+        iterations: number of steps; None for closed forms.
+        notes: further sentences.
+
+    Returns:
+        The fit, with λ where every link is physically consistent.
+    """
     lib = problem.lib
-    possible = bool((lib.relative_eigenvalues(pi) > 0).all() and (mass(links(pi)) > 0).all())
-    lam = lib.lam_from_pi(pi) if possible else None
+    is_consistent = bool((lib.relative_eigenvalues(pi) > 0).all() and (mass(links(pi)) > 0).all())
+    lam = lib.lam_from_pi(pi) if is_consistent else None
     return Fit(pi, phi, lam, status, iterations, notes=notes)
 
 

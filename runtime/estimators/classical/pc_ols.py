@@ -1,9 +1,10 @@
 """PC-IDIM-OLS: min ‖R [π; φ] − r‖ subject to P_k(π_k) ⪰ 0 for every link (Eq. 3.8).
 
-By the path of `convex`, and by Clarabel as its check, in the second-order-cone form on the
-compressed rows; the quadratic form loses half the digits. The convex optimum is the bar for every
-other method. Where the data are silent it is not unique, and often reached only with absurd
-bodies, so `fit_pc_ols` stops a hair before it, at the point of the path nearest to the first guess.
+It is solved by the path of `convex`, and checked by Clarabel in the second-order-cone form on the
+compressed rows; the quadratic form loses half the digits. The convex optimum is the reference for
+the loss of every other method. In directions that the motion does not excite it is not unique, and
+often implausible, so `fit_pc_ols` stops slightly before it, at the point of the path nearest to the
+first guess.
 Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
@@ -26,12 +27,12 @@ from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
 SLACK = 1e-3
-"""Relative loss given away for staying near the first guess. The optimum itself is often reached
-only with absurd bodies: a poorly excited arm of 16 kg asked for links of 1400 kg at 1e-5."""
+"""Relative loss above the optimum admitted for staying near the first guess. The optimum itself is
+often implausible: for a poorly excited arm of 16 kg it had links of 1400 kg at 1e-5."""
 BOUNDARY = 1e-6
-"""Smallest relative eigenvalue below which the optimum has a link that is a plate or a rod."""
-ABSURD = 4.0
-"""Mean tr(P0⁻¹ P)/4 per link beyond which the end of the path is no certificate: 1 is the prior."""
+"""Relative eigenvalue below which a link of the optimum is a plate or a rod."""
+LARGEST_WEIGHT = 4.0
+"""Mean tr(P0⁻¹ P)/4 per link up to which the path certifies the optimum; 1 is the prior."""
 FINER, MORE_STEPS = 4.0, 200
 """Ratio and steps per γ of the second attempt at a path."""
 _SVEC = tuple((i, j) for j in range(4) for i in range(j + 1))
@@ -43,10 +44,10 @@ class ConvexOptimum:
 
     Attributes:
         loss: L at the optimum, (1/N) Σ ½ rᵀWr.
-        pi, phi: a point that reaches it.
-        gap: certificate, L − L* is no larger among models that the prior does not find heavier;
-            NaN from Clarabel, which stops at 1e-10 of ‖r‖.
-        status: how it was found.
+        pi, phi: a point that reaches it, (10 n,) and (n, k).
+        gap: certificate: L − L* is at most this among models of no larger Σ tr(P0_k⁻¹ P_k); NaN
+            from Clarabel, which stops at 1e-10 of ‖r‖.
+        status: how it was computed.
     """
 
     loss: float
@@ -59,18 +60,28 @@ class ConvexOptimum:
 def convex_optimum(
     lib: Library, statistics: Statistics, first_guess: Array | None = None
 ) -> ConvexOptimum:
-    """The end of the path from the first guess (default: the URDF), strictly consistent.
+    """Smallest loss of any physically consistent model, by the path from a first guess.
 
-    Where the path drifts off to absurd bodies its certificate says little, and Clarabel answers.
+    Where the path drifts to implausible bodies its certificate is weak, and Clarabel solves the
+    problem instead.
+
+    Args:
+        lib: library of the robot.
+        statistics: compressed samples.
+        first_guess: π at the start of the path, (10 n,); default is that of the URDF.
+
+    Returns:
+        The optimum, strictly consistent where it comes from the path.
     """
     return _best(lib, statistics, _followed(lib, statistics, first_guess))
 
 
 def fit_pc_ols(problem: Problem) -> Fit:
-    """The first point of the path, so the nearest to the guess, within `SLACK` of the optimum."""
+    """Identify by PC-IDIM-OLS: the nearest point to the guess within `SLACK` of the optimum."""
     lib, statistics = problem.lib, problem.statistics()
     statistics = statistics.without(counted_in_links(statistics, lib, problem.friction_names))
     guess = lib.pi_from_lam(problem.start)
+    # The path begins at the guess: its first point within the slack is the nearest to it.
     path = _followed(lib, statistics, guess)
     best = _best(lib, statistics, path)
     near = path.nearest(SLACK, best.loss)
@@ -107,7 +118,7 @@ def _followed(
 
 def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
     pi, loss = path.points[-1], float(path.losses[-1])
-    if not path.converged or path.weight > ABSURD:
+    if not path.converged or path.weight > LARGEST_WEIGHT:
         return cone_optimum(lib, statistics)
     _, eliminated = reduce(statistics, lib.n_joints)
     phi = eliminated.phi(pi).reshape(lib.n_joints, -1)
@@ -115,7 +126,14 @@ def _best(lib: Library, statistics: Statistics, path: Path) -> ConvexOptimum:
 
 
 def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
-    """The same optimum by Clarabel: min t, ‖R x − r‖ ≤ t, P_k ⪰ 0; a check, on the boundary.
+    """Convex optimum by Clarabel, min t with ‖R x − r‖ ≤ t and P_k ⪰ 0; it may lie on the boundary.
+
+    Args:
+        lib: library of the robot.
+        statistics: compressed samples.
+
+    Returns:
+        The optimum without a certificate.
 
     Raises:
         IdentificationError: Clarabel did not reach its tolerances.
@@ -130,7 +148,7 @@ def cone_optimum(lib: Library, statistics: Statistics) -> ConvexOptimum:
 
 
 class _Cones:
-    """The problem's cones in scaled unknowns x = [π̂; φ], π̂ in units of kg and `LENGTH`."""
+    """Cones of the problem in scaled unknowns x = [π̂; φ], π̂ in units of kg and `LENGTH`."""
 
     def __init__(self, lib: Library, statistics: Statistics) -> None:
         scale = np.tile(pi_from_parts(1.0, LENGTH, LENGTH**2), lib.n_joints)
@@ -161,7 +179,7 @@ class _Cones:
         return _Block(sparse.csc_matrix(a), b, [clarabel.SecondOrderConeT(len(b))])
 
     def consistency(self, extra: int) -> "_Block":
-        """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, where S is read off the library's own P(π)."""
+        """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library."""
         n, lib = self._lib.n_joints, self._lib
         size = N_PARAMETERS * n
         unit = np.tile(np.eye(N_PARAMETERS), (1, n))
@@ -203,7 +221,7 @@ def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
     status = str(solution.status)
     if status not in {"Solved", "AlmostSolved"}:
         raise IdentificationError(
-            f"the convex problem was not solved (Clarabel says {status}); check the data for "
+            f"Clarabel did not solve the convex problem (status {status}); check the data for "
             "outliers and the units of torque"
         )
     return np.array(solution.x), status

@@ -1,11 +1,11 @@
-"""UKF: state [q, dq, β, φ, δ], one sample after the other, covariance from sigma points.
+"""Unscented Kalman filter: state [q, dq, β, φ, δ], covariance from sigma points.
 
 2 L + 1 points x ± h columns of the Cholesky factor of P, h = α √L, α = 0.1, β = 2, κ = 0. Base
-parameters, because a direction that the data never see would only make the points wander. Points
-whose mass matrix falls below a fifth of the mean's belong to no robot that moves; their pair is
-taken with a smaller h, whose weights 1/(2 h²) keep mean and covariance what they are. All points
-move under the torque that gives their mean the acceleration ā of the smoothed positions, and
-together by what the measured torque says beyond it (`data` tells why).
+parameters, because unidentifiable directions would let the points drift. Points whose mass matrix
+falls below a fifth of that of the mean belong to robots that cannot be simulated; their pair is
+taken with a smaller h, whose weights 1/(2 h²) preserve mean and covariance. All points move under
+the torque that gives their mean the acceleration ā of the smoothed positions; the difference to the
+measured torque moves all of them together (`filter_input` gives the reason).
 Source: Julier & Uhlmann 1997; van der Merwe 2004 for the weights.
 """
 
@@ -26,19 +26,20 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.library import Array, Library
 
 ALPHA, BETA = 0.1, 2.0
+"""Spread of the points, and the weight of the centre for Gaussian states."""
 _LIGHTEST = 0.2
-"""Smallest M of a sigma point relative to that of the mean."""
+"""Smallest mass matrix of a sigma point, relative to that of the mean."""
 _NEAREST = 1e-3
-"""Smallest h: below, a pair is a difference quotient anyway."""
+"""Smallest h; below it a pair is a difference quotient."""
 _RIDGE = 1e-12
-"""Relative addition to the covariance where rounding makes it indefinite."""
+"""Least relative eigenvalue of a covariance that rounding has made indefinite."""
 
 
 def fit_ukf(problem: Problem) -> Fit:
-    """β and φ after the last sample.
+    """Identify β and φ by the unscented Kalman filter; the estimate is that after the last sample.
 
     Raises:
-        IdentificationError: the recording suits no filter, or the filter diverged.
+        IdentificationError: the recording does not suit a filter, or the filter diverged.
     """
     lib, data = problem.lib, filter_input_of(problem, "ukf")
     n, n_b = lib.n_joints, len(lib.base_columns)
@@ -52,14 +53,23 @@ def fit_ukf(problem: Problem) -> Fit:
     return fit_of_base(problem, beta, phi, status, len(data.q))
 
 
-@np.errstate(over="ignore", invalid="ignore")  # told as a sentence at the end
+@np.errstate(over="ignore", invalid="ignore")  # checked at the end
 def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
-    """State and covariance after the last sample.
+    """Run the filter over all samples.
+
+    Args:
+        lib: library of the robot.
+        data: samples of the recording.
+        lam: λ of the first guess, (10 n,).
+
+    Returns:
+        State [q, dq, β, φ, δ] and covariance after the last sample.
 
     Raises:
         IdentificationError: the state became infinite.
     """
     n, n_b = lib.n_joints, len(lib.base_columns)
+    # First state and covariance: measured position, speed of a line, first guess, friction.
     beta = lib.base_matrix @ lib.pi_from_lam(lam)
     x = np.concatenate([data.q[0], data.first_speed, beta, data.first_extra])
     p = np.zeros((x.size, x.size))
@@ -74,15 +84,17 @@ def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
     far = np.full(x.size, ALPHA * np.sqrt(x.size))
     reach = far
     for step, q in enumerate(data.q):
+        # Update: gain K = P Hᵀ (H P Hᵀ + R)⁻¹ with H = [1 0 …], the measured position.
         gain = np.linalg.solve(p[:n, :n] + noise, p[:n])
         x = x + gain.T @ (q - x[:n])
         p = p - gain.T @ p[:n]
         if step == len(data.q) - 1 or not (np.isfinite(x).all() and np.isfinite(p).all()):
             break
+        # Prediction: all points after a step. h may grow by half per step, back to its full size.
         points, reach = _points(lib, x, _root(p), np.minimum(1.5 * reach, far))
         moved, inverse = _advance(lib, data, step, points)
         points[:, : 2 * n] = moved
-        # Offsets from the image of the mean: its own large weight then multiplies zero.
+        # Offsets from the image of the mean, whose large weight then multiplies zero.
         offsets = points[1:] - points[0]
         weights = np.tile(0.5 / reach**2, 2)
         shift = weights @ offsets
@@ -95,14 +107,14 @@ def run_ukf(lib: Library, data: FilterInput, lam: Array) -> tuple[Array, Array]:
         p[late, late] += data.wander
     if not (np.isfinite(x).all() and np.isfinite(p).all()):
         raise IdentificationError(
-            f"the filter diverged after {step * data.dt:.2f} s; the first guess is too far from "
-            "the robot, or the torque's unit, sign or friction is not what was said"
+            f"the filter diverged after {step * data.dt:.2f} s; give a better first guess, or "
+            "check the unit and the sign of the torque and the friction columns"
         )
     return x, p
 
 
 def _root(p: Array) -> Array:
-    """Lower Cholesky factor of P."""
+    """Root R of P, R Rᵀ = P: the Cholesky factor, or from eigenvalues where P is indefinite."""
     p = (p + p.T) / 2
     try:
         return np.asarray(np.linalg.cholesky(p), dtype=float)
@@ -113,7 +125,7 @@ def _root(p: Array) -> Array:
 
 
 def _points(lib: Library, x: Array, root: Array, reach: Array) -> tuple[Array, Array]:
-    """The mean, x + h L and x − h L as rows, and h, drawn in where the mass matrix gives way."""
+    """Mean, x + h L and x − h L as rows, and h (size,), halved where M is too small."""
     n, n_b = lib.n_joints, len(lib.base_columns)
     while True:
         offsets = (root * reach).T
@@ -139,7 +151,7 @@ def _pi(lib: Library, beta: Array) -> Array:
 
 
 def _advance(lib: Library, data: FilterInput, step: int, points: Array) -> tuple[Array, Array]:
-    """[q, dq] of all points after a step, and (M + dt/2 S)⁻¹ of the first one."""
+    """[q, dq] (points, 2 n) of all points after a step, and (M + dt/2 S)⁻¹ of the first one."""
     n, n_b, dt = lib.n_joints, len(lib.base_columns), data.dt
     q, dq, beta, phi, delay = np.split(points, [n, 2 * n, 2 * n + n_b, points.shape[1] - n], axis=1)
     push = data.acceleration[step]
@@ -149,8 +161,10 @@ def _advance(lib: Library, data: FilterInput, step: int, points: Array) -> tuple
     columns = secants * data.speed[step][:, None] + constants
     pi, drag = _pi(lib, beta), np.sum(secants * data.passive(phi[0]), axis=1)
     late = delay * data.torque_rate[step] - np.sum(columns * phi, axis=2) + drag * data.speed[step]
+    # Torque that gives the mean the smoothed acceleration; all points move under it.
     smooth = lib.inverse_dynamics(middle[0], speed[0], push, pi[0]) + drag * speed[0] - late[0]
     ddq = lib.forward_dynamics(middle, speed, smooth + late - drag * dq, pi, dt / 2 * drag)
+    # The measured torque beyond it moves all points alike, by the inertia of the mean.
     inverse = np.linalg.inv(lib.mass_matrix(middle[0], pi[0]) + dt / 2 * np.diag(drag))
     ddq = ddq + inverse @ (data.tau[step] - smooth)
     moved = np.concatenate([q + dt * (dq + dt / 2 * ddq), dq + dt * ddq], axis=1)

@@ -1,4 +1,4 @@
-"""IDIM-WLS: least squares with each joint weighted by its own residual, w_j = 1 / var(r_j).
+"""IDIM-WLS: least squares with each joint weighted by its residual, w_j = 1 / var(r_j).
 
 Four passes from equal weights (iteratively reweighted least squares). Source: Gautier 1997,
 Janot, Vandanjon & Gautier 2014.
@@ -18,37 +18,44 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 
 PASSES = 4
+"""Passes of reweighting, the first with equal weights."""
 SILENT = 1e-12
-"""Variance, relative to the largest, below which a joint's residual is rounding: a weight that
-counts nothing but rounding would make the other joints meaningless."""
+"""Variance, relative to the largest, below which the residual of a joint is rounding: a weight
+from rounding would outweigh all other joints."""
 
 
 def fit_wls(problem: Problem) -> Fit:
-    """Base parameters and friction with weights from the residuals.
+    """Identify base parameters and friction with weights from the residuals.
 
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    found, weights, silent = _reweighted(
+    solution, weights, silent = _reweighted(
         problem.lib, partial(problem.samples, "train"), problem.friction_names
     )
     sigma = ", ".join(f"{1 / np.sqrt(w):.3g}" for w in weights)
     notes = [f"standard deviations of the residuals, joint by joint: {sigma}"]
     if silent:
         notes.append(
-            f"the residual of {silent} is zero to rounding, so its weight was held down; "
+            f"the residual of {silent} is zero to rounding, so its weight was limited; "
             "check that this torque is measured and not computed"
         )
-    status = f"{PASSES} passes of weighted least squares; condition number {found.condition:.1f}"
-    return fit_of_base(problem, found.beta, found.phi, status, PASSES, tuple(notes))
+    status = f"{PASSES} passes of weighted least squares; condition number {solution.condition:.1f}"
+    return fit_of_base(problem, solution.beta, solution.phi, status, PASSES, tuple(notes))
 
 
 def reweighted(
     lib: Library, samples: Samples, terms: tuple[str, ...]
 ) -> tuple[Solution, Array, str]:
-    """The solution, the weights that belong to its residuals, and joints without residual.
+    """Solve by iteratively reweighted least squares.
 
-    `terms` as in `ols.solve`.
+    Args:
+        lib: library of the robot.
+        samples: N samples of all joints.
+        terms: names of the friction columns of each joint, as in `ols.solve`.
+
+    Returns:
+        The solution, the weights of its residuals (n,), and names of joints without a residual.
 
     Raises:
         IdentificationError: the motion does not excite all base parameters.
@@ -61,16 +68,26 @@ def _reweighted(
 ) -> tuple[Solution, Array, str]:
     weights, silent = np.ones(lib.n_joints), ""
     for _ in range(PASSES):
-        found = solve(compress_all(lib, pieces(), weights), lib, terms)
-        weights, silent = weights_of(variance_of(residual(lib, p, found) for p in pieces()), lib)
-    return found, weights, silent
+        solution = solve(compress_all(lib, pieces(), weights), lib, terms)
+        rests = (residual(lib, piece, solution) for piece in pieces())
+        weights, silent = weights_of(variance_of(rests), lib)
+    return solution, weights, silent
 
 
-def residual(lib: Library, samples: Samples, found: Solution) -> Array:
-    """τ − Y_b β − F φ, (N, n)."""
-    rigid = samples.base_rigid(lib, found.beta)
-    if found.phi.size:
-        rigid = rigid + samples.friction(found.phi)
+def residual(lib: Library, samples: Samples, solution: Solution) -> Array:
+    """Residual τ − Y_b β − F φ.
+
+    Args:
+        lib: library of the robot.
+        samples: N samples.
+        solution: β and φ.
+
+    Returns:
+        Residual, (N, n) [N·m, N].
+    """
+    rigid = samples.base_rigid(lib, solution.beta)
+    if solution.phi.size:
+        rigid = rigid + samples.friction(solution.phi)
     return samples.tau - rigid
 
 
@@ -78,18 +95,26 @@ def variance_of(residuals: Iterable[Array]) -> Array:
     """Variance per joint of all pieces together (Chan, Golub & LeVeque 1983)."""
     count, mean, power = 0, np.zeros(0), np.zeros(0)
     for rest in residuals:
-        own, more = rest.mean(axis=0), len(rest)
+        piece_mean, more = rest.mean(axis=0), len(rest)
         if not count:
-            count, mean, power = more, own, rest.var(axis=0) * more
+            count, mean, power = more, piece_mean, rest.var(axis=0) * more
             continue
-        shift = own - mean
+        shift = piece_mean - mean
         power = power + rest.var(axis=0) * more + shift**2 * (count * more / (count + more))
         mean, count = mean + shift * (more / (count + more)), count + more
     return power / count
 
 
 def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
-    """1 / var per joint, and the names of joints whose residual is zero to rounding."""
+    """Weights 1 / var per joint.
+
+    Args:
+        variance: of the residuals, (n,).
+        lib: library of the robot.
+
+    Returns:
+        Weights, (n,), and the names of joints whose residual is zero to rounding.
+    """
     least = max(SILENT * float(variance.max()), np.finfo(float).tiny ** 0.5)
     silent = variance < least
     names = ", ".join(np.array(lib.joint_names)[silent])
@@ -97,7 +122,15 @@ def weights_of(variance: Array, lib: Library) -> tuple[Array, str]:
 
 
 def with_torque(samples: Samples, tau: Array) -> Samples:
-    """The same motion with another torque."""
+    """Return the same motion with another torque.
+
+    Args:
+        samples: N samples.
+        tau: torque, (N, n) [N·m, N].
+
+    Returns:
+        A copy with this torque.
+    """
     return replace(samples, tau=tau)
 
 

@@ -1,1 +1,1 @@
-"""Estimators: a `Problem` in, a `Fit` out."""
+"""Estimators: a `Problem` in, a `Fit` out; `methods.METHODS` lists them by name."""

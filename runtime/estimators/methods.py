@@ -117,11 +117,8 @@ def _require_rows(problem: Problem, record: Method, preset: Any) -> None:
     joints = record.every_joint and problem.train.equations < problem.lib.n_joints
     if not (record.needs_samples(preset) or joints):
         return
-    what = (
-        f"{record.name} with mini-batches"
-        if record.from_statistics and not joints
-        else (record.name)
-    )
+    batches = record.from_statistics and not joints
+    what = f"{record.name} with mini-batches" if batches else record.name
     raise NeedsError(
         f"{what} needs {'rows of every joint' if joints else 'accelerations'}, which "
         "the regressor of the log has not; use --regressor acceleration, or one of "

@@ -1,4 +1,4 @@
-"""A TOML file beside the robot that says what is known of its bodies before any data.
+"""TOML file of inertial priors: what is known of the bodies of a robot before identification.
 
     trust = "cad"                     # cad | gripper | none, or κ itself
     total_mass = [17.0, 18.5]         # kg; one number holds exactly
@@ -33,43 +33,55 @@ MIRRORED = {
     "xz": ("mY", "XY", "YZ"),
     "yz": ("mX", "XY", "XZ"),
 }
-"""Entries of π that vanish for a body symmetric about a plane of its link frame."""
+"""Entries of π that vanish for a body that is symmetric about a plane of its link frame."""
 _LARGEST = sys.float_info.max
 _LINK_KEYS = ("mass", "com_box", "com_hull", "symmetry")
 
 
 @dataclass(frozen=True, slots=True)
 class PriorFile:
-    """κ, where it is stated, and the linear priors."""
+    """Contents of a file of inertial priors.
+
+    Attributes:
+        kappa: trust κ in the URDF; None where the file does not state it.
+        constraints: linear priors.
+    """
 
     kappa: float | None
     constraints: Constraints
 
 
 def read_prior(path: Path, lib: Library) -> PriorFile:
-    """Read and check a file for a robot.
+    """Read a file of inertial priors and check it against a robot.
+
+    Args:
+        path: TOML file.
+        lib: library of the robot.
+
+    Returns:
+        κ and the linear priors.
 
     Raises:
-        IdentificationError: missing, not TOML, or an entry that means nothing for this robot.
+        IdentificationError: the file is missing or not TOML, or an entry does not fit the robot.
     """
     try:
         facts = toml_of(path)
     except OSError:
         raise IdentificationError(f"the prior '{path}' cannot be read; check the path") from None
     except ValueError as error:
-        raise IdentificationError(f"the prior '{path}' is no TOML: {error}") from None
+        raise IdentificationError(f"the prior '{path}' is not TOML: {error}; correct it") from None
     links = facts.get("link", {})
     tables = links if isinstance(links, dict) else {"": links}
-    no_table = [name for name, own in tables.items() if not isinstance(own, dict)]
+    no_table = [name for name, table in tables.items() if not isinstance(table, dict)]
     if no_table:
         raise IdentificationError(
-            f"the prior '{path}' expects a table [link.NAME] of each link that it knows, got "
-            f"{tables[no_table[0]]!r:.40} for '{no_table[0]}'; write it so"
+            f"the prior '{path}' expects a table [link.NAME] for each link that it describes, got "
+            f"{tables[no_table[0]]!r:.40} for '{no_table[0]}'; write such a table"
         )
     unknown = [k for k in facts if k not in {"trust", "total_mass", "link"}]
     unknown += [f"link.{k}" for k in links if k not in lib.link_names]
     unknown += [
-        f"link.{k}.{key}" for k, own in links.items() for key in own if key not in _LINK_KEYS
+        f"link.{k}.{key}" for k, table in links.items() for key in table if key not in _LINK_KEYS
     ]
     if unknown:
         raise IdentificationError(
@@ -79,21 +91,21 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
     rows = _Rows(lib, path)
     if "total_mass" in facts:
         rows.interval("total_mass", facts["total_mass"], lib.link_names)
-    for link, own in links.items():
-        if "mass" in own:
-            rows.interval(f"{link}.mass", own["mass"], (link,))
-        if "com_box" in own:
-            rows.box(link, own["com_box"])
-        if "com_hull" in own:
-            rows.hull(link, own["com_hull"])
-        if "symmetry" in own:
-            rows.symmetry(link, own["symmetry"])
+    for link, table in links.items():
+        if "mass" in table:
+            rows.interval(f"{link}.mass", table["mass"], (link,))
+        if "com_box" in table:
+            rows.box(link, table["com_box"])
+        if "com_hull" in table:
+            rows.hull(link, table["com_hull"])
+        if "symmetry" in table:
+            rows.symmetry(link, table["symmetry"])
     constraints = Constraints(tuple(rows.equations), tuple(rows.bounds))
     return PriorFile(_trust(facts.get("trust"), path), constraints)
 
 
 class _Rows:
-    """Collects equations and bounds."""
+    """Equations and bounds, collected entry by entry."""
 
     def __init__(self, lib: Library, path: Path) -> None:
         self._lib, self._path = lib, path
@@ -101,7 +113,13 @@ class _Rows:
         self.bounds: list[Row] = []
 
     def interval(self, name: str, given: Any, links: tuple[str, ...]) -> None:
-        """Σ m = value, or lowest ≤ Σ m ≤ highest."""
+        """Add Σ m = value, or lowest ≤ Σ m ≤ highest.
+
+        Args:
+            name: entry of the file.
+            given: a mass or [lowest, highest], kg.
+            links: names of the links whose masses are added up.
+        """
         total = sum(self._unit(link, "m") for link in links)
         if isinstance(given, int | float) and not isinstance(given, bool):
             (value,) = self._numbers(name, [given], (1,), "a mass or [lowest, highest] in kg")
@@ -115,7 +133,12 @@ class _Rows:
         self.bounds += [Row(name, np.asarray(total), high), Row(name, -np.asarray(total), -low)]
 
     def box(self, link: str, given: Any) -> None:
-        """lowest ≤ c ≤ highest: lowest m ≤ m c ≤ highest m."""
+        """Add lowest ≤ c ≤ highest as lowest m ≤ m c ≤ highest m.
+
+        Args:
+            link: name of the link.
+            given: lowest and highest corner, (2, 3) m.
+        """
         name, wanted = f"{link}.com_box", "[[x, y, z], [x, y, z]] in m, lowest and highest corner"
         low, high = self._numbers(name, given, (2, 3), wanted)
         if not (low <= high).all():
@@ -129,7 +152,12 @@ class _Rows:
             ]
 
     def hull(self, link: str, given: Any) -> None:
-        """c in the convex hull of points: n·(m c) + d m ≤ 0 for its facets."""
+        """Add that c lies in the convex hull of points: n·(m c) + d m ≤ 0 for its facets.
+
+        Args:
+            link: name of the link.
+            given: points, (≥ 4, 3) m.
+        """
         name, wanted = f"{link}.com_hull", "at least four points [x, y, z] in m, not in one plane"
         points = self._numbers(name, given, (-1, 3), wanted)
         try:
@@ -142,7 +170,12 @@ class _Rows:
             self.bounds.append(Row(name, facet[:3] @ moments + facet[3] * mass, 0.0))
 
     def symmetry(self, link: str, given: Any) -> None:
-        """m c and products of inertia across a plane vanish."""
+        """Add that m c and the products of inertia across planes vanish.
+
+        Args:
+            link: name of the link.
+            given: planes, of `MIRRORED`.
+        """
         name = f"{link}.symmetry"
         planes = given if isinstance(given, list) else [given]
         if not planes or any(plane not in tuple(MIRRORED) for plane in planes):
@@ -172,7 +205,9 @@ class _Rows:
             self._refuse(name, "a mass above 0 kg")
 
     def _refuse(self, name: str, wanted: str) -> Any:
-        raise IdentificationError(f"the prior '{self._path}' needs {wanted} for {name}")
+        raise IdentificationError(
+            f"the prior '{self._path}' expects {wanted} for {name}, got something else; correct it"
+        )
 
 
 def _trust(given: Any, path: Path) -> float | None:

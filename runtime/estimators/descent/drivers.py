@@ -1,4 +1,4 @@
-"""Descents in λ: compiled loops, or step by step in NumPy as their reference.
+"""Descents in λ by compiled loops, or step by step in NumPy as their reference.
 
 All minimise L(x), x = [λ, ψ]. Adam goes over mini-batches or compressed statistics, validates on
 validation samples and keeps the best point; Levenberg–Marquardt goes down to the minimum of the
@@ -31,7 +31,7 @@ from runtime.library import AdamProblem, Array, CompiledAdam, LeastSquares
 from runtime.library.compiled_descent import CONVERGED, DIVERGED, PATIENCE, STALLED
 
 CHUNK = 500
-"""Iterations between two looks at progress and Ctrl-C."""
+"""Iterations between two reports of progress and checks for Ctrl-C."""
 
 _STATUS = {
     0: Status.MAX_ITERATIONS,
@@ -59,10 +59,10 @@ class Preset:
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """A look at descents on their way.
+    """Observer of running descents.
 
     Attributes:
-        every: iterations between two looks.
+        every: iterations between two calls.
         seen: called with the iterations done and the current x of every descent; where one has
             ended it stays at its last iterate.
     """
@@ -73,7 +73,7 @@ class Watch:
 
 @dataclass(frozen=True, slots=True)
 class Descent:
-    """A problem with its objective, its compressed training and validation data, and a start.
+    """Problem with its objective, its compressed training and validation samples, and a start.
 
     x0 = [λ, ψ], or [θ, ψ] with log-Cholesky coordinates θ where `cholesky` is set.
     """
@@ -86,26 +86,44 @@ class Descent:
     cholesky: bool = False
 
     def bodies(self, x: Array) -> Array:
-        """π of x."""
-        lib, own = self.problem.lib, x[: self.objective.n_lam]
-        return lib.pi_from_cholesky(own) if self.cholesky else lib.pi_from_lam(own)
+        """π (10 n,) at x."""
+        lib, bodies = self.problem.lib, x[: self.objective.n_lam]
+        return lib.pi_from_cholesky(bodies) if self.cholesky else lib.pi_from_lam(bodies)
 
     def validation_loss(self, x: Array) -> float:
-        """L of the validation samples at x."""
+        """Loss of the validation samples at x."""
         return self.validation.value(self.bodies(x), self.objective.split(x)[1])
 
 
 def descent_of(
     problem: Problem, objective: TorqueObjective, x0: Array, cholesky: bool = False
 ) -> Descent:
-    """A descent from x0 with the statistics that it needs."""
+    """Descent from x0 with the compressed samples that it needs.
+
+    Args:
+        problem: samples, weights and first guess.
+        objective: torque loss over the training samples.
+        x0: first point, (10 n + n k,).
+        cholesky: whether x0 begins with log-Cholesky coordinates.
+
+    Returns:
+        The descent.
+    """
     return Descent(
         problem, objective, problem.statistics(), problem.validation_statistics(), x0, cholesky
     )
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:
-    """Adam from x0 by the compiled loop if there is one, else by the reference."""
+    """Descend by Adam, in the compiled loop if there is one, else by the reference.
+
+    Args:
+        descent: problem and start.
+        preset: settings.
+
+    Returns:
+        The point of the lowest validation loss.
+    """
     if not descent.problem.lib.descends:
         return descend_by_steps(descent, preset)
     return descend_many([descent], preset)[0]
@@ -118,18 +136,21 @@ def descend_many(
     progress: Callable[[int], None] | None = None,
     watch: Watch | None = None,
 ) -> list[Outcome]:
-    """Adam on many problems of one robot, spread over threads; each as `descend` would do it.
+    """Descend by Adam on many problems of one robot, on threads, each as by `descend`.
 
     Args:
-        descents: multi-start or Monte Carlo; a single one reports to its problem's own progress.
-        preset: of all.
-        threads: the answers do not depend on it.
+        descents: multi-start or Monte Carlo; a single one reports to the progress of its problem.
+        preset: settings of all descents.
+        threads: number of threads; the results do not depend on it.
         progress: called with the number of descents that have ended.
-        watch: sees where the descents are on their way; the compiled loop alone knows.
+        watch: observer of the iterates; the compiled loop alone calls it.
+
+    Returns:
+        The outcomes, in order.
     """
     lib, rule, batch = descents[0].problem.lib, preset.rule, preset.batch
     if batch is not None and any(d.problem.train.coupling is not None for d in descents):
-        # The compiled loop knows columns of one joint each.
+        # The compiled loop takes columns of one joint each.
         return [descend_by_steps(d, preset) for d in descents]
     options = {
         "rate": preset.adam.learning_rate,
@@ -164,13 +185,21 @@ def descend_many(
                 progress(sum(job.finished != 0 for job in jobs))
     except KeyboardInterrupt:
         interrupted = True
-    # Ctrl-C in the piece that ends the last descent has to be told by someone.
-    told = [interrupted and (job.finished == 0 or _ended(jobs)) for job in jobs]
-    return [_adam_outcome(jobs, k, rule, stopped) for k, stopped in enumerate(told)]
+    # Ctrl-C in the piece that ends the last descent would otherwise be lost.
+    stopped = [interrupted and (job.finished == 0 or _ended(jobs)) for job in jobs]
+    return [_adam_outcome(jobs, k, rule, each) for k, each in enumerate(stopped)]
 
 
 def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
-    """Adam by the reference: one NumPy step at a time."""
+    """Descend by the reference of Adam, one NumPy step at a time.
+
+    Args:
+        descent: problem and start.
+        preset: settings.
+
+    Returns:
+        The point of the lowest validation loss.
+    """
     problem, objective = descent.problem, descent.objective
     validated = TorqueObjective(problem.lib, problem.validation, problem.weights, objective.unit)
     if preset.batch is None:
@@ -186,7 +215,15 @@ def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
 
 
 def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Levenberg–Marquardt by the compiled loop if there is one, else by the reference."""
+    """Descend by Levenberg–Marquardt, in the compiled loop if there is one, else by the reference.
+
+    Args:
+        descent: problem and start.
+        options: damping and tolerances.
+
+    Returns:
+        The last point.
+    """
     if not descent.problem.lib.descends:
         return levenberg_by_steps(descent, options)
     problem, objective = descent.problem, descent.objective
@@ -217,12 +254,21 @@ def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
 
 
 def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Levenberg–Marquardt by the reference: one NumPy step at a time."""
+    """Descend by the reference of Levenberg–Marquardt, one NumPy step at a time.
+
+    Args:
+        descent: problem and start.
+        options: damping and tolerances.
+
+    Returns:
+        The last point.
+    """
     problem, objective = descent.problem, descent.objective
     lib, squares = problem.lib, least_squares(descent.statistics, objective.unit)
     size = problem.start.size
 
     def residual_jacobian(x: Array) -> tuple[Array, Array]:
+        # r = R y − r₀ with y = [K π(x); ψ], and J = R [K ∂π/∂x, 1] link by link.
         y = np.concatenate([lib.base_matrix @ descent.bodies(x), x[size:]])
         jacobian_of = lib.cholesky_jacobian if descent.cholesky else lib.pi_jacobian
         blocks = jacobian_of(x[:size])
@@ -240,7 +286,15 @@ def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
 
 
 def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:
-    """The mean loss in y = [β; ψ] with a triangular factor, friction columns in units of ψ."""
+    """Mean loss in y = [β; ψ] with a triangular factor.
+
+    Args:
+        statistics: compressed samples.
+        unit: φ = ψ · unit, (n, k).
+
+    Returns:
+        Factor, target, ρ and scale in y.
+    """
     scale = 1 / (2 * statistics.n_samples)
     if not unit.size:  # the factor over β alone is triangular already
         return LeastSquares(statistics.factor, statistics.target, statistics.rest, scale)

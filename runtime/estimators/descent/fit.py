@@ -1,4 +1,4 @@
-"""The methods that descend in λ: from a `Problem` to a `Fit`, one at a time or many at once."""
+"""Methods that descend in λ: from a `Problem` to a `Fit`, one at a time or many at once."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -35,7 +35,7 @@ sign-normalised steps can carry a, b or c through 0, where P is singular."""
 
 
 def in_batches(preset: str | Preset | None) -> bool:
-    """Whether Adam draws samples with these settings; by default it takes all of them."""
+    """Whether Adam draws mini-batches with these settings; by default it takes all samples."""
     chosen = PRESETS.get(preset) if isinstance(preset, str) else preset
     return chosen is not None and chosen.batch is not None
 
@@ -75,7 +75,15 @@ def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
 
 
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
-    """Levenberg–Marquardt from the same start, in λ or in log-Cholesky coordinates."""
+    """Descend by Levenberg–Marquardt from the first guess with its best friction.
+
+    Args:
+        problem: samples, weights and first guess.
+        cholesky: descend in log-Cholesky coordinates instead of λ.
+
+    Returns:
+        π and φ of the last point.
+    """
     descent = start_of(problem, cholesky)
     return fit_of(descent, levenberg_descend(descent, LevenbergOptions()))
 
@@ -91,11 +99,14 @@ def fit_many(
     """`fit_adam` on many problems of one robot at once: multi-start, Monte Carlo.
 
     Args:
-        problems: with data, starts and seeds of their own.
-        preset: of all.
-        threads: default is one per core; the answers do not depend on it.
+        problems: each with its data, first guess and seed.
+        preset: settings of all descents.
+        threads: default is one per core; the results do not depend on it.
         progress: called with the number of descents that have ended.
         watch: see `descend_many`.
+
+    Returns:
+        The fits, in order.
     """
     count = threads or cores()
     if not problems:
@@ -109,7 +120,15 @@ def fit_many(
 
 
 def start_of(problem: Problem, cholesky: bool = False) -> Descent:
-    """The first guess with its best friction."""
+    """Descent from the first guess with its best friction.
+
+    Args:
+        problem: samples, weights and first guess.
+        cholesky: use log-Cholesky coordinates instead of λ.
+
+    Returns:
+        The descent with its compressed samples.
+    """
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
     guess = problem.lib.pi_from_lam(problem.start)
     phi = best_friction(problem.statistics(), guess, problem.train.columns.shape[1:])
@@ -120,7 +139,15 @@ def start_of(problem: Problem, cholesky: bool = False) -> Descent:
 
 
 def fit_of(descent: Descent, outcome: Outcome) -> Fit:
-    """π of a descent's last point, kept off the edge of consistency."""
+    """Fit of the outcome of a descent, with π kept off the boundary of consistency.
+
+    Args:
+        descent: the problem and its coordinates.
+        outcome: the point that the descent has ended with.
+
+    Returns:
+        The fit.
+    """
     lib = descent.problem.lib
     lam, phi = descent.objective.split(outcome.x)
     pi, notes = _thickened(lib, descent.bodies(outcome.x))
@@ -136,7 +163,7 @@ def fit_of(descent: Descent, outcome: Outcome) -> Fit:
 
 
 def _thickened(lib: Library, pi: Array) -> tuple[Array, tuple[str, ...]]:
-    """π with Σ_com of each link at least `THINNEST_AXIS` of its trace, and what was changed."""
+    """π with Σ_com of each link at least `THINNEST_AXIS` of its trace, and a note on the change."""
     safe = lib.nearest_realisable(pi, THINNEST_AXIS)
     thin = lib.relative_eigenvalues(pi) < THINNEST_AXIS
     result = np.where(np.repeat(thin, pi.size // lib.n_joints), safe, pi)
@@ -145,8 +172,8 @@ def _thickened(lib: Library, pi: Array) -> tuple[Array, tuple[str, ...]]:
     names = ", ".join(np.array(lib.link_names)[thin])
     change = float(np.abs(result - pi).max())
     return result, (
-        f"the data press {names} onto the edge of consistency (a plate or a rod); the thin axes "
-        f"were kept at the smallest allowed size (largest change {change:.1e} kg·m²)",
+        f"the estimate of {names} lies on the boundary of consistency (a plate or a rod); the thin "
+        f"axes were kept at the smallest allowed size (largest change {change:.1e} kg·m²)",
     )
 
 

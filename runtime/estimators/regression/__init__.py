@@ -1,7 +1,8 @@
-"""Samples → all that least squares needs of them: a triangular factor.
+"""Regression: samples → a triangular factor, residuals, coloured noise, and the torque loss.
 
-‖R [β; φ] − r‖² + ρ = Σ s rᵀ W r with r = Y_b β + F φ − τ (Eqs. 3.11, 4.5). Orthogonal
-transformations take the rows in, never normal equations, so ill-conditioned data keep their digits.
+‖R [β; φ] − r‖² + ρ = Σ s rᵀ W r with r = Y_b β + F φ − τ (Eqs. 3.11, 4.5). The rows
+are reduced by orthogonal transformations, never by normal equations, so that ill-conditioned data
+keep their digits.
 """
 
 from runtime.estimators.regression.compression import (

@@ -1,4 +1,4 @@
-"""Samples → statistics, in one pass; Y_b is never stored."""
+"""Samples → statistics in one pass, block by block; Y_b is never stored."""
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,10 +13,10 @@ from runtime.library import Array, Library
 from runtime.parallel import cores
 
 TOGETHER = 16
-"""Factors of pieces that wait until they are joined."""
+"""Number of factors that are collected before they are joined."""
 BLOCK = 8192
-"""Samples per factor of its own: fixed, so that threads change nothing, and some milliseconds of
-work, next to which neither joining two factors nor handing one to a thread counts."""
+"""Samples per factor: fixed, so that the number of threads changes nothing, and some milliseconds
+of work, against which joining factors and starting threads are negligible."""
 
 
 def compress(
@@ -26,17 +26,20 @@ def compress(
     sample_weights: Array | None = None,
     threads: int | None = None,
 ) -> Statistics:
-    """Statistics of N samples; the result does not depend on `threads`, to the bit.
+    """Compress N samples; the result does not depend on `threads`, to the bit.
 
     Args:
-        lib: of the robot.
+        lib: library of the robot.
         samples: motion, torque and friction columns.
         weights: diagonal of W, (n,).
-        sample_weights: s, (N,), each sample's own weight; None for ones.
+        sample_weights: weight s of each sample, (N,); None for ones.
         threads: default is one per processor, as far as there are blocks for them.
 
+    Returns:
+        The statistics.
+
     Raises:
-        IdentificationError: weights that are none, or samples that are not finite.
+        IdentificationError: weights are negative or not finite, or samples are not finite.
     """
     weights = _weights("weights", weights, samples.equations)
     count = float(len(samples))
@@ -48,12 +51,14 @@ def compress(
 
     def block(start: int) -> Array:
         part = slice(start, start + BLOCK)
-        s, own = samples.rows(part), None if sample_weights is None else sample_weights[part]
-        # The C evaluates Y_b itself and knows columns of one joint each.
+        s = samples.rows(part)
+        counts = None if sample_weights is None else sample_weights[part]
+        # The C code evaluates Y_b itself and takes columns of one joint each.
         if compiled is None or s.coupling is not None or s.base is not None:
-            return reference_triangle(lib, s, weights, own)
-        return compiled.triangle(s.q, s.dq, s.ddq, s.tau, s.columns, weights, own)
+            return reference_triangle(lib, s, weights, counts)
+        return compiled.triangle(s.q, s.dq, s.ddq, s.tau, s.columns, weights, counts)
 
+    # One factor per block, on threads, then the factor of all factors.
     starts = range(0, max(len(samples), 1), BLOCK)
     workers = min(len(starts), threads or cores())
     if workers > 1:
@@ -71,25 +76,43 @@ def compress(
 
 
 def compress_all(lib: Library, pieces: Iterable[Samples], weights: Array) -> Statistics:
-    """Statistics of all pieces together, few of whose factors are held at a time.
+    """Compress many pieces into one, with a bounded number of factors in memory.
+
+    Args:
+        lib: library of the robot.
+        pieces: samples, piece by piece.
+        weights: diagonal of W, (n,).
+
+    Returns:
+        Statistics of all pieces together.
 
     Raises:
         IdentificationError: as `compress`, or there is no piece.
     """
-    held: list[Statistics] = []
+    factors: list[Statistics] = []
     for piece in pieces:
-        held.append(compress(lib, piece, weights))
-        if len(held) == TOGETHER:
-            held = [held[0].merged(*held[1:])]
-    if not held:
+        factors.append(compress(lib, piece, weights))
+        if len(factors) == TOGETHER:
+            factors = [factors[0].merged(*factors[1:])]
+    if not factors:
         raise IdentificationError("there are no samples to compress; use another --split")
-    return held[0].merged(*held[1:]) if len(held) > 1 else held[0]
+    return factors[0].merged(*factors[1:]) if len(factors) > 1 else factors[0]
 
 
 def reference_triangle(
     lib: Library, samples: Samples, weights: Array, sample_weights: Array | None
 ) -> Array:
-    """The triangle of samples by NumPy, from explicit rows [F Y_b τ]: the C is held against it."""
+    """Triangle of samples by NumPy, from explicit rows [F Y_b τ]; the reference of the C code.
+
+    Args:
+        lib: library of the robot.
+        samples: N samples.
+        weights: diagonal of W, (n,).
+        sample_weights: weight of each sample, (N,); None for ones.
+
+    Returns:
+        Upper triangle over [φ; β; τ], (p + 1, p + 1).
+    """
     rows = np.concatenate(
         [samples.friction_rows(), samples.base_rows(lib), samples.tau[:, :, None]], axis=2
     )
@@ -118,10 +141,11 @@ class CompressedObjective:
 
 
 def _weights(name: str, values: Array, size: int) -> Array:
+    """Weights (size,) as finite numbers that are at least 0."""
     weights = np.ascontiguousarray(values, dtype=float)
     if weights.shape != (size,) or not (np.isfinite(weights) & (weights >= 0)).all():
         raise IdentificationError(
             f"expected {name} of shape ({size},), finite and at least 0, got shape "
-            f"{weights.shape}; 1 counts every row alike"
+            f"{weights.shape}; use ones to weight all rows equally"
         )
     return weights

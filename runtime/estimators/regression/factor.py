@@ -1,4 +1,4 @@
-"""The triangular factor that stands for all samples, and what can be done with it.
+"""Triangular factor of all samples, with merging, forgetting and saving.
 
 Factors of several logs add up, and old samples can be forgotten (Golub & Van Loan, Sec. 6.5).
 """
@@ -15,20 +15,20 @@ from runtime.library import Array, Library
 from runtime.recording.formats.npz import open_npz
 
 EXPLAINED = 1e-9
-"""Part of a column of length one that others leave, below which they explain it."""
+"""Remainder of a column of length one below which other columns explain it."""
 _ARRAYS = ("factor", "target", "base_matrix")
 _NUMBERS = ("rest", "n_samples", "model_hash")
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """Compressed samples of one robot.
+    """Compressed samples of one robot: all that least squares needs of them.
 
     Attributes:
         factor: R over [β; φ], (p, p), p = n_b + n k; friction φ joint by joint. With the columns
             of φ first it is upper triangular with a diagonal ≥ 0.
         target: r, (p,).
-        rest: ρ, what no parameters explain.
+        rest: ρ, the part that no parameters explain.
         n_samples: N, or the sum of the sample weights.
         base_matrix: K in β = K π, (n_b, 10 n).
         model_hash: of the library.
@@ -43,34 +43,50 @@ class Statistics:
 
     @property
     def n_base(self) -> int:
-        """n_b; the columns behind it are those of φ."""
+        """Number n_b of base parameters; the columns after them are those of φ."""
         return len(self.base_matrix)
 
     def residual(self, pi: Array, phi: Array) -> Array:
-        """R [K π; φ] − r, (p,)."""
+        """Residual R [K π; φ] − r.
+
+        Args:
+            pi: π, (10 n,).
+            phi: φ, (n, k).
+
+        Returns:
+            Residual, (p,).
+        """
         return self.factor @ np.concatenate([self.base_matrix @ pi, phi.ravel()]) - self.target
 
     def value(self, pi: Array, phi: Array) -> float:
-        """L at π, φ."""
+        """Mean loss L = (‖R [K π; φ] − r‖² + ρ) / 2 N.
+
+        Args:
+            pi: π, (10 n,).
+            phi: φ, (n, k).
+
+        Returns:
+            L.
+        """
         residual = self.residual(pi, phi)
         return float((residual @ residual + self.rest) / (2 * self.n_samples))
 
     def over_pi(self) -> Array:
-        """R's columns over [π; φ], (p, 10 n + n k)."""
+        """Columns of R over [π; φ], (p, 10 n + n k)."""
         base = self.factor[:, : self.n_base]
         return np.hstack([base @ self.base_matrix, self.factor[:, self.n_base :]])
 
     def unit_columns(self) -> tuple[Array, Array]:
-        """R's columns over [β; φ], each of length one, and their lengths.
+        """Columns of R over [β; φ] at length one, (p, p), and their lengths, (p,).
 
-        A silent column stays zero and counts as of length one.
+        A zero column stays zero, with a length of one.
         """
         lengths = np.linalg.norm(self.factor, axis=0)
         lengths = np.where(lengths > 0, lengths, 1.0)
         return self.factor / lengths, lengths
 
     def explained(self) -> NDArray[np.bool_]:
-        """(n k,): the columns of φ that base parameters do as well, silent ones among them."""
+        """Columns of φ that base parameters explain, zero columns included, (n k,)."""
         matrix, _ = self.unit_columns()
         space, sizes, _ = np.linalg.svd(matrix[:, : self.n_base], full_matrices=False)
         space = space[:, sizes > EXPLAINED * sizes[0]]
@@ -79,15 +95,15 @@ class Statistics:
         return np.asarray(np.linalg.norm(rest, axis=0) <= EXPLAINED)
 
     def without(self, columns: NDArray[np.bool_]) -> "Statistics":
-        """With some columns of φ, (n k,), silenced."""
+        """Statistics with some columns of φ, (n k,), set to zero."""
         kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~columns])
         return replace(self, factor=np.where(kept, self.factor, 0.0))
 
     def merged(self, *others: "Statistics") -> "Statistics":
-        """Statistics of all samples together.
+        """Return the statistics of these and other samples together.
 
         Raises:
-            IdentificationError: of another robot, or with other friction columns.
+            IdentificationError: the others are of another robot, or have other friction columns.
         """
         for other in others:
             if other.model_hash != self.model_hash or other.factor.shape != self.factor.shape:
@@ -101,10 +117,10 @@ class Statistics:
         return from_triangle(triangle, count, self.base_matrix, self.model_hash)
 
     def scaled(self, forgetting: float) -> "Statistics":
-        """As if every sample so far had counted `forgetting` times, 0 < forgetting ≤ 1.
+        """Return statistics in which every sample counts `forgetting` times, 0 < forgetting ≤ 1.
 
         Raises:
-            IdentificationError: forgetting outside that range.
+            IdentificationError: forgetting is outside of that range.
         """
         if not 0.0 < forgetting <= 1.0:
             raise IdentificationError(
@@ -121,7 +137,7 @@ class Statistics:
         )
 
     def triangle(self) -> Array:
-        """The upper triangle over [φ; β; τ], (p + 1, p + 1)."""
+        """Upper triangle over [φ; β; τ], (p + 1, p + 1)."""
         size = len(self.target)
         whole = np.zeros((size + 1, size + 1))
         whole[:size, : size - self.n_base] = self.factor[:, self.n_base :]
@@ -142,25 +158,32 @@ class Statistics:
 
 
 def load_statistics(path: Path, lib: Library) -> Statistics:
-    """What `Statistics.save` wrote for this robot.
+    """Read a file that `Statistics.save` has written for this robot.
+
+    Args:
+        path: .npz file.
+        lib: library of the robot.
+
+    Returns:
+        The statistics.
 
     Raises:
-        IdentificationError: missing, damaged, or of another robot.
+        IdentificationError: the file is missing, damaged, or of another robot.
     """
     try:
         file = open_npz(require_file(Path(path)).read_bytes(), Path(path).name)
         arrays = {key: np.array(file[key], dtype=float) for key in _ARRAYS}
         rest, count = float(file["rest"]), float(file["n_samples"])
-        found = str(file["model_hash"])
+        model_hash = str(file["model_hash"])
     except FileNotFoundError:
         raise IdentificationError(f"there are no statistics at '{path}'; save some first") from None
     except (OSError, RecordingError, ValueError, KeyError, TypeError):
         raise IdentificationError(
             f"'{path}' is damaged or holds no statistics; compress the recording again"
         ) from None
-    if found != lib.manifest.model_hash:
+    if model_hash != lib.manifest.model_hash:
         raise IdentificationError(
-            f"the statistics '{path}' belong to the model {found[:12]}, the library "
+            f"the statistics '{path}' belong to the model {model_hash[:12]}, the library "
             f"'{lib.name}' is {lib.manifest.model_hash[:12]}; compress the recording again"
         )
     size = arrays["target"].size
@@ -172,11 +195,11 @@ def load_statistics(path: Path, lib: Library) -> Statistics:
         raise IdentificationError(
             f"'{path}' is damaged (its arrays do not fit together); compress the recording again"
         )
-    return Statistics(**arrays, rest=rest, n_samples=count, model_hash=found)
+    return Statistics(**arrays, rest=rest, n_samples=count, model_hash=model_hash)
 
 
 def joined(parts: Array) -> Array:
-    """The triangle (p, p) of stacked rows (count, rows, p), its diagonal ≥ 0, by NumPy."""
+    """Triangle (p, p) with a diagonal ≥ 0 of stacked rows (count, rows, p), by NumPy."""
     width = parts.shape[2]
     square = np.zeros((width, width))
     rows = parts.reshape(-1, width)
@@ -188,7 +211,17 @@ def joined(parts: Array) -> Array:
 
 
 def from_triangle(triangle: Array, count: float, base: Array, model_hash: str) -> Statistics:
-    """Statistics of `count` samples from the triangle over [φ; β; τ]."""
+    """Return the statistics of a triangle over [φ; β; τ].
+
+    Args:
+        triangle: (p + 1, p + 1), upper.
+        count: number of samples, or the sum of their weights.
+        base: K in β = K π, (n_b, 10 n).
+        model_hash: of the library.
+
+    Returns:
+        Statistics with the columns of β first.
+    """
     size, n_base = len(triangle) - 1, len(base)
     columns = np.roll(np.arange(size), n_base)  # [β; φ] from [φ; β]
     return Statistics(

@@ -1,9 +1,4 @@
-"""Recording + library → the weighted torque loss and its gradient.
-
-L(λ, φ) = (1/N) Σ ½ rᵀ W r,  r = Y π(λ) + F φ − τ (Eqs. 4.5, 4.6), with friction F φ as an option.
-The unknowns are x = [λ, ψ]: φ = ψ · unit, where one unit of ψ moves the torque of its joint by as
-much as a relative change of one in λ does, so that one step size serves both.
-"""
+"""Prepared recording → samples: motion, torque and friction columns of an identification."""
 
 from dataclasses import dataclass, field
 
@@ -20,7 +15,7 @@ THESIS_SIGMA = 0.5
 
 
 def thesis_weights(tau: Array) -> Array:
-    """w_k ∝ 1/(τ_rms,k² + σ²) with mean 1, from the training torque (Eq. 4.8)."""
+    """Weights w_k ∝ 1/(τ_rms,k² + σ²) with mean 1, (n,), from the torque (N, n) (Eq. 4.8)."""
     raw = 1.0 / (np.mean(tau**2, axis=0) + THESIS_SIGMA**2)
     return raw / raw.mean()
 
@@ -30,10 +25,12 @@ class Samples:
     """Complete motion and torque of a recording, with its friction columns (N, n, k).
 
     Attributes:
-        acceleration: ddq; None where `base` stands for it.
-        tau: (N, m): of the joints, or their power where m = 1 and `base` is that of energy.
-        coupling: says which columns are of motors that drive several joints.
-        base: Y_b of every sample, (N, m, n_b), where it is no function of q, dq and ddq.
+        q, dq: joint positions and velocities, (N, n) [rad, m and their derivatives].
+        acceleration: ddq, (N, n); None for rows without accelerations, which have `base`.
+        tau: torque (N, n) [N·m, N], or the power (N, 1) [W] where `base` is that of energy.
+        columns: friction columns, (N, n, k).
+        coupling: motors that drive several joints, where columns belong to such.
+        base: Y_b of every sample, (N, m, n_b), where it is not a function of q, dq and ddq.
     """
 
     q: Array
@@ -52,22 +49,22 @@ class Samples:
         """Accelerations (N, n).
 
         Raises:
-            NeedsError: the rows were made without them.
+            NeedsError: the rows have been prepared without them.
         """
         if self.acceleration is None:
             raise NeedsError(
-                "this needs accelerations, but the rows were made without them; use the regressor "
+                "expected accelerations, got rows prepared without; use the regressor "
                 "'acceleration', or a method that works on compressed statistics, such as map"
             )
         return self.acceleration
 
     @property
     def equations(self) -> int:
-        """Per sample: m."""
+        """Number m of equations per sample."""
         return int(self.tau.shape[1])
 
     def rows(self, taken: slice | NDArray[np.int64]) -> "Samples":
-        """Some of the samples, contiguous."""
+        """Return some of the samples, contiguous."""
 
         def part(values: Array) -> Array:
             return np.ascontiguousarray(values[taken], dtype=float)
@@ -83,28 +80,44 @@ class Samples:
         )
 
     def rigid(self, lib: Library, pi: Array) -> Array:
-        """Y π, (N, m)."""
+        """Rigid-body torque Y π.
+
+        Args:
+            lib: library of the robot.
+            pi: π, (10 n,).
+
+        Returns:
+            Y π, (N, m).
+        """
         if self.base is not None:
             return np.asarray(self.base @ (lib.base_matrix @ pi))
         return lib.inverse_dynamics(self.q, self.dq, self.ddq, pi)
 
     def base_rigid(self, lib: Library, beta: Array) -> Array:
-        """Y_b β, (N, m)."""
+        """Rigid-body torque Y_b β.
+
+        Args:
+            lib: library of the robot.
+            beta: β, (n_b,).
+
+        Returns:
+            Y_b β, (N, m).
+        """
         if self.base is not None:
             return np.asarray(self.base @ beta)
         return lib.base_inverse_dynamics(self.q, self.dq, self.ddq, beta)
 
     def base_rows(self, lib: Library) -> Array:
-        """Y_b, (N, m, n_b)."""
+        """Regressor Y_b of the base parameters, (N, m, n_b)."""
         return lib.base_regressor(self.q, self.dq, self.ddq) if self.base is None else self.base
 
     def friction(self, phi: Array) -> Array:
-        """F φ, (N, m)."""
-        own = friction.torque(self.columns, phi, self.coupling)
-        return own.sum(axis=1, keepdims=True) if self._is_power else own
+        """Friction torque F φ, (N, m), from φ (n, k)."""
+        torque = friction.torque(self.columns, phi, self.coupling)
+        return torque.sum(axis=1, keepdims=True) if self._is_power else torque
 
     def friction_rows(self) -> Array:
-        """F as rows over [φ], (N, m, n k)."""
+        """Friction columns as rows F over [φ], (N, m, n k)."""
         rows = friction.spread(self.columns, self.coupling)
         return rows.sum(axis=1, keepdims=True) if self._is_power else rows
 
@@ -114,10 +127,17 @@ class Samples:
 
 
 def samples_of(recording: Recording, lib: Library) -> Samples:
-    """Check that a recording is complete, finite and of this robot.
+    """Return the samples of a recording that is complete, finite and of this robot.
+
+    Args:
+        recording: prepared recording.
+        lib: library of the robot.
+
+    Returns:
+        N samples of m equations each.
 
     Raises:
-        IdentificationError: something is missing, and the message says what to do.
+        IdentificationError: something is missing, or the number of joints differs.
     """
     n = lib.n_joints
     data = prepared_of(recording)

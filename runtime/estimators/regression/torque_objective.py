@@ -1,4 +1,4 @@
-"""The weighted torque loss over samples and its gradient.
+"""Weighted torque loss over samples, and its gradient.
 
 L(λ, φ) = (1/N) Σ ½ rᵀ W r,  r = Y π(λ) + F φ − τ (Eqs. 4.5, 4.6), with friction F φ as an option.
 The unknowns are x = [λ, ψ]: φ = ψ · unit, where one unit of ψ moves the torque of its joint by as
@@ -14,7 +14,7 @@ from runtime.recording import friction
 
 
 class TorqueObjective:
-    """L(x) and ∇L(x) on given samples, whole or on a mini-batch of rows."""
+    """L(x) and ∇L(x) over all samples or over a mini-batch."""
 
     def __init__(
         self, lib: Library, samples: Samples, weights: Array, unit: Array | None = None
@@ -25,17 +25,33 @@ class TorqueObjective:
         self.unit = friction_unit(samples) if unit is None else unit
 
     def split(self, x: Array) -> tuple[Array, Array]:
-        """λ and φ (n, k) of x."""
+        """λ (10 n,) and φ (n, k) of x."""
         return x[: self.n_lam], x[self.n_lam :].reshape(self.shape) * self.unit
 
     def join(self, lam: Array, phi: Array) -> Array:
-        """The unknowns x of λ and φ."""
+        """Unknowns x of λ and φ.
+
+        Args:
+            lam: λ, (10 n,), or log-Cholesky coordinates.
+            phi: φ, (n, k).
+
+        Returns:
+            x = [λ, ψ], (10 n + n k,).
+        """
         return np.concatenate([lam, (phi / self.unit).ravel()])
 
     def value_gradient(
         self, x: Array, rows: NDArray[np.int64] | None = None
     ) -> tuple[float, Array]:
-        """L and ∇L over the given rows, all rows by default."""
+        """Loss and gradient.
+
+        Args:
+            x: unknowns [λ, ψ], (10 n + n k,).
+            rows: indices of a mini-batch; default is all samples.
+
+        Returns:
+            L, and ∇L of the shape of x.
+        """
         lam, phi = self.split(x)
         s, lib = self.samples, self.lib
         take = slice(None) if rows is None else rows
@@ -48,7 +64,7 @@ class TorqueObjective:
         return loss / len(q), np.concatenate([n_lam, n_phi.ravel()]) / len(q)
 
     def value(self, x: Array) -> float:
-        """L over all rows."""
+        """Loss L at x over all samples."""
         lam, phi = self.split(x)
         s = self.samples
         residual = s.rigid(self.lib, self.lib.pi_from_lam(lam)) - s.tau
@@ -65,7 +81,7 @@ def _slope(columns: Array, weighted: Array, coupling: friction.Coupling | None) 
 
 
 def friction_unit(samples: Samples) -> Array:
-    """(n, k): RMS torque of the joint over RMS of the column; 1 for a silent column."""
+    """Units of φ, (n, k): RMS torque of the joint over RMS of the column, 1 for a zero column."""
     torque = np.sqrt(np.mean(samples.tau**2, axis=0) + THESIS_SIGMA**2)
     rms = np.sqrt(np.mean(samples.columns**2, axis=0))
     return torque[:, None] / np.where(rms > 0, rms, 1.0)

@@ -143,7 +143,7 @@ def test_instruments_remove_the_bias_of_noisy_positions(noisy_q: SimulatedCase) 
 def test_instruments_say_when_they_fail(good_q: SimulatedCase) -> None:
     """Property: differentiated twice without a filter, the motion says nothing, and IV says so."""
     found = good_q.identify("iv", cutoff=None)
-    assert found.status.startswith("not converged, the answer of wls is kept: noise")
+    assert found.status.startswith("not converged, the result of wls is kept: noise")
     assert np.array_equal(found.pi, good_q.identify("wls", cutoff=None).pi)
 
 
@@ -194,7 +194,7 @@ def test_a_first_guess_that_cannot_move_is_told(good_q: SimulatedCase) -> None:
     with pytest.raises(SimulationError, match="the motion diverged"):
         good_q.identify("didim", controller=wild)
     found = good_q.identify("iv", controller=wild)
-    assert "the answer of wls is kept: the simulated robot stopped" in found.status
+    assert "the result of wls is kept: the simulated robot stopped" in found.status
 
 
 def test_joints_that_stand_still_are_told(lib: Library, clean: Recording) -> None:

@@ -255,7 +255,7 @@ def test_further_priors_hold(lib, noisy, tmp_path):
         ("[link.fr3_link1]\ncom_hull = [[0,0,0],[1,0,0],[0,1,0],[1,1,0]]", "not in one plane"),
         ("[link.fr3_link1]\nsymmetry = ['ab']", "a list of xy, xz, yz"),
         ("trust = 'blind'", "trust = cad, gripper, none or a number above 0"),
-        ("total_mass = ", "is no TOML"),
+        ("total_mass = ", "is not TOML"),
     ],
 )
 def test_priors_that_make_no_sense(lib, noisy, tmp_path, text, match):

@@ -7,7 +7,7 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
     result = runtime.identify(recording, lib)
 """
 
-from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.adam import Preset
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS
 from runtime.identification.identified import Identification

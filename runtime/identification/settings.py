@@ -11,7 +11,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from runtime.errors import IdentificationError
-from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import PriorFile
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.simulation.controller_file import ClosedLoop

@@ -14,7 +14,7 @@ import runtime
 from bench import numpy_identify
 from bench.compiled import BenchError
 from runtime.errors import RuntimeFault
-from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.adam import Preset
 from runtime.estimators.optimizers import AdamOptions, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import compress
@@ -144,7 +144,7 @@ def _adam(s: Setting, batch: int | None, short: int, long: int) -> Callable[[], 
 
 def levenberg(s: Setting) -> Callable[[], float]:
     """`Library.levenberg`, per step."""
-    from runtime.estimators.descent.drivers import least_squares
+    from runtime.estimators.descent.descent import least_squares
     from runtime.estimators.descent.fit import start_of
     from runtime.estimators.optimizers import LevenbergOptions
 

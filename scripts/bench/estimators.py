@@ -13,7 +13,7 @@ from bench.doors import Setting, repeated
 from runtime.estimators.convex import CAD, Reduced, convex_problem, prior_of, reduce, solve
 from runtime.estimators.convex.compiled import follow_compiled
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.descent.drivers import least_squares
+from runtime.estimators.descent.descent import least_squares
 from runtime.estimators.descent.fit import start_of
 from runtime.estimators.optimizers import LevenbergOptions
 from runtime.estimators.problem import Problem

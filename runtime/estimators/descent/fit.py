@@ -7,15 +7,9 @@ from functools import partial
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.descent.drivers import (
-    Descent,
-    Preset,
-    Watch,
-    descend,
-    descend_many,
-    descent_of,
-    levenberg_descend,
-)
+from runtime.estimators.descent.adam import Preset, Watch, descend, descend_many
+from runtime.estimators.descent.descent import Descent, descent_of
+from runtime.estimators.descent.levenberg_marquardt import levenberg_descend
 from runtime.estimators.method import Method
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Outcome, StoppingRule
 from runtime.estimators.problem import Fit, Problem, best_friction

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.adam import Preset
 from runtime.estimators.descent.fit import fit_of, start_of
 from runtime.estimators.optimizers import Adam, descend_validated
 from runtime.estimators.problem import Fit, Problem

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 from runtime.estimators.classical.pc_ols import fit_pc_ols
 from runtime.estimators.convex.map_estimate import fit_map
-from runtime.estimators.descent.drivers import Preset, Watch
+from runtime.estimators.descent.adam import Preset, Watch
 from runtime.estimators.descent.fit import PRESETS, fit_levenberg
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights

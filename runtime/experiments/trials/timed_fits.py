@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from runtime.estimators.descent.drivers import Preset, Watch
+from runtime.estimators.descent.adam import Preset, Watch
 from runtime.estimators.descent.fit import fit_many
 from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem

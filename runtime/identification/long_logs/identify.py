@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.descent.drivers import Preset
+from runtime.estimators.descent.adam import Preset
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.residuals import residuals

@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 
 from runtime.errors import LibraryError
-from runtime.estimators.descent.drivers import (
-    Descent,
+from runtime.estimators.descent.adam import (
     Preset,
     Watch,
     descend,
     descend_by_steps,
     descend_many,
-    descent_of,
-    levenberg_by_steps,
-    levenberg_descend,
 )
+from runtime.estimators.descent.descent import Descent, descent_of
 from runtime.estimators.descent.fit import fit_adam, fit_many
+from runtime.estimators.descent.levenberg_marquardt import levenberg_by_steps, levenberg_descend
 from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Status, StoppingRule
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import Samples, thesis_weights
@@ -91,7 +89,7 @@ def test_pieces_make_the_whole(fr3, monkeypatch):
     """Property: cutting a run into pieces changes nothing, to the bit."""
     preset = Preset(AdamOptions(1e-3), StoppingRule(200, NEVER), 32)
     whole = both(problem(fr3), preset)[0]
-    monkeypatch.setattr("runtime.estimators.descent.drivers.CHUNK", 7)
+    monkeypatch.setattr("runtime.estimators.descent.adam.CHUNK", 7)
     pieces = both(problem(fr3), preset)[0]
     np.testing.assert_array_equal(whole.x, pieces.x)
     assert whole.trace == pieces.trace
@@ -119,7 +117,7 @@ def test_a_watch_sees_the_iterates_and_changes_nothing(fr3):
 
 def test_interruption_keeps_the_best(fr3, monkeypatch):
     """Property: Ctrl-C between two pieces returns what was reached."""
-    monkeypatch.setattr("runtime.estimators.descent.drivers.CHUNK", 50)
+    monkeypatch.setattr("runtime.estimators.descent.adam.CHUNK", 50)
 
     def stop(iteration: int, _: float) -> None:
         if iteration >= 100:

@@ -1,9 +1,8 @@
-"""Descents in λ by compiled loops, or step by step in NumPy as their reference.
+"""Adam descents in λ: the compiled loop, or NumPy steps as its reference.
 
-All minimise L(x), x = [λ, ψ]. Adam goes over mini-batches or compressed statistics, validates on
-validation samples and keeps the best point; Levenberg–Marquardt goes down to the minimum of the
-training loss. The compiled loops are the default where the library has them. Many problems are one
-call.
+Both minimise L(x), x = [λ, ψ], over mini-batches or compressed statistics, validate on validation
+samples and keep the best point. The compiled loop is the default where the library has one. Many
+problems are one call.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,35 +10,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from runtime.estimators.descent.descent import STATUS, Descent, least_squares
 from runtime.estimators.optimizers import (
     Adam,
     AdamOptions,
-    LevenbergMarquardt,
-    LevenbergOptions,
     Outcome,
     Status,
     StoppingRule,
     Trace,
-    descend_traced,
     descend_validated,
-    trace_of,
 )
-from runtime.estimators.problem import Problem
-from runtime.estimators.regression import CompressedObjective, Statistics
+from runtime.estimators.regression import CompressedObjective
 from runtime.estimators.regression.torque_objective import TorqueObjective
-from runtime.library import AdamProblem, Array, CompiledAdam, LeastSquares
-from runtime.library.compiled_descent import CONVERGED, DIVERGED, PATIENCE, STALLED
+from runtime.library import AdamProblem, Array, CompiledAdam
 
 CHUNK = 500
 """Iterations between two reports of progress and checks for Ctrl-C."""
-
-_STATUS = {
-    0: Status.MAX_ITERATIONS,
-    PATIENCE: Status.PATIENCE,
-    DIVERGED: Status.DIVERGED,
-    CONVERGED: Status.CONVERGED,
-    STALLED: Status.STALLED,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,49 +55,6 @@ class Watch:
 
     every: int
     seen: Callable[[int, list[Array]], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Descent:
-    """Problem with its objective, its compressed training and validation samples, and a start.
-
-    x0 = [λ, ψ], or [θ, ψ] with log-Cholesky coordinates θ where `cholesky` is set.
-    """
-
-    problem: Problem
-    objective: TorqueObjective
-    statistics: Statistics
-    validation: Statistics
-    x0: Array
-    cholesky: bool = False
-
-    def bodies(self, x: Array) -> Array:
-        """π (10 n,) at x."""
-        lib, bodies = self.problem.lib, x[: self.objective.n_lam]
-        return lib.pi_from_cholesky(bodies) if self.cholesky else lib.pi_from_lam(bodies)
-
-    def validation_loss(self, x: Array) -> float:
-        """Loss of the validation samples at x."""
-        return self.validation.value(self.bodies(x), self.objective.split(x)[1])
-
-
-def descent_of(
-    problem: Problem, objective: TorqueObjective, x0: Array, cholesky: bool = False
-) -> Descent:
-    """Descent from x0 with the compressed samples that it needs.
-
-    Args:
-        problem: samples, weights and first guess.
-        objective: torque loss over the training samples.
-        x0: first point, (10 n + n k,).
-        cholesky: whether x0 begins with log-Cholesky coordinates.
-
-    Returns:
-        The descent.
-    """
-    return Descent(
-        problem, objective, problem.statistics(), problem.validation_statistics(), x0, cholesky
-    )
 
 
 def descend(descent: Descent, preset: Preset) -> Outcome:
@@ -214,98 +157,6 @@ def descend_by_steps(descent: Descent, preset: Preset) -> Outcome:
     return descend_validated(adam, descent.x0, validated.value, preset.rule, problem.progress)
 
 
-def levenberg_descend(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Descend by Levenberg–Marquardt, in the compiled loop if there is one, else by the reference.
-
-    Args:
-        descent: problem and start.
-        options: damping and tolerances.
-
-    Returns:
-        The last point.
-    """
-    if not descent.problem.lib.descends:
-        return levenberg_by_steps(descent, options)
-    problem, objective = descent.problem, descent.objective
-    settings = {
-        "first_damping": options.first_damping,
-        "step_tolerance": options.step_tolerance,
-        "decrease_tolerance": options.decrease_tolerance,
-    }
-    squares = least_squares(descent.statistics, objective.unit)
-    jobs = problem.lib.levenberg(
-        [descent.x0], [squares], settings, options.max_iterations, descent.cholesky
-    )
-    job, trace, interrupted = jobs[0], list[tuple[int, float, float]](), False
-    try:
-        while job.finished == 0 and job.step < options.max_iterations:
-            accepted = job.traced
-            jobs.run(1)
-            if job.traced > accepted:
-                trace.append((job.step, job.loss, descent.validation_loss(jobs.x(0))))
-            if problem.progress is not None:
-                problem.progress(job.step, job.loss)
-    except KeyboardInterrupt:
-        interrupted = True
-    x = jobs.x(0)
-    status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
-    validated = descent.validation_loss(x) if np.isfinite(job.loss) else np.inf
-    return Outcome(x, validated, job.step, status, trace_of(trace))
-
-
-def levenberg_by_steps(descent: Descent, options: LevenbergOptions) -> Outcome:
-    """Descend by the reference of Levenberg–Marquardt, one NumPy step at a time.
-
-    Args:
-        descent: problem and start.
-        options: damping and tolerances.
-
-    Returns:
-        The last point.
-    """
-    problem, objective = descent.problem, descent.objective
-    lib, squares = problem.lib, least_squares(descent.statistics, objective.unit)
-    size = problem.start.size
-
-    def residual_jacobian(x: Array) -> tuple[Array, Array]:
-        # r = R y − r₀ with y = [K π(x); ψ], and J = R [K ∂π/∂x, 1] link by link.
-        y = np.concatenate([lib.base_matrix @ descent.bodies(x), x[size:]])
-        jacobian_of = lib.cholesky_jacobian if descent.cholesky else lib.pi_jacobian
-        blocks = jacobian_of(x[:size])
-        links, width = blocks.shape[:2]
-        by_pi = lib.base_matrix.reshape(-1, links, width)
-        by_lam = np.einsum("bki,kij->bkj", by_pi, blocks).reshape(len(by_pi), size)
-        base = len(by_lam)
-        jacobian = np.hstack([squares.factor[:, :base] @ by_lam, squares.factor[:, base:]])
-        return squares.factor @ y - squares.target, jacobian
-
-    optimiser = LevenbergMarquardt(residual_jacobian, options, squares.rest, squares.scale)
-    return descend_traced(
-        optimiser, descent.x0, descent.validation_loss, options.max_iterations, problem.progress
-    )
-
-
-def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:
-    """Mean loss in y = [β; ψ] with a triangular factor.
-
-    Args:
-        statistics: compressed samples.
-        unit: φ = ψ · unit, (n, k).
-
-    Returns:
-        Factor, target, ρ and scale in y.
-    """
-    scale = 1 / (2 * statistics.n_samples)
-    if not unit.size:  # the factor over β alone is triangular already
-        return LeastSquares(statistics.factor, statistics.target, statistics.rest, scale)
-    columns = statistics.factor.copy()
-    columns[:, statistics.n_base :] *= unit.ravel()
-    width = len(statistics.target)
-    rows = np.column_stack([columns, statistics.target])
-    triangle = np.asarray(np.linalg.qr(rows, mode="r"))
-    return LeastSquares(triangle[:, :width], triangle[:, width], statistics.rest, scale)
-
-
 def _adam_problem(descent: Descent, batch: int | None) -> AdamProblem:
     problem, unit = descent.problem, descent.objective.unit
     samples = None
@@ -328,7 +179,7 @@ def _ended(jobs: CompiledAdam) -> bool:
 
 def _adam_outcome(jobs: CompiledAdam, k: int, rule: StoppingRule, interrupted: bool) -> Outcome:
     job = jobs[k]
-    status = Status.INTERRUPTED if interrupted else _STATUS[job.finished]
+    status = Status.INTERRUPTED if interrupted else STATUS[job.finished]
     validated = np.arange(1, job.traced + 1) * rule.validate_every
     trace = Trace(
         tuple(validated.tolist()),

@@ -1,6 +1,6 @@
-"""The log doctor: what is wrong with a log, and the recipe that would read it right.
+"""Inspection of logs: checks with findings, and a recipe that reads the log correctly.
 
-Nothing is ever changed: every finding says what was seen and what to write. The traps, by number:
+No file is changed: every finding states what was measured and what to write. The traps, by number:
 
     1 tool or hand that the model lacks or has too much      8 rounding of the model file (symgen)
     2 clock: repeats, ticks, jitter, holes, units, delay     9 corrupt rows, order of columns
@@ -10,7 +10,7 @@ Nothing is ever changed: every finding says what was seen and what to write. The
     6 gears that couple joints                              13 joints that carry little torque
     7 friction at rest
 
-Rounding, and what a model file carries, is told by `python -m symgen inspect`.
+Rounding and other faults of a model file are reported by `python -m symgen inspect`.
 """
 
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding

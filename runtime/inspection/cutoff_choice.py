@@ -1,18 +1,22 @@
-"""Which cut-off do the data carry? Candidates judged by what they predict of the unfiltered torque.
+"""Choice of the cut-off by cross-validation: candidates predict the unfiltered torque.
 
-Each candidate f_c is fitted (base parameters and friction) on the filtered rows of all blocks but
-one, and that estimate predicts the torque of the one as it was logged:
+Each candidate f_c is fitted (base parameters and friction) to the filtered rows of all blocks but
+one. The estimate predicts the logged torque of the block that is left out:
 
     score_b = mean over rows and joints of w_j (τ_j − [Y(q_p, dq_p, ddq_p) β(f_c) + F_p φ(f_c)]_j)²
 
-The motion of the prediction, p, is the same for all: the candidate whose own estimate predicts
-best with its own motion. A motion of a wider band repeats more of an unfiltered torque with the
-very same parameters; were each judged by its own, the widest would win wherever positions are good,
-and what is looked for is the best β. So too low a cut-off is found out, which has not seen the
-torque, and too high a one, whose noise in Y has bent β. Blocks are paired, which cancels the noise
-of τ. What the best saves by less than half a percent is worth nothing; of those candidates the one
-is taken whose rows are whitest, N_eff / N at `ROWS_PER_CUTOFF` f_c, N_eff by `coloured_noise`:
-the covariances of its fit promise least too much.
+The motion p of the prediction is the same for all candidates: that of the candidate which predicts
+best with its motion. A motion of wider band reproduces more of an unfiltered torque with the same
+parameters. With a motion per candidate the widest band would win wherever positions are precise,
+but the aim is the best β. This score rejects too low a cut-off, whose rows lack part of the torque,
+and too high a one, whose noise in Y biases β. The blocks are the same for all candidates, so that
+the noise of τ cancels in differences.
+
+Candidates within `LEAST_GAIN` of the best score count as equal. Of these the one with the largest
+N_eff / N at `ROWS_PER_CUTOFF` f_c is chosen (N_eff by `coloured_noise`): the covariances of its fit
+are the least optimistic.
+
+This module and `cross_validation` are all of `--cutoff auto`.
 """
 
 from dataclasses import dataclass, replace
@@ -23,35 +27,37 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.inspection.friction_choice import BLOCKS, LEAST_GAIN, solved
+from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.preprocessing import prepare
 
 CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
-"""Hz; those below 0.4 of the rate are tried."""
+"""Cut-offs that are tried where the rate allows it, Hz."""
 BELOW_RATE = 0.4
+"""Largest cut-off over the rate."""
 ROWS_PER_CUTOFF = 10.0
-"""Rate of the rows to keep over the cut-off."""
+"""Rate of the rows that are kept, over the cut-off."""
 FEWEST = 100
-"""Rows of a block that are kept all the same."""
+"""Least number of rows of a block."""
 EDGE = 0.05
-"""Part of the duration that the trimming of both ends may take."""
+"""Largest share of the duration that is trimmed from both ends."""
 _PASSES = 2
+"""Passes in which the weights of the joints follow their residuals."""
 
 
 @dataclass(frozen=True, slots=True)
 class CutoffCandidate:
-    """One cut-off and how it did.
+    """One cut-off with its score.
 
     Attributes:
         cutoff_hz: f_c.
         derivative: "measured", or "position" where dq was derived from q.
         score: cross-validated mean square error over the smallest of all candidates, per joint.
-        excess: score minus the best.
-        excess_error: standard error of that, from the differences of the blocks.
-        white: independent rows over rows, by the colour of the residuals.
+        excess: score minus the best score.
+        excess_error: standard error of `excess`, from the differences of the blocks.
+        white: N_eff / N of the residuals.
     """
 
     cutoff_hz: float
@@ -68,9 +74,9 @@ class CutoffChoice:
 
     Attributes:
         candidates: all that were tried.
-        chosen: one of them.
-        preparation: with its filter, its derivative and trimmed edges.
-        sentence: what was chosen and why, with the table of scores.
+        chosen: the candidate that is taken.
+        preparation: the recipe's with this filter, its derivative and trimmed edges.
+        sentence: the choice and its reason, with all scores.
     """
 
     candidates: tuple[CutoffCandidate, ...]
@@ -87,17 +93,20 @@ def choose_cutoff(
     splitting: Split | None = None,
     friction: Friction | None = None,
 ) -> CutoffChoice:
-    """Try the cut-offs on the training and validation parts of a recording.
+    """Choose a cut-off on the training and validation parts of a recording.
 
-    Measured velocities are kept, unless velocities from q predict better beyond chance. Edges
-    that no preparation trims are cut by 1 / f_c.
+    Measured velocities are kept unless velocities from q predict clearly better. Where the
+    preparation trims no edges, 1 / f_c is trimmed from both.
 
     Args:
         recording: as read.
-        lib: of the robot.
-        preparation: everything but the cut-off; default is the recipe's.
-        splitting: default is the recipe's, else the first 60 %.
-        friction: columns of the fit; default is the recipe's, else viscous, coulomb and offset.
+        lib: library of the robot.
+        preparation: everything but the cut-off; None is the recipe's.
+        splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
+        friction: columns of the fit; None is the recipe's, else viscous, coulomb and offset.
+
+    Returns:
+        The candidates, the chosen one and the preparation with it.
 
     Raises:
         IdentificationError: too few samples for five blocks, or a rate that leaves no candidate.
@@ -106,13 +115,13 @@ def choose_cutoff(
     base = preparation or recording.preparation
     parts = splitting or (recipe.split if recipe else None) or Split()
     terms = friction or (recipe.friction if recipe else None) or Friction()
-    bench = _Bench(recording.replace(columns=None, column_names=()), lib, base, parts, terms)
-    fits = {(f_c, base.derivative): bench.fitted(f_c, base.derivative) for f_c in bench.cutoffs}
+    trials = _Trials(recording.replace(columns=None, column_names=()), lib, base, parts, terms)
+    fits = {(f_c, base.derivative): trials.fitted(f_c, base.derivative) for f_c in trials.cutoffs}
     if base.derivative == "measured" and recording.dq is not None:
-        f_c, _ = _best({key: fit.own for key, fit in fits.items()})
-        fits[f_c, "position"] = bench.fitted(f_c, "position")
-    motion = _best({key: fit.own for key, fit in fits.items()})
-    errors = bench.errors(*motion, {key: fit.held for key, fit in fits.items()})
+        f_c, _ = _best({key: fit.errors for key, fit in fits.items()})
+        fits[f_c, "position"] = trials.fitted(f_c, "position")
+    motion = _best({key: fit.errors for key, fit in fits.items()})
+    errors = trials.errors(*motion, {key: fit.left_out for key, fit in fits.items()})
     return _chosen(errors, {key: fit.white for key, fit in fits.items()}, base)
 
 
@@ -121,25 +130,28 @@ _Key = tuple[float, str]
 
 
 def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparation) -> CutoffChoice:
+    """The choice from the errors per block and joint of every candidate."""
     scores = _scored(errors)
     best = _best(errors)
-    found = []
+    candidates = []
     for key, blocks in scores.items():
         gap = blocks - scores[best]
         error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
-        found.append(
+        candidates.append(
             CutoffCandidate(*key, float(blocks.mean()), float(gap.mean()), error, white[key])
         )
-    alike = [c for c in found if c.excess <= LEAST_GAIN * scores[best].mean()]
+    alike = [c for c in candidates if c.excess <= LEAST_GAIN * scores[best].mean()]
     measured = [c for c in alike if c.derivative == base.derivative]
     chosen = max(measured or alike, key=lambda c: c.white)
-    other = {c.derivative: " (velocity from q)" * (c.derivative != base.derivative) for c in found}
-    told = ", ".join(f"{c.cutoff_hz:g} Hz{other[c.derivative]} {c.score:.3f}" for c in found)
-    aside = " Velocities from q predict better than the measured ones, which are set aside."
+    other = {
+        c.derivative: " (velocity from q)" * (c.derivative != base.derivative) for c in candidates
+    }
+    listed = ", ".join(f"{c.cutoff_hz:g} Hz{other[c.derivative]} {c.score:.3f}" for c in candidates)
+    aside = " Velocities from q predict better than the measured ones, which are not used."
     sentence = (
-        f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {BLOCKS} blocks, the "
-        f"whitest rows ({100 * chosen.white:.0f} % of them independent) of those whose parameters "
-        f"predict the unfiltered torque as well as the best; scores: {told}."
+        f"cut-off {chosen.cutoff_hz:g} Hz chosen by cross-validation on {BLOCKS} blocks: of the "
+        "candidates that predict the unfiltered torque as well as the best one, it has the largest "
+        f"share of independent rows ({100 * chosen.white:.0f} %); scores: {listed}."
         f"{aside * (chosen.derivative != base.derivative)}"
     )
     ready = replace(
@@ -149,16 +161,17 @@ def _chosen(errors: dict[_Key, Array], white: dict[_Key, float], base: Preparati
         derivative=chosen.derivative,
         trim_s=base.trim_s or 1.0 / chosen.cutoff_hz,
     )
-    return CutoffChoice(tuple(found), chosen, ready, sentence)
+    return CutoffChoice(tuple(candidates), chosen, ready, sentence)
 
 
 def _best(errors: dict[_Key, Array]) -> _Key:
+    """The candidate with the smallest mean score."""
     scores = _scored(errors)
     return min(scores, key=lambda key: float(scores[key].mean()))
 
 
 def _scored(errors: dict[_Key, Array]) -> dict[_Key, Array]:
-    """Score per block, in units of the smallest error of each joint."""
+    """Score per block: mean over the joints of the error over the least error of that joint."""
     least = np.min([each.mean(axis=0) for each in errors.values()], axis=0)
     unit = np.maximum(least, 1e-12 * least.max() + 1e-300)
     return {key: np.asarray((each / unit).mean(axis=1)) for key, each in errors.items()}
@@ -166,15 +179,21 @@ def _scored(errors: dict[_Key, Array]) -> dict[_Key, Array]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Fit:
-    """A candidate: per block the estimate without it and its own error there; whiteness."""
+    """A fitted candidate.
 
-    held: tuple[Array, ...]
-    own: Array
+    Attributes:
+        left_out: per block, the estimate from all other blocks.
+        errors: mean square error per block and joint, with the motion of this candidate.
+        white: N_eff / N.
+    """
+
+    left_out: tuple[Array, ...]
+    errors: Array
     white: float
 
 
-class _Bench:
-    """One recording, the same rows and the same raw torque for every candidate."""
+class _Trials:
+    """Fits of the candidates to one recording, on the same rows and the same logged torque."""
 
     def __init__(
         self, recording: Recording, lib: Library, base: Preparation, parts: Split, terms: Friction
@@ -187,8 +206,8 @@ class _Bench:
         self.cutoffs = [f_c for f_c in CANDIDATES if f_c < BELOW_RATE * rate]
         if not self.cutoffs:
             raise IdentificationError(
-                f"a rate of {rate:.3g} Hz leaves no cut-off to choose from; give --cutoff in Hz, "
-                "or record faster"
+                f"expected a rate above {CANDIDATES[0] / BELOW_RATE:g} Hz to choose a cut-off, got "
+                f"{rate:.3g} Hz; give --cutoff in Hz, or record faster"
             )
         self._trim = max(base.trim_s or 0.0, min(1.0, EDGE * recording.duration))
         middle = self._prepared(self.cutoffs[len(self.cutoffs) // 2], base.derivative)
@@ -208,7 +227,7 @@ class _Bench:
         self._tau = np.stack([np.interp(middle.t, self._raw.t, row) for row in tau.T], axis=1)
 
     def fitted(self, cutoff_hz: float, derivative: str) -> _Fit:
-        """The estimates of one candidate from its rows, and how they do with its own motion."""
+        """Fit one candidate to its rows, and predict every block with its motion."""
         whole = self._cut(cutoff_hz, derivative)
         needed = self._raw.rate_hz / (ROWS_PER_CUTOFF * cutoff_hz)
         step = max(1, int(min(needed, min(len(b) for b in whole) / FEWEST)))
@@ -222,27 +241,29 @@ class _Bench:
             rest = np.concatenate([block.tau - self._predicted(block, x) for block in blocks])
             power = rest.var(axis=0)
             weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-30)
-        held = tuple(
+        left_out = tuple(
             solved([s for i, s in enumerate(stats) if i != k])[0] for k in range(len(blocks))
         )
-        coloured = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
-        white = min(1.0, max(1.0, needed / step) / coloured.inflation)
-        return _Fit(held, self._missed(whole, held), white)
+        noise = coloured_noise_of(self._lib, blocks, stats[0].merged(*stats[1:]), weighted)
+        white = min(1.0, max(1.0, needed / step) / noise.inflation)
+        return _Fit(left_out, self._errors_of(whole, left_out), white)
 
     def errors(
-        self, cutoff_hz: float, derivative: str, held: dict[_Key, tuple[Array, ...]]
+        self, cutoff_hz: float, derivative: str, estimates: dict[_Key, tuple[Array, ...]]
     ) -> dict[_Key, Array]:
-        """Mean square errors of all estimates per block and joint, with the motion of one."""
+        """Mean square errors of all estimates per block and joint, with the motion of one
+        candidate.
+        """
         blocks = self._cut(cutoff_hz, derivative)
-        return {key: self._missed(blocks, each) for key, each in held.items()}
+        return {key: self._errors_of(blocks, each) for key, each in estimates.items()}
 
     def _cut(self, cutoff_hz: float, derivative: str) -> list[Samples]:
         whole = samples_of(self._prepared(cutoff_hz, derivative), self._lib)
         return [whole.rows(rows) for rows in self._blocks]
 
-    def _missed(self, blocks: list[Samples], held: tuple[Array, ...]) -> Array:
-        """Mean of (τ − τ̂)² per block and joint, τ as it was logged."""
-        pairs = zip(blocks, held, self._blocks, strict=True)
+    def _errors_of(self, blocks: list[Samples], estimates: tuple[Array, ...]) -> Array:
+        """Mean of (τ − τ̂)² per block and joint, with the logged τ."""
+        pairs = zip(blocks, estimates, self._blocks, strict=True)
         return np.array(
             [
                 np.mean((self._tau[rows] - self._predicted(b, x)) ** 2, axis=0)

@@ -1,4 +1,4 @@
-"""What the doctor has to say: one sentence with the numbers behind it.
+"""A finding of an inspection: one sentence with its evidence.
 
 Trap numbers are those of the list in `runtime.inspection`.
 """
@@ -17,12 +17,13 @@ LEVELS = (ERROR, WARNING, INFO)
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was seen in a log.
+    """One property of a log that a user should know or correct.
 
     Attributes:
-        kind: short name, the same for the same trouble.
-        level: error (the numbers mean something else), warning (to be settled), info.
-        sentence: what was seen, what it means, what to do.
+        kind: short name of the check's result, stable between versions.
+        level: error (the numbers have another meaning than assumed), warning (to be decided or
+            corrected), info.
+        sentence: what was measured, what it means, what to do.
         evidence: the numbers, JSON-ready.
         trap: number in the list of `runtime.inspection`, 0 for none.
     """
@@ -40,12 +41,20 @@ class Finding:
 
 
 def joint_list(names: tuple[str, ...], index: list[int]) -> str:
-    """Joint names for a sentence; "every joint" where it is so."""
+    """Joint names for a sentence.
+
+    Args:
+        names: all joints of the robot.
+        index: places of the joints to name.
+
+    Returns:
+        The names, separated by commas, or "every joint".
+    """
     if len(index) == len(names) and len(names) > 1:
         return "every joint"
     return ", ".join(names[j] for j in index)
 
 
 def numbers(values: NDArray[np.float64]) -> list[float | None]:
-    """For JSON: None where there is no number."""
+    """Values for JSON, with None for NaN and infinity."""
     return [float(x) if np.isfinite(x) else None for x in np.ravel(values)]

@@ -1,16 +1,16 @@
-"""Which friction model do the data carry? A ladder of them, judged by cross-validation.
+"""Choice of the friction model by cross-validation of candidates in the order of complexity.
 
     offset → viscous → coulomb → asymmetric → stribeck → dahl → load       (`friction`)
 
-The training part is cut into contiguous blocks. Each rung is fitted, with the base parameters, on
-all blocks but one and tried on that one, in units of the noise of each joint:
+The training part is cut into contiguous blocks. Each candidate is fitted, with the base parameters,
+to all blocks but one and predicts the one that is left out, in units of the noise of each joint:
 
     score = mean over blocks of ‖R_b x_b − r_b‖² + ρ_b over N_b n,  x_b from the other blocks
 
-All of it happens on triangular factors, one per block (`regression`). A rung with a width
-(ε, v_s or z_c) takes the best of a geometric grid, the only part that is not linear. The chosen
-rung is the lowest whose score is within one standard error of the best (Breiman et al. 1984,
-Sec. 3.4.3) or half a percent; AIC = N_eff ln(χ²/N) + 2 p stands beside it.
+All fits use triangular factors, one per block (`cross_validation`). A candidate with a width (ε,
+v_s or z_c) takes the best of a geometric grid, the only nonlinear part. The chosen candidate is the
+simplest whose score is within one standard error of the best (Breiman et al. 1984, Sec. 3.4.3) or
+within `LEAST_GAIN`. AIC = N_eff ln(χ²/N) + 2 p is reported beside it.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +24,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
@@ -40,37 +41,33 @@ FRICTION_MODELS: dict[str, tuple[str, ...]] = {
     "dahl": ("offset", "viscous", "dahl"),
     "load": (*_BASE, "load"),
 }
-"""Name → columns, in the order of complexity."""
+"""Name of a candidate → its columns, in the order of complexity."""
 
 WIDTHS: dict[str, tuple[str, tuple[float, ...]]] = {
     "coulomb": ("coulomb_speed", tuple(0.005 * 2.0**k for k in range(6))),
     "stribeck": ("stribeck_speed", tuple(0.02 * 2.0**k for k in range(6))),
     "dahl": ("dahl_stroke", tuple(2e-4 * 2.0**k for k in range(8))),
 }
-"""Rung → its one width and the grid to search, in rad/s or rad."""
+"""Name of a candidate → its width and the grid that is searched, rad/s or rad."""
 
-BLOCKS = 5
-LEAST_GAIN = 0.005
-"""Part of the mean square error that a richer rung must save to be worth its coefficients."""
-_RANK = 1e-9
 _WIDTH = 0.02
 """Relative accuracy of a width."""
 _PASSES = 3
-"""Passes in which the noise of the joints is estimated from residuals."""
+"""Passes in which the noise of the joints is estimated from the residuals."""
 
 
 @dataclass(frozen=True, slots=True)
 class FrictionCandidate:
-    """One friction model and how it did.
+    """One friction model with its score.
 
     Attributes:
         name: one of `FRICTION_MODELS`.
-        terms: its columns and widths.
-        score: cross-validated mean square error over the noise's variance.
-        excess: score minus the best of all rungs.
-        excess_error: standard error of that, from the differences of the blocks.
-        aic: Akaike's criterion; only differences mean something.
-        parameters: identified base parameters and friction coefficients.
+        terms: columns and widths.
+        score: cross-validated mean square error over the variance of the noise.
+        excess: score minus the best score.
+        excess_error: standard error of `excess`, from the differences of the blocks.
+        aic: Akaike's criterion; only differences have a meaning.
+        parameters: number of base parameters and friction coefficients that the data determine.
     """
 
     name: str
@@ -84,12 +81,12 @@ class FrictionCandidate:
 
 @dataclass(frozen=True, slots=True)
 class FrictionChoice:
-    """The ladder with its chosen rung.
+    """All candidates and the chosen one.
 
     Attributes:
-        rungs: all that were tried, in order.
-        chosen: the lowest within one standard error of the best.
-        sentence: what was chosen and why.
+        candidates: all that were tried, in the order of complexity.
+        chosen: the simplest within one standard error of the best.
+        sentence: the choice and its reason.
     """
 
     candidates: tuple[FrictionCandidate, ...]
@@ -107,21 +104,24 @@ def choose_friction(
     names: Sequence[str] = tuple(FRICTION_MODELS),
     extra: tuple[str, ...] = (),
 ) -> FrictionChoice:
-    """The lowest rung whose cross-validated score is within one standard error of the best one.
+    """Choose the simplest friction model within one standard error of the best score.
 
-    Training and validation parts of the recording are tried, the test part is not looked at.
+    The training and validation parts of the recording are used, the test part is not.
 
     Args:
-        recording: as read; its columns, if it has any, are not used.
-        lib: of the robot.
-        preparation: default is the recipe's.
-        splitting: default is the recipe's, else the first 60 %.
-        coulomb_speed: ε; None searches it.
-        names: rungs to try.
-        extra: columns that every rung has, such as "rotor".
+        recording: as read; friction columns that it holds are not used.
+        lib: library of the robot.
+        preparation: None is the recipe's.
+        splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
+        coulomb_speed: ε [rad/s]; None searches it.
+        names: candidates to try.
+        extra: columns that every candidate has, such as "rotor".
+
+    Returns:
+        The candidates with their scores, and the chosen one.
 
     Raises:
-        IdentificationError: an unknown rung, or too few samples for five blocks.
+        IdentificationError: an unknown candidate, or too few samples for five blocks.
     """
     wrong = [name for name in names if name not in FRICTION_MODELS]
     if wrong or not names:
@@ -132,7 +132,7 @@ def choose_friction(
     parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
     bare = recording.replace(columns=None, column_names=())
 
-    made: Array | None = None  # rows without accelerations cost more than anything else
+    made: Array | None = None  # rows without accelerations are by far the dearest part: kept
 
     def blocks(*terms: Friction) -> list[Samples]:
         nonlocal made
@@ -145,21 +145,21 @@ def choose_friction(
         return [whole.rows(slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]
 
     trial = _Trial(lib, blocks)
-    terms = _climbed(trial, names, coulomb_speed, extra)
+    terms = _with_widths(trial, names, coulomb_speed, extra)
     first = {name: float(trial.score(each)[0].mean()) for name, each in terms.items()}
     trial.weigh_by(terms[min(first, key=lambda name: first[name])])
     return _chosen([(name, each, *trial.score(each)) for name, each in terms.items()])
 
 
-def _climbed(
+def _with_widths(
     trial: "_Trial", names: Sequence[str], coulomb_speed: float | None, extra: tuple[str, ...]
 ) -> dict[str, Friction]:
-    """Every rung with its best widths; ε starts from that of the Coulomb rung."""
+    """Every candidate with its best widths; ε starts from that of the candidate "coulomb"."""
     free = coulomb_speed is None
     start = Friction((*_BASE, *extra), *(() if free else (coulomb_speed,)))
     if free and any("coulomb" in FRICTION_MODELS[name] for name in names):
         start = trial.best_width(start, "coulomb")
-    found = {}
+    terms_of = {}
     for name in names:
         terms = replace(start, columns=(*FRICTION_MODELS[name], *extra))
         if name in WIDTHS and name != "coulomb":
@@ -167,14 +167,15 @@ def _climbed(
         if free and name in {"asymmetric", "stribeck", "load"}:
             terms = trial.best_width(terms, "coulomb", near=True)
             terms = trial.best_width(terms, name, near=True) if name in WIDTHS else terms
-        found[name] = terms
-    return found
+        terms_of[name] = terms
+    return terms_of
 
 
-def _chosen(found: list[tuple[str, Friction, Array, float, int]]) -> FrictionChoice:
-    best = min(found, key=lambda item: float(item[2].mean()))[2]
+def _chosen(trials: list[tuple[str, Friction, Array, float, int]]) -> FrictionChoice:
+    """The choice from name, terms, score per block, AIC and rank of every candidate."""
+    best = min(trials, key=lambda item: float(item[2].mean()))[2]
     candidates = []
-    for name, terms, scores, aic, parameters in found:
+    for name, terms, scores, aic, parameters in trials:
         gap = scores - best
         error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
         score = float(scores.mean())
@@ -213,13 +214,19 @@ class _Trial:
         self._weights, self._inflation = _noise(lib, plain)
 
     def weigh_by(self, terms: Friction) -> None:
-        """Take the noise of the joints from the residuals of these terms."""
+        """Estimate the noise of the joints from the residuals of a fit with these terms."""
         self._weights, self._inflation = _noise(self._lib, self._blocks(terms))
 
     def best_width(self, terms: Friction, candidate: str, near: bool = False) -> Friction:
-        """The terms with the width of a rung that scores best: a grid, then between its points.
+        """Search the width with the best score: on a grid, then between its points.
 
-        `near` looks only around the width that the terms have, a step of the grid on each side.
+        Args:
+            terms: columns and widths to start from.
+            candidate: name in `WIDTHS`.
+            near: search only one step of the grid on each side of the present width.
+
+        Returns:
+            The terms with the best width.
         """
         key, grid = WIDTHS[candidate]
 
@@ -240,9 +247,9 @@ class _Trial:
         stats = [compress(self._lib, block, self._weights) for block in self._blocks(terms)]
         n = self._lib.n_joints
         scores = []
-        for k, held in enumerate(stats):
+        for k, block in enumerate(stats):
             x, _ = solved([s for i, s in enumerate(stats) if i != k])
-            scores.append(_misfit(held, x) / (held.n_samples * n))
+            scores.append(_misfit(block, x) / (block.n_samples * n))
         x, rank = solved(stats)
         count = sum(s.n_samples for s in stats) * n
         misfit = sum(_misfit(s, x) for s in stats)
@@ -251,7 +258,7 @@ class _Trial:
 
 
 def _noise(lib: Library, blocks: list[Samples]) -> tuple[Array, float]:
-    """1/σ_j² per joint from the residuals of a fit, and samples per independent one."""
+    """1/σ_j² per joint from the residuals of a fit, and N / N_eff of the residuals."""
     weights = np.ones(lib.n_joints)
     for _ in range(_PASSES):
         x, _rank = solved([compress(lib, block, weights) for block in blocks])
@@ -271,21 +278,12 @@ def _residual(lib: Library, block: Samples, beta: Array, phi: Array) -> Array:
     return rigid + np.einsum("ijk,jk->ij", block.columns, phi) - block.tau
 
 
-def solved(stats: list[Statistics]) -> tuple[Array, int]:
-    """x of least length in normalised columns that fits all the factors, and the rank."""
-    factor = np.concatenate([s.factor for s in stats])
-    target = np.concatenate([s.target for s in stats])
-    lengths = np.linalg.norm(factor, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
-    x, _, rank, _ = np.linalg.lstsq(factor / lengths, target, rcond=_RANK)
-    return x / lengths, int(rank)
-
-
 def _with(terms: Friction, key: str, log_width: float) -> Friction:
     width: dict[str, Any] = {key: float(np.exp(log_width))}
     return replace(terms, **width)
 
 
-def _misfit(held: Statistics, x: Array) -> float:
-    rest = held.factor @ x - held.target
-    return float(rest @ rest + held.rest)
+def _misfit(block: Statistics, x: Array) -> float:
+    """Weighted sum of squared residuals of x on one block."""
+    rest = block.factor @ x - block.target
+    return float(rest @ rest + block.rest)

@@ -1,7 +1,8 @@
-"""A log and a robot in, findings and a proposed recipe out: the questions in their order.
+"""Inspection of a log: all checks in their order, with findings and a proposed recipe.
 
-Each answer is a plan (a recipe) that the next question is asked under: first what the files are,
-then units, order and clock of the motion, then sign, unit and order of the torque, then the model.
+Each check returns a plan (a recipe) with which the next one reads the log: first the layout of the
+files, then units, order and clock of the motion, then order, sign and unit of the torque, then the
+fit of the model.
 """
 
 from collections.abc import Callable
@@ -34,19 +35,19 @@ from runtime.recording.plausibility import require_joints
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 
 _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
-"""One row of so many is kept."""
+"""Factors of decimation that are proposed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Inspection:
-    """What the doctor found.
+    """Result of an inspection.
 
     Attributes:
-        robot: its name.
-        findings: errors first.
-        plan: the recipe that the findings propose.
-        recording: read with this plan, before any preparation.
-        rest: (from, to) of the rests, s.
+        robot: name of the robot.
+        findings: errors first, then warnings, then information.
+        plan: the proposed recipe.
+        recording: the log read with this plan, before any preparation.
+        rest: (from, to) of the intervals of rest [s].
     """
 
     robot: str
@@ -77,83 +78,87 @@ def inspect_log(
     rate_hz: float | None = None,
     propose: bool = False,
 ) -> Inspection:
-    """Ask a log everything.
+    """Check a log for units, order, signs, clock and torque, and propose a recipe.
 
     Args:
         path: file, folder or known data set.
-        lib: of the robot.
-        recipe: to read it with; default is what `identify` would take, else a draft from names.
-        run: which, where a recipe has several.
-        bare: ask the files alone, whatever recipe lies beside them.
-        rate_hz: of a log without a clock.
-        propose: choose the cut-off, too, as a recipe needs it; takes seconds.
+        lib: library of the robot.
+        recipe: recipe to read the log with; None is the one that `identify` would take, else a
+            draft from names and shapes.
+        run: name of the run, where the recipe has several.
+        bare: True ignores a recipe that lies beside the files.
+        rate_hz: rate of a log without a clock [Hz].
+        propose: True also chooses the cut-off, which takes seconds.
+
+    Returns:
+        The findings and the proposed recipe.
 
     Raises:
-        RuntimeFault: the log cannot be read, or is none of this robot.
+        RuntimeFault: the log cannot be read, or has another number of joints than the robot.
     """
     raw, findings = _read(locate(path), lib, recipe, run, bare, rate_hz)
     findings += _of_file(raw)
-    plan, told = clock.order_of_time(raw, raw.plan)
-    findings += told
-    asked = _Asked(raw, plan, findings)
-    require_joints(asked.recording, lib)
-    asked.ask(lambda r, p: motion.velocity_pairs(r, p, lib))
-    asked.ask(lambda r, p: units.units(r, p, lib))
+    plan, backward = clock.order_of_time(raw, raw.plan)
+    findings += backward
+    checks = _Checks(raw, plan, findings)
+    require_joints(checks.recording, lib)
+    checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
+    checks.run(lambda r, p: units.units(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
-    asked.ask(lambda r, p: joint_order.joint_order(r, p, lib))
-    asked.ask(lambda r, p: clock.clock(r, p, raw))
-    recording = asked.recording
+    checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
+    checks.run(lambda r, p: clock.clock(r, p, raw))
+    recording = checks.recording
     findings += motion.wraps(recording)
     if not blind:
-        findings += signals.saturation(recording, lib) + signals.rest(recording, asked.plan)
+        findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan)
     if recording.tau is None or not recording.tau.any():
-        said = "the log has no torque, or only zeros, so nothing can be identified; log it"
-        findings.append(Finding("no_torque", ERROR, said))
+        sentence = "the log has no torque, or only zeros, so that nothing can be identified; log it"
+        findings.append(Finding("no_torque", ERROR, sentence))
     elif blind or any(f.kind == "position_range" for f in findings):
-        said = "the torque was not judged, because the motion is not that of this robot yet"
-        findings.append(Finding("not_judged", INFO, said))
+        sentence = "the torque was not checked; correct the clock and the positions first"
+        findings.append(Finding("not_judged", INFO, sentence))
     else:
-        _torque(asked, lib, propose)
-        findings += signals.little_torque(asked.recording, lib)
-    motors = any(f.kind == "position_range" for f in findings) and not asked.plan.gear
-    # Whether motors are coupled, and need columns of their own, the matrix will tell.
-    plan = asked.plan.replace(robot=lib.name) if motors else _completed(asked.plan, lib)
+        _torque(checks, lib, propose)
+        findings += signals.little_torque(checks.recording, lib)
+    motors = any(f.kind == "position_range" for f in findings) and not checks.plan.gear
+    # Columns of coupled motors are proposed once the gear matrix is known.
+    plan = checks.plan.replace(robot=lib.name) if motors else _completed(checks.plan, lib)
     return Inspection(
         robot=lib.name,
         findings=tuple(sorted(findings, key=lambda f: LEVELS.index(f.level))),
         plan=plan,
-        recording=asked.recording,
-        rest=tuple(signals.rest_spans(asked.recording)),
+        recording=checks.recording,
+        rest=tuple(signals.rest_spans(checks.recording)),
     )
 
 
-class _Asked:
-    """The plan so far, the recording read with it, and what was found."""
+class _Checks:
+    """The plan so far, the recording read with it, and the findings."""
 
     def __init__(self, raw: Raw, plan: Recipe, findings: list[Finding]) -> None:
         self._raw, self.plan, self.findings = raw, plan, findings
         self.recording = recording_of(replace(raw, plan=plan))
 
-    def ask(self, question: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
-        """Ask, and read anew where the answer changes the plan."""
-        plan, told = question(self.recording, self.plan)
-        self.findings += told
+    def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
+        """Run a check, and read the log again where it changes the plan."""
+        plan, findings = check(self.recording, self.plan)
+        self.findings += findings
         if plan != self.plan:
             self.plan = plan
             self.recording = recording_of(replace(self._raw, plan=plan))
 
-    def ask_torque(
+    def run_on_torque(
         self,
-        question: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]],
+        check: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]],
         lib: Library,
         terms: Friction,
     ) -> None:
-        """Ask the prepared rows."""
+        """Run a check of the torque on prepared rows."""
         torque_rows = self.torque_rows(lib, terms)
-        self.ask(lambda _, plan: question(torque_rows, plan))
+        self.run(lambda _, plan: check(torque_rows, plan))
 
     def torque_rows(self, lib: Library, terms: Friction) -> TorqueRows:
-        """The bench of the recording as it stands."""
+        """Prepared rows of the recording, read with the plan so far."""
         usual = rough(self.recording, self.plan.preparation)
         return torque_rows_of(self.recording, lib, usual, terms)
 
@@ -166,7 +171,7 @@ def _read(
     bare: bool,
     rate_hz: float | None,
 ) -> tuple[Raw, list[Finding]]:
-    """By the recipe, else as `identify` reads it, else by a draft."""
+    """The log read by the recipe, else as `identify` reads it, else by a draft."""
     if recipe is not None:
         return read_raw(place, load_recipe(recipe), run), []
     if place.is_dir() and not bare:
@@ -179,10 +184,10 @@ def _read(
 
 
 def _of_file(raw: Raw) -> list[Finding]:
-    """What the reader has dropped or skipped, in its own words, and names that say too much."""
-    findings = [Finding("corrupt_rows", WARNING, said, trap=9) for said in raw.dropped]
-    findings += [Finding("file_form", INFO, said, trap=9) for said in raw.remarks]
-    findings += [Finding("other_file", WARNING, said) for said in raw.pins]
+    """Findings of the reader, and signals whose names stand for a command or a model (trap 4)."""
+    findings = [Finding("corrupt_rows", WARNING, each, trap=9) for each in raw.dropped]
+    findings += [Finding("file_form", INFO, each, trap=9) for each in raw.remarks]
+    findings += [Finding("other_file", WARNING, each) for each in raw.pins]
     for kind, signal in raw.plan.signals().items():
         titles = [str(c) for c in signal.columns] or [signal.key or signal.file]
         odd = next((title for title in titles if not meaning(title).is_measured), None)
@@ -192,9 +197,9 @@ def _of_file(raw: Raw) -> list[Finding]:
             Finding(
                 "not_measured",
                 WARNING,
-                f"the {kind} is read from '{odd}', which sounds like a command or a model, not "
-                "like a measurement: it fits a model wonderfully and says nothing about the "
-                "robot; log the measured one",
+                f"the {kind} is read from '{odd}', a name of a command or a model, not of a "
+                "measurement: it fits a model very well but contains nothing of the robot; log the "
+                "measured signal",
                 {"kind": kind, "title": odd},
                 trap=4,
             )
@@ -202,52 +207,54 @@ def _of_file(raw: Raw) -> list[Finding]:
     return findings
 
 
-def _torque(asked: _Asked, lib: Library, propose: bool) -> None:
-    """Order, sign and unit of τ, then what it says about the model."""
-    terms = asked.plan.friction or _terms(asked.plan)
+def _torque(checks: _Checks, lib: Library, propose: bool) -> None:
+    """Order, sign and unit of τ, then its fit to the model."""
+    terms = checks.plan.friction or _terms(checks.plan)
     try:
-        for question in (
+        for check in (
             torque_signs.torque_order,
             torque_signs.joint_signs,
             torque_signs.scale,
             gravity.gravity,
         ):
-            asked.ask_torque(question, lib, terms)
-        preparation = asked.plan.preparation
+            checks.run_on_torque(check, lib, terms)
+        preparation = checks.plan.preparation
         if propose and preparation.filter == "none":
-            choice = choose_cutoff(asked.recording, lib, preparation, asked.plan.split, terms)
-            asked.plan = asked.plan.replace(preparation=_thinned(choice, asked.recording))
-            asked.findings.append(Finding("cutoff", INFO, choice.sentence))
-        usual = rough(asked.recording, asked.plan.preparation)
-        _, failing = choose_regressor(asked.recording, lib, usual)
-        asked.findings += [Finding("differentiation", WARNING, said) for said in failing]
-        torque_rows = asked.torque_rows(lib, terms)
+            choice = choose_cutoff(checks.recording, lib, preparation, checks.plan.split, terms)
+            checks.plan = checks.plan.replace(preparation=_thinned(choice, checks.recording))
+            checks.findings.append(Finding("cutoff", INFO, choice.sentence))
+        usual = rough(checks.recording, checks.plan.preparation)
+        _, failing = choose_regressor(checks.recording, lib, usual)
+        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
+        torque_rows = checks.torque_rows(lib, terms)
         matrix = model_fit.fit_rows(torque_rows)
-        late = model_fit.delay(torque_rows, matrix, asked.plan)
+        late = model_fit.delay(torque_rows, matrix, checks.plan)
         if late:
             shifted = replace(
-                asked.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
+                checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
             )
-            asked.plan = asked.plan.replace(preparation=shifted)
-            torque_rows = asked.torque_rows(lib, terms)
+            checks.plan = checks.plan.replace(preparation=shifted)
+            torque_rows = checks.torque_rows(lib, terms)
             matrix = model_fit.fit_rows(torque_rows)
-        tau = asked.recording.required("tau")
+        tau = checks.recording.required("tau")
         strange = model_fit.unexplained(torque_rows, matrix)
-        asked.findings += late + strange + model_fit.too_good(torque_rows, matrix, tau)
-        torque = asked.plan.torque
-        guessed = not asked.plan.gear and torque is not None and torque.unit == "A"
-        if not strange and not guessed:  # wrong gains feign both
-            asked.findings += model_fit.tool(torque_rows) + model_fit.coupling(
+        checks.findings += late + strange + model_fit.too_good(torque_rows, matrix, tau)
+        torque = checks.plan.torque
+        guessed = not checks.plan.gear and torque is not None and torque.unit == "A"
+        if not strange and not guessed:  # wrong gains look like a tool or a coupling
+            checks.findings += model_fit.tool(torque_rows) + model_fit.coupling(
                 torque_rows, matrix, terms
             )
-        asked.findings.append(model_fit.one_run(torque_rows))
+        checks.findings.append(model_fit.one_run(torque_rows))
     except RuntimeFault as fault:
-        said = f"the torque could not be judged: {fault}"
-        asked.findings.append(Finding("not_judged", WARNING, said))
+        sentence = f"the torque could not be checked: {fault}"
+        checks.findings.append(Finding("not_judged", WARNING, sentence))
 
 
 def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
-    """The chosen preparation with the rows that its band needs, and without rest."""
+    """The chosen preparation, decimated to the rate that its band needs, without intervals of
+    rest.
+    """
     ready = choice.preparation
     grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
     most = grid / (ROWS_PER_CUTOFF * choice.chosen.cutoff_hz)
@@ -261,7 +268,7 @@ def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
 
 
 def _terms(plan: Recipe) -> Friction:
-    """Friction to propose: that of coupled motors where the gear couples them."""
+    """Friction columns to propose, with those of motors where the gear couples them."""
     gear = plan.gear
     coupled = any(x != 0.0 for i, row in enumerate(gear) for j, x in enumerate(row) if i != j)
     motors = (ROTOR.name, *names_where(lambda column: column.of_motors))
@@ -269,6 +276,6 @@ def _terms(plan: Recipe) -> Friction:
 
 
 def _completed(plan: Recipe, lib: Library) -> Recipe:
-    """With the robot's name and friction, as a file that `identify` takes."""
+    """The plan with the robot's name and friction columns, complete for `identify`."""
     friction = plan.friction or _terms(plan)
     return plan.replace(robot=lib.name, friction=replace(friction, gear=()))

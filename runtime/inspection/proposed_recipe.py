@@ -1,6 +1,6 @@
-"""A recipe as TOML, in the form that `identify --recipe` takes; findings stand as comments.
+"""The proposed recipe as TOML for `identify --recipe`, with the findings as comments.
 
-What only the user can know (gears, the zero of motor angles) is a block to be filled in.
+Values that only the user has (gears, the zero of motor angles) are a block to be filled in.
 """
 
 import dataclasses
@@ -19,15 +19,15 @@ _KEYS = ("description", "robot", "run", "joints")
 
 
 def recipe_text(inspection: Inspection) -> str:
-    """The proposed recipe of an inspection, to be read before it is used."""
+    """TOML of the proposed recipe; its comments are to be read before it is used."""
     plan = inspection.plan
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in inspection.findings)
     todo = inspection.of_level(ERROR, WARNING)
-    saw = "what it saw:" if todo else "it saw nothing wrong."
-    lines = [f"# Proposed by python -m runtime inspect; {saw}"]
+    what = "its findings:" if todo else "it found nothing wrong."
+    lines = [f"# Proposed by python -m runtime inspect; {what}"]
     for finding in todo:
-        said = f"{finding.level}: {finding.sentence}"
-        lines += textwrap.wrap(said, 96, initial_indent="#   ", subsequent_indent="#     ")
+        text = f"{finding.level}: {finding.sentence}"
+        lines += textwrap.wrap(text, 96, initial_indent="#   ", subsequent_indent="#     ")
     lines.append("")
     lines += [f"{key} = {toml_value(getattr(plan, key))}" for key in _KEYS if getattr(plan, key)]
     for name in _TABLES:
@@ -36,7 +36,7 @@ def recipe_text(inspection: Inspection) -> str:
             lines += [
                 "",
                 "[time]",
-                "# The rate of the logger, which the files do not tell:",
+                "# The rate of the logger, which the files do not contain:",
                 "# rate_hz =",
             ]
             continue
@@ -48,20 +48,20 @@ def recipe_text(inspection: Inspection) -> str:
 
 
 def _table(plan: Recipe, name: str) -> dict[str, str]:
-    """The entries of one table that are not the default."""
+    """Entries of one table that are not the default."""
     if name == "gear":
         return {"matrix": toml_value(plan.gear)} if plan.gear else {}
     part = getattr(plan, name)
     if part is None:
         return {}
-    told = {}
+    entries = {}
     for item in dataclasses.fields(part):
         value = getattr(part, item.name)
         default = item.default
         needed = item.name in {"unit", "columns"} and value not in ("", ())
         if item.name != "gear" and (needed or value != default) and value is not None:
-            told[item.name] = toml_value(value)
-    return told
+            entries[item.name] = toml_value(value)
+    return entries
 
 
 def _gear_stub(n: int) -> list[str]:
@@ -70,7 +70,7 @@ def _gear_stub(n: int) -> list[str]:
     ]
     return [
         "",
-        "# If these are motor angles and motor torques, only the manufacturer knows the gears.",
+        "# If these are motor angles and motor torques, take the gears from the manufacturer.",
         "# Write R of q_motor = R q_joint (the row of a motor that turns with another joint has",
         "# two entries), and under [position] the offset of the zero of each joint, in rad; then",
         "# inspect again with --recipe, which proposes the filter and the friction, too.",

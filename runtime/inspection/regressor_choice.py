@@ -1,4 +1,4 @@
-"""Do the accelerations of a log mean anything? What is noise in them, and what a filter bends.
+"""Check of the accelerations: share of noise in them, and distortion by the filter.
 
     noise share   ν_j = σ_j² · 2h ∫ |H|² |D|^2k df / mean ddq_j²
     distortion    δ = ‖Y(q_f, dq_f, ddq_f) π0 − F τ0‖ / ‖F τ0‖
@@ -6,8 +6,8 @@
 σ_j² is the white part of q (k = 2) or of dq (k = 1), from its eighth differences; H the low-pass, D
 the central difference. Noise in a regressor's column shrinks its coefficient by the factor 1 − ν
 (Fuller 1987, Sec. 1.1), here the inertias of joint j. F τ0 is the low-passed torque of the URDF's
-momentum, which needs no accelerations, so that δ is what a cut-off inside the motion's band, or too
-low a rate, does to the rows themselves: noise of q and dq is in both.
+momentum, which needs no accelerations. δ is therefore the effect of a cut-off inside the motion's
+band, or of too low a rate, on the rows alone; the noise of q and dq is in both.
 """
 
 from dataclasses import dataclass, replace
@@ -23,24 +23,25 @@ from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import momentum_torque, prepare, segments
 
 NOISY, BENT = 0.01, 0.005
-"""ν that costs an inertia as much as a good log leaves open; δ that shows beside the least torque
-errors of real logs, 1 to 1.5 %."""
+"""Bounds of ν and δ: ν that biases an inertia as much as its uncertainty in a good log, and δ that
+is visible beside the least torque errors of real logs, 1 to 1.5 %."""
 LONGEST = 30000
-"""Rows that are judged: half a minute at 1 kHz."""
+"""Rows that are used: half a minute at 1 kHz."""
 STILL = 0.02
-"""rad/s, RMS; a slower joint tells nothing of its inertia anyway."""
+"""RMS speed [rad/s] below which a motion does not determine the inertia of a joint."""
 _ORDER = 8
 
 
 @dataclass(frozen=True, slots=True)
 class Differentiation:
-    """What the accelerations of a preparation are worth.
+    """Quality of the accelerations of a preparation.
 
     Attributes:
         noise: ν, (n,); 0 for a joint that stands still.
         distortion: δ.
-        cutoff_hz: of the filter; where central differences are loudest, if there is none.
-        derivatives: k, that were taken.
+        cutoff_hz: cut-off of the filter [Hz]; without one, the frequency at which central
+            differences amplify most.
+        derivatives: k, the number of derivatives taken.
     """
 
     noise: Array
@@ -50,12 +51,12 @@ class Differentiation:
 
     @property
     def fails(self) -> bool:
-        """Some inertia, or all torques, suffer more than the usual methods leave."""
+        """Whether ν of a joint or δ exceeds its bound."""
         return bool(self.noise.max() > NOISY or self.distortion > BENT)
 
     @property
     def harmless_hz(self) -> float:
-        """A cut-off that leaves so little noise; its power grows with f_c^(2k + 1)."""
+        """Cut-off that leaves noise within the bound [Hz]; its power grows with f_c^(2k + 1)."""
         worst = min(float(self.noise.max()), 1.0 - NOISY)
         excess = max(1.0, worst / (1.0 - worst) * (1.0 - NOISY) / NOISY)
         return self.cutoff_hz * float(excess ** (-1.0 / (2 * self.derivatives + 1)))
@@ -64,12 +65,16 @@ class Differentiation:
 def differentiation_of(
     recording: Recording, lib: Library, preparation: Preparation
 ) -> Differentiation | None:
-    """ν and δ of the head of a recording; None without derivatives, or with another filter.
+    """ν and δ of the beginning of a recording.
 
     Args:
         recording: as read.
-        lib: of the robot.
-        preparation: what `prepare` would do.
+        lib: library of the robot.
+        preparation: steps that `prepare` would take.
+
+    Returns:
+        Quality of the accelerations; None where none are derived, or with a filter whose response
+        is not known.
     """
     from_q = preparation.derivative == "position" or recording.dq is None
     measured = recording.ddq is not None and preparation.derivative != "position"
@@ -85,16 +90,16 @@ def differentiation_of(
         smooth = momentum_torque(head, full, lib, lib.base_matrix @ lib.pi0)
         bare = prepare(head, replace(full, filter="none", cutoff_hz=None, trim_s=None))
         torque, speeds = smooth.required("tau"), bare.required("dq")
-    except RuntimeFault:  # whoever prepares the whole log will say why
+    except RuntimeFault:  # the preparation of the whole log states the reason
         return None
     rigid = lib.inverse_dynamics(done.q, done.dq, done.ddq, lib.pi0)
-    common, mine, theirs = np.intersect1d(done.t, smooth.t, return_indices=True)
+    common, here, there = np.intersect1d(done.t, smooth.t, return_indices=True)
     if len(common) <= _ORDER:
         return None
-    whole = torque[theirs]
-    bent = float(np.linalg.norm(rigid[mine] - whole) / max(float(np.linalg.norm(whole)), 1e-300))
+    whole = torque[there]
+    bent = float(np.linalg.norm(rigid[here] - whole) / max(float(np.linalg.norm(whole)), 1e-300))
     if preparation.cutoff_hz is None:
-        bent = 0.0  # without a filter there is nothing but noise between the two
+        bent = 0.0  # without a filter the two differ only by noise
     derivatives = 2 if from_q else 1
     gain = _noise_gain(preparation, 1.0 / bare.rate_hz, derivatives)
     noise = _white_variance(bare.t, bare.q if from_q else speeds) * gain
@@ -106,41 +111,45 @@ def differentiation_of(
 def choose_regressor(
     recording: Recording, lib: Library, preparation: Preparation | None, replaces: bool = False
 ) -> tuple[Preparation | None, tuple[str, ...]]:
-    """The preparation, and one sentence where its accelerations fail.
+    """Choose between the regressors of accelerations and of momentum.
 
     Args:
         recording: as read.
-        lib: of the robot.
-        preparation: default is the recipe's.
-        replaces: take momentum then, instead of only naming it.
+        lib: library of the robot.
+        preparation: None is the recipe's.
+        replaces: True takes the momentum where accelerations fail; False only recommends it.
+
+    Returns:
+        The preparation to use, and one sentence where accelerations fail.
     """
     usual = preparation or recording.preparation
-    found = differentiation_of(recording, lib, usual)
-    if found is None or not found.fails:
+    quality = differentiation_of(recording, lib, usual)
+    if quality is None or not quality.fails:
         return preparation, ()
-    worst, told = int(np.argmax(found.noise)), []
-    if found.noise[worst] > NOISY:
-        told.append(
-            f"{100 * found.noise[worst]:.2g} % of the power of ddq of {lib.joint_names[worst]} is "
-            "noise, which makes its inertia too small by about as much"
+    worst, reasons = int(np.argmax(quality.noise)), []
+    if quality.noise[worst] > NOISY:
+        reasons.append(
+            f"{100 * quality.noise[worst]:.2g} % of the power of ddq of {lib.joint_names[worst]} "
+            "is noise, which reduces its identified inertia by about the same share"
         )
-    if found.distortion > BENT:
-        told.append(
-            "filtering q and dq before they are multiplied changes the torque by "
-            f"{100 * found.distortion:.2g} %, because the motion is too fast for cut-off or rate"
+    if quality.distortion > BENT:
+        reasons.append(
+            "the low-pass of q and dq changes the torque by "
+            f"{100 * quality.distortion:.2g} %, because the motion is too fast for the cut-off or "
+            "the rate"
         )
-    cutoff = float(f"{found.harmless_hz:.2g}")
+    cutoff = float(f"{quality.harmless_hz:.2g}")
     remedy = f"--regressor momentum --cutoff {cutoff:g}"
     where = "without a low-pass" if usual.cutoff_hz is None else f"at {usual.cutoff_hz:g} Hz"
-    reason = f"differentiation fails {where}: {' and '.join(told)}"
+    reason = f"differentiation fails {where}: {' and '.join(reasons)}"
     if not replaces:
-        return preparation, (f"{reason}; {remedy} needs no accelerations",)
+        return preparation, (f"{reason}; use {remedy}, which needs no accelerations",)
     taken = replace(usual, regressor="momentum", filter="butterworth", cutoff_hz=cutoff)
-    return taken, (f"{reason}; took {remedy}",)
+    return taken, (f"{reason}; {remedy} was taken",)
 
 
 def _white_variance(t: Array, values: Array) -> Array:
-    """σ² (n,): mean square of the eighth differences over the Σ binomial² of white noise."""
+    """Variance of white noise, (n,): mean square of the eighth differences over Σ binomial²."""
     parts = [np.diff(values[part], _ORDER, axis=0) for part in segments(t)]
     whole = np.concatenate(parts)
     power = np.sum(whole**2, axis=0) / max(len(whole), 1)
@@ -148,7 +157,7 @@ def _white_variance(t: Array, values: Array) -> Array:
 
 
 def _noise_gain(preparation: Preparation, step: float, derivatives: int) -> float:
-    """Variance of white noise of variance one after filter and central differences."""
+    """Variance of unit white noise after the filter and central differences."""
     if preparation.cutoff_hz is None:
         return float(comb(2 * derivatives, derivatives)) / (2 * step) ** (2 * derivatives)
     sections = scipy_signal.butter(

@@ -1,7 +1,7 @@
-"""The clock of a log: backwards stamps, repeated states, dropped ticks, jitter, holes (trap 2).
+"""Checks of the clock: backward time, repeated states, dropped samples, jitter, holes (trap 2).
 
-Whatever the recipe provides for already is information, everything else a warning; the steps that
-would provide for it are proposed in [preparation].
+A trouble that the recipe already handles is reported as information, any other as a warning with
+the steps of [preparation] that handle it.
 """
 
 from dataclasses import replace
@@ -18,18 +18,30 @@ from runtime.recording.recipes.recipe import UNITS, Time
 from runtime.recording.recording import FloatArray
 
 REPEATED = 0.002
-"""Part of the rows, while something moves, that may repeat the one before without a word."""
+"""Share of the rows that may repeat the one before, while the arm moves, without a finding."""
 HOLE_S = 0.1
-"""A pause of this length [s], and of more than ten steps, is a hole; shorter ones are ticks."""
+"""Length [s] from which on a pause of more than ten steps is a hole; shorter ones are dropped
+samples."""
 BETTER = 0.7
-"""Misfit of Δq = v Δt on the rebuilt clock over that on the logged one, to propose it."""
+"""Misfit of Δq = v Δt on the rebuilt clock over that on the logged one, below which the rebuilt
+clock is proposed."""
 _GAP_STEPS = 10.0
 _COUNTS = 5.0
+"""Encoder counts per row above which a repeated value is not the resolution of the encoder."""
 _NICE = (1.0, 2.0, 2.5, 4.0, 5.0, 8.0, 10.0)
 
 
 def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Stamps that do not increase: an error; the diagnosis goes on with a constant rate."""
+    """Time stamps that do not increase.
+
+    Args:
+        raw: signals as logged.
+        plan: recipe so far.
+
+    Returns:
+        The recipe, with a constant rate where time runs backwards so that the other checks can
+        continue; "time_backwards" as an error.
+    """
     if "time" not in raw.values:
         return plan, []
     t = raw.values["time"][:, 0]
@@ -48,9 +60,9 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
             "time_backwards",
             ERROR,
             f"time does not increase at {backward.size} rows (first at row {first + 1}: "
-            f"{t[first]:.9g}, then {t[first + 1]:.9g}): several runs in one file, or stamps of "
-            "another clock; cut the log into runs, or replace [time] by rate_hz as proposed, "
-            "where the rows are equally spaced",
+            f"{t[first]:.9g}, then {t[first + 1]:.9g}): the file holds several runs, or stamps "
+            "of another clock; cut the log into runs, or replace [time] by the proposed rate_hz "
+            "if the rows are equally spaced",
             {"rows": int(backward.size), "first": first + 1, "rate_hz": 1.0 / step},
             trap=2,
         )
@@ -58,7 +70,17 @@ def order_of_time(raw: Raw, plan: Recipe) -> tuple[Recipe, list[Finding]]:
 
 
 def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Finding]]:
-    """Repeats, ticks, jitter and holes; with the preparation that settles them."""
+    """Repeated states, dropped samples, jitter and holes.
+
+    Args:
+        recording: read with the plan.
+        plan: recipe so far.
+        raw: signals as logged.
+
+    Returns:
+        The recipe with the preparation that handles them; "repeated_rows", "holes",
+        "dropped_ticks" and "jitter".
+    """
     logged = raw.values["position"]
     preparation, findings = _stale(
         recording, plan, logged if len(logged) == len(recording) else None
@@ -81,9 +103,9 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
             Finding(
                 "holes",
                 level,
-                f"{holes.size} holes, the longest {longest:.3g} s (after {places}); nothing is "
-                "filtered or differentiated across them, if max_gap_s under [preparation] is "
-                "shorter than they are",
+                f"{holes.size} holes, the longest {longest:.3g} s (after {places}); keep max_gap_s "
+                "under [preparation] shorter than these, so that no filter or derivative "
+                "crosses them",
                 {"count": int(holes.size), "longest_s": longest},
                 trap=2,
             )
@@ -94,8 +116,8 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
             Finding(
                 "dropped_ticks",
                 level,
-                f"{skipped} of {len(steps)} steps are longer than 1.5 medians of {median:.4g} s: "
-                "dropped samples; max_gap_s under [preparation] fills them in",
+                f"{skipped} of {len(steps)} steps exceed 1.5 times the median of {median:.4g} s: "
+                "samples were dropped; set max_gap_s under [preparation] to interpolate them",
                 {"count": skipped, "share": share},
                 trap=2,
             )
@@ -106,9 +128,9 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
             Finding(
                 "jitter",
                 level,
-                f"steps of time go from {spread[0] * median:.4g} to {spread[1] * median:.4g} s "
-                f"(99.8 % of them) around {median:.4g} s; derivatives need the uniform grid that "
-                "max_gap_s and grid_hz under [preparation] make",
+                f"time steps vary from {spread[0] * median:.4g} to {spread[1] * median:.4g} s "
+                f"(99.8 % of them) around {median:.4g} s; derivatives need a uniform grid: set "
+                "max_gap_s and grid_hz under [preparation]",
                 {"steps_s": [float(s * median) for s in spread], "median_s": median},
                 trap=2,
             )
@@ -126,14 +148,14 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
 def _stale(
     recording: Recording, plan: Recipe, logged: FloatArray | None
 ) -> tuple[Preparation, list[Finding]]:
-    """States logged twice, and the clock rebuilt from dq = v dt where it fits better."""
+    """States logged twice, and the clock rebuilt from Δq = v Δt where that fits better."""
     preparation = plan.preparation
     same = np.all(np.diff(recording.q, axis=0) == 0.0, axis=1)
     if recording.dq is not None:
         same &= np.all(np.diff(recording.dq, axis=0) == 0.0, axis=1)
         same &= np.abs(recording.dq[1:]).max(axis=1) > REST_SPEED
     else:
-        # An encoder repeats its count where the arm is slow: only steps of many counts tell.
+        # A slow joint repeats its encoder count: only steps of many counts are significant.
         values = recording.q if logged is None else logged
         moved = np.abs(np.diff(values, axis=0))
         around = np.minimum(np.roll(moved, 1, axis=0), np.roll(moved, -1, axis=0))
@@ -144,35 +166,35 @@ def _stale(
     share = count / len(same)
     evidence: dict = {"count": count, "share": share}
     if preparation.clock_tick is not None:
-        told = f"clock_tick = {preparation.clock_tick:g} of the recipe drops them"
-        return preparation, [_repeated(INFO, count, share, told, evidence)]
+        remedy = f"clock_tick = {preparation.clock_tick:g} of the recipe drops them"
+        return preparation, [_repeated(INFO, count, share, remedy, evidence)]
     tick = _tick(recording)
-    told = "write clock_tick under [preparation] if the controller's period is known"
+    remedy = "write clock_tick under [preparation] if the controller's period is known"
     if tick is not None:
         before, rebuilt, skipped = _fit_of_clocks(recording, tick)
         evidence |= {"misfit_logged": before, "misfit_rebuilt": rebuilt, "tick_s": tick}
         if rebuilt < BETTER * before:
             preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
             evidence["skipped_ticks"] = skipped
-            told = (
-                f"with them dropped and the clock rebuilt in ticks of {1e3 * tick:g} ms from "
-                f"Δq = v Δt ({skipped} ticks were skipped), velocities explain the steps of q "
-                f"to {100 * rebuilt:.2g} % instead of {100 * before:.2g} %; clock_tick = {tick:g} "
-                "under [preparation] does that"
+            remedy = (
+                "without them, and on a clock rebuilt from Δq = v Δt in ticks of "
+                f"{1e3 * tick:g} ms ({skipped} ticks were skipped), velocities explain the steps "
+                f"of q to {100 * rebuilt:.2g} % instead of {100 * before:.2g} %; set "
+                f"clock_tick = {tick:g} under [preparation]"
             )
-    return preparation, [_repeated(WARNING, count, share, told, evidence)]
+    return preparation, [_repeated(WARNING, count, share, remedy, evidence)]
 
 
-def _repeated(level: str, count: int, share: float, told: str, evidence: dict) -> Finding:
+def _repeated(level: str, count: int, share: float, remedy: str, evidence: dict) -> Finding:
     sentence = (
-        f"{count} rows ({100 * share:.1f} %) repeat the state before them while the arm moves: "
-        f"the logger read faster than the robot answered; {told}"
+        f"{count} rows ({100 * share:.1f} %) repeat the previous state while the arm moves: the "
+        f"logger reads faster than the robot updates its state; {remedy}"
     )
     return Finding("repeated_rows", level, sentence, evidence, trap=2)
 
 
 def _counts(q: FloatArray) -> FloatArray:
-    """The smallest step that q (N, n) can take at each row: of the encoder, or of the digits."""
+    """Smallest step of q (N, n) at each row: one encoder count, or the last digit of the file."""
     steps = np.abs(np.diff(q, axis=0))
     least = np.array([column[column > 0].min(initial=np.inf) for column in steps.T])
     scale = 10.0 ** np.floor(np.log10(np.maximum(np.abs(q), 1e-12)))
@@ -184,7 +206,7 @@ def _counts(q: FloatArray) -> FloatArray:
 
 
 def _tick(recording: Recording) -> float | None:
-    """The controller's period: the median step, where it is near a round number."""
+    """Period of the controller [s]: the median step, where it is close to a round number."""
     median = 1.0 / recording.rate_hz
     decade = 10.0 ** np.floor(np.log10(median))
     near = [n * decade for n in _NICE if abs(n * decade / median - 1.0) < 0.1]
@@ -199,14 +221,15 @@ def _fit_of_clocks(recording: Recording, tick: float) -> tuple[float, float, int
 
 
 def _misfit(recording: Recording) -> float:
+    """‖Δq − v Δt‖ / ‖Δq‖ with the mean v of both ends of every step."""
     dq = recording.required("dq")
     moved: FloatArray = np.diff(recording.q, axis=0)
     mean = 0.5 * (dq[1:] + dq[:-1])
-    told = mean * np.diff(recording.t)[:, None]
-    return float(np.linalg.norm(moved - told) / max(float(np.linalg.norm(moved)), 1e-300))
+    expected = mean * np.diff(recording.t)[:, None]
+    return float(np.linalg.norm(moved - expected) / max(float(np.linalg.norm(moved)), 1e-300))
 
 
 def _nice_rate(rate: float) -> float:
-    """The rate itself, or the round number within 2 % of it."""
+    """The rate itself [Hz], or a number of two digits within 2 % of it."""
     rounded = float(f"{rate:.2g}")
     return rounded if abs(rounded / rate - 1.0) < 0.02 else float(f"{rate:.6g}")

@@ -1,6 +1,6 @@
-"""What the title of a column or the name of a file says: which signal, which joint, which unit.
+"""Signal, joint and unit from the title of a column or the name of a file.
 
-`tau_J_3 [mA]` is a torque of joint 3 in mA; `q_d2` is a commanded position, no measurement.
+`tau_J_3 [mA]` is a torque of joint 3 in mA; `q_d2` is a commanded position, not a measurement.
 """
 
 import re
@@ -38,13 +38,13 @@ SI = {
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a name says.
+    """Signal, joint and unit that a name stands for.
 
     Attributes:
-        kind: of signal, "" where the name is silent.
-        joint: its number as written, −1 for none.
-        is_measured: no word of a command or of a model.
-        unit: as written, "" for none.
+        kind: kind of signal; "" where the name has no known word.
+        joint: number as written; −1 for none.
+        is_measured: False where a word stands for a command or a model.
+        unit: unit as written; "" for none.
     """
 
     kind: str
@@ -54,15 +54,15 @@ class Meaning:
 
 
 def meaning(title: str) -> Meaning:
-    """Read one title; words are parted by case, digits and punctuation."""
+    """Read one title; its words are separated by case, digits and punctuation."""
     spaced = re.sub(r"([a-z])([A-Z])", r"\1 \2", title)
     words = [w for w in re.split(r"[^a-zA-Zµ]+", spaced.lower()) if w]
     digits = re.findall(r"\d+", title)
     kind = next((k for k, known in KINDS.items() if set(words) & set(known)), "")
     units = UNIT_WORDS.get(kind, {})
     bracket = re.search(r"[\[(]\s*([a-zA-Zµ.*]+)", title)
-    told = [bracket[1].lower().replace(".", "").replace("*", "")] if bracket else words[1:]
-    unit = next((units[word] for word in told if word in units), "")
+    candidates = [bracket[1].lower().replace(".", "").replace("*", "")] if bracket else words[1:]
+    unit = next((units[word] for word in candidates if word in units), "")
     return Meaning(
         kind=kind,
         joint=int(digits[-1]) if digits else -1,

@@ -1,8 +1,8 @@
-"""Files without a recipe → a first recipe: which file, column or array is which signal.
+"""A first recipe for files without one: which file, column or array is which signal.
 
-Only names and shapes are read here, in SI units unless a title names another; whether the numbers
-agree is asked afterwards. Measured signals come before commanded ones (trap 4), joints in the
-order of their numbers, whatever the order of the columns (trap 9).
+Only names and shapes are used, with SI units unless a title names another; the other checks compare
+the numbers. Measured signals are preferred to commanded ones (trap 4). Joints are ordered by their
+numbers, whatever the order of the columns (trap 9).
 """
 
 import re
@@ -20,18 +20,22 @@ from runtime.recording.log_files import LogFiles
 from runtime.recording.recipes.recipe import Signal, Time
 
 Group = dict[str, list[dict]]
-_UNTOLD = Time(rate_hz=1.0)
+_NO_CLOCK = Time(rate_hz=1.0)
 
 
 def draft(
     place: Path, joints: int, rate_hz: float | None = None
 ) -> tuple[Recipe | None, list[Finding]]:
-    """A recipe for the bare files (None: the default convention), and what is missing.
+    """Draft a recipe from names and shapes.
 
     Args:
         place: a file or a folder.
-        joints: of the robot.
-        rate_hz: of a log without a clock.
+        joints: number of joints of the robot.
+        rate_hz: rate of a log without a clock [Hz].
+
+    Returns:
+        The recipe, None where the file follows the default convention, and findings on what is
+        missing or not used.
 
     Raises:
         RecordingError: no positions, or no file that holds numbers.
@@ -41,14 +45,14 @@ def draft(
     plan = _by_convention(place)
     if plan is not None and plan.torque is not None:
         return None, []
-    found = _described(place, joints)
-    if plan is not None and not found.get("torque"):  # nor does another title name it
+    described = _described(place, joints)
+    if plan is not None and not described.get("torque"):  # no other title names a torque either
         return None, []
-    return _recipe(place, found, joints, rate_hz)
+    return _recipe(place, described, joints, rate_hz)
 
 
 def _by_convention(place: Path) -> Recipe | None:
-    """The plan of a file that keeps the default convention and has a clock."""
+    """The recipe of a file that follows the default convention and has a clock."""
     if not place.is_file():
         return None
     try:
@@ -60,20 +64,20 @@ def _by_convention(place: Path) -> Recipe | None:
 
 
 def _described(place: Path, joints: int) -> Group:
-    """kind → descriptions of the parts that may be it, measured ones first."""
-    found: Group = defaultdict(list)
+    """Kind of signal → descriptions of the parts that may be it, measured ones first."""
+    signals: Group = defaultdict(list)
     files = [place]
     if place.is_dir():
         files = sorted(place.iterdir())
     for path in files:
-        own = path.name if place.is_dir() else ""
+        file = path.name if place.is_dir() else ""
         if _has_titles(path):
             reader = LogFiles(path, Recipe()).reader(path.name, "")
-            for kind, part in (*_arrays(reader, own, joints), *_texts(reader, own, joints)):
-                found[kind].append(part)
-    for parts in found.values():
+            for kind, part in (*_arrays(reader, file, joints), *_texts(reader, file, joints)):
+                signals[kind].append(part)
+    for parts in signals.values():
         parts.sort(key=lambda part: not part["measured"])
-    return found
+    return signals
 
 
 def _has_titles(path: Path) -> bool:
@@ -82,16 +86,16 @@ def _has_titles(path: Path) -> bool:
     return log_format is not None and log_format.has_titles
 
 
-def _arrays(reader: LogReader, own: str, joints: int) -> Iterable[tuple[str, dict]]:
+def _arrays(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str, dict]]:
     for key, shape in reader.arrays().items():
         what = meaning(key)
         width = shape[1] if len(shape) == 2 else 1
         wanted = 1 if what.kind == "time" else joints
         if what.kind and len(shape) in {1, 2} and width == wanted:
-            yield what.kind, _part(what, own, key, layout="npz", key=key)
+            yield what.kind, _part(what, file_name, key, layout="npz", key=key)
 
 
-def _texts(reader: LogReader, own: str, joints: int) -> Iterable[tuple[str, dict]]:
+def _texts(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str, dict]]:
     path, rows = reader.raw.path, reader.head()
     file = meaning(path.stem)
     numeric = [all(_is_number(cell) for cell in row) for row in rows]
@@ -101,19 +105,24 @@ def _texts(reader: LogReader, own: str, joints: int) -> Iterable[tuple[str, dict
     width = len(rows[first])
     if width == 1 and file.kind:  # one number per line
         part = {"layout": "flat"} | ({} if file.kind == "time" else {"width": joints})
-        yield file.kind, _part(file, own, path.name, **part)
+        yield file.kind, _part(file, file_name, path.name, **part)
         return
     header = next((row for row in reversed(rows[:first]) if len(row) == width), None)
     if header is not None:
-        yield from _titled(header, own, path.name, file)
+        yield from _titled(header, file_name, path.name, file)
     elif width == joints and file.kind:
-        yield file.kind, _part(file, own, path.name, layout="csv", columns=tuple(range(width)))
+        yield (
+            file.kind,
+            _part(file, file_name, path.name, layout="csv", columns=tuple(range(width))),
+        )
     else:
-        yield from _untitled(width, own, path.name, joints)
+        yield from _untitled(width, file_name, path.name, joints)
 
 
-def _titled(header: list[str], own: str, name: str, file: Meaning) -> Iterable[tuple[str, dict]]:
-    """Titles that differ in their last number only are one signal, in the order of the numbers."""
+def _titled(
+    header: list[str], file_name: str, name: str, file: Meaning
+) -> Iterable[tuple[str, dict]]:
+    """Signals of titles that differ only in their last number, in the order of the numbers."""
     groups: dict[str, list[tuple[int, str]]] = defaultdict(list)
     for title in header:
         stem = re.sub(r"\d+(?=\D*$)", "#", title)
@@ -123,13 +132,13 @@ def _titled(header: list[str], own: str, name: str, file: Meaning) -> Iterable[t
         what = meaning(stem.replace("#", "1"))
         kind = what.kind or (file.kind if len(titles) > 1 else "")
         if kind == "time":
-            yield kind, _part(what, own, stem, layout="csv", column=titles[0])
+            yield kind, _part(what, file_name, stem, layout="csv", column=titles[0])
         elif kind:
-            yield kind, _part(what, own, f"{name}: {stem}", layout="csv", columns=titles)
+            yield kind, _part(what, file_name, f"{name}: {stem}", layout="csv", columns=titles)
 
 
-def _untitled(width: int, own: str, name: str, joints: int) -> Iterable[tuple[str, dict]]:
-    """Blocks of n columns behind at most one of time: q τ, q dq τ, or q dq ddq τ."""
+def _untitled(width: int, file_name: str, name: str, joints: int) -> Iterable[tuple[str, dict]]:
+    """Signals of columns without titles: at most one of time, then q τ, q dq τ or q dq ddq τ."""
     blocks, clock = divmod(width, joints)
     orders: dict[int, tuple[str, ...]] = {
         2: ("position", "torque"),
@@ -138,13 +147,13 @@ def _untitled(width: int, own: str, name: str, joints: int) -> Iterable[tuple[st
     }
     if clock > 1 or blocks not in orders:
         return
-    silent = Meaning("", -1, True, "")
+    unnamed = Meaning("", -1, True, "")
     if clock:
-        yield "time", _part(silent, own, "column 0", layout="csv", column=0)
+        yield "time", _part(unnamed, file_name, "column 0", layout="csv", column=0)
     for k, kind in enumerate(orders[blocks]):
         first = clock + k * joints
         columns = tuple(range(first, first + joints))
-        yield kind, _part(silent, own, f"{name}: {first}…", layout="csv", columns=columns)
+        yield kind, _part(unnamed, file_name, f"{name}: {first}…", layout="csv", columns=columns)
 
 
 def _incomplete(kind: str, part: dict, joints: int) -> Finding:
@@ -153,8 +162,8 @@ def _incomplete(kind: str, part: dict, joints: int) -> Finding:
     return Finding(
         "incomplete_signal",
         WARNING,
-        f"{part['title']} reads like {kind}, but has {count} for {joints} joints, so it was not "
-        "taken; log every joint, or describe it in a recipe",
+        f"{part['title']} is named like a {kind} but has {count} for {joints} joints, so it is "
+        "not used; log every joint, or describe it in a recipe",
     )
 
 
@@ -168,23 +177,23 @@ def _part(what: Meaning, file: str, title: str, **where: object) -> dict:
 
 
 def _recipe(
-    place: Path, found: Group, joints: int, rate_hz: float | None
+    place: Path, signals: Group, joints: int, rate_hz: float | None
 ) -> tuple[Recipe, list[Finding]]:
     wide: Callable[[dict], bool] = lambda p: len(p["where"].get("columns", ())) in {0, joints}  # noqa: E731
     findings: list[Finding] = []
-    for kind, parts in found.items():
+    for kind, parts in signals.items():
         if kind != "time":
-            found[kind] = [part for part in parts if wide(part)]
-            if not found[kind]:
+            signals[kind] = [part for part in parts if wide(part)]
+            if not signals[kind]:
                 findings += [_incomplete(kind, part, joints) for part in parts[:1]]
-    if not found.get("position"):
+    if not signals.get("position"):
         raise RecordingError(
             f"expected columns, arrays or files of {joints} joint positions in {place.name}, named "
-            "like q1 …, position or angle, but found none; describe the files in a recipe"
+            "like q1 …, position or angle, got none; describe the files in a recipe"
         )
     chosen: dict[str, Signal] = {}
     run = ""
-    for kind, parts in found.items():
+    for kind, parts in signals.items():
         if kind == "time" or not parts:
             continue
         if kind == "acceleration":
@@ -196,10 +205,10 @@ def _recipe(
         known = {"unit": "A", "gain": 1.0} if unit in {"A", "mA"} else {"unit": unit or SI[kind]}
         chosen[kind] = Signal(**known, **where)
         findings += _left_aside(kind, parts, many)
-    time = _UNTOLD
-    if found.get("time"):
-        where, _ = _run_of(found["time"])
-        time = Time(unit=found["time"][0]["unit"] or "s", from_zero=True, **where)
+    time = _NO_CLOCK
+    if signals.get("time"):
+        where, _ = _run_of(signals["time"])
+        time = Time(unit=signals["time"][0]["unit"] or "s", from_zero=True, **where)
     elif rate_hz is not None:
         time = Time(rate_hz=rate_hz)
     elif "velocity" not in chosen:
@@ -207,7 +216,7 @@ def _recipe(
             Finding(
                 "missing_clock",
                 ERROR,
-                "the log has no column of time and no velocity that would tell its rate; give the "
+                "the log has no column of time, and no velocity to compute its rate from; give the "
                 "rate of the logger with --log-rate, or write rate_hz under [time] of the recipe",
                 trap=2,
             )
@@ -217,7 +226,7 @@ def _recipe(
 
 
 def _run_of(parts: list[dict]) -> tuple[dict, str]:
-    """Where the first part lies; files that differ in a number are runs, `{run}` in their name."""
+    """Place of the first part; files that differ in one number are runs, `{run}` in their name."""
     where = dict(parts[0]["where"])
     family = {re.sub(r"\d+(?=\D*$)", "#", p["where"]["file"]) for p in parts if p["measured"]}
     alike = [p["where"]["file"] for p in parts if p["measured"]]
@@ -233,17 +242,17 @@ def _left_aside(kind: str, parts: list[dict], run: str) -> list[Finding]:
     others = list(dict.fromkeys(others))
     if not others:
         return []
-    told = f"{kind} is read from '{parts[0]['title']}'; left aside: {', '.join(others[:6])}"
+    sentence = f"{kind} is read from '{parts[0]['title']}'; not used: {', '.join(others[:6])}"
     evidence = {"kind": kind, "chosen": parts[0]["title"], "others": others}
-    return [Finding("left_aside", INFO, told, evidence, trap=4)]
+    return [Finding("left_aside", INFO, sentence, evidence, trap=4)]
 
 
 def _computed(parts: list[dict]) -> Finding:
-    told = (
-        f"the accelerations '{parts[0]['title']}' are left aside: loggers compute them, with a "
-        "filter that nobody knows; they are computed anew, with the filter of the other signals"
+    sentence = (
+        f"the accelerations '{parts[0]['title']}' are not used: loggers compute them with an "
+        "unknown filter; they are computed again with the filter of the other signals"
     )
-    return Finding("left_aside", INFO, told, {"kind": "acceleration"})
+    return Finding("left_aside", INFO, sentence, {"kind": "acceleration"})
 
 
 def _is_number(cell: str) -> bool:

@@ -1,11 +1,12 @@
-"""Which way do gravity and the torque's sign point?  Only bodies that can exist tell (trap 5).
+"""Check of the direction of gravity together with the sign of τ (traps 3, 5).
 
     τ = ± [Y₀(q, dq, ddq) + s Y_g(q)] π + F φ,   s ∈ {1, 0, −1}
 
-with Y_g = Y(q, 0, 0) and Y₀ = Y − Y_g. Least squares turns every mass negative and fits −g nearly
-as well as g; under P(π) ≻ 0 (maximum a posteriori, a weak prior) only one of them fits. An arm on a
-wall is another matter: gravity then loads joint 1, which no sign explains. Its columns come from
-the poses of the tip with the outer joints at zero, unit masses in a frame of each link:
+with Y_g = Y(q, 0, 0) and Y₀ = Y − Y_g. Least squares makes every mass negative and fits −g nearly
+as well as g. Under P(π) ≻ 0 (maximum a posteriori with a weak prior) only one of them fits, so that
+consistent bodies decide. An arm on a wall differs: gravity then loads joint 1, which no sign
+explains. The columns of that case come from the poses of the tip with the outer joints at zero,
+with unit masses in a frame of each link:
 
     τ_d = ∂/∂q [e_d · (p_k, R_k)] θ_k,   d = x, y, z in the base frame
 """
@@ -23,20 +24,30 @@ from runtime.library import Array, Library
 from runtime.recording import Recipe
 
 MUCH = 0.6
-"""Residual of a better sign over that of the one in use, to say so."""
+"""Residual with another sign over that with the present one, below which it is reported."""
 ALIKE = 1.3
-"""Residual of another sign over the best one's, within which the data do not decide."""
+"""Residual of another sign over the best one, below which the data do not decide."""
 FEW = 250
+"""Rows of the consistent fits; more do not change the decision."""
 TILTED, UNEXPLAINED = 0.6, 0.1
+"""Residual with free gravity over that with the model's direction, and residual over torque, from
+which on a tilted base is considered."""
 _STEP = 1e-5
 G = 9.81
-"""m/s², where the model has none."""
+"""m/s², for a model without gravity."""
 _NAMES = {1.0: "as in the model", 0.0: "absent", -1.0: "reversed"}
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One sign of τ with one of gravity: relative residual, bounded and free."""
+    """One sign of τ with one of gravity, with the relative residuals of two fits.
+
+    Attributes:
+        sign: of τ, 1 or −1.
+        gravity: s, 1, 0 or −1.
+        consistent: residual of consistent bodies over the torque.
+        free: residual of least squares over the torque.
+    """
 
     sign: float
     gravity: float
@@ -45,64 +56,76 @@ class Trial:
 
 
 def gravity(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Sign of τ and of gravity together, and gravity across the model's axis."""
+    """Sign of τ and of gravity together, and gravity off the model's axis.
+
+    Measured: residual of consistent bodies for two signs of τ and three of gravity.
+
+    Args:
+        torque_rows: prepared rows.
+        plan: recipe so far.
+
+    Returns:
+        The recipe, with the sign of τ reversed where that is the cause; "torque_sign" or
+        "gravity" where another case leaves less than `MUCH` of the residual.
+    """
     trials = [
         _trial(torque_rows, sign, scale) for sign in (1.0, -1.0) for scale in (1.0, 0.0, -1.0)
     ]
-    own, best = trials[0], min(trials, key=lambda t: t.consistent)
+    present, best = trials[0], min(trials, key=lambda t: t.consistent)
     evidence = {
         f"tau {t.sign:+.0f}, gravity {t.gravity:+.0f}": [t.consistent, t.free] for t in trials
     }
-    if best is not own and best.consistent < MUCH * own.consistent:
-        return _turned(torque_rows.lib, plan, own, best, trials, evidence)
-    if own.consistent > UNEXPLAINED:
-        return plan, _tilted(torque_rows, own, evidence)
+    if best is not present and best.consistent < MUCH * present.consistent:
+        return _reversed(torque_rows.lib, plan, present, best, trials, evidence)
+    if present.consistent > UNEXPLAINED:
+        return plan, _tilted(torque_rows, evidence)
     return plan, []
 
 
-def _turned(
-    lib: Library, plan: Recipe, own: Trial, best: Trial, trials: list[Trial], evidence: dict
+def _reversed(
+    lib: Library, plan: Recipe, present: Trial, best: Trial, trials: list[Trial], evidence: dict
 ) -> tuple[Recipe, list[Finding]]:
+    """The finding of a better case: reversed torque, compensated gravity, or an arm mounted so."""
     rivals = [t for t in trials if t is not best and t.consistent < ALIKE * best.consistent]
-    doubt = f" (the motion is too slow to tell this from {_told(rivals[0])})" if rivals else ""
-    found = (
-        f"with {_told(best)} bodies that can exist explain the torque to "
-        f"{100 * best.consistent:.2g} %, as it stands only to {100 * own.consistent:.2g} % "
-        f"(least squares, with impossible masses, {100 * own.free:.2g} %){doubt}"
+    doubt = f" (the motion is too slow to exclude {_name(rivals[0])})" if rivals else ""
+    comparison = (
+        f"with {_name(best)}, physically consistent bodies leave {100 * best.consistent:.2g} % of "
+        f"the torque unexplained, in the present case {100 * present.consistent:.2g} % (least "
+        f"squares with negative masses {100 * present.free:.2g} %){doubt}"
     )
     if best.sign < 0 and best.gravity > 0 and plan.torque is not None:
         before = np.atleast_1d(np.asarray(plan.torque.sign, dtype=float))
         sign = tuple(float(-s) for s in before) if before.size > 1 else float(-before[0])
-        told = "the log counts the torque that the robot feels, not the one it applies"
+        cause = "the log holds the torque that acts on the robot, not the torque that it applies"
         return plan.replace(torque=replace(plan.torque, sign=sign)), [
             Finding(
                 "torque_sign",
                 ERROR,
-                f"{found}: {told}; set sign = -1 under [torque]",
+                f"{comparison}: {cause}; set sign = -1 under [torque]",
                 evidence,
                 trap=3,
             )
         ]
     if best.gravity == 0.0:
         what = (
-            "the controller's own gravity compensation is not in this signal; log the whole "
-            f"torque, or build the robot without: {_build(lib, 'weightless', '0,0,0')}"
+            "the signal lacks the gravity compensation of the controller; log the whole torque, or "
+            f"build the robot without gravity: {_build(lib, 'weightless', '0,0,0')}"
         )
     else:
         what = (
-            "the arm hangs the other way round than in the model; build it so: "
+            "gravity acts in the opposite direction of the model; build the robot so: "
             f"{_build(lib, 'turned', _numbers(-lib.gravity))}"
         )
-    return plan, [Finding("gravity", ERROR, f"{found}: {what}", evidence, trap=5)]
+    return plan, [Finding("gravity", ERROR, f"{comparison}: {what}", evidence, trap=5)]
 
 
 def _build(lib: Library, suffix: str, gravity: str) -> str:
-    """The command that builds the same arm under another gravity, in the frame of the base."""
+    """Command that builds the same arm with another gravity in the frame of the base."""
     name = f"{lib.name}_{suffix}"
     urdf = lib.folder / f"{lib.name}.urdf"
     return (
         f"python -m symgen build --urdf {shlex.quote(str(urdf))} --name {name} --gravity {gravity} "
-        "(and what else it was built with: --tip, --project, --config)"
+        "(with the other options of its build, such as --tip, --project, --config)"
     )
 
 
@@ -110,13 +133,13 @@ def _numbers(vector: Array) -> str:
     return ",".join(f"{x:g}" for x in vector + 0.0)
 
 
-def _told(trial: Trial) -> str:
-    sign = "τ as it is" if trial.sign > 0 else "τ negated"
+def _name(trial: Trial) -> str:
+    sign = "τ as logged" if trial.sign > 0 else "τ negated"
     return f"{sign} and gravity {_NAMES[trial.gravity]}"
 
 
 def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> Trial:
-    """Fit bodies that can exist, and any numbers at all, to ±τ under s g."""
+    """Fit consistent bodies, and unconstrained parameters, to ±τ with gravity s g."""
     lib, s = torque_rows.lib, torque_rows.samples
     step = max(1, len(s) // FEW)
     few = s.rows(slice(None, None, step))
@@ -129,11 +152,13 @@ def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> Trial:
     rows = (Y * weights[:, None]).reshape(len(few) * n, -1)
     target = (sign * few.tau * weights).ravel()
     size = max(float(np.linalg.norm(target)), 1e-300)
+    # Friction columns are projected out, so that only the bodies are constrained.
     friction = torque_rows.friction_rows().reshape(len(s), n, -1)[::step] * weights[:, None]
     basis = np.linalg.qr(friction.reshape(len(few) * n, -1))[0]
     rows, target = rows - basis @ (basis.T @ rows), target - basis @ (basis.T @ target)
     _, rest = least_squares(rows, target)
     free = float(np.linalg.norm(rest)) / size
+    # Consistent fit: most probable bodies under a prior of next to no weight.
     triangle: Array = np.asarray(np.linalg.qr(np.column_stack([rows, target]), mode="r"))
     width = rows.shape[1]
     data = Reduced(
@@ -149,8 +174,8 @@ def _trial(torque_rows: TorqueRows, sign: float, scale: float) -> Trial:
     return Trial(sign, scale, float(loss) / size, free)
 
 
-def _tilted(torque_rows: TorqueRows, own: Trial, evidence: dict) -> list[Finding]:
-    """Does gravity across the model's axis explain what is left?"""
+def _tilted(torque_rows: TorqueRows, evidence: dict) -> list[Finding]:
+    """The finding of a base on a wall or tilted, where gravity off the model's axis fits better."""
     lib, s = torque_rows.lib, torque_rows.samples
     step = max(1, len(s) // FEW)
     few = s.rows(slice(None, None, step))
@@ -181,14 +206,14 @@ def _tilted(torque_rows: TorqueRows, own: Trial, evidence: dict) -> list[Finding
         return []
     exact = others[best] < 1.5 * every
     wall = _numbers((float(np.linalg.norm(lib.gravity)) or G) * np.eye(3)[best])
-    told = (
-        f"horizontal gravity, along {names[best]} of the base, explains it to "
-        f"{100 * others[best]:.2g} %: the arm is mounted on a wall; build it so: "
-        f"{_build(lib, 'wall', wall)}, and once more with gravity along -{names[best]}: the "
-        "wrong one will not fit with bodies that can exist"
+    cause = (
+        f"horizontal gravity along {names[best]} of the base leaves {100 * others[best]:.2g} %: "
+        f"the arm is mounted on a wall; build it so: {_build(lib, 'wall', wall)}, and once more "
+        f"with gravity along -{names[best]}: only the right one fits with physically consistent "
+        "bodies"
         if exact
-        else f"a gravity off the model's axis explains it to {100 * every:.2g} %: the base is "
-        "tilted; measure its angles and build it so: "
+        else f"gravity in a free direction leaves {100 * every:.2g} %: the base is tilted; measure "
+        "its angles and build the robot so: "
         f"{_build(lib, 'tilted', 'X,Y,Z')}"
     )
     return [
@@ -196,7 +221,7 @@ def _tilted(torque_rows: TorqueRows, own: Trial, evidence: dict) -> list[Finding
             "gravity",
             ERROR if exact else WARNING,
             f"gravity along {names[axis]}, as in the model, leaves {100 * along:.2g} % of the "
-            f"torque unexplained even with impossible masses; {told}",
+            f"torque unexplained even with negative masses; {cause}",
             facts,
             trap=5,
         )
@@ -204,7 +229,7 @@ def _tilted(torque_rows: TorqueRows, own: Trial, evidence: dict) -> list[Finding
 
 
 def _potential_rows(torque_rows: TorqueRows, q: Array) -> list[Array]:
-    """∂/∂q of the three coordinates of frames rigid in each link: 3 × (N n, 4 n)."""
+    """∂/∂q of the three coordinates of a frame fixed to each link, 3 × (N n, 4 n)."""
     lib = torque_rows.lib
     n = lib.n_joints
     rows = np.zeros((3, len(q), n, n, 4))

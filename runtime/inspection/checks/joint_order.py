@@ -1,8 +1,8 @@
-"""The order of all joints together, where it contradicts the limits or the model (trap 9).
+"""Check of the order of all joints, by their limits and the gravity torque (trap 9).
 
     E(P) = (1 − c²)^½,  c the cosine between τ_P and the model's gravity torque at q_P
 
-over the permutations P that keep the joints within their limits: no unit and no sign is needed.
+over the permutations P that keep the joints within their limits. E needs neither units nor signs.
 """
 
 import itertools
@@ -17,12 +17,23 @@ from runtime.library import Library
 from runtime.recording import Recipe, Recording
 
 MOST = 5040
+"""Largest number of permutations that are all tried."""
 GOOD, BETTER = 0.5, 0.6
-"""E of the best order, and that over E as it stands, that speak for it."""
+"""E below which an order fits, and E of the best order over that of the present one below which
+the order is changed."""
 
 
 def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
-    """Another order for every signal, where it explains limits and torque much better."""
+    """Order of the joints that fits limits and gravity torque much better than the present one.
+
+    Args:
+        recording: read with the plan.
+        plan: recipe so far.
+        lib: library of the robot.
+
+    Returns:
+        The recipe with the order for every signal, and "joint_order" where it changed.
+    """
     n = lib.n_joints
     beyond = beyond_limits(recording.q, lib)
     fits = float(np.diag(beyond).max()) <= BEYOND
@@ -41,8 +52,10 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
     same = np.array_equal(best, np.arange(n))
     if same or least > GOOD or (fits and least > BETTER * stands):
         return plan, []
-    told = ", ".join(map(str, best))
-    reason = "as they stand they leave the limits" if not fits else f"as they stand {stands:.2f}"
+    columns = ", ".join(map(str, best))
+    reason = (
+        "the present order exceeds the limits" if not fits else f"{stands:.2f} in the present order"
+    )
     changes = {
         kind: replace(signal, order=tuple(int((signal.order or tuple(range(n)))[k]) for k in best))
         for kind, signal in plan.signals().items()
@@ -51,9 +64,9 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
         Finding(
             "joint_order",
             WARNING,
-            f"the joints are in another order than in the model: with columns {told} (counted "
-            f"from 0) limits and gravity fit (mismatch {least:.2f}; {reason}); check it against "
-            f"the logger and set order = [{told}] for every signal",
+            f"the joints are in another order than in the model: with the columns {columns} "
+            f"(counted from 0) limits and gravity torque fit (mismatch {least:.2f}; {reason}); "
+            f"compare with the logger and set order = [{columns}] for every signal",
             {"order": best.tolist(), "mismatch": least, "mismatch_as_is": float(stands)},
             trap=9,
         )
@@ -61,13 +74,13 @@ def joint_order(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recip
 
 
 def _orders(n: int) -> itertools.chain | itertools.permutations:
-    """All permutations of few joints; rotations, reversal and exchanges of many."""
+    """All permutations of few joints; cyclic shifts, reversal and exchanges of many."""
     if factorial(n) <= MOST:
         return itertools.permutations(range(n))
     base = list(range(n))
-    turned = (tuple(base[k:] + base[:k]) for k in range(n))
+    shifted = (tuple(base[k:] + base[:k]) for k in range(n))
     swapped = (
         tuple(b if k == a else a if k == b else k for k in base)
         for a, b in itertools.combinations(range(n), 2)
     )
-    return itertools.chain(turned, [tuple(reversed(base))], swapped)
+    return itertools.chain(shifted, [tuple(reversed(base))], swapped)

@@ -1,6 +1,7 @@
-"""Do the velocities belong to the positions?  Order and signs of dq, and jumps of one turn.
+"""Checks of the velocities against the positions: order and signs of dq, jumps of one turn.
 
-A correlation knows no unit, so dq is held against the derivative of q before any unit is asked for.
+dq is compared with the derivative of q by their correlation, which needs no unit, so that this
+check comes before those of the units (traps 3, 9, 10).
 """
 
 from dataclasses import replace
@@ -16,36 +17,46 @@ from runtime.recording.consistency import unwrap
 from runtime.recording.recipes.recipe import Signal
 
 ALIKE = 0.8
-"""Correlation of dq with the derivative of q that speaks for a pair."""
+"""Correlation of dq with the derivative of q above which the two belong together."""
 GAINED = 0.2
-"""What another order must gain in correlation, for speeds of one motion are alike."""
+"""Correlation that another order must gain; the joint speeds of one motion resemble each other."""
 
 
 def velocity_pairs(
     recording: Recording, plan: Recipe, lib: Library
 ) -> tuple[Recipe, list[Finding]]:
-    """Order and sign of dq, by the correlation with the derivative of q."""
+    """Order and sign of dq, by the correlation with the derivative of q.
+
+    Args:
+        recording: read with the plan.
+        plan: recipe so far.
+        lib: library of the robot.
+
+    Returns:
+        The recipe with corrected order and signs of the velocities; "velocity_order" and
+        "velocity_sign" where they changed.
+    """
     if recording.dq is None or plan.velocity is None or len(recording) < 10:
         return plan, []
     slope = np.gradient(unwrap(recording.q)[0], recording.t, axis=0)
     alike = correlation(_smooth(slope), _smooth(recording.dq))  # (joint of q, column of dq)
     _, order = linear_sum_assignment(-np.abs(alike))
     n = len(order)
-    own, best = np.abs(np.diag(alike)), np.abs(alike[np.arange(n), order])
+    present, best = np.abs(np.diag(alike)), np.abs(alike[np.arange(n), order])
     moved = [j for j in range(n) if order[j] != j and best[j] > ALIKE]
     findings, changes = [], plan.velocity
-    if len(moved) > 1 and sorted(order[moved]) == moved and (best - own)[moved].mean() > GAINED:
+    if len(moved) > 1 and sorted(order[moved]) == moved and (best - present)[moved].mean() > GAINED:
         final = np.arange(n)
         final[moved] = order[moved]
         changes = replace(changes, order=_composed(changes, final))
-        told = ", ".join(str(k) for k in changes.order)
+        columns = ", ".join(str(k) for k in changes.order)
         findings.append(
             Finding(
                 "velocity_order",
                 WARNING,
-                f"the velocities belong to other joints: the derivative of q is like the columns "
-                f"{told} of dq (correlation {best[moved].min():.2f}, as they stand "
-                f"{own[moved].max():.2f} at most); set order = [{told}] under [velocity]",
+                f"the velocities belong to other joints: the derivative of q matches the columns "
+                f"{columns} of dq (correlation {best[moved].min():.2f}, in the present order "
+                f"{present[moved].max():.2f} at most); set order = [{columns}] under [velocity]",
                 {"order": list(map(int, changes.order)), "correlation": numbers(best)},
                 trap=9,
             )
@@ -61,9 +72,9 @@ def velocity_pairs(
             Finding(
                 "velocity_sign",
                 WARNING,
-                f"dq runs against the derivative of q at {joint_list(lib.joint_names, against)} "
-                f"(correlation {min(alike[j, j] for j in against):.2f}): one of them has the wrong "
-                "sign; set sign under [velocity], or under [position] where q turns the wrong way",
+                f"dq is opposite to the derivative of q at {joint_list(lib.joint_names, against)} "
+                f"(correlation {min(alike[j, j] for j in against):.2f}): one of the two has the "
+                "wrong sign; set sign under [velocity], or under [position] where q is reversed",
                 {"joints": against, "correlation": numbers(np.diag(alike))},
                 trap=3,
             )
@@ -72,21 +83,29 @@ def velocity_pairs(
 
 
 def wraps(recording: Recording) -> list[Finding]:
-    """Jumps of one turn: the reader has unwrapped them and says so."""
-    told = [said for said in recording.history if said.startswith("Unwrapped")]
-    asked = "as the reader always does; check that these are no turns of the robot's own"
-    return [Finding("wrap", INFO, f"{said[:-1]}, {asked}", trap=10) for said in told]
+    """Jumps of one turn that the reader has unwrapped."""
+    sentences = [sentence for sentence in recording.history if sentence.startswith("Unwrapped")]
+    check = "as the reader always does; check that the robot itself did not make these turns"
+    return [Finding("wrap", INFO, f"{each[:-1]}, {check}", trap=10) for each in sentences]
 
 
 def correlation(a: Array, b: Array) -> Array:
-    """Pearson's correlation of each column of a (N, m) with each of b (N, k), (m, k)."""
+    """Pearson's correlation of each column of a with each column of b.
+
+    Args:
+        a: (N, m).
+        b: (N, k).
+
+    Returns:
+        (m, k) correlations in [−1, 1]; 0 for a constant column.
+    """
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     size = np.linalg.norm(a, axis=0)[:, None] * np.linalg.norm(b, axis=0)
     return np.asarray(a.T @ b / np.where(size > 0, size, np.inf))
 
 
 def _smooth(values: Array, width: int = 9) -> Array:
-    """Mean over a few rows, for differences of a fine clock."""
+    """Moving mean over `width` rows, because differences over a short step are noisy."""
     if len(values) < 10 * width:
         return values
     sums = np.cumsum(values, axis=0)
@@ -94,9 +113,9 @@ def _smooth(values: Array, width: int = 9) -> Array:
 
 
 def _composed(signal: Signal, order: NDArray[np.int64]) -> tuple[int, ...]:
-    """`order` applied to the joints as the recipe has them."""
-    own = signal.order or tuple(range(len(order)))
-    return tuple(int(own[k]) for k in order)
+    """`order` applied to the columns in the order of the recipe."""
+    present = signal.order or tuple(range(len(order)))
+    return tuple(int(present[k]) for k in order)
 
 
 def _signs(signal: Signal, n: int) -> Array:

@@ -1,4 +1,4 @@
-"""Positions against the limits of the joints, torques against gravity: no unit, no sign is needed.
+"""Scores of an order of the joints that need neither units nor signs: limits, and gravity torque.
 
 E(P) = (1 − c²)^½,  c the cosine between τ_P and the model's gravity torque at q_P
 """
@@ -9,13 +9,21 @@ from numpy.typing import NDArray
 from runtime.library import Array, Library
 
 BEYOND = 0.2
-"""rad or m beyond its limits that a position may be: offsets and soft limits."""
+"""Distance beyond a limit [rad or m] that is accepted: offsets and soft limits."""
 ROWS = 60
-"""Rows that E is computed on."""
+"""Number of rows that E is computed on."""
 
 
 def beyond_limits(q: Array, lib: Library) -> Array:
-    """How far column i leaves the limits of joint j, (columns, joints), rad or m."""
+    """Distance by which each column exceeds the limits of each joint.
+
+    Args:
+        q: (N, n) positions in the order of the log [rad, m].
+        lib: library of the robot.
+
+    Returns:
+        (columns, joints) largest excess [rad, m]; 0 within the limits.
+    """
     limits = lib.limits()
     low, high = q.min(axis=0)[:, None], q.max(axis=0)[:, None]
     upper = np.where(np.isfinite(limits["upper"]), limits["upper"], 4 * np.pi)
@@ -24,7 +32,17 @@ def beyond_limits(q: Array, lib: Library) -> Array:
 
 
 def mismatches(q: Array, tau: Array, orders: NDArray[np.int64], lib: Library) -> Array:
-    """E of each permutation (P, n), (P,)."""
+    """E of several orders of the joints.
+
+    Args:
+        q: (N, n) positions in the order of the log [rad, m].
+        tau: (N, n) torques in any unit.
+        orders: (P, n) permutations of the columns.
+        lib: library of the robot.
+
+    Returns:
+        (P,) E in [0, 1]; 0 is a torque proportional to the gravity torque.
+    """
     placed = np.moveaxis(q[:, orders], 1, 0)  # (P, N, n)
     still = np.zeros_like(placed).reshape(-1, lib.n_joints)
     gravity = lib.inverse_dynamics(placed.reshape(still.shape), still, still, lib.pi0)

@@ -1,4 +1,4 @@
-"""What single signals show: flat tops, ends of the range, rest, joints with little torque."""
+"""Checks of single signals: saturation, end stops, rest, little torque (traps 7, 13)."""
 
 import numpy as np
 
@@ -9,17 +9,36 @@ from runtime.recording import Recipe, Recording
 FLAT_ROWS = 5
 """Equal extreme values in a row, while the joint moves, that make a flat top."""
 FLAT_SHARE = 0.002
+"""Share of the rows in flat tops above which a torque counts as cut off."""
 NEAR_LIMIT = 0.98
+"""Peak torque over the limit of effort from which on the joint is named."""
 AT_END = 5e-4
-"""rad or m from the end of its range at which a joint stands at its stop."""
+"""Distance from the end of the range [rad or m] within which a joint stands at its stop."""
+STOP_SHARE = 0.01
+"""Share of the rows at a stop above which it is reported."""
 REST_SPEED = 0.02
+"""Speed [rad/s or m/s] below which a joint rests: above the noise of filtered encoders, and below
+it Coulomb friction takes any value."""
 REST_SHARE = 0.05
+"""Share of resting rows above which rest is reported."""
 LITTLE = 0.1
-"""Part of the loudest joint's torque below which percent say little."""
+"""RMS torque over that of the most loaded joint below which a percentage misleads."""
 
 
 def saturation(recording: Recording, lib: Library) -> list[Finding]:
-    """Flat tops of τ, and positions that stand at the ends of their range."""
+    """Torques cut off by the drive or logger, and positions at the ends of their range.
+
+    Measured: rows in runs of `FLAT_ROWS` equal extreme torques while the arm moves; peak torque
+    over the limit of effort; share of the rows within `AT_END` of the end of the range.
+
+    Args:
+        recording: in SI units and the order of the model.
+        lib: library of the robot, with its limits.
+
+    Returns:
+        "saturation" as a warning above `FLAT_SHARE`, as information above `NEAR_LIMIT`; "at_stop"
+        above `STOP_SHARE`.
+    """
     findings, names = [], lib.joint_names
     moving = _moving(recording)
     if recording.tau is not None:
@@ -35,10 +54,10 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
                 Finding(
                     "saturation",
                     WARNING,
-                    f"τ has flat tops at {joint_list(names, tops)} "
-                    f"({', '.join(str(flat[j]) for j in tops)} rows at {peaks} N·m or N): it was "
-                    "cut off by the drive or the logger, so those rows lie; move more gently or "
-                    "leave these stretches out",
+                    f"τ is constant at its peak for {joint_list(names, tops)} "
+                    f"({', '.join(str(flat[j]) for j in tops)} rows at {peaks} N·m or N): the "
+                    "drive or the logger has cut it off, so that these rows are wrong; record a "
+                    "slower motion, or leave these intervals out",
                     {"joints": tops, "rows": [flat[j] for j in tops]},
                 )
             )
@@ -48,36 +67,47 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
                 Finding(
                     "saturation",
                     INFO,
-                    f"τ comes within 2 % of the limit of effort at {joint_list(names, where)}",
+                    f"τ reaches 98 % of the limit of effort at {joint_list(names, where)}",
                     {"joints": where},
                 )
             )
     limits = lib.limits()
     ends = np.minimum(np.abs(recording.q - limits["lower"]), np.abs(recording.q - limits["upper"]))
-    held = np.mean(ends < AT_END, axis=0)
-    stops = [int(j) for j in np.flatnonzero(held > 0.01)]
+    at_end = np.mean(ends < AT_END, axis=0)
+    stops = [int(j) for j in np.flatnonzero(at_end > STOP_SHARE)]
     if stops:
         findings.append(
             Finding(
                 "at_stop",
                 WARNING,
                 f"{joint_list(names, stops)} stands at the end of its range for "
-                f"{100 * held.max():.1f} % of the time: a stop carries torque that no model "
-                "knows; leave these stretches out",
-                {"joints": stops, "share": [float(held[j]) for j in stops]},
+                f"{100 * at_end.max():.1f} % of the time: the stop carries torque that the "
+                "model does not contain; leave these intervals out",
+                {"joints": stops, "share": [float(at_end[j]) for j in stops]},
             )
         )
     return findings
 
 
 def rest(recording: Recording, plan: Recipe) -> list[Finding]:
-    """Phases in which nothing moves: sign(dq) is a coin there (trap 7)."""
+    """Intervals in which no joint moves (trap 7).
+
+    Measured: share of the rows in which every joint is slower than `REST_SPEED`. There the
+    friction torque lies anywhere between its bounds, and the sign of dq is noise.
+
+    Args:
+        recording: in SI units.
+        plan: recipe; with rest_speed it already drops these rows.
+
+    Returns:
+        "rest" above `REST_SHARE`, as information where the recipe drops the rows.
+    """
     still = ~_moving(recording).any(axis=1)
     share, spans = float(still.mean()), rest_spans(recording)
     if share < REST_SHARE or not spans:
         return []
     given = plan.preparation.rest_speed
-    told = ", ".join(f"{a:.3g}–{b:.3g} s" for a, b in spans[:4])
+    listed = ", ".join(f"{a:.3g}–{b:.3g} s" for a, b in spans[:4])
     more = f" and {len(spans) - 4} more" if len(spans) > 4 else ""
     what = (
         f"rest_speed = {given:g} of the recipe drops these rows"
@@ -88,8 +118,8 @@ def rest(recording: Recording, plan: Recipe) -> list[Finding]:
         Finding(
             "rest",
             INFO if given is not None else WARNING,
-            f"the arm rests for {100 * share:.0f} % of the log ({told}{more}), where friction "
-            f"may be anything between its bounds and the sign of dq is noise; {what}",
+            f"the arm rests for {100 * share:.0f} % of the log ({listed}{more}); there friction "
+            f"lies anywhere between its bounds and the sign of dq is noise; {what}",
             {"share": share, "spans_s": [list(span) for span in spans]},
             trap=7,
         )
@@ -97,7 +127,15 @@ def rest(recording: Recording, plan: Recipe) -> list[Finding]:
 
 
 def rest_spans(recording: Recording, least_s: float = 0.3) -> list[tuple[float, float]]:
-    """(from, to) [s] of rests of at least `least_s`."""
+    """Intervals of rest.
+
+    Args:
+        recording: in SI units.
+        least_s: shortest interval [s].
+
+    Returns:
+        (from, to) of every interval [s].
+    """
     still = ~_moving(recording).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     t = recording.t
@@ -106,20 +144,30 @@ def rest_spans(recording: Recording, least_s: float = 0.3) -> list[tuple[float, 
 
 
 def little_torque(recording: Recording, lib: Library) -> list[Finding]:
-    """Joints whose percentage says nothing (trap 13)."""
+    """Joints whose relative torque error misleads (trap 13).
+
+    Measured: RMS torque of every joint over that of the most loaded one.
+
+    Args:
+        recording: in SI units.
+        lib: library of the robot.
+
+    Returns:
+        "little_torque" below `LITTLE`.
+    """
     if recording.tau is None:
         return []
     rms = np.sqrt(np.mean(recording.tau**2, axis=0))
     few = [int(j) for j in np.flatnonzero(rms < LITTLE * rms.max())]
     if not few:
         return []
-    told = ", ".join(f"{rms[j]:.3g}" for j in few)
+    listed = ", ".join(f"{rms[j]:.3g}" for j in few)
     return [
         Finding(
             "little_torque",
             INFO,
-            f"{joint_list(lib.joint_names, few)} carries little torque (RMS {told} N·m or N, the "
-            f"loudest joint {rms.max():.3g}): judge it by its RMS error, not in percent",
+            f"{joint_list(lib.joint_names, few)} carries little torque (RMS {listed} N·m or N, the "
+            f"most loaded joint {rms.max():.3g}): use its RMS error, not the error in percent",
             {"joints": few, "rms": [float(x) for x in rms]},
             trap=13,
         )
@@ -127,10 +175,10 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
 
 
 def _moving(recording: Recording) -> Array:
-    """Which joints move, row by row, (N, n)."""
+    """Whether each joint moves, row by row, (N, n)."""
     if recording.dq is not None:
         return np.asarray(np.abs(recording.dq) >= REST_SPEED)
-    # Over a tenth of a second, because the steps of an encoder are no speed.
+    # Speed over a tenth of a second: single steps of an encoder look like speed.
     width = max(1, round(0.05 * recording.rate_hz))
     ahead = np.minimum(np.arange(len(recording)) + width, len(recording) - 1)
     behind = np.maximum(np.arange(len(recording)) - width, 0)
@@ -140,7 +188,7 @@ def _moving(recording: Recording) -> Array:
 
 
 def _flat_rows(values: Array, moving: Array) -> int:
-    """Rows in runs of at least `FLAT_ROWS` equal values at either extreme while the arm moves."""
+    """Number of rows in runs of at least `FLAT_ROWS` equal extremes while the arm moves."""
     total = 0
     busy = moving.any(axis=1)
     size = float(np.ptp(values))

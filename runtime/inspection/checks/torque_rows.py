@@ -1,6 +1,6 @@
-"""The rows that the torque is judged on: prepared as the recipe says, thinned, with the regressor.
+"""Prepared and thinned rows on which the checks of the torque are computed.
 
-Only what holds for every sample is here; `effort`, `gravity` and `model` ask the questions.
+The checks themselves are `torque_signs`, `gravity` and `model_fit`.
 """
 
 from dataclasses import dataclass, replace
@@ -16,12 +16,13 @@ from runtime.recording import Friction, Preparation, Recording, friction
 from runtime.recording.preprocessing import prepare
 
 ROWS = 900
-"""Rows of a bench: some hundred are independent, and a fit of 100 unknowns takes 50 ms."""
+"""Number of rows: some hundred of them are independent, and a fit of 100 unknowns takes 50 ms."""
 FEWEST, SLOWEST = 150, 20.0
-"""Rows, and rate in Hz, below which the torque is not judged."""
+"""Rows, and rate in Hz, below which accelerations mean nothing and no check is made."""
 ROUGH_HZ = 5.0
+"""Cut-off where the recipe has no filter, Hz."""
 SHARE = 0.2
-"""Rough cut-off over rate, where the rate is low."""
+"""The same over the rate of the log, where the rate is low."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,10 +30,10 @@ class TorqueRows:
     """Prepared rows of one recording.
 
     Attributes:
-        lib: of the robot.
-        whole: on its grid, filtered, neither decimated nor without rest.
-        rows: indices of the thinned rows that move, (N,).
-        samples: of these rows, with friction columns.
+        lib: library of the robot.
+        whole: the recording on its grid, filtered, not decimated and with its rests.
+        rows: indices of the thinned rows in which the arm moves, (N,).
+        samples: samples of these rows, with friction columns.
     """
 
     lib: Library
@@ -41,13 +42,15 @@ class TorqueRows:
     samples: Samples
 
     def model_torque(self) -> tuple[Array, Array]:
-        """τ of the URDF at the rows, its inertial part and that of gravity, (N, n) each."""
+        """Inertial and gravity part of the torque of the URDF at the rows, (N, n) each, N·m or
+        N.
+        """
         s, still = self.samples, np.zeros_like(self.samples.q)
         gravity = self.lib.inverse_dynamics(s.q, still, still, self.lib.pi0)
         return self.lib.inverse_dynamics(s.q, s.dq, s.ddq, self.lib.pi0) - gravity, gravity
 
     def friction_rows(self) -> Array:
-        """F over [φ] as equations, (N n, n k): one block of columns per joint."""
+        """Friction part of the equations over φ, (N n, n k), one block of columns per joint."""
         s = self.samples
         return friction.spread(s.columns, s.coupling).reshape(len(s) * self.lib.n_joints, -1)
 
@@ -55,18 +58,27 @@ class TorqueRows:
 def torque_rows_of(
     recording: Recording, lib: Library, preparation: Preparation, terms: Friction
 ) -> TorqueRows:
-    """Prepare a recording for the questions about its torque.
+    """Prepare a recording for the checks of its torque.
+
+    Args:
+        recording: in SI units and the order of the model.
+        lib: library of the robot.
+        preparation: with a filter; decimation and removal of rest are left out.
+        terms: friction columns.
+
+    Returns:
+        The rows.
 
     Raises:
-        RuntimeFault: it cannot be prepared, or is too short or too slow.
+        RuntimeFault: the recording cannot be prepared, or is too short or too slow.
     """
     bare = recording.replace(columns=None, column_names=(), motors=None)
     usual = replace(preparation, rate_hz=None, rest_speed=None, regressor="acceleration")
     whole = prepare(bare, usual, terms, lib=lib)
     if whole.rate_hz < SLOWEST or len(whole) < FEWEST:
         raise IdentificationError(
-            f"{len(whole)} rows at {whole.rate_hz:.3g} Hz are expected to be {FEWEST} or more at "
-            f"{SLOWEST:g} Hz or more, or accelerations mean nothing; record for longer or faster"
+            f"expected {FEWEST} rows or more at {SLOWEST:g} Hz or more, which accelerations need, "
+            f"got {len(whole)} rows at {whole.rate_hz:.3g} Hz; record for longer or faster"
         )
     samples = samples_of(whole, lib)
     moving = np.abs(samples.dq).max(axis=1) >= REST_SPEED
@@ -76,7 +88,16 @@ def torque_rows_of(
 
 
 def rough(recording: Recording, preparation: Preparation) -> Preparation:
-    """A preparation with some filter, where none is chosen yet."""
+    """Preparation with a low-pass for the checks, where the recipe has no filter.
+
+    Args:
+        recording: in SI units.
+        preparation: of the recipe.
+
+    Returns:
+        The preparation itself if it has a filter, else one with a cut-off of `ROUGH_HZ` or
+        `SHARE` of the rate.
+    """
     if preparation.filter != "none":
         return preparation
     grid = preparation.max_gap_s
@@ -93,7 +114,16 @@ def rough(recording: Recording, preparation: Preparation) -> Preparation:
 
 
 def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
-    """x of least length in unit columns and the residual target − matrix x."""
+    """Least squares with normalised columns.
+
+    Args:
+        matrix: (m, p).
+        target: (m,) or (m, k).
+
+    Returns:
+        The solution of least length in normalised columns, (p,) or (p, k), and the residual
+        target − matrix x.
+    """
     lengths = np.linalg.norm(matrix, axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
     x = np.linalg.lstsq(matrix / lengths, target, rcond=1e-9)[0] / lengths

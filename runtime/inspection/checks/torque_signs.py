@@ -1,10 +1,11 @@
-"""What is the effort?  Order, sign and unit of τ by regression on the model's torque.
+"""Checks of order, sign and unit of τ, by regression on the torque of the URDF (traps 3, 9, 11).
 
     τ_i = s τ̂_j + v dq_j + c tanh(dq_j / ε) + b
 
-s = 1 where τ is N·m at the joint; −1 where the log counts the other way (trap 3); one factor for
-all joints is a unit, another for each is motor currents or motor torques (trap 11). The URDF is a
-yardstick of 10 to 20 %: gains read off it are a start, no calibration.
+s is 1 where τ is the torque at the joint in N·m, and −1 where the log has the opposite sign (trap
+3). One factor for all joints is a unit; different factors are motor currents or motor torques (trap
+11). The torque of the URDF errs by 10 to 20 %, so that gains computed from it are a start, not a
+calibration.
 """
 
 from dataclasses import replace
@@ -19,17 +20,30 @@ from runtime.library import Array
 from runtime.recording import Recipe
 
 SURE = 0.7
-"""Partial correlation of τ with the model's torque that is believed."""
+"""Partial correlation of τ with the model's torque above which a slope is used."""
 LOADED = 0.05
-"""RMS of the model's torque over the largest one's, above which a joint has a say."""
+"""RMS of the model's torque over the largest one, above which a joint is used."""
 NEW, GAINED = 0.6, 0.3
-"""Explained share in the better order, and what it must gain, for each joint that moves."""
+"""Share of τ that the model explains in a better order, and its gain over the present order, for
+each column that changes its place."""
 USUAL = (0.5, 2.0)
+"""Slopes that the errors of a URDF explain."""
 EPSILON = 0.05
+"""Width of the smooth sign of dq, rad/s."""
 
 
 def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """The columns of τ, where they belong to other joints than those of q."""
+    """Order of the columns of τ.
+
+    Measured: share of each column of τ that the model's torque of each joint explains.
+
+    Args:
+        torque_rows: prepared rows.
+        plan: recipe so far.
+
+    Returns:
+        The recipe with the order of the torque, and "torque_order" where it changed.
+    """
     inertial, falls = torque_rows.model_torque()
     model = inertial + falls
     tau, n = torque_rows.samples.tau, torque_rows.lib.n_joints
@@ -38,56 +52,71 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
     )
     columns, joints = linear_sum_assignment(-(share**2))
     order = columns[np.argsort(joints)]
-    own, best = np.diag(share) ** 2, share[order, np.arange(n)] ** 2
+    present, best = np.diag(share) ** 2, share[order, np.arange(n)] ** 2
     moved = np.flatnonzero(order != np.arange(n))
     if plan.torque is None or not moved.size:
         return plan, []
     if (
         np.median(best[moved]) < NEW
-        or np.median(best[moved] - own[moved]) < GAINED
+        or np.median(best[moved] - present[moved]) < GAINED
         or not tau.any()
     ):
         return plan, []
-    told = ", ".join(map(str, order))
+    columns_in_order = ", ".join(map(str, order))
     base = plan.torque.order or tuple(range(n))
     torque = replace(plan.torque, order=tuple(int(base[k]) for k in order))
     return plan.replace(torque=torque), [
         Finding(
             "torque_order",
             WARNING,
-            f"the columns of τ are in another order than those of q: in the order {told} (counted "
-            f"from 0) the model explains {100 * best[moved].mean():.0f} % of the moved joints, as "
-            f"they stand {100 * own[moved].mean():.0f} %; set order = [{told}] under [torque]",
-            {"order": order.tolist(), "explained": best.tolist(), "explained_as_is": own.tolist()},
+            "the columns of τ are in another order than those of q: in the order "
+            f"{columns_in_order} (counted from 0) the model explains "
+            f"{100 * best[moved].mean():.0f} % of the columns that change place, in the present "
+            f"order {100 * present[moved].mean():.0f} %; set order = [{columns_in_order}] under "
+            "[torque]",
+            {
+                "order": order.tolist(),
+                "explained": best.tolist(),
+                "explained_as_is": present.tolist(),
+            },
             trap=9,
         )
     ]
 
 
 def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Unit and gains, from the size of the slopes of the joints that gravity or inertia load."""
-    slopes, sure = slopes_to_model(torque_rows)
-    if plan.torque is None or not sure.any():
+    """Unit and gains of τ, from the slopes of the joints that gravity or inertia load.
+
+    Args:
+        torque_rows: prepared rows.
+        plan: recipe so far.
+
+    Returns:
+        The recipe with the unit or proposed gains, and "torque_unit" where the slopes are outside
+        `USUAL` or differ by a factor of 4.
+    """
+    slopes, is_used = slopes_to_model(torque_rows)
+    if plan.torque is None or not is_used.any():
         return plan, []
     size = np.abs(slopes)
-    middle = float(np.median(size[sure]))
-    evidence = {"slopes": [float(s) if k else None for s, k in zip(slopes, sure, strict=True)]}
-    told = ", ".join(f"{s:.3g}" if k else "?" for s, k in zip(slopes, sure, strict=True))
-    spread = float(size[sure].max() / size[sure].min())
+    middle = float(np.median(size[is_used]))
+    evidence = {"slopes": [float(s) if k else None for s, k in zip(slopes, is_used, strict=True)]}
+    factors = ", ".join(f"{s:.3g}" if k else "?" for s, k in zip(slopes, is_used, strict=True))
+    spread = float(size[is_used].max() / size[is_used].min())
     if USUAL[0] <= middle <= USUAL[1] and spread < 4.0 and not _unscaled(plan):
         return plan, []
     if 400.0 <= middle <= 2500.0 and spread < 3.0 and plan.torque.unit == "N*m":
         sentence = (
-            f"τ looks like mN·m: it is {told} times the model's torque, joint by joint; set unit "
-            "= 'mN*m' under [torque]"
+            f"τ looks like mN·m: it is {factors} times the model's torque, joint by joint; set "
+            "unit = 'mN*m' under [torque]"
         )
         torque = replace(plan.torque, unit="mN*m")
         return plan.replace(torque=torque), [
             Finding("torque_unit", ERROR, sentence, evidence, trap=11)
         ]
-    known = [float(s) for s, k in zip(size, sure, strict=True) if k]
+    known = [float(s) for s, k in zip(size, is_used, strict=True) if k]
     gains = [
-        1.0 / s if k else 1.0 / float(np.median(known)) for s, k in zip(size, sure, strict=True)
+        1.0 / s if k else 1.0 / float(np.median(known)) for s, k in zip(size, is_used, strict=True)
     ]
     evidence["gains"] = [float(f"{g:.4g}") for g in gains]
     before = np.broadcast_to(np.asarray(plan.torque.gain or 1.0, dtype=float), size.shape)
@@ -97,40 +126,52 @@ def scale(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]
         gain=tuple(float(f"{g * b:.4g}") for g, b in zip(gains, before, strict=True)),
     )
     sentence = (
-        f"τ is no torque at the joints in N·m: it is {told} times the model's, joint by joint, so "
-        "motor currents or motor torques; give the gains from the data sheet (torque constant "
-        "times gear ratio), or from one run with a known payload. Those proposed, "
-        f"{', '.join(f'{g:.3g}' for g in gains)}, make the URDF's masses right and are no "
-        "calibration: identified masses inherit their error"
+        f"τ is not the joint torque in N·m: it is {factors} times the model's torque, joint by "
+        "joint, as motor currents or motor torques are; give the gains from the data sheet "
+        "(torque constant times gear ratio), or from two runs with and without a known payload. "
+        f"The proposed gains {', '.join(f'{g:.3g}' for g in gains)} reproduce the masses of the "
+        "URDF and are not a calibration: identified masses inherit their error"
     )
     return plan.replace(torque=torque), [Finding("torque_unit", ERROR, sentence, evidence, trap=11)]
 
 
 def _unscaled(plan: Recipe) -> bool:
-    """Amperes by the title, without a gain that anybody has given."""
+    """Whether τ is in amperes by its title and no gain is given."""
     return plan.torque is not None and plan.torque.unit == "A" and plan.torque.gain == 1.0
 
 
 def joint_signs(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Finding]]:
-    """Some joints count τ the other way; where all do, `gravity` decides what is turned."""
-    slopes, sure = slopes_to_model(torque_rows)
-    against = np.flatnonzero(sure & (slopes < 0))
+    """Sign of τ, joint by joint.
+
+    Measured: sign of the slope of τ on the model's torque. Where every joint that gravity loads has
+    the opposite sign, `gravity` decides between the sign of τ and the direction of gravity.
+
+    Args:
+        torque_rows: prepared rows.
+        plan: recipe so far.
+
+    Returns:
+        The recipe with corrected signs, and "torque_sign" where they changed.
+    """
+    slopes, is_used = slopes_to_model(torque_rows)
+    against = np.flatnonzero(is_used & (slopes < 0))
     inertial, falls = torque_rows.model_torque()
-    heavy = sure & (np.mean(falls**2, axis=0) > np.mean(inertial**2, axis=0))
+    heavy = is_used & (np.mean(falls**2, axis=0) > np.mean(inertial**2, axis=0))
     if plan.torque is None or not against.size or (slopes[heavy] < 0).all():
         return plan, []
     n, where = torque_rows.lib.n_joints, [int(j) for j in against]
     sign = np.where(np.isin(np.arange(n), against), -1.0, 1.0)
-    own = np.broadcast_to(np.asarray(plan.torque.sign, dtype=float), (n,))
-    torque = replace(plan.torque, sign=tuple(float(s) for s in sign * own))
+    present = np.broadcast_to(np.asarray(plan.torque.sign, dtype=float), (n,))
+    torque = replace(plan.torque, sign=tuple(float(s) for s in sign * present))
     return plan.replace(torque=torque), [
         Finding(
             "torque_sign",
             WARNING,
-            f"τ runs against the model at {joint_list(torque_rows.lib.joint_names, where)} (slope "
-            f"{', '.join(f'{slopes[j]:.2g}' for j in where)} on its torque) and with it elsewhere: "
-            "the log counts these joints the other way; check the axis of q too, and set sign = "
-            f"{[int(s) for s in sign * own]} under [torque]",
+            f"τ is opposite to the model at {joint_list(torque_rows.lib.joint_names, where)} "
+            f"(slope {', '.join(f'{slopes[j]:.2g}' for j in where)} on its torque) and agrees "
+            "elsewhere: the log has the opposite sign at these joints; check the direction of q "
+            "too, and set sign = "
+            f"{[int(s) for s in sign * present]} under [torque]",
             {"joints": where, "slopes": [float(s) for s in slopes]},
             trap=3,
         )
@@ -138,11 +179,11 @@ def joint_signs(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fin
 
 
 def slopes_to_model(torque_rows: TorqueRows) -> tuple[Array, NDArray[np.bool_]]:
-    """s per joint, and which of them are believed."""
+    """Slope s of τ on the model's torque per joint, (n,), and whether it is used, (n,) booleans."""
     inertial, falls = torque_rows.model_torque()
     model = inertial + falls
-    found = [_regressed(torque_rows, model, j, j) for j in range(torque_rows.lib.n_joints)]
-    slopes, partial = np.array(found).T
+    pairs = [_regressed(torque_rows, model, j, j) for j in range(torque_rows.lib.n_joints)]
+    slopes, partial = np.array(pairs).T
     power = np.sqrt(np.mean(np.square(model), axis=0))
     return slopes, np.asarray((np.abs(partial) > SURE) & (power > LOADED * power.max()))
 
@@ -153,9 +194,9 @@ def _regressed(torque_rows: TorqueRows, model: Array, i: int, j: int) -> tuple[f
     dq = s.dq[:, j]
     others = np.column_stack([dq, np.tanh(dq / EPSILON), np.ones_like(dq)])
     _, tau = least_squares(others, s.tau[:, i])
-    _, own = least_squares(others, model[:, j])
-    size = float(np.linalg.norm(own))
-    if size <= 1e-6 * np.sqrt(len(own)):
+    _, rigid = least_squares(others, model[:, j])
+    size = float(np.linalg.norm(rigid))
+    if size <= 1e-6 * np.sqrt(len(rigid)):
         return 0.0, 0.0
-    both = float(own @ tau)
+    both = float(rigid @ tau)
     return both / size**2, both / max(size * float(np.linalg.norm(tau)), 1e-300)

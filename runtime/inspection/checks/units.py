@@ -1,6 +1,6 @@
-"""In which units are q, dq and t?  By the limits of the joints, and by the slope of q on dq.
+"""Checks of the units of q, dq and t, by the limits of the joints and the slope of q on ∫ dq dt.
 
-s = Δq / ∫ dq dt  =  u_dq u_t / u_q   is 1 in the right units, and another number in each other
+s = Δq / ∫ dq dt  =  u_dq u_t / u_q   is 1 in the right units (traps 2, 6, 10)
 """
 
 import itertools
@@ -17,18 +17,31 @@ from runtime.recording.consistency import slopes_of, unwrap
 from runtime.recording.recipes.recipe import UNITS, Signal
 
 TINY = 0.06
-"""Span in rad below which a motion may be degrees taken for radians."""
+"""Span [rad] below which the numbers may be radians that were read as degrees."""
 DOUBT = 0.8
-"""Mismatch of τ with gravity above which degrees are not believed, though the limits allow them."""
+"""Mismatch of τ with the gravity torque above which degrees are rejected though the limits allow
+them."""
 SLOPE = 0.15
+"""Distance of s from 1 that is accepted."""
 FEWEST = 20
 """Rows that a slope needs."""
 USUAL_RATES = (2.0, 2e4)
+"""Rates of loggers, Hz."""
 _ANGULAR = {"position": ("rad", "deg"), "velocity": ("rad/s", "deg/s", "rpm")}
 
 
 def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
-    """Units of q by the limits, then of dq and t by the slope."""
+    """Unit of q by the limits of the joints, then units of dq and t by the slope s.
+
+    Args:
+        recording: read with the plan.
+        plan: recipe so far.
+        lib: library of the robot.
+
+    Returns:
+        The recipe with corrected units; "position_unit", "position_range", "velocity_unit",
+        "velocity_scale", "time_unit" or "missing_clock".
+    """
     findings: list[Finding] = []
     factor = _position_factor(recording.q, lib)
     doubt = ""
@@ -36,8 +49,8 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
         mismatch = gravity_mismatch(recording.q * factor, recording.tau, lib)
         if mismatch > DOUBT:
             doubt = (
-                f" (as degrees they would lie within, but then τ is nothing like the torque of "
-                f"gravity, mismatch {mismatch:.2f})"
+                " (degrees would lie within the limits, but then τ does not resemble the gravity "
+                f"torque, mismatch {mismatch:.2f})"
             )
             factor = None
     if factor is None:
@@ -51,7 +64,7 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
             Finding(
                 "position_unit",
                 ERROR,
-                f"positions look like {position.unit}: as they stand they reach "
+                f"positions look like {position.unit}: in the present unit they reach "
                 f"{np.abs(recording.q).max():.4g} and span {span:.4g}, in {position.unit} "
                 "they lie within the limits of the joints; set the unit under [position]",
                 {"factor": factor, "reach": float(np.abs(recording.q).max())},
@@ -72,18 +85,18 @@ def units(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, lis
 def _velocity_and_time(
     seen: float, slopes: Array, recording: Recording, plan: Recipe, findings: list[Finding]
 ) -> tuple[Recipe, list[Finding]]:
-    """s = 1 in the right units; the pair of units nearest to the recipe's that makes it so."""
+    """Pair of units of t and dq, closest to that of the recipe, that makes s = 1."""
     if abs(seen - 1.0) < SLOPE:
         return plan, findings
     clocks = UNITS["time"].values() if plan.time and plan.time.unit else (1.0,)
-    own = UNITS["time"][plan.time.unit] if plan.time and plan.time.unit else 1.0
+    present = UNITS["time"][plan.time.unit] if plan.time and plan.time.unit else 1.0
     angular = {1.0, np.pi / 180, 180 / np.pi, np.pi / 30, 30 / np.pi}
     for clock, speed in sorted(
-        itertools.product({each / own for each in clocks}, angular),
+        itertools.product({each / present for each in clocks}, angular),
         key=lambda pair: (pair[0] != 1.0) + (pair[1] != 1.0),
     ):
         rate = recording.rate_hz / clock
-        # s carries the units as they were taken: dq and t too large by c and v give s = c v.
+        # s contains the units in use: t and dq too large by c and v give s = c v.
         if abs(seen / (clock * speed) - 1.0) < SLOPE and USUAL_RATES[0] <= rate <= USUAL_RATES[1]:
             return _in_units(seen, clock, speed, plan, findings, rate)
     if plan.time is not None and plan.time.rate_hz is not None:
@@ -93,7 +106,7 @@ def _velocity_and_time(
             Finding(
                 "missing_clock",
                 WARNING,
-                f"the log has no column of time; by Δq = dq Δt its rate is {rate:.4g} Hz; confirm "
+                f"the log has no column of time; Δq = dq Δt gives a rate of {rate:.4g} Hz; confirm "
                 "rate_hz under [time]",
                 {"rate_hz": rate},
                 trap=2,
@@ -105,8 +118,8 @@ def _velocity_and_time(
             "velocity_scale",
             WARNING,
             f"Δq/Δt over dq is {seen:.4g} instead of 1 (joint by joint "
-            f"{', '.join(f'{s:.3g}' for s in slopes)}), which no unit explains: a gear, a wrong "
-            "order or a wrong clock; velocities from q are proposed (derivative = 'position')",
+            f"{', '.join(f'{s:.3g}' for s in slopes)}), which no unit explains: check gear, order "
+            "and clock; until then take velocities from q (derivative = 'position'), as proposed",
             {"slope": seen, "slopes": numbers(slopes)},
             trap=2,
         )
@@ -147,16 +160,16 @@ def _in_units(
 
 
 def _rate_only(recording: Recording, plan: Recipe) -> list[Finding]:
-    """Without dq the unit of time can only be doubted."""
+    """An unusual rate, which without dq cannot be checked further."""
     given = recording.rate_hz if plan.time and plan.time.unit else USUAL_RATES[0]
     if USUAL_RATES[0] <= given <= USUAL_RATES[1]:
         return []
-    told = f"a rate of {recording.rate_hz:.4g} Hz is unusual and there is no dq to measure it by"
+    rate = f"a rate of {recording.rate_hz:.4g} Hz is unusual, and there is no dq to check it with"
     return [
         Finding(
             "time_unit",
             WARNING,
-            f"{told}; if time is in ms or µs, set its unit under [time]",
+            f"{rate}; if time is in ms or µs, set its unit under [time]",
             {"rate_hz": recording.rate_hz},
             trap=2,
         )
@@ -164,7 +177,7 @@ def _rate_only(recording: Recording, plan: Recipe) -> list[Finding]:
 
 
 def _position_factor(q: Array, lib: Library) -> float | None:
-    """What q is to be multiplied with to lie within the limits, in the best order, or None."""
+    """Factor of q that brings it within the limits in the best order; None where there is none."""
     span = float(np.ptp(unwrap(q)[0], axis=0).max())
     costs = {factor: _misplaced(q * factor, lib) for factor in (1.0, np.pi / 180, 180 / np.pi)}
     if costs[1.0] <= BEYOND:
@@ -175,42 +188,52 @@ def _position_factor(q: Array, lib: Library) -> float | None:
 
 
 def _misplaced(q: Array, lib: Library) -> float:
-    """The largest way beyond a limit, in the order of columns that keeps it smallest."""
+    """Largest excess over a limit in the order of columns that minimises it [rad, m]."""
     beyond = beyond_limits(q, lib)
     rows, order = linear_sum_assignment(beyond)
     return float(beyond[rows, order].max())
 
 
 def _out_of_reach(q: Array, plan: Recipe, lib: Library, doubt: str) -> Finding:
+    """The finding of positions that no unit brings within the limits."""
     beyond = np.diag(beyond_limits(q, lib))
     worst = int(np.argmax(beyond))
-    told = ", ".join(f"{x:.3g}" for x in np.abs(q).max(axis=0))
+    reach = ", ".join(f"{x:.3g}" for x in np.abs(q).max(axis=0))
     ratio = np.abs(q).max(axis=0)
     what = (
-        "the gear matrix or an offset under [position] is not that of this robot"
+        "correct the gear matrix, or the offset under [position]"
         if plan.gear
         else "these may be motor angles, which need the [gear] matrix R of q_motor = R q_joint "
         "(couplings included) and the offset of the zero under [position], both from the "
-        "manufacturer; or another robot, or an unknown offset"
+        "manufacturer; or the log is of another robot"
     )
     return Finding(
         "position_range",
         ERROR,
-        f"positions fit the robot in no unit: {lib.joint_names[worst]} goes {beyond[worst]:.3g} "
-        f"beyond its limits, the joints reach {told}{doubt}; {what}",
+        f"positions exceed the limits in every unit: {lib.joint_names[worst]} by "
+        f"{beyond[worst]:.3g}, the joints reach {reach}{doubt}; {what}",
         {"reach": numbers(ratio), "beyond": numbers(beyond)},
         trap=6,
     )
 
 
 def gravity_mismatch(q: Array, tau: Array, lib: Library) -> float:
-    """E of `runtime.inspection.checks.joint_order` for the joints as they stand."""
+    """E of `runtime.inspection.checks.joint_order` in the present order of the joints.
+
+    Args:
+        q: (N, n) positions [rad, m].
+        tau: (N, n) torques in any unit.
+        lib: library of the robot.
+
+    Returns:
+        E in [0, 1].
+    """
     take = np.linspace(0, len(q) - 1, ROWS).astype(int)
     return float(mismatches(q[take], tau[take], np.arange(lib.n_joints)[None], lib)[0])
 
 
 def _rescaled(kind: str, signal: Signal, factor: float) -> Signal:
-    """The unit whose numbers are `factor` times those of the signal's unit."""
+    """The signal in the unit that is `factor` times its present unit."""
     unit = signal.unit if isinstance(signal.unit, str) else signal.unit[0]
     wanted = UNITS[kind][unit] * factor
     best = min(_ANGULAR[kind], key=lambda u: abs(np.log(UNITS[kind][u] / wanted)))

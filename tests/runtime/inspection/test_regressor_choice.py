@@ -95,17 +95,17 @@ def test_what_is_said(lib: Library, clean: Recording):
     same, (sentence,) = choose_regressor(loud, lib, usual)
     assert same is usual
     assert "differentiation fails at 20 Hz" in sentence
-    assert "is noise, which makes its inertia too small" in sentence
+    assert "is noise, which reduces its identified inertia" in sentence
     assert "--regressor momentum --cutoff" in sentence
-    taken, (told,) = choose_regressor(loud, lib, usual, replaces=True)
+    taken, (chosen,) = choose_regressor(loud, lib, usual, replaces=True)
     assert taken.regressor == "momentum"
-    assert f"took --regressor momentum --cutoff {taken.cutoff_hz:g}" in told
+    assert f"--regressor momentum --cutoff {taken.cutoff_hz:g} was taken" in chosen
     # The cut-off that is offered leaves as much noise as is harmless, to the form of the filter.
     again = differentiation_of(loud, lib, replace(usual, cutoff_hz=taken.cutoff_hz))
     assert again.noise.max() == pytest.approx(NOISY, rel=0.5)
     _, (bent,) = choose_regressor(clean, lib, replace(QUIET, cutoff_hz=1.0))
-    assert "before they are multiplied" in bent
-    assert "--cutoff 1 needs no accelerations" in bent
+    assert "the low-pass of q and dq changes the torque" in bent
+    assert "--cutoff 1, which needs no accelerations" in bent
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_commands(lib: Library, noisy: Recording, tmp_path, command: Command):
         facts = json.loads((tmp_path / form / "result.json").read_text())
         (notes[form],) = (w for w in facts["warnings"] if "differentiation fails" in w)
     assert "needs no accelerations" in notes["acceleration"]
-    assert "took --regressor momentum" in notes["auto"]
+    assert "was taken" in notes["auto"]
     found = inspect_log(tmp_path / "log.csv", lib)
     kinds = [f.kind for f in found.findings]
     assert "differentiation" in kinds

@@ -1,11 +1,14 @@
 """The tasks of a search one after another, or on several processes with the same results."""
 
+import os
 import signal
 import threading
 from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from multiprocessing import parent_process
+from multiprocessing.connection import wait as wait_for
 from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
@@ -46,7 +49,7 @@ def side_by_side(
     """Do the tasks of every round on several processes, in the order in which they end.
 
     Workers are fresh interpreters (spawn) that ignore Ctrl-C: closing the iterator ends them with
-    the tasks under way.
+    the tasks under way. They end by themselves when this process is killed.
 
     Args:
         problem: of the search, which every worker builds for itself.
@@ -93,8 +96,21 @@ def side_by_side(
 
 def _prepare(problem: SearchProblem) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     threadpool_limits(limits=1, user_api="blas")
     _here[:] = [problem.search()]
+
+
+def _end_with_parent() -> None:
+    """End this worker when the process that began it has ended, in whatever way.
+
+    A killed parent closes nothing in order. Its worker would wait for the next task for ever,
+    because it holds both ends of the queue of tasks itself.
+    """
+    parent = parent_process()
+    if parent is not None:
+        wait_for([parent.sentinel])
+        os._exit(1)  # from a thread nothing else ends the interpreter; a result has no reader left
 
 
 def _start(task: Task) -> Started:

@@ -1,9 +1,11 @@
 """Processes that search side by side, and Ctrl-C."""
 
+import os
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,3 +65,28 @@ def test_ctrl_c_ends_the_workers_however_often_it_comes(tmp_path: Path) -> None:
             process.kill()
     assert process.returncode == -signal.SIGINT
     assert err.rstrip().endswith("KeyboardInterrupt")
+
+
+def test_workers_end_with_a_killed_search(tmp_path: Path) -> None:
+    """Property: SIGKILL of the search leaves no worker behind, busy or idle.
+
+    Two workers: one does a task of 1000 s, the other has ended its task and waits for another.
+    """
+    with subprocess.Popen(
+        [sys.executable, "-c", WAITING.replace(", Sleep(2, 1000)", "")],
+        cwd=tmp_path,
+        env=QUIET,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        start_new_session=True,
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "waiting\n"
+            process.kill()
+            # Workers hold stdout open: its end is theirs. They end at once, a loaded machine in 40.
+            process.communicate(timeout=40)
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)

@@ -1,4 +1,4 @@
-"""What a good result is: torque errors, distances between mass matrices, consistency.
+"""Measures of a result: torque errors, distances between mass matrices, consistency.
 
 Source: document Eqs. 2.37, 2.39, 5.1–5.4 with the errata to 5.4 and Sec. 3.3.
 """
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 CONSISTENCY_TOLERANCE = 1e-12
-"""A link is consistent when P_k ⪰ −1e-12 tr(P_k); the eigenvalue itself is reported beside it."""
+"""A link is consistent when P_k ⪰ −1e-12 tr(P_k), the rounding of an eigenvalue."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,14 +30,31 @@ class TorqueError:
 
 
 def torque_error(measured: Array, predicted: Array) -> TorqueError:
-    """Errors of predicted against measured torque, both (N, n); 0 % where both are silent."""
+    """Torque error of a prediction.
+
+    Args:
+        measured: (N, n) τ [N·m, N].
+        predicted: (N, n) τ̂ [N·m, N].
+
+    Returns:
+        Relative and RMS errors; 0 % for a joint where both are 0.
+    """
     difference = measured - predicted
     size, scale = np.linalg.norm(difference, axis=0), np.linalg.norm(measured, axis=0)
     return torque_error_of(size, scale, len(measured))
 
 
 def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
-    """The same from ‖τ_j − τ̂_j‖ and ‖τ_j‖ (n,) of N samples."""
+    """Torque error from norms per joint.
+
+    Args:
+        size: (n,) ‖τ_j − τ̂_j‖ [N·m, N].
+        scale: (n,) ‖τ_j‖ [N·m, N].
+        count: number of samples N.
+
+    Returns:
+        Relative and RMS errors; 0 % for a joint where both norms are 0.
+    """
     percent = 100 * np.divide(size, scale, out=np.where(size == 0, 0.0, np.inf), where=scale > 0)
     whole = float(np.linalg.norm(scale))
     overall = 100 * float(np.linalg.norm(size)) / whole if whole else 0.0
@@ -45,7 +62,15 @@ def torque_error_of(size: Array, scale: Array, count: int) -> TorqueError:
 
 
 def airm(a: Array, b: Array) -> Array:
-    """d(A, B) = √Σ ln² λ_i(A⁻¹B) for symmetric positive definite (…, n, n) (Eq. 2.39)."""
+    """Affine-invariant distance d(A, B) = √Σ ln² λ_i(A⁻¹B) (Eq. 2.39).
+
+    Args:
+        a: (…, n, n) symmetric positive definite matrices.
+        b: (…, n, n) symmetric positive definite matrices.
+
+    Returns:
+        (…) distances.
+    """
     lower = np.linalg.cholesky(a)
     half = np.linalg.solve(lower, b)
     whole = np.linalg.solve(lower, np.swapaxes(half, -1, -2))
@@ -54,5 +79,13 @@ def airm(a: Array, b: Array) -> Array:
 
 
 def frobenius(a: Array, b: Array) -> Array:
-    """‖A − B‖_F of (…, n, n) (Eq. 2.37); divide by n for the RMS per entry (errata to 5.4)."""
+    """Frobenius distance ‖A − B‖_F (Eq. 2.37); over n it is the RMS per entry (errata to 5.4).
+
+    Args:
+        a: (…, n, n) matrices.
+        b: (…, n, n) matrices.
+
+    Returns:
+        (…) distances in the unit of the entries.
+    """
     return np.linalg.norm(a - b, axis=(-2, -1))

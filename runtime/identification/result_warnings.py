@@ -1,4 +1,4 @@
-"""What a reader of a result must know before trusting it: a sentence each, with what to do."""
+"""Warnings about a result: sentences on its limits, each with what to do."""
 
 import numpy as np
 
@@ -8,46 +8,55 @@ from runtime.identification.identified import Identification
 from runtime.recording.preprocessing import is_filtered
 
 SUSPICIOUSLY_GOOD = 1e-4
-"""Overall error in percent below which a real torque sensor is hard to believe."""
+"""Overall error [%] below which a torque cannot come from a real sensor."""
 WORSE = 1.1
-"""Error of the answer over that of the URDF which chance hardly makes."""
+"""Error of the result over that of the URDF above which the difference is hardly chance."""
 UNEXPLAINED = 20.0
-"""Overall error in percent above which something is wrong that no method mends: real logs of the
-arms we have end below 10 % once units, filter and friction are right."""
+"""Overall error [%] above which the cause is not the method: all real logs that were tried end
+below 10 % once units, filter and friction are right."""
 STILL = 1e-3
-"""rad or m: travel that sensors and vibration make of a joint at rest."""
+"""Travel [rad or m] of a joint at rest, by noise and vibration."""
 
 
 def warnings_of(
     result: Identification, before: metrics.TorqueError, after: metrics.TorqueError
 ) -> list[str]:
-    """A sentence each, of an answer and the torque errors of the first guess and of it."""
+    """Sentences about the limits of a result.
+
+    Args:
+        result: the identification.
+        before: torque error of the first guess on the test part.
+        after: torque error of the result on the test part.
+
+    Returns:
+        The notes of the result, then one sentence per warning.
+    """
     warnings = list(result.notes)
     if after.overall > max(WORSE * before.overall, SUSPICIOUSLY_GOOD):
         warnings.append(
             f"on the test data this model is worse than the URDF ({before.overall:.3g} % became "
-            f"{after.overall:.3g} %): keep the URDF, and record a longer motion to train on"
+            f"{after.overall:.3g} %): keep the URDF, and record a longer motion for training"
         )
     if after.overall > UNEXPLAINED:
         warnings.append(_unexplained(result, after))
     if still := _still(result):
         warnings.append(
-            f"{', '.join(still)} never moved in training: what only such a motion shows is the "
-            "URDF's word; record a motion that moves every joint"
+            f"{', '.join(still)} never moved in training: parameters that only such a motion "
+            "determines are those of the URDF; record a motion that moves every joint"
         )
     if result.one_run:
         warnings.append(
-            "training, validation and test are parts of one run, which flatters; "
-            "record a second trajectory to test on"
+            "training, validation and test are parts of one run, which underestimates the error; "
+            "record a second trajectory for the test"
         )
     if result.test.rows is not None:
-        seen = "the power of all joints together" if result.weights.size == 1 else "momenta"
+        rows = "the power of all joints together" if result.weights.size == 1 else "momenta"
         warnings.append(
-            f"the fit has seen {seen} and no accelerations; errors are those of the torque, which "
-            "passed the same filter"
+            f"the fit uses {rows} and no accelerations; errors are those of the torque after the "
+            "same filter"
         )
     if not result.is_consistent:
-        warnings.append("some links are no bodies that can exist; use map for a model to simulate")
+        warnings.append("some links are not physically consistent; use map for a model to simulate")
     if objective := METHODS[result.method].objective:
         warnings.append(
             f"{result.method} {objective}; its gap is measured in the weighted "
@@ -55,29 +64,31 @@ def warnings_of(
         )
     if after.overall < SUSPICIOUSLY_GOOD:
         warnings.append(
-            "the fit is perfect to rounding: the torque is simulated or the output of a model, "
-            "not a measurement"
+            "the fit is exact to rounding: the torque is simulated or the output of a model, not a "
+            "measurement"
         )
-    unexcited = result.lib.base_matrix.shape[0]
-    if len(result.train) * result.lib.n_joints < 3 * unexcited:
-        warnings.append("there are hardly more rows than unknowns; record for longer")
+    unknowns = result.lib.base_matrix.shape[0]
+    if len(result.train) * result.lib.n_joints < 3 * unknowns:
+        warnings.append("there are fewer than three equations per unknown; record for longer")
     return warnings
 
 
 def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
-    """What to try first, in the order of what it costs."""
+    """Remedies for a large error, the cheapest first."""
     filtered = METHODS[result.method].unfiltered or is_filtered(result.train.history)
-    advice = ["no low-pass was asked for: --cutoff auto"] * (not filtered)
-    advice += ["no friction was: --friction auto"] * (not result.phi.size)
+    advice = ["no low-pass was used: --cutoff auto"] * (not filtered)
+    advice += ["no friction was modelled: --friction auto"] * (not result.phi.size)
     return (
-        f"{after.overall:.3g} % of the test torque is unexplained, too much for a model to use; "
+        f"{after.overall:.3g} % of the test torque is unexplained, too much for a useful model; "
         f"{'; '.join(advice)}{'; ' if advice else ''}"
-        "wrong units, order or signs are found by: python -m runtime inspect LOG"
+        "check units, order and signs with: python -m runtime inspect LOG"
     )
 
 
 def _still(result: Identification) -> list[str]:
-    """Joints that keep their place in all of the training part; of a streamed log nobody knows."""
+    """Joints that do not move in the whole training part; none for a streamed log, whose rows are
+    not all in memory.
+    """
     if result.streamed is not None:
         return []
     spans = np.ptp(result.train.q, axis=0)

@@ -1,7 +1,7 @@
-"""What an identification is asked to do, apart from the recording and the robot.
+"""Settings of an identification: method, preparation, friction, split, prior, first guess.
 
 One frozen `Settings` serves a single log, several logs, a streamed log and a comparison of methods.
-Each of them refuses the fields that it cannot honour.
+Each of them refuses the fields that it cannot use.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ RENAMED = {"loop": "controller"}
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Settings:
-    """How a robot is identified from a recording.
+    """Settings of an identification.
 
     Attributes:
         method: one of `METHODS`; None is "map", or "adam" where a preset is given.
@@ -56,7 +56,7 @@ class Settings:
     certify: bool = True
 
     def require_default(self, names: tuple[str, ...], task: str) -> None:
-        """Refuse fields that a task cannot honour.
+        """Refuse fields that a task cannot use.
 
         Args:
             names: fields that must keep their default.

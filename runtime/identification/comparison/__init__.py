@@ -1,4 +1,4 @@
-"""Every method on the same problem: one row each, what to trust and why, and files that say so."""
+"""Comparison of methods on the same problem: one row each, advice, and files."""
 
 from runtime.identification.comparison.advice import Advice, advise
 from runtime.identification.comparison.output import write_comparison

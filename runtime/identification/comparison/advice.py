@@ -1,10 +1,10 @@
-"""Which method to trust, by rule, in plain sentences.
+"""Advice on the choice of a method, by fixed rules.
 
-MAP is taken unless it has no consistent answer, or another strictly consistent method predicts the
-test part better beyond chance. Chance is judged on contiguous blocks of the test part, whose means
-are nearly independent although neighbouring residuals are not: t = mean(d)/(std(d)/√B) of the
-block means of d, the difference of squared errors. Source: Diebold & Mariano 1995 for testing d;
-Law & Kelton for means of batches.
+MAP is recommended unless it has no consistent result, or another strictly consistent method
+predicts the test part significantly better. Significance is computed on contiguous blocks of the
+test part, whose means are nearly independent although neighbouring residuals are not: t =
+mean(d)/(std(d)/√B) of the block means of d, the difference of squared errors. Source: Diebold &
+Mariano 1995 for testing d; Law & Kelton for means of batches.
 """
 
 from collections.abc import Sequence
@@ -20,18 +20,26 @@ from runtime.library import Array
 UNCONSTRAINED = "ols"
 """Method whose growth of the error from training to test shows over-fitting."""
 BLOCKS = 10
+"""Contiguous blocks of the test part."""
 LEVEL = 0.95
+"""Confidence level of the t-test."""
 WORTHWHILE = 0.01
-"""Relative gain in torque error below which a better method is not worth a word."""
+"""Relative reduction of the torque error below which a method does not count as better."""
 ENOUGH = 0.5
 """Share of the base parameters below which the data count as dominated by the prior."""
 OVERFIT = 1.1
-"""How much more than that of the chosen method the error of OLS may grow from train to test."""
+"""Growth of the error of OLS from training to test over that of the recommended method, above which
+OLS over-fits."""
 
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """What to take (None: nothing can be taken), and the sentences that say why."""
+    """Recommended method with the reasons.
+
+    Attributes:
+        take: name of the method; None where no result should be used.
+        sentences: reasons and remarks.
+    """
 
     take: str | None
     sentences: tuple[str, ...]
@@ -41,12 +49,15 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
     """Advice on the rows of one comparison.
 
     Args:
-        rows: of any methods, in any order.
-        n_base: base parameters of the robot.
+        rows: results of any methods, in any order.
+        n_base: number of base parameters of the robot.
+
+    Returns:
+        The recommended method and the reasons.
     """
     ran = {row.method: row.figures for row in rows if row.figures is not None}
     if not ran:
-        why = "no method has an answer on these data; the reason of each is in its row"
+        why = "no method has a result on these data; the reason of each is in its row"
         return Advice(None, (_capital(why),))
     sound = {name: f for name, f in ran.items() if f.is_consistent}
     if not sound:
@@ -55,7 +66,7 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
             None,
             (
                 f"No method that ran is physically consistent ({', '.join(ran)}); {best} predicts "
-                "torques best, but take none of them for a simulator or a controller: run map",
+                "torques best, but use none of them in a simulator or a controller: run map",
             ),
         )
     take, why = _choice(sound)
@@ -73,7 +84,15 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
 
 
 def better_beyond_chance(a: Array, b: Array) -> bool:
-    """Whether squared errors a are smaller than b, (N,) each, by two-sided t at `LEVEL`."""
+    """Whether squared errors a are significantly smaller than b, by a two-sided t-test at `LEVEL`.
+
+    Args:
+        a: (N,) squared errors of one method, (N·m)².
+        b: (N,) squared errors of another on the same samples.
+
+    Returns:
+        True where the difference exceeds chance; False for fewer than six samples.
+    """
     count = min(BLOCKS, len(a) // 2)
     if count < 3:
         return False
@@ -85,35 +104,36 @@ def better_beyond_chance(a: Array, b: Array) -> bool:
 
 
 def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
+    """The recommended one of the consistent methods, and the reason."""
     inside = {name: f for name, f in sound.items() if not f.is_boundary}
     if DEFAULT not in sound:
         take = _best(inside or sound)
-        return take, f"the best prediction of the consistent answers there are ({DEFAULT} has none)"
+        return take, f"the best prediction of all consistent results ({DEFAULT} has none)"
     rivals = {
         name: f for name, f in inside.items() if name != DEFAULT and _beats(f, sound[DEFAULT])
     }
     if not rivals:
         return DEFAULT, (
-            "the default; its links can exist, it knows its own uncertainty, and no other "
-            "consistent answer predicts better beyond chance"
+            "the default; its links are physically consistent, it states its uncertainty, and no "
+            "other consistent result predicts significantly better"
         )
     take = _best(rivals)
-    told = (
-        f"its links can exist and its test error, {_percent(sound[take])}, is below the "
-        f"{_percent(sound[DEFAULT])} of {DEFAULT} beyond chance"
+    reason = (
+        f"its links are physically consistent and its test error, {_percent(sound[take])}, is "
+        f"significantly below the {_percent(sound[DEFAULT])} of {DEFAULT}"
     )
     if more := METHODS[take].when_recommended:
-        told += f"; {more}"
-    return take, told
+        reason += f"; {more}"
+    return take, reason
 
 
 def _consistency(ran: dict[str, Figures]) -> str:
     bad = [name for name, f in ran.items() if not f.is_consistent]
     if not bad:
-        return "every answer is physically consistent"
+        return "every result is physically consistent"
     return (
-        f"physically consistent are {', '.join(n for n in ran if n not in bad)}; not so "
-        f"{', '.join(bad)}, whose links no simulator should be given"
+        f"physically consistent: {', '.join(n for n in ran if n not in bad) or 'none'}; not "
+        f"consistent: {', '.join(bad)}, which must not be used in a simulator"
     )
 
 
@@ -125,13 +145,13 @@ def _inconsistent(ran: dict[str, Figures], take: str) -> str:
     figures = f"{_percent(bad[best])} against {_percent(ran[take])}"
     if _beats(bad[best], ran[take]):
         return (
-            f"the best inconsistent answer, {best}, predicts better beyond chance ({figures}): "
-            "either its freedom stands in for effects the model lacks, mostly friction, or the "
-            "URDF misleads as a prior; use it for torques of similar motions at most"
+            f"the best inconsistent result, {best}, predicts significantly better ({figures}): "
+            "either its additional freedom replaces effects that the model lacks, mostly friction, "
+            "or the URDF is a poor prior; use it only for torques of similar motions"
         )
     return (
-        f"being inconsistent buys nothing: {best}, the best of those, does not predict better "
-        f"beyond chance ({figures})"
+        f"inconsistency brings no gain: {best}, the best of the inconsistent results, does not "
+        f"predict significantly better ({figures})"
     )
 
 
@@ -140,37 +160,40 @@ def _boundary(sound: dict[str, Figures]) -> str:
     if not edge:
         return ""
     return (
-        f"on the boundary of consistency: {', '.join(edge)}; a link there is a plate or a rod, a "
-        "corner of what is possible rather than a measurement"
+        f"on the boundary of consistency: {', '.join(edge)}; a link there is a plate or a rod, "
+        "which is a limit of the constraints rather than a measurement"
     )
 
 
 def _prior(f: Figures, take: str, n_base: int) -> str:
     if f.excited < n_base:
         return (
-            f"the motion excites {f.excited} of {n_base} base parameters, the others are the "
-            "URDF's; record a motion that moves every joint (excite designs one)"
+            f"the motion excites {f.excited} of {n_base} base parameters, the others are those of "
+            "the URDF; record a motion that moves every joint (excite designs one)"
         )
-    told = f"the data tell {f.determined} of {n_base} independent combinations of parameters"
+    shares = (
+        f"the data determine {f.determined} of {n_base} independent combinations of parameters, "
+        "the prior the others"
+    )
     if f.determined < ENOUGH * n_base:
         return (
-            f"{told}, the prior tells the rest: {take} is close to the URDF because little speaks "
-            "against it, so record a longer or faster motion, or model friction better"
+            f"{shares}: {take} is close to the URDF because the data contain little information; "
+            "record a longer or faster motion, or improve the friction model"
         )
-    return f"{told}, the prior tells the rest"
+    return shares
 
 
 def _overfit(ran: dict[str, Figures], take: str) -> str:
     if UNCONSTRAINED not in ran or take == UNCONSTRAINED:
         return ""
     free = ran[UNCONSTRAINED]
-    told = (
+    change = (
         f"from {free.train_percent:.3g} to {_percent(free)} between training and test, "
         f"that of {take} from {ran[take].train_percent:.3g} to {_percent(ran[take])}"
     )
     if _growth(free) > OVERFIT * _growth(ran[take]):
-        return f"unconstrained least squares over-fits: the error of {UNCONSTRAINED} grows {told}"
-    return f"least squares does not over-fit: the error of {UNCONSTRAINED} goes {told}"
+        return f"unconstrained least squares over-fits: the error of {UNCONSTRAINED} grows {change}"
+    return f"least squares does not over-fit: the error of {UNCONSTRAINED} changes {change}"
 
 
 def _truth(ran: dict[str, Figures], take: str) -> str:
@@ -178,8 +201,11 @@ def _truth(ran: dict[str, Figures], take: str) -> str:
     if not errors:
         return ""
     best = min(errors, key=lambda name: errors[name])
-    told = f"the truth is known: base parameters of {best} are nearest, {errors[best]:.3g} % off"
-    return told if best == take else f"{told}, those of {take} {errors[take]:.3g} %"
+    nearest = (
+        f"the true parameters are known: the base parameters of {best} have the smallest error, "
+        f"{errors[best]:.3g} %"
+    )
+    return nearest if best == take else f"{nearest}, those of {take} {errors[take]:.3g} %"
 
 
 def _absent(rows: Sequence[Row]) -> str:
@@ -191,9 +217,9 @@ def _absent(rows: Sequence[Row]) -> str:
 
 
 def _beats(a: Figures, b: Figures) -> bool:
-    """Worth a word and beyond chance."""
-    worth = a.test_percent < (1 - WORTHWHILE) * b.test_percent
-    return worth and better_beyond_chance(a.squares, b.squares)
+    """Whether the torque error is smaller by `WORTHWHILE` and the difference is significant."""
+    is_smaller = a.test_percent < (1 - WORTHWHILE) * b.test_percent
+    return is_smaller and better_beyond_chance(a.squares, b.squares)
 
 
 def _best(ran: dict[str, Figures]) -> str:

@@ -1,5 +1,6 @@
-"""A comparison on disk: compare.json for programs, compare.md for people; times alone may differ
-from run to run.
+"""Writer of a comparison: compare.json for programs, compare.md for people.
+
+Only the times differ between runs on the same data.
 """
 
 import json
@@ -28,14 +29,17 @@ def write_comparison(
     options: Mapping[str, Any],
     notes: tuple[str, ...] = (),
 ) -> dict[str, Any]:
-    """Write compare.json and compare.md; returns the facts of the former.
+    """Write compare.json and compare.md.
 
     Args:
-        comparison: the table.
-        folder: made where it is missing.
-        command: as it was typed.
-        options: by name, as JSON can hold them.
-        notes: sentences on how the problem came about.
+        comparison: results of the methods.
+        folder: folder of the files; made where it is missing.
+        command: command line.
+        options: options of the command by name, JSON-ready.
+        notes: sentences on how the log was read.
+
+    Returns:
+        Facts of compare.json.
 
     Raises:
         RuntimeFault: the folder cannot be written.
@@ -62,7 +66,9 @@ def _facts(
     lib = assembly.problem.lib
     parts = {name: _extent(assembly.recordings(name)) for name in PARTS}
     train = assembly.parts[0]
-    flattered = ("training and test are parts of one run, which flatters every method",)
+    one_run = (
+        "training and test are parts of one run, which underestimates the error of every method",
+    )
     return {
         "format": FORMAT,
         "robot": lib.name,
@@ -80,7 +86,7 @@ def _facts(
         "convex_optimum": _finite(comparison.optimum),
         "rows": [row_facts(row) for row in comparison.rows],
         "advice": {"take": advice.take, "sentences": list(advice.sentences)},
-        "notes": [*notes, *(flattered if assembly.one_run else ())],
+        "notes": [*notes, *(one_run if assembly.one_run else ())],
         "provenance": {
             "command": command,
             "options": dict(options),
@@ -93,7 +99,7 @@ def _facts(
 
 
 def _extent(pieces: Iterable[Recording]) -> tuple[int, float, float]:
-    """Rows, first and last instant."""
+    """Number of rows, first and last instant [s]."""
     ends = [(len(piece), float(piece.t[0]), float(piece.t[-1])) for piece in pieces]
     return sum(count for count, *_ in ends), ends[0][1], ends[-1][2]
 
@@ -140,15 +146,16 @@ HEAD = (
 
 
 LEGEND = (
-    "error: of the torque on test, all joints; worst RMS: of the joint of that number, N·m or N; "
-    "base: error of the base parameters where the truth is known; λ_min/tr: smallest relative "
-    "eigenvalue, no body is below 0; gap: (L − L*)/L* in the weighted training loss that all rows "
-    "share, L* the optimum over all consistent models without nets"
+    "error: torque error on the test part, all joints; worst RMS: number and RMS error of the "
+    "worst joint, N·m or N; base: error of the base parameters where the true ones are known; "
+    "λ_min/tr: smallest relative eigenvalue, below 0 is not consistent; gap: (L − L*)/L* in the "
+    "weighted training loss that all rows share, L* the optimum over all consistent models "
+    "without nets"
 )
 
 
 def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """One line of the table, as `HEAD` has it, rounded for reading."""
+    """Cells of one line of the table, in the order of `HEAD`, rounded for reading."""
     if "rms" not in row:
         return (row["method"], *("–",) * (len(HEAD) - 2), row["outcome"])
     worst = int(np.argmax(row["rms"]))

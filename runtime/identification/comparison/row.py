@@ -1,4 +1,4 @@
-"""What one method achieved: a line of the table, with the figures that advice is made of."""
+"""One row of a comparison: outcome of a method, with the figures that the advice uses."""
 
 from dataclasses import dataclass
 
@@ -9,20 +9,20 @@ RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Measures of one answer; train and test are the same samples for every method.
+    """Figures of one result; training and test samples are the same for every method.
 
     Attributes:
         train_percent, test_percent: torque error over all joints, Eq. 5.1.
         rms: of τ − τ̂ on test, (n,), N·m or N.
         squares: Σ_j (τ_j − τ̂_j)² per test sample, (N,), (N·m)².
         base_error: 100 ‖β̂ − β‖/‖β‖ where the truth is known, else None.
-        seconds: of the method alone.
+        seconds: time of the method alone, s.
         iterations: None for closed forms.
-        smallest_eigenvalue: of all P_k, over their traces.
-        is_consistent: every link can exist.
-        is_boundary: a link is next to a plate or a rod.
+        smallest_eigenvalue: smallest λ_min(P_k)/tr P_k of all links.
+        is_consistent: every link is physically consistent.
+        is_boundary: a link is close to a plate or a rod.
         gap: (L − L*)/L* on the training samples, in the weights common to all.
-        excited: base parameters that the motion excites.
+        excited: number of base parameters that the motion excites.
         determined: combinations of them of which the data say more than the prior.
     """
 
@@ -43,7 +43,14 @@ class Figures:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A method, whether it ran, and its own sentence; figures where it ran."""
+    """Outcome of one method.
+
+    Attributes:
+        method: name in `METHODS`.
+        outcome: "ran", "not run" or "failed".
+        status: how the method ended, or why it did not run.
+        figures: None unless it ran.
+    """
 
     method: str
     outcome: str

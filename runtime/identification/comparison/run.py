@@ -1,7 +1,7 @@
-"""Every method, one after the other, on one assembled problem.
+"""Comparison of methods, one after the other, on one assembled problem.
 
-All are held against the same convex optimum L* in the same weights, whatever they minimise
-themselves: L = mean ½ rᵀWr of the training samples, the net's share included.
+All are measured against the same convex optimum L* in the same weights, whatever they minimise: L =
+mean ½ rᵀWr of the training samples, the net's share included.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,19 +28,19 @@ from runtime.parallel import one_blas_thread
 
 UNTOUCHED = "interrupted by the user before its turn"
 TINY = 1e-9
-"""Share of the loss of τ̂ = 0 that L* is replaced by where data are explained to rounding."""
+"""Share of the loss of τ̂ = 0 that replaces L* where the data are explained to rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One table.
+    """Results of several methods on the same data.
 
     Attributes:
         assembly: problem and recordings of all rows.
-        rows: in the order that was asked for.
-        before: torque error of the URDF without friction on test, percent.
-        optimum: L*, NaN where the convex problem was not solved.
-        truth: of a simulated log.
+        rows: one per method, in the requested order.
+        before: torque error of the URDF without friction on the test part, %.
+        optimum: L*; NaN where the convex problem was not solved.
+        truth: parameters of a simulated log; None for a real one.
     """
 
     assembly: Assembly
@@ -67,14 +67,17 @@ def compare(
     started: Callable[[str], None] | None = None,
     progress: Callable[[int, float], None] | None = None,
 ) -> Comparison:
-    """Run the methods; whatever happens to one of them is a row.
+    """Run several methods on one problem; a failure of one method is a row.
 
     Args:
-        assembly: what all of them are given.
+        assembly: problem and recordings.
         methods: names in `METHODS`.
-        truth: to measure base parameters by.
+        truth: true base parameters of a simulated log.
         started: called with the name of every method before it begins.
         progress: called by methods that iterate, with iteration and best validation loss.
+
+    Returns:
+        One row per method.
 
     Raises:
         IdentificationError: a name that is no method.
@@ -85,16 +88,16 @@ def compare(
     guess = problem.lib.pi_from_lam(problem.start)
     try:
         optimum = convex_optimum(problem.lib, problem.statistics(), guess).loss
-    except IdentificationError:  # pc-ols will say why in its own row
+    except IdentificationError:  # the row of pc-ols states the reason
         optimum = np.nan
     rows: list[Row] = []
     try:
         for method in methods:
             if started is not None:
                 started(method)
-            # A problem of its own: none profits from what another has compressed before.
-            own = replace(assembly, problem=replace(problem, progress=progress))
-            rows.append(_row(own, method, optimum, truth))
+            # A new problem for each: its time must not profit from statistics of the one before.
+            separate = replace(assembly, problem=replace(problem, progress=progress))
+            rows.append(_row(separate, method, optimum, truth))
             if rows[-1].status == Status.INTERRUPTED.value:
                 break
     except KeyboardInterrupt:
@@ -107,65 +110,67 @@ def compare(
 
 def _row(assembly: Assembly, method: str, optimum: float, truth: Truth | None) -> Row:
     try:
-        found = identify_assembled(assembly, method, certify=False)
-        figures = _figures(assembly, found, optimum, truth)
+        result = identify_assembled(assembly, method, certify=False)
+        figures = _figures(assembly, result, optimum, truth)
     except NeedsError as error:
         return Row(method, NOT_RUN, str(error))
     except RuntimeFault as error:
         return Row(method, FAILED, str(error))
     except np.linalg.LinAlgError as error:
-        return Row(method, FAILED, f"its linear algebra broke down on these data ({error})")
+        return Row(method, FAILED, f"its linear algebra failed on these data ({error})")
     if not np.isfinite([figures.test_percent, figures.train_percent, *figures.rms]).all():
-        return Row(method, FAILED, "its answer predicts no finite torque; do not use it")
-    return Row(method, RAN, found.status, figures)
+        return Row(method, FAILED, "its result predicts torques that are not finite; do not use it")
+    return Row(method, RAN, result.status, figures)
 
 
 def _figures(
-    assembly: Assembly, found: Identification, optimum: float, truth: Truth | None
+    assembly: Assembly, result: Identification, optimum: float, truth: Truth | None
 ) -> Figures:
-    problem, lib = assembly.problem, found.lib
-    own = _misfit(problem.samples("train"), found.predict_samples)
-    unseen = _misfit(_test(assembly), found.predict_samples)
+    """Errors, consistency, gap and determined parameters of one result."""
+    problem, lib = assembly.problem, result.lib
+    training = _misfit(problem.samples("train"), result.predict_samples)
+    unseen = _misfit(_test(assembly), result.predict_samples)
 
     def loss(power: Array) -> float:
-        return float(power @ problem.weights / (2 * own.count))
+        return float(power @ problem.weights / (2 * training.count))
 
-    sure = uncertainty_of(
+    posterior = uncertainty_of(
         lib,
         problem.train,
-        found.pi,
-        found.phi,
+        result.pi,
+        result.phi,
         first_guess=lib.pi_from_lam(problem.start),
         compressed=problem.statistics,
     )
-    smallest = found.relative_eigenvalues
+    smallest = result.relative_eigenvalues
     wrong = None
     if truth is not None:
-        distance = np.linalg.norm(found.beta - truth.beta) / np.linalg.norm(truth.beta)
+        distance = np.linalg.norm(result.beta - truth.beta) / np.linalg.norm(truth.beta)
         wrong = 100 * float(distance)
     return Figures(
-        train_percent=own.error.overall,
+        train_percent=training.error.overall,
         test_percent=unseen.error.overall,
         rms=unseen.error.rms,
         squares=unseen.squares,
         base_error=wrong,
-        seconds=found.seconds,
-        iterations=found.iterations,
+        seconds=result.seconds,
+        iterations=result.iterations,
         smallest_eigenvalue=float(smallest.min()),
-        is_consistent=found.is_consistent,
-        is_boundary=found.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
-        gap=(loss(own.power) - optimum) / max(optimum, TINY * loss(own.silent)),
-        excited=sure.rank,
-        determined=sure.determined,
+        is_consistent=result.is_consistent,
+        is_boundary=result.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
+        gap=(loss(training.power) - optimum) / max(optimum, TINY * loss(training.silent)),
+        excited=posterior.rank,
+        determined=posterior.determined,
     )
 
 
 @dataclass(frozen=True, slots=True)
 class _Misfit:
-    """What a model leaves of the torque of a part.
+    """Sums of squared torques and residuals of a model on one part.
 
     Attributes:
-        power, silent: Σ (τ − τ̂)² and Σ τ² per joint, (n,).
+        power: Σ (τ − τ̂)² per joint, (n,).
+        silent: Σ τ² per joint, (n,).
         squares: Σ_j (τ_j − τ̂_j)² of every sample, (N,).
     """
 
@@ -183,7 +188,7 @@ class _Misfit:
 
 
 def _misfit(parts: Iterable[Samples], predict: Callable[[Samples], Array]) -> _Misfit:
-    """Over all rows, a piece at a time."""
+    """Sums over all rows, one piece at a time."""
     power, silent = np.zeros((2, 1))
     squares = []
     for samples in parts:

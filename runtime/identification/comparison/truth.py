@@ -1,4 +1,4 @@
-"""The robot that a simulated log was made of, from the file that `simulate` writes beside it."""
+"""True parameters of a simulated log, from the file that `simulate` writes beside it."""
 
 import hashlib
 from dataclasses import dataclass
@@ -15,7 +15,13 @@ SUFFIX = ".truth.json"
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """True base parameters (n_b,), and the file they come from."""
+    """True base parameters.
+
+    Attributes:
+        beta: (n_b,) SI.
+        name: name of their file.
+        sha256: digest of its bytes.
+    """
 
     beta: Array
     name: str
@@ -23,7 +29,7 @@ class Truth:
 
 
 def beside(log: str) -> Path | None:
-    """LOG.truth.json, where a log file has one."""
+    """Path of LOG.truth.json, None where the log has none."""
     path = Path(log).with_suffix(SUFFIX)
     return path if Path(log).is_file() and path.is_file() else None
 
@@ -31,8 +37,15 @@ def beside(log: str) -> Path | None:
 def read_truth(path: Path, lib: Library) -> Truth:
     """Read the parameters that `simulate` has written.
 
+    Args:
+        path: a .truth.json.
+        lib: library of the robot.
+
+    Returns:
+        The true base parameters.
+
     Raises:
-        RecordingError: not such a file, or of another robot.
+        RecordingError: the file is damaged, or of another robot.
     """
     try:
         data = bytes_of(path)
@@ -42,7 +55,7 @@ def read_truth(path: Path, lib: Library) -> Truth:
             raise ValueError
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         raise RecordingError(
-            f"'{path}' is no truth of '{lib.name}'; expected JSON with {lib.pi0.size} numbers 'pi' "
-            "as simulate writes it, so correct it, name another with --truth, or move it away"
+            f"expected a JSON with {lib.pi0.size} numbers 'pi' of '{lib.name}', as simulate writes "
+            f"it, got '{path}'; correct it, name another with --truth, or move it away"
         ) from None
     return Truth(lib.base_matrix @ pi, path.name, hashlib.sha256(data).hexdigest())

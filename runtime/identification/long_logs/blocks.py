@@ -1,9 +1,9 @@
-"""Blocks of a streamed log, each prepared with so much overlap that no filter feels its edges.
+"""Blocks of a streamed log, each prepared with enough overlap that its edges have no effect.
 
-A Butterworth filter of order p forgets like exp(−t/T), T = 1 / (2π f_c sin(π/2p)); thirty T on both
-sides leave 1e-13 of what lies beyond the block. Blocks begin at instants that decimation keeps, so
-that block by block the rows are those of the whole log. Each is prepared once; its rows then wait
-in a temporary file.
+The response of a Butterworth filter of order p decays like exp(−t/T), T = 1 / (2π f_c sin(π/2p));
+thirty T on both sides leave 1e-13 of the signal beyond the block. Blocks begin at instants that
+decimation keeps, so that the rows of all blocks are those of the whole log. Each block is prepared
+once; its rows are then stored in a temporary file.
 """
 
 from collections.abc import Iterator
@@ -19,28 +19,28 @@ from runtime.recording.preprocessing import prepare
 from runtime.recording.recording import SIGNALS, FloatArray
 
 BLOCK = 65536
-"""Rows of a block: a minute at 1 kHz, some ten megabytes."""
+"""Rows of a block: a minute at 1 kHz, about ten megabytes."""
 FADING = 30.0
 """Time constants of the filter in the overlap."""
 _REACH = 4096
-"""Rows among which one has a usable stamp."""
+"""Rows of which at least one has a usable time stamp."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Blocks:
-    """A streamed log with how it is prepared.
+    """A streamed log in blocks, with its preparation.
 
     Attributes:
-        log: the rows.
-        lib: of the robot.
-        preparation: of each block; rest is dropped where there is any motion.
+        log: rows in their file.
+        lib: library of the robot.
+        preparation: steps for each block; rows of rest are dropped.
         terms: friction columns.
-        overlap: rows on either side that are prepared and thrown away.
-        edges: first row of each block, and the number of rows.
+        overlap: rows on either side that are prepared and discarded.
+        edges: first row of each block, then the number of rows.
         instants: t [s] of these rows; −∞ and ∞ at the ends.
-        half_step: s; edges are drawn between two rows.
-        spool: prepared rows.
-        kept: index of a block → where they are; None where all rest.
+        half_step: half of the time step [s]; edges lie between two rows.
+        spool: temporary file of prepared rows.
+        kept: index of a block → place of its prepared rows; None where the arm rests.
     """
 
     log: StreamedRecording
@@ -58,14 +58,14 @@ class Blocks:
         return len(self.edges) - 1
 
     def prepared(self, index: int) -> Recording | None:
-        """The prepared rows of one block; None where all rest.
+        """Prepared rows of one block; None where the arm rests in all of it.
 
         Raises:
             RecordingError: a step cannot be taken.
         """
         if index not in self.kept:
             rows = self._prepare(index)
-            self.kept[index] = None if rows is None else _put_away(rows, self.spool)
+            self.kept[index] = None if rows is None else _stored(rows, self.spool)
             return rows
         kept = self.kept[index]
         return None if kept is None else kept.read(self.spool)
@@ -86,7 +86,15 @@ class Blocks:
         return whole.take(rows, f"Took {len(rows)} rows of a block.") if rows.size else None
 
     def within(self, first: float, last: float) -> range:
-        """The blocks that hold instants first ≤ t < last."""
+        """Blocks that contain instants first ≤ t < last.
+
+        Args:
+            first: s.
+            last: s.
+
+        Returns:
+            Indices of the blocks.
+        """
         begin = int(np.searchsorted(self.instants, first, side="right")) - 1
         end = int(np.searchsorted(self.instants - self.half_step, last, side="left"))
         return range(max(begin, 0), min(max(end, 1), len(self)))
@@ -95,7 +103,7 @@ class Blocks:
         """First and last prepared instant [s].
 
         Raises:
-            RecordingError: nothing is left of the log.
+            RecordingError: no row is left of the log.
         """
         ends = []
         for order in (range(len(self)), reversed(range(len(self)))):
@@ -106,7 +114,15 @@ class Blocks:
         return float(ends[0].t[0]), float(ends[1].t[-1])
 
     def parts(self, first: float, last: float) -> Iterator[Recording]:
-        """The prepared blocks between two instants, first ≤ t < last, one at a time."""
+        """Prepared rows with first ≤ t < last, one block at a time.
+
+        Args:
+            first: s.
+            last: s.
+
+        Yields:
+            Recordings in the order of time.
+        """
         for index in self.within(first, last):
             block = self.prepared(index)
             if block is None:
@@ -128,7 +144,7 @@ _ARRAYS = ("t", *SIGNALS, "columns")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Kept:
-    """A recording without its rows: the first of them, and where all wait."""
+    """A recording whose rows are in the spool: its first row, and the place of all rows."""
 
     first: Recording
     start: int
@@ -145,7 +161,7 @@ class _Kept:
         return self.first.replace(**arrays)
 
 
-def _put_away(rows: Recording, spool: Spool) -> _Kept:
+def _stored(rows: Recording, spool: Spool) -> _Kept:
     start = spool.size
     for key in _ARRAYS:
         values = getattr(rows, key)
@@ -156,14 +172,23 @@ def _put_away(rows: Recording, spool: Spool) -> _Kept:
 
 
 def head_of(log: StreamedRecording) -> Recording:
-    """The first rows, which stand for the log where options are understood."""
+    """The first rows, on which units, signs and options are checked."""
     return log.block(0, BLOCK)
 
 
 def blocks_of(
     log: StreamedRecording, lib: Library, preparation: Preparation, terms: Friction
 ) -> Blocks:
-    """The blocks of a log; their size is a whole number of prepared rows.
+    """Divide a log into blocks whose size is a whole number of prepared rows.
+
+    Args:
+        log: rows in their file.
+        lib: library of the robot.
+        preparation: steps for each block.
+        terms: friction columns.
+
+    Returns:
+        The blocks; none is prepared yet.
 
     Raises:
         RecordingError: the log has no clock.
@@ -171,7 +196,7 @@ def blocks_of(
     rate = head_of(log).rate_hz
     blocks = Blocks(log, lib, preparation, terms, 0, (), np.zeros(0), 0.5 / rate, Spool(log.name))
     ratio = blocks._ratio()
-    overlap = _rounded(int(np.ceil(_forgotten(preparation) * rate)) + 8, ratio)
+    overlap = _rounded(int(np.ceil(_reach_of_edge(preparation) * rate)) + 8, ratio)
     size = _rounded(max(BLOCK, 4 * overlap), ratio)
     starts = range(0, log.rows, size)
     instants = log.instants(starts, _REACH)
@@ -180,8 +205,8 @@ def blocks_of(
     return replace(blocks, overlap=overlap, edges=edges, instants=instants)
 
 
-def _forgotten(preparation: Preparation) -> float:
-    """Seconds after which a prepared row does not know how far away the edge is."""
+def _reach_of_edge(preparation: Preparation) -> float:
+    """Distance from an edge [s] beyond which it has no effect on a prepared row."""
     seconds = (preparation.trim_s or 0.0) + (preparation.max_gap_s or 0.0)
     if preparation.filter == "butterworth" and preparation.cutoff_hz is not None:
         slowest = 2 * np.pi * preparation.cutoff_hz * np.sin(np.pi / (2 * preparation.order))
@@ -192,5 +217,5 @@ def _forgotten(preparation: Preparation) -> float:
 
 
 def _rounded(rows: int, ratio: int) -> int:
-    """The next multiple of ratio."""
+    """Smallest multiple of `ratio` that is not below `rows`."""
     return -(-rows // ratio) * ratio

@@ -1,10 +1,10 @@
-"""Prepared logs → one recording whose offset columns belong to one log each.
+"""Joining of prepared logs to one recording whose offset columns belong to one log each.
 
     τ_s = Y π + F φ + o_s + Y π_s:   π, φ are those of the arm; o_s of log s, π_s its known payload
 
-Torque sensors drift from day to day and cables are moved, hence o_s. The torque of a known payload
-is taken off the measured one after the motion has passed the filter. Between two logs there is a
-hole in time, so that nothing is differentiated or filtered across them.
+Torque sensors drift and cables move between logs, hence o_s. The torque of a known payload is
+subtracted from the measured one after the motion has passed the filter. Two logs are separated by a
+hole in time, so that no derivative or filter crosses it.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from runtime.recording.recording import SIGNALS
 
 OFFSET = OFFSET_COLUMN.name
 PAUSE = 10.0
-"""Seconds between two logs on the common clock; longer than any gap that is interpolated."""
+"""Time between two logs on the common clock [s]; longer than any gap that is interpolated."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,9 +34,9 @@ class NamedLog:
     """One log as read.
 
     Attributes:
-        name: what a report calls it; no two sessions share one.
+        name: name in a report; unique among the logs.
         recording: as read.
-        preparation: how it is prepared; None for that of its recipe.
+        preparation: steps of its preparation; None is that of its recipe.
         carried: π of a known payload, added to that of the links, (10 n,); None for none.
     """
 
@@ -47,10 +47,17 @@ class NamedLog:
 
 
 def read_carried(path: Path, lib: Library) -> Array:
-    """π (10 n,) that a payload adds, from the payload.json of `python -m runtime payload`.
+    """Read the parameters that a known payload adds.
+
+    Args:
+        path: payload.json of `python -m runtime payload`.
+        lib: library of the robot.
+
+    Returns:
+        (10 n,) π of the payload at the place of its link, 0 for the other links.
 
     Raises:
-        RecordingError: no such file, or of a link that the robot does not have.
+        RecordingError: the file is missing or damaged, or names a link that the robot lacks.
     """
     try:
         facts = json_of(path)
@@ -63,8 +70,8 @@ def read_carried(path: Path, lib: Library) -> Array:
         ) from None
     if link not in lib.link_names:
         raise RecordingError(
-            f"the payload '{path}' hangs on {link}, but '{lib.name}' has the links "
-            f"{', '.join(lib.link_names)}; choose the robot that it was found on"
+            f"the payload '{path}' is mounted on {link}, but '{lib.name}' has the links "
+            f"{', '.join(lib.link_names)}; choose the robot that it was identified on"
         )
     carried = np.zeros_like(lib.pi0)
     carried[link_columns(lib.link_names.index(link))] = values
@@ -72,7 +79,15 @@ def read_carried(path: Path, lib: Library) -> Array:
 
 
 def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
-    """The prepared log without the torque of its payload.
+    """Prepare a log and subtract the torque of its known payload.
+
+    Args:
+        log: log as read, with its preparation and payload.
+        lib: library of the robot.
+        terms: friction columns.
+
+    Returns:
+        The prepared recording.
 
     Raises:
         RuntimeFault: the log is not of this robot, or a step cannot be taken.
@@ -82,8 +97,8 @@ def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
     usual = log.preparation or bare.preparation
     if usual.regressor == "energy":
         raise IdentificationError(
-            "several logs have an offset per joint each, which rows of energy cannot tell; use "
-            "--regressor momentum"
+            "rows of energy do not determine an offset per joint and log, which a fit of several "
+            "logs needs; use --regressor momentum"
         )
     data = prepare(bare, usual, terms, lib=lib)
     if log.carried is None:
@@ -92,22 +107,25 @@ def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
     extra = samples.rigid(lib, log.carried)
     total = mass(links(log.carried)).sum()
     return data.replace(tau=samples.tau - extra).noted(
-        f"Took the torque of a known payload of {total:.4g} kg off the measured one."
+        f"Subtracted the torque of a known payload of {total:.4g} kg from the measured one."
     )
 
 
 def shared_terms(terms: Friction) -> tuple[str, ...]:
-    """Columns whose coefficients all logs share."""
+    """Names of the columns whose coefficients all logs share."""
     return tuple(name for name in terms.columns if name != OFFSET)
 
 
 def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence[str]) -> Recording:
-    """The parts one after the other, with an offset column for each of `all_names`.
+    """Join prepared logs, with an offset column for each of `all_names`.
 
     Args:
-        parts: prepared alike; with a column `offset`, or none.
-        names: of their logs.
-        all_names: of all logs; those that have no part here have a silent column.
+        parts: prepared alike; all with a column `offset`, or none.
+        names: names of their logs.
+        all_names: names of all logs; a log without a part here has a column of zeros.
+
+    Returns:
+        One recording with the rows of all parts.
 
     Raises:
         IdentificationError: some of the parts have rows without accelerations and some have not.
@@ -119,14 +137,14 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
             "one regressor"
         )
     shared = [k for k, name in enumerate(first.column_names) if name != OFFSET]
-    own = len(shared) < len(first.column_names)
+    has_offsets = len(shared) < len(first.column_names)
     columns, t, start = [], [], 0.0
     for part, name in zip(parts, names, strict=True):
         t.append(part.t - part.t[0] + start)
         start = float(t[-1][-1]) + PAUSE
         if part.columns is not None:
-            offsets = np.zeros((*part.q.shape, len(all_names) if own else 0))
-            if own:
+            offsets = np.zeros((*part.q.shape, len(all_names) if has_offsets else 0))
+            if has_offsets:
                 place = first.column_names.index(OFFSET)
                 offsets[..., all_names.index(name)] = part.columns[..., place]
             columns.append(np.concatenate([part.columns[..., shared], offsets], axis=2))
@@ -136,7 +154,7 @@ def joined(parts: Sequence[Recording], names: Sequence[str], all_names: Sequence
         if getattr(first, key) is not None
     }
     titles = [first.column_names[k] for k in shared]
-    titles += [f"{OFFSET} {name}" for name in all_names] if own else []
+    titles += [f"{OFFSET} {name}" for name in all_names] if has_offsets else []
     history = tuple(
         f"{name}: {sentence}"
         for part, name in zip(parts, names, strict=True)

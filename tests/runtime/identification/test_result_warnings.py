@@ -35,7 +35,9 @@ def test_torque_that_nothing_explains(panda_adam: Identification) -> None:
     assert "--friction" not in asked
     train = panda_adam.train.replace(history=("Read 9 rows.",))
     bare = replace(panda_adam, train=train, phi=np.zeros((7, 0)))
-    assert "--cutoff auto; no friction was: --friction auto; wrong units" in said(bare, 30.0, 21.0)
+    assert "--cutoff auto; no friction was modelled: --friction auto; check units" in said(
+        bare, 30.0, 21.0
+    )
     assert "--cutoff" not in said(replace(bare, method="ekf"), 30.0, 21.0)
 
 

@@ -50,10 +50,10 @@ def test_the_default_is_taken() -> None:
     plain = told(ran("map"), ran("adam", 1.39), ran("pc-ols", 1.41))
     assert plain.take == "map"
     assert plain.sentences[0].startswith("Take map: the default;")
-    assert says(plain, "Every answer is physically consistent")
+    assert says(plain, "Every result is physically consistent")
     better = told(ran("map"), ran("adam", 1.2))
     assert better.take == "adam"
-    assert "its test error, 1.2 %, is below the 1.4 % of map beyond chance" in better.sentences[0]
+    assert "its test error, 1.2 %, is significantly below the 1.4 % of map" in better.sentences[0]
     nets = told(ran("map"), ran("nn", 1.2), ran("adam", 1.39))
     assert nets.take == "nn"
     assert "--friction auto" in nets.sentences[0]
@@ -77,20 +77,20 @@ def test_without_the_default() -> None:
     assert impossible.take is None
     assert impossible.sentences == (
         "No method that ran is physically consistent (ols, map); ols predicts torques best, but "
-        "take none of them for a simulator or a controller: run map",
+        "use none of them in a simulator or a controller: run map",
     )
     nothing = told(Row("map", FAILED, "too bad"), Row("iv", NOT_RUN, "no loop"))
     assert nothing.take is None
-    assert says(nothing, "No method has an answer")
+    assert says(nothing, "No method has a result")
 
 
 def test_what_inconsistency_buys() -> None:
     """Property: the best inconsistent answer is named, and judged by chance, not by digits."""
     better = told(ran("map"), ran("ols", 1.2, is_consistent=False))
-    assert says(better, "Physically consistent are map; not so ols")
-    assert says(better, "ols, predicts better beyond chance (1.2 % against 1.4 %)")
+    assert says(better, "Physically consistent: map; not consistent: ols")
+    assert says(better, "ols, predicts significantly better (1.2 % against 1.4 %)")
     same = told(ran("map"), ran("ols", 1.395, is_consistent=False))
-    assert says(same, "Being inconsistent buys nothing: ols")
+    assert says(same, "Inconsistency brings no gain: ols")
     consistent = told(ran("map"), ran("ols", 1.2))
     assert not says(consistent, "nconsistent")
 
@@ -106,11 +106,11 @@ def test_what_the_prior_tells() -> None:
     """Property: the motion's silence, the prior's dominance, and neither."""
     assert says(told(ran("map", excited=40)), "excites 40 of 43 base parameters")
     weak = told(ran("map", determined=21))
-    assert says(weak, "The data tell 21 of 43 independent combinations")
-    assert says(weak, "little speaks against it")
+    assert says(weak, "The data determine 21 of 43 independent combinations")
+    assert says(weak, "the data contain little information")
     strong = told(ran("map", determined=22))
-    assert says(strong, "The data tell 22 of 43 independent combinations")
-    assert not says(strong, "little speaks against it")
+    assert says(strong, "The data determine 22 of 43 independent combinations")
+    assert not says(strong, "the data contain little information")
 
 
 def test_over_fitting() -> None:
@@ -125,10 +125,10 @@ def test_over_fitting() -> None:
 def test_the_truth_where_it_is_known() -> None:
     """Property: the nearest base parameters, and those of the chosen one beside them."""
     both = told(ran("map", base_error=0.5), ran("ols", base_error=0.3))
-    assert says(both, "base parameters of ols are nearest, 0.3 % off, those of map 0.5 %")
+    assert says(both, "base parameters of ols have the smallest error, 0.3 %, those of map 0.5 %")
     own = told(ran("map", base_error=0.2), ran("ols", base_error=0.3))
-    assert says(own, "base parameters of map are nearest, 0.2 % off")
-    assert not says(told(ran("map")), "truth")
+    assert says(own, "base parameters of map have the smallest error, 0.2 %")
+    assert not says(told(ran("map")), "true parameters")
 
 
 def test_the_absent_are_named() -> None:

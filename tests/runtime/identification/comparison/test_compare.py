@@ -143,7 +143,7 @@ def test_what_is_missing_is_a_row(
     assert "--controller FILE" in rows["iv"]["status"]
     assert "at 200 Hz or more" in rows["ekf"]["status"]
     assert "--friction" in rows["nn"]["status"]
-    assert "broke down on these data (singular)" in rows["adam"]["status"]
+    assert "its linear algebra failed on these data (singular)" in rows["adam"]["status"]
     assert "rms" not in rows["adam"]
     for method in outcomes:
         assert f"{method}: {rows[method]['status']}" in ran.out
@@ -215,7 +215,10 @@ def test_methods_are_given_the_same_fresh_problem(
     [
         (("--methods", "map,magic"), "--methods needs names with commas of map, adam"),
         (("--split", "0.9"), "--split needs 2 numbers"),
-        (("--truth", "no.json"), "'no.json' is no truth of 'fr3'; expected JSON with 70"),
+        (
+            ("--truth", "no.json"),
+            "expected a JSON with 70 numbers 'pi' of 'fr3', as simulate writes it, got 'no.json'",
+        ),
         (("--controller", "no.toml"), "cannot be read as a TOML file"),
         (("--friction", "treacle"), "treacle"),
     ],
@@ -238,7 +241,7 @@ def test_truths_of_others(lib: Library, command: Command, tmp_path: Path) -> Non
     (tmp_path / "log.truth.json").write_text(json.dumps(truth))
     ran = command("compare", "log.npz", "--robot", lib.folder, "--methods", "map")
     assert ran.code == 2
-    assert "is no truth of 'fr3'" in ran.err
+    assert "numbers 'pi' of 'fr3', as simulate writes it, got 'log.truth.json'" in ran.err
 
 
 def test_unknown_methods_are_refused(lib: Library) -> None:

@@ -163,12 +163,12 @@ def test_wrong_payloads_and_names(lib, sessions, tmp_path):
     """Property: a payload of another link, and logs of one name, are one sentence."""
     path = tmp_path / "payload.json"
     path.write_text(json.dumps({"link": "hand", "pi_in_link": [1.0] * 10}))
-    with pytest.raises(RecordingError, match="hangs on hand, but 'fr3' has the links"):
+    with pytest.raises(RecordingError, match="is mounted on hand, but 'fr3' has the links"):
         read_carried(path, lib)
     path.write_text(json.dumps({"link": lib.link_names[-1], "pi_in_link": [1.0] * 9}))
     with pytest.raises(RecordingError, match="holds no payload"):
         read_carried(path, lib)
-    with pytest.raises(IdentificationError, match="names of their own"):
+    with pytest.raises(IdentificationError, match="two logs or more with different names"):
         identify_logs([sessions[0], sessions[0]], lib)
     with pytest.raises(IdentificationError, match="two logs or more"):
         identify_logs(sessions[:1], lib)

@@ -1,4 +1,4 @@
-"""Are the sdist and the wheel in a folder what users should get?  python -m scripts.packages DIR
+"""Check the sdist and the wheel in a folder: python -m scripts.packages DIR
 
 Metadata are valid; every module, template, recipe, robot, example, tutorial and generated file of
 the repository is inside; no library, no test and nothing else is.
@@ -44,7 +44,7 @@ def faults_of(folder: Path) -> list[str]:
 
 
 def metadata_faults(data: bytes) -> list[str]:
-    """What the specification of core metadata, and this project, find wrong with METADATA."""
+    """Faults of METADATA by the specification of core metadata and by this project."""
     metadata = Metadata.from_email(data, validate=True)  # raises with every fault in it
     needs = {
         requirement.name for requirement in metadata.requires_dist or () if not requirement.marker
@@ -58,14 +58,14 @@ def metadata_faults(data: bytes) -> list[str]:
 
 
 def tracked() -> set[str]:
-    """The files of the packages that git knows, or would know."""
+    """Files of the packages that git tracks or would track."""
     words = ["git", "ls-files", "--cached", "--others", "--exclude-standard", *SHIPPED]
     run = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
     return {name for name in run.stdout.splitlines() if (ROOT / name).exists()}
 
 
 def main() -> int:
-    """Prints the faults, or that there are none."""
+    """Print the faults; exit code 1 if there are any."""
     faults = faults_of(Path(sys.argv[1]))
     print("\n".join(faults) or "sdist and wheel: metadata and contents as expected")
     return int(bool(faults))

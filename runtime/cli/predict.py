@@ -117,7 +117,7 @@ def predict_command(
     """
     lib = load(robot)
     if log_rate is not None:
-        information(lib, rate=log_rate)  # raises where it is none
+        information(lib, rate=log_rate)  # raises where the rate is out of range
     _require_rates_apply(
         [trajectory, *([] if more in {None, SAME} else [str(more)])], log_rate, rate
     )

@@ -1,1 +1,1 @@
-"""What `scripts/bench_kernels` and `scripts/bench_build` share; nothing else imports it."""
+"""Parts that the benchmark scripts share."""

@@ -1,4 +1,4 @@
-"""How far every kernel is from Pinocchio, over the whole batch."""
+"""Deviation of every kernel from Pinocchio, over the whole batch."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from runtime.library import Array, Library
 
 
 def oracle(lib: Library, batch: Batch) -> dict[str, Array]:
-    """Pinocchio's answer to every kernel, (N, size), in our order of joints and parameters.
+    """Pinocchio's results for every kernel, (N, size), in our order of joints and parameters.
 
     ∂τ/∂λ is Pinocchio's regressor times ∂π/∂λ of the library, link by link; the residual of the
     loss is Pinocchio's torque less the measured one.

@@ -1,4 +1,4 @@
-"""Arms of many lengths, built with nothing but what is timed."""
+"""Arms of many lengths, built with the timed kernels only."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from bench.symbolic import facts_of
 from runtime.library import Library, load
 
 NEEDED = ("inverse_dynamics", "torque")
-"""Kernels that are built in any case: one makes the states, by the other a library is known."""
+"""Kernels that are always built: one for the states, one by which the library is identified."""
 REAL = "models/universal_robots/ur5_robot.urdf"
 """Below $SYMGEN_DATA, default ../shared."""
 
@@ -44,7 +44,7 @@ def every_arm(counts: tuple[int, ...], missing: dict[str, str]) -> Iterator[tupl
 def build_arm(
     name: str, label: str, urdf: str, root: Path, level: str, timed: tuple[str, ...]
 ) -> Arm:
-    """Only what is timed, for one level: a whole library of 20 joints takes minutes."""
+    """Build the timed kernels for one level; a whole library of 20 joints takes minutes."""
     from symgen import __version__
     from symgen.build.compiler import compile_library, sha256_of
     from symgen.build.facts import initial_parameters, model_facts

@@ -1,4 +1,4 @@
-"""What the kernels of the FR3 must reach on one thread, and whether they do."""
+"""Required speed and accuracy of the FR3 kernels on one thread, and whether they are met."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class _Against(Protocol):
 
 
 class _Row(Protocol):
-    """The part of a row that a bar looks at."""
+    """Part of a row that a requirement uses."""
 
     kernel: str
     level: str
@@ -39,7 +39,7 @@ class _Row(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A bar, what was measured, and whether that is enough."""
+    """A requirement, its measured value, and whether it is met."""
 
     text: str
     measured: float

@@ -1,4 +1,4 @@
-"""The batch that every contender works on: the same states, torques and parameters."""
+"""Batch of states, torques and parameters, the same for every contender."""
 
 from dataclasses import dataclass, replace
 
@@ -33,7 +33,7 @@ class Batch:
         return len(self.q)
 
     def named(self, name: str) -> Array:
-        """The array that a kernel's input of this name takes."""
+        """Array for the kernel input of this name."""
         return np.ascontiguousarray(getattr(self, name))
 
     def part(self, rows: slice) -> "Batch":
@@ -43,7 +43,7 @@ class Batch:
 
 
 def make_batch(lib: Library, samples: int, seed: int = 0) -> Batch:
-    """Positions all around, brisk velocities and accelerations."""
+    """Random positions, velocities and accelerations."""
     rng = np.random.default_rng(seed)
     n = lib.n_joints
     q = rng.uniform(-np.pi, np.pi, (samples, n))

@@ -67,7 +67,7 @@ class Report:
     units: tuple[Unit, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """JSON-ready values."""
         return asdict(self)
 
 

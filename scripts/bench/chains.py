@@ -1,4 +1,4 @@
-"""URDF text of arms that exist nowhere: seeded, of any length, serial or branching."""
+"""URDF text of artificial arms: seeded, of any length, serial or branching."""
 
 import numpy as np
 

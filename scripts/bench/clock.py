@@ -12,7 +12,7 @@ Key = TypeVar("Key", bound=Hashable)
 BURST = 3e5
 """Nanoseconds of one measurement, after one call that is not timed."""
 PASSES = 5
-"""Measurements of everybody per round; the smallest counts, since noise only adds."""
+"""Measurements per contender and round; the smallest counts, because noise only adds."""
 
 
 def interleave(

@@ -26,10 +26,10 @@ from runtime.recording import Recording
 from runtime.simulation import Plant, ideal, perturbed_lam
 
 TRIALS, PERTURBATION = 150, 0.15
-"""Of the document's ideal case (Table 5.2)."""
+"""Settings of the document's ideal case (Table 5.2)."""
 BATCH = 64
 RATE = 1000.0
-"""Of the training samples, Hz."""
+"""Rate of the training samples, Hz."""
 _EXAMPLE = Path(runtime.__file__).parent / "examples" / "fr3_trajectory.json"
 _SMALLER = (1.0, 0.9, 0.8)
 """Training, validation and test are the same trajectory, smaller and smaller."""

@@ -22,11 +22,11 @@ from runtime.estimators.regression.samples import Samples
 from runtime.library.compiled_descent import CompiledLevenberg
 
 NOISE = 0.05
-"""σ of the torque, N·m."""
+"""Standard deviation of the torque noise, N·m."""
 FALL = 1e-6
-"""Of the loss: a thousandth of the torque error of the first guess."""
+"""Loss at which a descent counts as converged: a thousandth of the initial torque error."""
 SAMPLES = 20_000
-"""Of a whole identification."""
+"""Number of samples of a whole identification."""
 
 
 def most_probable(s: Setting) -> Callable[[], float]:

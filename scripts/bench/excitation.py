@@ -20,7 +20,7 @@ from runtime.parallel import one_blas_thread
 DOCUMENT = 5.4178
 """Condition number that the document reached (Sec. 3.4.2)."""
 DOCUMENT_SECONDS = 9 * 3600.0
-"""At least, for one run of 50 iterations."""
+"""Least time of one run of 50 iterations in the document."""
 OPTIMISERS = (
     ("ours", "D-opt → Schatten → semidefinite polish", peers.ours),
     ("slsqp", "SLSQP, our exact gradient", peers.slsqp_exact),
@@ -44,7 +44,7 @@ class Row:
 
     @property
     def conditions(self) -> tuple[float, float, float]:
-        """The best, the median, the worst."""
+        """Best, median and worst condition number."""
         result = [start.condition for start in self.starts]
         return min(result), float(np.median(result)), max(result)
 
@@ -67,7 +67,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that one run measured."""
+    """Measurements of one run."""
 
     robot: str
     level: str
@@ -78,7 +78,7 @@ class Report:
     skipped: dict[str, str]
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """JSON-ready values."""
         return asdict(self)
 
 
@@ -144,7 +144,7 @@ def table(report: Report) -> Table:
 
 
 def markdown(report: Report) -> str:
-    """The same for the README."""
+    """Table as Markdown."""
     return grid.markdown(_HEAD, _lines(report))
 
 

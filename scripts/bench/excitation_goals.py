@@ -1,4 +1,4 @@
-"""Designs of `scripts/bench_excitation --goals`: what they reach, how long they take, certified."""
+"""Designs of `scripts/bench_excitation --goals`: results, times and certificates."""
 
 import os
 import time
@@ -21,9 +21,9 @@ from runtime.library import Library
 from runtime.parallel import cores
 
 NOISE, RATE = 0.05, 100.0
-"""N·m and Hz, of the errors that are told."""
+"""Torque noise, N·m, and rate, Hz, of the expected errors."""
 SAMPLES = 1000
-"""Of the errors that are told; cond is that of the cost's samples, as the document has it."""
+"""Samples of the expected errors; cond is of the cost's samples, as in the document."""
 ALL = Safety(table=0.0)
 """Every limit of the robot and a table at the height of its base."""
 
@@ -80,7 +80,7 @@ class Row:
     """What a design reached.
 
     Attributes:
-        duration: of the trajectory, s; longer than asked for where it had to be slowed.
+        duration: of the trajectory, s; longer than requested where the motion had to be slowed.
         conditions: of all starts.
         wall, cpu: seconds of the design, all processes together.
         relative_error, torque_error: A, % and V, N·m.
@@ -103,14 +103,14 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """Everything that one run measured."""
+    """Measurements of one run."""
 
     robot: str
     processor: str
     rows: tuple[Row, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """JSON-ready values."""
         return asdict(self)
 
 
@@ -211,7 +211,7 @@ def table(report: Report) -> Table:
 
 
 def markdown(report: Report) -> str:
-    """The same for the README."""
+    """Table as Markdown."""
     return grid.markdown(_HEAD, _lines(report))
 
 

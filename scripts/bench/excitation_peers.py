@@ -20,12 +20,12 @@ from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.library import Array, Library
 
 ITERATIONS = 200
-"""Of SLSQP at most; a start ends sooner, at a relative change of 1e-6."""
+"""Largest number of iterations of SLSQP; it stops at a relative change of 1e-6."""
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where one start ended: cond inside the limits at 1 kHz, seconds of processor and of wall."""
+    """Result of one start: cond within the limits at 1 kHz, processor and wall time, s."""
 
     condition: float
     cpu: float
@@ -33,7 +33,7 @@ class Start:
 
 
 def timed(work: Callable[[int], float], number: int) -> Start:
-    """The start `number` of an optimiser."""
+    """Time start `number` of an optimiser."""
     wall, cpu = time.perf_counter(), time.process_time()
     condition = work(number)
     return Start(condition, time.process_time() - cpu, time.perf_counter() - wall)
@@ -72,7 +72,7 @@ def _slsqp(
 
     def both(x: Array) -> tuple[float, Array]:
         result, gradient = cost((spread @ x).reshape(shape))
-        assert gradient is not None  # noqa: S101  asked for only where there is one
+        assert gradient is not None  # noqa: S101  requested only from a cost with a gradient
         return result, spread.T @ gradient.ravel()
 
     def start(number: int) -> float:

@@ -1,4 +1,4 @@
-"""A table of texts, on the console and in the README."""
+"""Tables of texts, for the console and as Markdown."""
 
 from collections.abc import Iterable, Sequence
 
@@ -16,6 +16,6 @@ def table(head: Sequence[str], lines: Iterable[Sequence[str]], title: str, capti
 
 
 def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
-    """The same for the README."""
+    """Table as Markdown."""
     rows = [f"| {' | '.join(cells)} |" for cells in (head, *lines)]
     return "\n".join((rows[0], "|---" * len(head) + "|", *rows[1:]))

@@ -30,7 +30,7 @@ class Entry:
         label: of it in tables.
         needs: C function of the level, without robot and level.
         ours, numpy: make a function that returns seconds of one unit of work.
-        document: seconds in the document, where it tells.
+        document: seconds in the document, None where it states none.
         once: too long for rounds: measured once, NumPy not at all.
     """
 
@@ -159,7 +159,7 @@ class Report:
     skipped: dict[str, str]
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """JSON-ready values."""
         return asdict(self)
 
 
@@ -198,7 +198,7 @@ def _functions(lib: Library) -> Callable[[str], bool]:
 def _refusal(entry: Entry, lib: Library, has: Callable[[str], bool], trials: bool) -> str | None:
     if not has(entry.needs):
         return f"the level '{lib.level}' of '{lib.name}' has no function '{entry.needs}'"
-    return "not asked for (--no-trials)" if entry.once and not trials else None
+    return "not requested (--no-trials)" if entry.once and not trials else None
 
 
 def _measured(entry: Entry, setting: Setting, rounds: int) -> Row:
@@ -242,12 +242,12 @@ def table(report: Report) -> Table:
 
 
 def footnotes(report: Report) -> list[str]:
-    """What was skipped, as lines."""
+    """Skipped entries, one line each."""
     return [f"skipped: {label}: {why}." for label, why in report.skipped.items()]
 
 
 def markdown(report: Report) -> str:
-    """The same for the README."""
+    """Table as Markdown."""
     return grid.markdown(_HEAD, (_cells(row) for row in report.rows))
 
 

@@ -27,7 +27,7 @@ COUNTS = (2, 3, 4, 6, 7, 9, 12, 16, 20)
 TIMED = ("base_inverse_dynamics", "base_regressor")
 SAMPLES = 256
 LONGEST = 300.0
-"""Seconds of building after which no further robot is begun."""
+"""Build time after which no further robot is started, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class Report:
     rows: tuple[Row, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """JSON-ready values."""
         return asdict(self)
 
 
@@ -188,7 +188,7 @@ def table(report: Report) -> Table:
 
 
 def footnotes(report: Report) -> list[str]:
-    """How long building took, who is missing, as lines."""
+    """Build times and missing robots, one line each."""
     seconds = ", ".join(f"{robot} {value:.1f}" for robot, value in report.built.items())
     lines = [f"built (only these kernels, one level), s: {seconds}"]
     lines += [growth(tuple(r for r in report.rows if r.kernel == kernel)) for kernel in TIMED]
@@ -211,7 +211,7 @@ def growth(rows: tuple[Row, ...]) -> str:
 
 
 def markdown(report: Report) -> str:
-    """The same for the README."""
+    """Table as Markdown."""
     lines = [f"| {' | '.join(_HEAD)} |", "|---" * len(_HEAD) + "|"]
     return "\n".join((*lines, *(f"| {' | '.join(_cells(row))} |" for row in report.rows)))
 

@@ -97,7 +97,7 @@ class Report:
     rows: tuple[Row, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """JSON-ready values."""
         return asdict(self)
 
 
@@ -183,7 +183,7 @@ def _ours(
 def _rivals(
     lib: Library, batch: Batch, facts: dict[str, Symbolic], cpp: bool
 ) -> tuple[dict[str, peers.Peer], dict[str, str]]:
-    """The peers that run here, and why the others do not."""
+    """Peers that run on this machine, and the reason for each one that does not."""
     makers: dict[str, Callable[[], peers.Peer]] = {
         "Pinocchio C++": lambda: peers.pinocchio_cpp(lib, batch),
         "Pinocchio Python": lambda: peers.pinocchio_python(lib, batch),

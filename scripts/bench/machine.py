@@ -1,4 +1,4 @@
-"""The limit of one core: its clock, its multiply-adds at each vector width, and who it is."""
+"""Limits of one core: clock, multiply-adds at each vector width, name."""
 
 import ctypes
 import platform
@@ -113,7 +113,7 @@ def _bound(function: Callable[[int], float]) -> Callable[[], float]:
 
 
 def processor() -> str:
-    """Name of the processor as far as the system tells it."""
+    """Name of the processor as the system states it."""
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -29,12 +29,12 @@ from .chains import branching, serial
 
 STATES = 300
 ALLOWED = 1e-12
-"""Of the largest entry; the reason stands beside the same number in tests/symgen/test_dynamics."""
+"""Tolerance relative to the largest entry, as in tests/symgen/mechanics/test_dynamics.py."""
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One robot; what could not be built has only a sentence.
+    """One robot; one that cannot be built has a sentence only.
 
     Attributes:
         kept, dropped: smallest singular value of the base parameters, and a bound of the rest.
@@ -99,7 +99,7 @@ def _request(name: str, models: Path) -> BuildRequest:
 
 
 MADE = {"serial1": serial(1), "serial2": serial(2), "tree12": branching(3, 3, 3)}
-"""Robots that no file describes: one and two joints, and twelve with three arms on a trunk."""
+"""Generated robots: one and two joints, and twelve with three arms on a trunk."""
 
 _LOG = "--cutoff 10 --rate 100 --friction viscous,coulomb"
 _CHAIN = (
@@ -121,7 +121,7 @@ _CHAIN = (
     ("runtime report mine", {0}),
     ("runtime export mine --robot {robot}", {0}),
 )
-"""A command and the exit codes that are right; findings about a robot or a log are 1."""
+"""Command and its expected exit codes; 1 is a finding about a robot or a log."""
 
 
 def table(rows: list[Row]) -> Table:

@@ -1,4 +1,4 @@
-"""The same work in NumPy: what somebody without generated loops would write.
+"""The same computations in NumPy, without generated loops.
 
 π(λ), its Jacobian and Y_b come from the compiled library in one call over all of it; products,
 sums, eigenvalues and steps are NumPy's.
@@ -13,7 +13,7 @@ from runtime.excitation import COST_SAMPLES, fourier_basis
 from runtime.library import Array, Library
 
 STEP = 1e-7
-"""Of the forward differences."""
+"""Step of the forward differences."""
 
 
 def gram(lib: Library, samples: Samples, weights: Array) -> tuple[Array, Array]:

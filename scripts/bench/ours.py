@@ -69,7 +69,7 @@ class Ours:
         return sum(a.size for a in self._kernels[name].outputs if not a.summed)
 
     def contender(self, name: str, level: str, layout: str, batch: Batch) -> Contender | None:
-        """A function that times itself over the batch; None where the library has none."""
+        """Function that times itself over the batch; None where the library has no such kernel."""
         kernel = self._kernels[name]
         suffix = "batch" if layout == "batch" else "tiles"
         symbol = f"{self._lib.name}_{level}_{name}_{suffix}"
@@ -92,7 +92,7 @@ def _sample_major(
     for a, x in zip(kernel.inputs, inputs, strict=True):
         words += [ctypes.c_void_p(x.ctypes.data), ctypes.c_long(a.size if x.ndim == 2 else 0)]
     words += [ctypes.c_void_p(out.ctypes.data) for out in outputs]
-    kept = (*inputs, *outputs)  # the timer knows only their addresses
+    kept = (*inputs, *outputs)  # the timer holds only their addresses
 
     def run(calls: int, _kept: tuple[Array, ...] = kept) -> float:
         took = timer(entry, ctypes.c_long(calls), ctypes.c_long(batch.size), *words)

@@ -1,4 +1,4 @@
-"""A payload weighed many times: how far off, and how often the intervals hold the truth."""
+"""Repeated identification of a payload: errors, and coverage of the 95 % intervals."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ TRUTH = np.array([1.0, *COM, *(SQUARES.sum() - SQUARES) / 12, 0.0, 0.0, 0.0])
 
 @dataclass(frozen=True, slots=True)
 class Weighed:
-    """Root mean squares over trials, g and mm, and the share of 95 % intervals that hold."""
+    """RMS errors over trials, g and mm, and the coverage of the 95 % intervals."""
 
     grams: float
     millimetres: float

@@ -16,7 +16,7 @@ COULOMB = np.array([0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1])
 VISCOUS = np.array([0.5, 0.5, 0.4, 0.4, 0.2, 0.15, 0.1])
 SPEED = 0.03
 FRICTION = Friction(("coulomb", "viscous"), SPEED)
-# Nearly all for training: the methods are judged on another motion, without noise.
+# Nearly all for training: the methods are evaluated on another motion, without noise.
 SPLIT = Split((0.0, 0.9), (0.9, 0.95), (0.95, 1.0))
 
 
@@ -29,7 +29,7 @@ def preparation(cutoff: float | None) -> Preparation:
 
 @dataclass(frozen=True)
 class SimulatedCase:
-    """A robot that is not the URDF's, its log, and what one knows about it."""
+    """A simulated robot that differs from its URDF, its log, and its true parameters."""
 
     lib: Library
     log: Recording
@@ -41,7 +41,7 @@ class SimulatedCase:
     def identify(
         self, method: str, cutoff: float | None = 20.0, **options: object
     ) -> Identification:
-        """By one method, with everything it may ask for."""
+        """Identify by one method, with all inputs that a method may need."""
         return identify(
             self.log,
             self.lib,

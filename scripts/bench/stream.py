@@ -38,7 +38,7 @@ FRICTION = Friction(("viscous", "coulomb", "offset"))
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One file. CPU seconds, but for `wall`, the identification as a user waits.
+    """Times of one file: CPU seconds, except `wall`, the time of the whole identification.
 
     Attributes:
         read: of all rows, joint side, no repeats.
@@ -65,7 +65,7 @@ class Row:
     after: float
 
     def as_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """JSON-ready values."""
         return asdict(self)
 
 
@@ -122,7 +122,7 @@ def write_npz(lib: Library, rows: int, path: Path) -> None:
 
 
 def write_csv(lib: Library, rows: int, path: Path) -> None:
-    """t, q1…, dq1…, tau1… with the digits that a double has."""
+    """t, q1…, dq1…, tau1… with the digits of a double."""
     import pyarrow as pa
     from pyarrow import csv
 
@@ -138,7 +138,7 @@ def write_csv(lib: Library, rows: int, path: Path) -> None:
 
 WRITERS = {"parquet": write_parquet, "npz": write_npz, "csv": write_csv}
 TEXT = 2.4
-"""Characters of a number as text over the bytes of a double, with its comma."""
+"""Ratio of the characters of a number with its comma to the bytes of a double."""
 
 
 def measure(robot: str, kind: str, size: int, folder: Path) -> Row:
@@ -210,7 +210,7 @@ def child(robot: str, path: str) -> None:
 def _peak() -> int:
     """Bytes of the peak resident set of this process.
 
-    Not from getrusage where /proc tells it: that begins with the peak of the process that forked.
+    From /proc where it exists: the value of getrusage starts at the peak of the parent process.
     """
     status = Path("/proc/self/status")
     if status.exists():
@@ -260,7 +260,7 @@ def table(rows: list[Row]) -> Table:
 
 
 def markdown(rows: list[Row]) -> str:
-    """The README's table."""
+    """Table as Markdown."""
     lines = [f"| {' | '.join(head for head, _ in HEADS)} |", "|---" * len(HEADS) + "|"]
     lines += [f"| {' | '.join(cell(row) for _, cell in HEADS)} |" for row in rows]
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""What only the generator knows of a kernel: its expressions and how many operations they are."""
+"""Expressions of a kernel and their operation counts, from the generator."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,7 +8,7 @@ from runtime.library import Library
 
 @dataclass(frozen=True, slots=True)
 class Symbolic:
-    """One kernel before it became C.
+    """Expressions of one kernel.
 
     Attributes:
         function: of CasADi.

@@ -1,4 +1,4 @@
-"""The report of the kernels for the eye: a table, what stands below it, and the README's part."""
+"""Report of the kernels: table, footnotes, and the Markdown of the pages."""
 
 from rich.table import Table
 
@@ -58,7 +58,7 @@ def table(report: Report) -> Table:
 
 
 def footnotes(report: Report) -> list[str]:
-    """Limits, bars, what each peer runs, who is missing, as lines."""
+    """Limits, requirements, algorithms of the peers and missing peers, one line each."""
     limits = ", ".join(f"{level} {value:.1f}" for level, value in report.limits.items())
     lines = [
         f"limit of one core, GFLOP/s: {limits} (with {report.timer}); clock {report.clock:.2f} GHz"
@@ -83,7 +83,7 @@ def footnotes(report: Report) -> list[str]:
 
 
 def markdown(report: Report) -> str:
-    """The README's table: ns per sample, and how many times longer the peers take."""
+    """Markdown table: ns per sample, and how many times longer the peers take."""
     labels = [label for label in report.peers if label != "NumPy"]
     head = ("kernel", "level", "tiles, ns", "limit", "samples, ns", *labels)
     lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]

@@ -1,1 +1,1 @@
-"""Damaged files for every door: is each read or refused in a sentence, and nothing else?"""
+"""Fuzzing of every reader: a damaged file is read, or refused in one sentence."""

@@ -60,7 +60,7 @@ def npz_parts(data: bytes, rng: Rng) -> bytes:
 
 
 def _filled(data: bytes, rng: Rng) -> bytes:
-    """Some doubles, or all of them, of a value that no log has."""
+    """Replace some or all doubles by a value that no log has."""
     values = np.frombuffer(data[: len(data) // 8 * 8], dtype=np.float64).copy()
     strange = rng.choice([np.nan, np.inf, -np.inf, 1e308, -1e308, 1e20, 0.0, 5e-324])
     if values.size:
@@ -126,7 +126,7 @@ def parquet_columns(data: bytes, rng: Rng) -> bytes:
 
 
 def _columns(column: Any, rows: int, pa: Any) -> tuple[Any, ...]:
-    """Makers of columns that are none of numbers, or of numbers that no log has."""
+    """Functions that make columns of other types, or of numbers that no log has."""
 
     def of(value: Any, kind: Any) -> Any:
         return lambda: pa.array([value] * rows, kind)

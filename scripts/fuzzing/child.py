@@ -30,9 +30,9 @@ from scripts.fuzzing.watch import Watch
 from symgen.errors import SymgenError
 
 SECONDS = 20.0
-"""Of processor time per file, on a busy machine; a good report takes one, the rest milliseconds."""
+"""Limit of processor time per file, s; a good report takes one second, other files milliseconds."""
 PATIENCE = 300.0
-"""Of anybody's time, for a reader that waits for something."""
+"""Limit of wall time per file, s, for a reader that waits."""
 MEMORY = 2**30
 """Bytes of address space beyond what the process has before it reads damaged files."""
 RESIDENT = 4 * 10**8
@@ -40,7 +40,7 @@ RESIDENT = 4 * 10**8
 
 
 class Hang(BaseException):
-    """The time of a file is over."""
+    """The time limit of a file is exceeded."""
 
 
 def main() -> None:
@@ -53,7 +53,7 @@ def main() -> None:
     tempfile.tempdir = str(root / "tmp")
     (root / "tmp").mkdir(exist_ok=True)
     os.chdir(root / "tmp")  # files that libraries write to the working directory
-    (root / CANARY).write_text("nobody reads this")
+    (root / CANARY).write_text("this file must not be read")
     watch = Watch((root / "tmp",))
     for number in (signal.SIGPROF, signal.SIGALRM):
         signal.signal(number, _over)
@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def _only_ours() -> Callable[..., None]:
-    """Says facts where commands cannot: what they print goes nowhere."""
+    """Function that writes JSON lines; standard output of the commands is discarded."""
     output = os.fdopen(os.dup(1), "w")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
@@ -110,7 +110,7 @@ def _damage(door: Door, folder: Path, good: bytes, kind: str, seed: int, index: 
 
 
 def _read(read: Callable[[], Any], watch: Watch) -> str:
-    """What came of it: read, refused, or the fault."""
+    """Outcome: read, refused, or the fault."""
     try:
         return _timed(read, watch)
     except Hang:  # the alarm came when the reader had just ended
@@ -152,7 +152,7 @@ def _limit_memory(most: int) -> None:
 
 
 def _resident() -> int:
-    """Bytes held now, from which on the peak is counted anew."""
+    """Resident bytes now; the peak is counted from here on."""
     Path("/proc/self/clear_refs").write_text("5")
     return _peak()
 
@@ -170,7 +170,7 @@ def _files(folder: Path, door: Door) -> set[str]:
 
 
 def _remains(root: Path, folder: Path, outcome: str) -> list[str]:
-    """What a temporary folder still holds, and what a command that refused has written."""
+    """Files left in the temporary folder, and files written by a command that refused."""
     left = list((root / "tmp").iterdir())
     for path in left:
         clear(path)

@@ -1,4 +1,4 @@
-"""Which damage suits which kind of file, by its suffix."""
+"""Kinds of damage by the suffix of a file."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -51,5 +51,5 @@ def _of(file: str) -> Sequence[Mutator]:
 
 
 def generator(seed: int, kind: str, index: int) -> np.random.Generator:
-    """The generator of one file; kinds that come or go leave the others as they are."""
+    """Random generator of one file; it does not depend on the other kinds."""
     return np.random.default_rng([seed, *kind.encode(), index])

@@ -1,4 +1,4 @@
-"""The doors through which files come: the file that is damaged, and the function that reads it."""
+"""Entry points of files: the file that is damaged, and the function that reads it."""
 
 import contextlib
 import hashlib
@@ -38,7 +38,7 @@ from scripts.fuzzing import goods
 
 Reader = Callable[[Path, Library], Any]
 OUT = "out"
-"""The only folder in which a command may write."""
+"""Name of the only folder in which a command may write."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def _streamed(file: str) -> Door:
 
 
 def _all(*readers: Reader) -> Reader:
-    """Every one of them, however the others end."""
+    """Call every reader, and raise the first fault after all have run."""
 
     def read(folder: Path, lib: Library) -> None:
         faults = []
@@ -138,7 +138,7 @@ def _evaluated(folder: Path, lib: Library) -> None:
 
 
 def _exported(form: str) -> Door:
-    """One format: of several, those that are whole stay where another fails."""
+    """Export one format; of several, complete ones would stay where another fails."""
 
     def read(folder: Path, lib: Library) -> None:
         export_command(folder, form, folder / OUT, str(lib.folder), overwrite=True)
@@ -155,7 +155,7 @@ def _experiments(folder: Path, _: Library) -> None:
 
 
 def _vouch(folder: Path) -> None:
-    """result.json names the digests of the other files as they are now."""
+    """Write the present digests of the other files into result.json."""
     path = folder / "toy" / "result.json"
     facts = json.loads(path.read_text())
     for name in ("trials.parquet", "series.npz"):
@@ -171,10 +171,10 @@ def _predicted(folder: Path, lib: Library) -> None:
 
 def _simulated(folder: Path, lib: Library) -> None:
     class Typed:
-        """A command line on which nothing but the robot and the motion was given."""
+        """Context of a command line with the robot and the motion only."""
 
         def get_parameter_source(self, _: str) -> None:
-            """None of them."""
+            """No option is given."""
 
     out = folder / OUT / "log.csv"
     simulate_command(Typed(), str(lib.folder), folder / "motion.json", out, keep_every=10)  # type: ignore[arg-type]

@@ -26,7 +26,7 @@ MARK = "ab" * 32
 
 
 def motion(lib: Library, rows: int = 60) -> Recording:
-    """Some motion with the torque of the URDF, noise upon it."""
+    """Log of a motion with the torque of the URDF and noise."""
     t = np.arange(rows) * 0.01
     phase = 2 * t[:, None] * np.linspace(1, 3, lib.n_joints)
     q, rates = lib.home + 0.2 * np.sin(phase), 2 * np.linspace(1, 3, lib.n_joints)
@@ -75,17 +75,17 @@ def mjcf(folder: Path, _: Library) -> None:
 
 
 def robot_config(folder: Path, _: Library) -> None:
-    """What a URDF cannot say."""
+    """Robot configuration (TOML)."""
     shutil.copy(MODELS / "fr3.toml", folder / "robot.toml")
 
 
 def prior(folder: Path, lib: Library) -> None:
-    """What is known of an arm."""
+    """Inertial prior of an arm."""
     (folder / "prior.toml").write_text(PRIOR.format(link=lib.link_names[-1]))
 
 
 def trajectory(folder: Path, lib: Library) -> None:
-    """A motion and the loop that makes a robot follow it."""
+    """A motion, and the closed loop that follows it."""
     coefficients = 0.01 * np.ones((lib.n_joints, 4))
     designed = Trajectory(lib.home, coefficients, 5.0)
     write_motion(designed, lib, folder / "motion.json")
@@ -95,7 +95,7 @@ def trajectory(folder: Path, lib: Library) -> None:
 
 
 def virtual(folder: Path, lib: Library) -> None:
-    """Settings of a virtual robot, and what it carries."""
+    """Settings of a virtual robot, and its payload."""
     tables = settings_of(lib).facts()
     lines = [
         f"[{name}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in entries.items())
@@ -141,7 +141,7 @@ class Ros2:
 
 
 def franka(folder: Path, lib: Library) -> None:
-    """What libfranka's logToCSV writes."""
+    """Log in the format of libfranka's logToCSV."""
     log = motion(lib)
     names = [f"state.{key}[{i}]" for key in ("q", "dq", "tau_J") for i in range(lib.n_joints)]
     values = np.hstack([log.q, 0 * log.q, log.tau])
@@ -154,7 +154,7 @@ def franka(folder: Path, lib: Library) -> None:
 
 
 def recipe(folder: Path, lib: Library) -> None:
-    """A folder of a CSV and how it is read."""
+    """Folder with a CSV and its recipe."""
     names = range(1, lib.n_joints + 1)
     text = RECIPE.format(
         joints=json.dumps(list(lib.joint_names)),
@@ -167,7 +167,7 @@ def recipe(folder: Path, lib: Library) -> None:
 
 
 def result(folder: Path, lib: Library) -> None:
-    """What `identify` writes, and a log to try it on."""
+    """Result of `identify`, and a log for evaluate."""
     log = motion(lib, 400)
     terms = Friction(("viscous", "coulomb", "offset"))
     identified = runtime.identify(log, lib, preparation=Preparation(), friction_columns=terms)
@@ -176,13 +176,13 @@ def result(folder: Path, lib: Library) -> None:
 
 
 def truth(folder: Path, lib: Library) -> None:
-    """What `simulate` tells of the robot that it was."""
+    """True parameters as `simulate` writes them."""
     facts = {"robot": lib.name, "seed": 0, "pi": lib.pi0.tolist(), "lam": lib.lam0.tolist()}
     (folder / "log.truth.json").write_text(json.dumps(facts))
 
 
 def payload(folder: Path, lib: Library) -> None:
-    """What `payload` writes."""
+    """Result of `payload`."""
     facts = {
         "format": 1,
         "robot": lib.name,
@@ -208,7 +208,7 @@ def statistics(folder: Path, lib: Library) -> None:
 
 
 def comparison(folder: Path, lib: Library) -> None:
-    """What `compare` writes."""
+    """Result of `compare`."""
     n = lib.n_joints
     row = {"method": "map", "outcome": "consistent", "status": "converged", "rms": [0.1] * n}
     figures = ("test_percent", "train_percent", "base_error_percent", "seconds")

@@ -9,7 +9,7 @@ Rng = np.random.Generator
 Mutator = Callable[[bytes, Rng], bytes]
 
 CANARY = "canary.txt"
-"""A file that no reader has a reason to open; it lies beside the folder of the damaged files."""
+"""File beside the folder of the damaged files that no reader may open."""
 NUMBERS = (
     *(b"nan", b"inf", b"-inf", b"NaN", b"Infinity", b"1e308", b"-1e308", b"1e999", b"1e-320"),
     *(
@@ -41,7 +41,7 @@ def _cut(size: int, rng: Rng) -> tuple[int, int]:
 
 
 def flip_bits(data: bytes, rng: Rng) -> bytes:
-    """One to eight bits."""
+    """Flip one to eight bits."""
     if not data:
         return data
     out = bytearray(data)
@@ -51,25 +51,25 @@ def flip_bits(data: bytes, rng: Rng) -> bytes:
 
 
 def truncate(data: bytes, rng: Rng) -> bytes:
-    """The beginning."""
+    """Keep only the beginning."""
     return data[: int(rng.integers(0, len(data) + 1))]
 
 
 def remove(data: bytes, rng: Rng) -> bytes:
-    """All but a piece."""
+    """Remove a piece."""
     first, last = _cut(len(data), rng)
     return data[:first] + data[last:]
 
 
 def splice(data: bytes, rng: Rng) -> bytes:
-    """A piece once more, somewhere else."""
+    """Insert a copy of a piece somewhere else."""
     first, last = _cut(len(data), rng)
     where = int(rng.integers(0, len(data) + 1))
     return data[:where] + data[first:last] + data[where:]
 
 
 def overwrite(data: bytes, rng: Rng) -> bytes:
-    """A few bytes as zeros, ones or noise: lengths and counts of binary formats."""
+    """Overwrite a few bytes by zeros, ones or noise, as lengths and counts of binary formats."""
     where, size = int(rng.integers(0, len(data) + 1)), int(rng.choice([1, 2, 4, 8, 64]))
     fill = (bytes(size), b"\xff" * size, rng.bytes(size))[int(rng.integers(3))]
     return data[:where] + fill + data[where + size :]

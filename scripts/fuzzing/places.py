@@ -1,4 +1,4 @@
-"""What may stand where a file is expected: nothing, a folder, a pipe, a device, a loop of links."""
+"""Other things in the place of a file: nothing, a folder, a pipe, a device, a loop of links."""
 
 import os
 import shutil
@@ -11,7 +11,7 @@ SHARE = 0.02
 
 
 def misplace(path: Path, rng: np.random.Generator) -> None:
-    """Put something into the place of a file that is no file."""
+    """Put something that is not a file into the place of a file."""
     clear(path)
     kind = int(rng.integers(7))
     if kind == 1:
@@ -29,7 +29,7 @@ def misplace(path: Path, rng: np.random.Generator) -> None:
 
 
 def clear(path: Path) -> None:
-    """Leave nothing at a place."""
+    """Remove whatever is at a path."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:

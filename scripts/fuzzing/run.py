@@ -1,4 +1,4 @@
-"""The parent: starts children, restarts one that dies or falls silent, and counts by kind."""
+"""Parent process: starts children, restarts one that dies or hangs, and counts by kind."""
 
 import json
 import os
@@ -16,11 +16,11 @@ from rich.table import Table
 
 ROOT = Path(__file__).parents[2]
 SILENCE = 600.0
-"""Seconds without a line after which a child is taken to hang where Python cannot stop it."""
+"""Time without a line after which a child counts as hanging, s."""
 
 
 class Fault(NamedTuple):
-    """The index of a file, and what a reader did with it."""
+    """Index of a file, and the fault of its reader."""
 
     index: int
     outcome: str
@@ -31,7 +31,7 @@ Step = Callable[[str, Fault | None], None]
 
 @dataclass(slots=True)
 class Tally:
-    """What became of the files of one kind."""
+    """Counts of outcomes of one kind of file."""
 
     read: int = 0
     refused: int = 0
@@ -42,11 +42,11 @@ class Tally:
 
     @property
     def files(self) -> int:
-        """All of them."""
+        """Number of files."""
         return self.read + self.refused + len(self.faults)
 
     def add(self, other: "Tally") -> None:
-        """Count another kind in."""
+        """Add the counts of another kind."""
         self.read += other.read
         self.refused += other.refused
         self.faults += other.faults

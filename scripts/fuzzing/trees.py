@@ -1,4 +1,4 @@
-"""Documents damaged where they mean something: JSON, TOML, YAML and XML as trees, not as bytes.
+"""Damage of JSON, TOML, YAML and XML documents as trees instead of bytes.
 
 A value takes another type, a number becomes one that no machine has, a key goes, comes twice or is
 one that Python or HTML would obey, a list grows, shrinks or nests, a branch is grafted elsewhere.
@@ -31,7 +31,7 @@ STRANGE: tuple[Any, ...] = (
     *([0.0] * 1000, [[0.0] * 30] * 30, [float("nan")] * 7, [1e308] * 7, ["x"] * 7),
 )
 DEEP = 2_000
-"""Levels of nesting that a dumper still writes; `mutators` nests deeper, as text."""
+"""Largest depth of nesting that a dumper writes; `mutators` nests deeper, as text."""
 
 
 def damaged(tree: Any, rng: Rng) -> Any:

@@ -1,4 +1,4 @@
-"""Notes what a reader has no reason to do: start, connect, write, remove, open a canary."""
+"""Audit of readers: starting processes, connecting, writing, removing, opening the canary."""
 
 import os
 import sys
@@ -19,7 +19,7 @@ WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT
 
 
 class Watch:
-    """Hears the interpreter's audit events while it is armed.
+    """Records the interpreter's audit events while it is armed.
 
     Attributes:
         seen: what was forbidden.

@@ -1,4 +1,4 @@
-"""Who else computes the same: Pinocchio in C++ and from Python, MuJoCo, CasADi's VM, NumPy.
+"""Peers that compute the same: Pinocchio in C++ and from Python, MuJoCo, CasADi's VM, NumPy.
 
 Every peer gets the same states and the same model, and its result for the last sample of the
 batch is compared with ours before its time counts.

@@ -1,4 +1,4 @@
-"""CasADi's virtual machine on the very expressions that became our C."""
+"""CasADi's virtual machine on the expressions from which our C is generated."""
 
 import time
 from importlib.metadata import version
@@ -12,7 +12,7 @@ from runtime.library import Array
 
 
 def casadi_vm(functions: dict[str, tuple[Any, tuple[str, ...]]], batch: Batch) -> Peer:
-    """The very expressions that became our C, in CasADi's virtual machine; one sample, repeated.
+    """Expressions of our C code in CasADi's virtual machine; one sample, repeated.
 
     Args:
         functions: kernel → its CasADi function and the names of its inputs.
@@ -29,7 +29,7 @@ def casadi_vm(functions: dict[str, tuple[Any, tuple[str, ...]]], batch: Batch) -
         for k, x in enumerate(outputs):
             buffer.set_res(k, x.data)
 
-        kept = (buffer, inputs)  # the trigger knows only addresses
+        kept = (buffer, inputs)  # the trigger holds only addresses
 
         def run(calls: int, _kept: object = kept) -> float:
             start = time.perf_counter_ns()

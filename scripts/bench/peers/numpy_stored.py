@@ -11,7 +11,7 @@ from runtime.library import Array, Library
 
 
 def numpy_stored(lib: Library, batch: Batch) -> Peer:
-    """What is left for NumPy when Y of all samples is already stored: products with it."""
+    """NumPy products with the stored Y of all samples."""
     n = lib.n_joints
     y = lib.regressor(batch.q, batch.dq, batch.ddq)
     flat = y.reshape(-1, 10 * n)

@@ -1,4 +1,4 @@
-"""What a peer is: a library with algorithms that compute the same as our kernels."""
+"""Peer: a library whose algorithms compute the same as our kernels."""
 
 import time
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class Contender:
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A library: what it is, and its contenders by the name of our kernel."""
+    """A library, and its algorithms by the name of our kernel."""
 
     detail: str
     contenders: dict[str, Contender]

@@ -1,4 +1,4 @@
-"""Our robot as Pinocchio knows it: its model in Python, and the text that the C++ peer reads."""
+"""Pinocchio's model of our robot in Python, and the text that the C++ program reads."""
 
 from typing import Any
 from xml.etree.ElementTree import tostring
@@ -40,7 +40,10 @@ def model_text(lib: Library) -> str:
         inertia = model.inertias[index].toDynamicParameters()
         numbers = (axis, placement.rotation.ravel(), placement.translation, inertia)
         if joint.nq != 1 or model.parents[index] not in place:
-            raise BenchError(f"joint '{facts.name}' is none that the C++ program knows")
+            raise BenchError(
+                f"expected a joint of one coordinate after its parent, got '{facts.name}'; "
+                "time this robot without Pinocchio in C++"
+            )
         shown = " ".join(_numbers(part) for part in numbers)
         lines.append(f"{place[model.parents[index]]} {joint.shortname()} {shown}")
     return "\n".join(lines)

@@ -1,0 +1,90 @@
+"""Counts of the uncertainty: effective samples of coloured noise, and the rank of a motion."""
+
+import numpy as np
+import pytest
+
+from runtime.estimators.convex.map_estimate import fit_map
+from runtime.estimators.problem import Problem
+from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.uncertainty import uncertainty_of
+from runtime.library import Library
+from runtime.recording import Recording
+
+
+def test_coloured_noise_lowers_the_effective_sample_size(
+    lib: Library, ideal_runs: tuple[Recording, ...], pi_true: np.ndarray
+) -> None:
+    """Oracle: AR(1) noise of ρ = 0.9 enters slow motions (1 + ρ)/(1 − ρ) = 19 times as strongly.
+
+    The motion has harmonics up to 1 Hz of samples at 100 Hz, where the spectrum has fallen to no
+    less than a half; white noise counts fully. The fit and its uncertainty state the same number.
+    """
+    run, rng = ideal_runs[0], np.random.default_rng(2)
+    white = 0.05 * rng.normal(size=run.tau.shape)
+    coloured = white.copy()
+    for k in range(1, len(white)):
+        coloured[k] = 0.9 * coloured[k - 1] + np.sqrt(1 - 0.81) * white[k]
+    shares = []
+    for noise in (white, coloured):
+        s = samples_of(run.replace(tau=run.tau + noise), lib)
+        fit = fit_map(Problem(lib, s, s, thesis_weights(s.tau), lib.lam_from_pi(pi_true)))
+        u = uncertainty_of(
+            lib, s, fit.pi, fit.phi, first_guess=pi_true,
+            statistics=fit.statistics, coloured_noise=fit.coloured_noise,
+        )  # fmt: skip
+        assert fit.n_eff is not None
+        assert fit.n_eff == pytest.approx(u.n_eff, rel=1e-12)
+        shares.append(fit.n_eff / len(s))
+    # S of 43 unknowns has some 90 cosines: 3 √(2/90).
+    assert shares[0] == pytest.approx(1.0, abs=0.45)
+    assert 1 / 30 < shares[1] < 1 / 8
+
+
+MOTIONS = [
+    *(((1,), 0.5), ((6,), 0.5), ((0, 1), 0.5), ((1, 3, 5), 0.5)),
+    *(((0, 1, 2, 3, 4, 5), 0.5), (tuple(range(7)), 0.5), (tuple(range(7)), 0.03)),
+]
+"""Joints that move, and how far, rad; small motions excite all directions, but weakly."""
+
+
+@pytest.mark.parametrize("friction", [False, True])
+@pytest.mark.parametrize(("moving", "size"), MOTIONS)
+def test_rank_is_that_of_the_motion(
+    lib: Library, moving: tuple[int, ...], size: float, friction: bool
+) -> None:
+    """Oracle: numpy's rank of [Y_b F] less that of F, columns of unit length.
+
+    Neither hidden by noise nor by the prior; joints at rest leave columns that are exactly zero.
+    """
+    rng = np.random.default_rng(len(moving))
+    q, dq, ddq = np.tile(lib.home, (300, 1)), np.zeros((300, 7)), np.zeros((300, 7))
+    for j in moving:
+        q[:, j] += size * rng.normal(size=300)
+        dq[:, j], ddq[:, j] = 2 * size * rng.normal(size=(2, 300))
+    columns = dq[:, :, None] if friction else np.zeros((300, 7, 0))
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + 0.4 * columns.sum(axis=2)
+    s = Samples(q, dq, ddq, tau + 0.05 * rng.normal(size=tau.shape), columns)
+    fit = fit_map(Problem(lib, s, s, thesis_weights(tau), lib.lam0))
+    u = uncertainty_of(lib, s, fit.pi, fit.phi, first_guess=lib.pi0)
+    rigid = lib.base_regressor(q, dq, ddq).reshape(-1, 43)
+    rubbing = np.zeros((300, 7, 7))
+    rubbing[:, np.arange(7), np.arange(7)] = dq
+    rubbing = rubbing.reshape(-1, 7)[:, : 7 if friction else 0]
+    assert u.rank == _rank(np.hstack([rigid, rubbing])) - (_rank(rubbing) if friction else 0)
+
+
+def test_a_rotor_that_an_inertia_explains_costs_no_rank(lib: Library) -> None:
+    """Oracle: the rotor of joint 1 turns about the axis of link 1's ZZ; their sum is excited."""
+    rng = np.random.default_rng(1)
+    q, dq, ddq = rng.normal(size=(3, 300, 7))
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + 0.1 * ddq
+    s = Samples(q, dq, ddq, tau + 0.05 * rng.normal(size=tau.shape), ddq[:, :, None])
+    fit = fit_map(Problem(lib, s, s, thesis_weights(tau), lib.lam0))
+    u = uncertainty_of(lib, s, fit.pi, fit.phi, first_guess=lib.pi0)
+    assert u.rank == len(lib.base_columns) == 43
+    assert "excites all 43" in u.advice() or u.inflation > 2
+
+
+def _rank(matrix: np.ndarray) -> int:
+    lengths = np.linalg.norm(matrix, axis=0)
+    return int(np.linalg.matrix_rank(matrix / np.where(lengths > 0, lengths, 1.0), tol=1e-8))

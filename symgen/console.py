@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from symgen import __version__
 
@@ -212,7 +211,7 @@ def commands_of(package: str) -> Callable[[], None]:
         SystemExit: a library of the build is missing (2), or Ctrl-C came during the import (130).
     """
     try:
-        module: Any = import_module(package)
+        run: Callable[[], None] = import_module(package).main
     except ModuleNotFoundError as error:
         if package != BUILD or error.name not in BUILD_LIBRARIES:
             raise
@@ -224,7 +223,6 @@ def commands_of(package: str) -> Callable[[], None]:
     except KeyboardInterrupt:  # the import takes a second or two
         sys.stderr.write("symgen: interrupted\n")
         raise SystemExit(INTERRUPTED) from None
-    run: Callable[[], None] = module.main
     return run
 
 

@@ -130,7 +130,8 @@ def certificate_of(
         if not free.all():
             worst = int(np.argmax(bounds[order]))  # the first NaN, where there is one
             bound, time = float(bounds[order, worst]), float(times[order, worst])
-            limit = float(min(up[order, worst], down[order, worst]))
+            way = trajectory.at(lib, np.array([time]))[0][0, worst] - trajectory.home[worst]
+            limit = _room(float(up[order, worst]), float(down[order, worst]), float(way))
             what = lib.joint_names[worst], time, bound * limit, limit, UNITS[order]
             uses.append(Use(kind, bound, *what))
     rows = [
@@ -150,6 +151,12 @@ def certificate_of(
         uses.append(max((row for row in rows if row.kind == kind), key=lambda row: row.bound))
     distances = tuple(row for row in rows if row.kind in DISTANCES)
     return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances)
+
+
+def _room(up: float, down: float, way: float) -> float:
+    """Limit of the side to which the joint has moved; the other one where that side has none."""
+    room = up if way > 0 else down
+    return room if np.isfinite(room) else min(up, down)
 
 
 def _unlimited(limits: dict[str, Array], kind: str) -> NDArray[np.bool_]:

@@ -5,6 +5,7 @@ only when that command runs. `symgen` and `runtime` never import each other, so 
 named as text. `inspect` exists twice: a model file goes to symgen, a log to runtime.
 """
 
+import shlex
 import shutil
 import sys
 import textwrap
@@ -19,8 +20,13 @@ from symgen import __version__
 BUILD, RUN = "symgen.cli", "runtime.cli"
 """Packages of commands: one writes the library of a robot, one uses it."""
 
-BUILD_LIBRARIES = frozenset({"casadi", "pinocchio"})
-"""Top-level modules that only `pip install 'symgen[build]'` installs."""
+BUILD_LIBRARIES = frozenset({"casadi", "pinocchio", "coal"})
+"""Top-level modules that only the extra `build` installs."""
+PURPOSES = {
+    "inspect": "inspecting a robot model",
+    "proxies": "fitting capsules to a robot",
+}
+"""What needs them, by command; every other command writes the C code of a robot."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -205,25 +211,49 @@ def commands_of(package: str) -> Callable[[], None]:
         package: `BUILD` or `RUN`.
 
     Returns:
-        Function that runs the command of `sys.argv`.
+        Function that runs the command of `sys.argv`; it ends with code 2 and one sentence where the
+        command needs a library of the build that is not installed.
 
     Raises:
-        SystemExit: a library of the build is missing (2), or Ctrl-C came during the import (130).
+        SystemExit: Ctrl-C came during the import (130).
     """
     try:
-        run: Callable[[], None] = import_module(package).main
-    except ModuleNotFoundError as error:
-        if package != BUILD or error.name not in BUILD_LIBRARIES:
-            raise
-        sys.stderr.write(
-            f"symgen: writing the C code of a robot needs the package {error.name}, which is not "
-            "installed; run: pip install 'symgen[build]'\n"
-        )
-        raise SystemExit(2) from None
+        run_command: Callable[[], None] = import_module(package).main
     except KeyboardInterrupt:  # the import takes a second or two
         sys.stderr.write("symgen: interrupted\n")
         raise SystemExit(INTERRUPTED) from None
+
+    def run() -> None:
+        try:
+            run_command()
+        except ModuleNotFoundError as error:
+            name = (error.name or "").partition(".")[0]
+            if package != BUILD or name not in BUILD_LIBRARIES:
+                raise
+            work = PURPOSES.get(sys.argv[1], "writing the C code of a robot")
+            sys.stderr.write(
+                f"symgen: {work} needs the package {name}, which is not installed; run: "
+                f"{installation('build')}\n"
+            )
+            raise SystemExit(2) from None
+
     return run
+
+
+def installation(extra: str) -> str:
+    """Command that installs an extra.
+
+    In a clone it names the clone: an index need not have this version, or has another project.
+
+    Args:
+        extra: name in pyproject.toml.
+
+    Returns:
+        Shell command.
+    """
+    clone = Path(__file__).resolve().parents[1]
+    source = clone if (clone / "pyproject.toml").is_file() else "symgen"
+    return f"pip install {'' if source == 'symgen' else '-e '}{shlex.quote(f'{source}[{extra}]')}"
 
 
 def _unknown(name: str) -> str:

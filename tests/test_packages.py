@@ -136,8 +136,7 @@ def test_the_wheel_alone(installed: Path, tmp_path: Path) -> None:
     again = run(installed, "-m", "runtime", "locate", "nothing", cwd=tmp_path, env=place)
     assert (again.returncode, again.stdout) == (2, "")
     assert again.stderr.startswith("runtime: there is no data set 'nothing'")
-    example = package / "examples" / "fr3_simulated.npz"
-    words = ("identify", example, "--robot", "fr3", "--out", tmp_path / "found")
+    words = ("identify", "fr3_simulated", "--robot", "fr3", "--out", tmp_path / "found")
     found = run(installed, "-m", "runtime", *words, cwd=tmp_path, env=place)
     assert found.returncode == 0, found.stderr
     assert "compiling" not in found.stderr

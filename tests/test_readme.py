@@ -53,15 +53,19 @@ def run(command: list[str], cwd: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory, fr3):
-    """A user's folder: a URDF, a motion, a log, and the FR3 as `symgen build` makes it."""
-    folder = tmp_path_factory.mktemp("readme")
-    (folder / "generated").mkdir()
-    (folder / "generated" / "fr3").symlink_to(fr3.folder)
-    shutil.copy(ROOT / "symgen/robots/fr3.urdf", folder / "my.urdf")
-    shutil.copy(ROOT / "runtime/examples/fr3_simulated.npz", folder)
-    shutil.copy(ROOT / "runtime/examples/fr3_trajectory.json", folder / "motion.json")
-    return folder
+def empty(tmp_path_factory, fr3):
+    """A new folder, in which the blocks of the README are pasted; the FR3 is built."""
+    return tmp_path_factory.mktemp("readme")
+
+
+@pytest.fixture(scope="module")
+def desk(empty, fr3):
+    """A user's folder: a URDF, a motion, and the FR3 as `symgen build` makes it."""
+    (empty / "generated").mkdir()
+    (empty / "generated" / "fr3").symlink_to(fr3.folder)
+    shutil.copy(ROOT / "symgen/robots/fr3.urdf", empty / "my.urdf")
+    shutil.copy(ROOT / "runtime/examples/fr3_trajectory.json", empty / "motion.json")
+    return empty
 
 
 def test_every_fence_is_of_a_kind_that_is_tested():
@@ -77,18 +81,23 @@ def test_the_readme_is_short():
     assert len(README.read_text(encoding="utf-8").splitlines()) <= LONGEST
 
 
-@pytest.mark.parametrize("page", EXECUTED, ids=name_of)
-def test_blocks_run(page, desk, monkeypatch, capsys):
+def test_the_readme_runs_in_an_empty_folder(empty, monkeypatch, capsys):
     """Oracle: shell and interpreter; every line ends with exit code 0 and prints what is shown.
 
-    The README comes first: later pages export its result.
+    It comes before the pages of docs/, which export its result.
     """
+    monkeypatch.chdir(empty)
+    printed = run_all(README, capsys)
+    assert (empty / "results/first/report.html").exists()
+    assert (empty / "results/first/identified.urdf").exists()
+    assert "consistent: True" in printed
+
+
+@pytest.mark.parametrize("page", [page for page in EXECUTED if page != README], ids=name_of)
+def test_blocks_run(page, desk, monkeypatch, capsys):
+    """Oracle: as for the README, in a folder with a URDF and a motion."""
     monkeypatch.chdir(desk)
     printed = run_all(page, capsys)
-    if page == README:
-        assert (desk / "results/first/report.html").exists()
-        assert (desk / "results/first/identified.urdf").exists()
-        assert "consistent: True" in printed
     if page.name == "payload.md":
         assert "found 1.000" in printed
     if page.name == "when-to-stop.md":

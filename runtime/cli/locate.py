@@ -15,8 +15,9 @@ def locate_command(
 ) -> None:
     r"""Print the folder of a known data set.
 
-    A data set that is not on this machine is downloaded once, to the cache of the user, and its
-    checksum is verified.
+    The examples that come with the package are single files; their path is printed. A data set that
+    is not on this machine is downloaded once, to the cache of the user, and its checksum is
+    verified.
 
     \b
     symgen locate panda_gaz

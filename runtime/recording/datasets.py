@@ -1,7 +1,8 @@
-"""Places of the known data sets: $SYMGEN_DATA, a folder `shared` beside the repository, a download.
+"""Places of the known data sets: package, $SYMGEN_DATA, `shared` beside the repository, download.
 
-Nothing is copied into the repository. A download is pinned by commit and sha256 in the bundled
-recipe of the set, and is kept in the cache folder of the operating system.
+The examples come with the package; of other data nothing is copied into the repository. A download
+is pinned by commit and sha256 in the bundled recipe of the set, and is kept in the cache folder of
+the operating system.
 """
 
 import logging
@@ -17,16 +18,27 @@ from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 log = logging.getLogger(__name__)
 
 
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
+"""Logs that come with the package: <name>.npz."""
+
+
+def known_names() -> tuple[str, ...]:
+    """Names of the known data sets: the examples of the package, then those of bundled recipes."""
+    return (*sorted(path.stem for path in EXAMPLES.glob("*.npz")), *bundled_names())
+
+
 def locate(name: str) -> Path:
-    """Folder with the raw files of a known data set, downloaded where necessary.
+    """Log or folder with the raw files of a known data set, downloaded where necessary.
 
     Raises:
         RecordingError: there is no such data set, or it can neither be located nor downloaded.
     """
-    if name not in bundled_names():
+    if name not in known_names():
         raise RecordingError(
-            f"there is no data set {name!r}; the known ones are {', '.join(bundled_names())}"
+            f"there is no data set {name!r}; the known ones are {', '.join(known_names())}"
         )
+    if name not in bundled_names():
+        return EXAMPLES / f"{name}.npz"
     for folder in _local_folders(name):
         if folder.is_dir():
             return folder

@@ -39,7 +39,7 @@ def read_recording(
     with its recipe.toml, else with the bundled one of its name.
 
     Args:
-        path: file, bag, folder, or a name such as "panda_gaz".
+        path: file, bag, folder, or a name such as "fr3_simulated" or "panda_gaz".
         recipe: TOML file, name of a bundled recipe, or a `Recipe`.
         run: which run, where the recipe describes several.
         joints: names in the order of the robot, which select joints of a bag where the recipe does
@@ -209,14 +209,14 @@ def place_and_recipe(
 
 
 def locate(path: str | Path) -> Path:
-    """The existing path, or the folder of the known data set of that name."""
+    """The existing path, or the place of the known data set of that name."""
     if Path(path).exists():
         return Path(path)
-    if str(path) in bundled_names():
+    if str(path) in datasets.known_names():
         return datasets.locate(str(path))
     raise RecordingError(
         f"there is no file or folder {str(path)!r}; give a path, "
-        f"or one of the known data sets {', '.join(bundled_names())}"
+        f"or one of the known data sets {', '.join(datasets.known_names())}"
     )
 
 

@@ -8,14 +8,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from symgen import __version__
+from symgen.build.bundled import ROBOTS, bundled_robots
 from symgen.build.compiler import find_compiler
 from symgen.build.config import CONFIG_KEYS, RobotConfig, config_from_table, read_config
 from symgen.chain import ChainOptions
 from symgen.documents import json_of, text_of
 from symgen.errors import BuildError
-
-ROBOTS = Path(__file__).parents[1] / "robots"
-"""Folder of the robots that ship with symgen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +73,6 @@ def bundled_request(name: str) -> BuildRequest:
             "build your own with --urdf FILE --name NAME"
         )
     return BuildRequest(name, urdf.read_text(), config=read_config(ROBOTS / f"{name}.toml"))
-
-
-def bundled_robots() -> list[str]:
-    """Names of the robots that ship with symgen."""
-    return sorted(path.stem for path in ROBOTS.glob("*.urdf"))
 
 
 def request_from_folder(folder: Path) -> BuildRequest:

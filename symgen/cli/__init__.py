@@ -1,6 +1,7 @@
 """Commands of the build tool: build, check, clean, describe, inspect, list, proxies.
 
-One module per group of commands; importing it registers them.
+One module per group of commands; importing it registers them. Casadi and pinocchio are imported
+by the commands that compute with them, so that the others run without the extra `build`.
 """
 
 import sys

@@ -92,6 +92,27 @@ def read_locks(items: list[str]) -> dict[str, float]:
     return locks
 
 
+def generated_here(out: Path) -> list[Path]:
+    """Generated folders: those in a folder, and for `DEFAULT_ROOT` those of the package too.
+
+    Args:
+        out: folder that holds one folder per robot.
+
+    Returns:
+        Folders with a manifest, one per robot; those of the package come last.
+    """
+    package = Path(__file__).parents[2]  # generated/ lies beside symgen, or in runtime if installed
+    roots = [out]
+    if out == DEFAULT_ROOT:
+        roots += [package / "generated", package / "runtime" / "generated"]
+    folders: dict[str, Path] = {}
+    for root in roots:
+        for folder in sorted(root.glob("[a-z]*/")):
+            if (folder / "manifest.json").exists():
+                folders.setdefault(folder.name, folder)
+    return list(folders.values())
+
+
 def folders_of(out: Path, robot: str | None) -> list[Path]:
     """Folder of one generated robot, or of all.
 

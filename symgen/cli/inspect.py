@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -10,16 +10,9 @@ from rich.table import Column, Table
 
 from symgen.cli.common import app, console, say
 from symgen.errors import BuildError
-from symgen.inspect import (
-    ERROR,
-    Inspection,
-    Repair,
-    facts,
-    inspect_file,
-    repaired,
-    write_text,
-)
-from symgen.inspect.inspection import INERTIAL
+
+if TYPE_CHECKING:
+    from symgen.inspect import Inspection, Repair
 
 
 @app.command("inspect")
@@ -62,6 +55,8 @@ def inspect_command(
     python -m symgen inspect my.urdf --repair better.urdf
     Exit code: 0 no findings, 1 errors (with --strict also warnings), 2 unreadable file.
     """
+    from symgen.inspect import facts, inspect_file
+
     inspection = inspect_file(model, tuple(package_dir or ()))
     result: dict[str, Any] = facts(inspection)
     if not as_json:
@@ -73,7 +68,7 @@ def inspect_command(
     raise typer.Exit(int(bool(inspection.findings if strict else inspection.errors)))
 
 
-def _show(inspection: Inspection) -> None:
+def _show(inspection: "Inspection") -> None:
     model = inspection.model
     table = Table(
         Column("link", overflow="fold"), title=f"{model.name} ({model.form}): kg, mm, kg m²"
@@ -115,9 +110,12 @@ def _show(inspection: Inspection) -> None:
 
 
 def _repair(
-    inspection: Inspection, model: Path, out: Path, overwrite: bool, quiet: bool
+    inspection: "Inspection", model: Path, out: Path, overwrite: bool, quiet: bool
 ) -> dict[str, Any]:
     """Write the repaired file if there is anything to repair; return the facts."""
+    from symgen.inspect import ERROR, repaired, write_text
+    from symgen.inspect.inspection import INERTIAL
+
     report = (lambda _: None) if quiet else say
     if not any(f.kind in INERTIAL for f in inspection.errors):
         report("repair: all inertias are physically consistent, nothing was written")
@@ -139,7 +137,7 @@ def _repair(
     }
 
 
-def _report(inspection: Inspection, changes: Repair, report: Any) -> None:
+def _report(inspection: "Inspection", changes: "Repair", report: Any) -> None:
     if inspection.base is None:
         report(
             "repair: without base parameters each link was projected separately, so torques change"
@@ -153,7 +151,7 @@ def _report(inspection: Inspection, changes: Repair, report: Any) -> None:
         )
 
 
-def _moves(inspection: Inspection, changes: Repair) -> Table:
+def _moves(inspection: "Inspection", changes: "Repair") -> Table:
     table = Table("link", "centre of mass moved, mm", title="repair: changes (masses are kept)")
     for head in ("principal moments before", "after", "slack before", "after"):
         table.add_column(head, justify="right")

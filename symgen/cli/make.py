@@ -4,14 +4,11 @@ import difflib
 import shutil
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symgen.build.config import RobotConfig, read_config
-from symgen.build.pipeline import build, generate
-from symgen.build.request import BuildRequest, bundled_request, bundled_robots, request_from_folder
-from symgen.chain import ChainOptions
+from symgen.build.bundled import bundled_robots
 from symgen.cli.common import (
     DEFAULT_ROOT,
     BaseOption,
@@ -27,6 +24,10 @@ from symgen.cli.common import (
     say,
 )
 from symgen.errors import BuildError
+
+if TYPE_CHECKING:
+    from symgen.build.request import BuildRequest
+    from symgen.chain import ChainOptions
 
 
 @app.command("build")
@@ -88,6 +89,10 @@ def build_command(
     python -m symgen build --urdf my.urdf --name my    your robot
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
     """
+    from symgen.build.pipeline import build
+    from symgen.build.request import bundled_request
+    from symgen.chain import ChainOptions
+
     options = ChainOptions(base, tip, _vector(gravity), read_locks(lock or []), snap)
     if urdf is None:
         if options != ChainOptions() or name or project or config:
@@ -117,6 +122,9 @@ def check_command(
 
     Nothing is written. Differences are printed as a unified diff. Exit code: 0 equal, 1 different.
     """
+    from symgen.build.pipeline import generate
+    from symgen.build.request import bundled_request, request_from_folder
+
     different = []
     for folder in folders_of(out, robot):
         bundled = folder.name in bundled_robots()
@@ -159,8 +167,11 @@ def clean_command(
 
 
 def _request_from_urdf(
-    urdf: Path, name: str | None, options: ChainOptions, project: bool, config: list[Path] | None
-) -> BuildRequest:
+    urdf: Path, name: str | None, options: "ChainOptions", project: bool, config: list[Path] | None
+) -> "BuildRequest":
+    from symgen.build.config import RobotConfig, read_config
+    from symgen.build.request import BuildRequest
+
     if name is None:
         raise BuildError(
             "--urdf needs --name, the name of the folder and the prefix of the C functions"

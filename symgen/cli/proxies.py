@@ -8,8 +8,6 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from symgen.build.config import RobotConfig, home_of, read_config
-from symgen.chain import ChainOptions, read_chain
 from symgen.cli.common import (
     BaseOption,
     ConfigOption,
@@ -63,6 +61,9 @@ def proxies_command(
     python -m symgen proxies my.urdf --out my_proxies.toml --package-dir ~/ros/src
     python -m symgen build --urdf my.urdf --name my --config my_proxies.toml
     """
+    from symgen.build.config import RobotConfig, home_of, read_config
+    from symgen.chain import ChainOptions, read_chain
+
     # scipy's optimisers take a while to load, and no other command needs them
     from symgen.collision.capsules import fit_link
     from symgen.collision.coverage import coverage

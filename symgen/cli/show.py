@@ -1,17 +1,25 @@
 """Commands that print what the manifests contain: `list`, `describe`."""
 
 import json
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.table import Column, Table
 from rich.text import Text
 
-from symgen.build.pipeline import is_current
-from symgen.build.request import bundled_request, bundled_robots
-from symgen.cli.common import DEFAULT_ROOT, RootOption, app, console, folders_of
+from symgen.build.bundled import bundled_robots
+from symgen.cli.common import (
+    DEFAULT_ROOT,
+    RootOption,
+    app,
+    console,
+    folders_of,
+    generated_here,
+    say,
+)
 from symgen.errors import BuildError
-from symgen.mechanics.base_parameters import describe_combination
+from symgen.mechanics.combination import describe_combination
 
 _DAMAGE = (
     *(OSError, ValueError, ArithmeticError, LookupError),
@@ -25,21 +33,48 @@ def list_command(out: RootOption = DEFAULT_ROOT) -> None:
     """List bundled and generated robots.
 
     The library of a generated robot is built, not compiled, or stale (built from other inputs).
+    C code that comes with the installed package is compiled when it is used for the first time.
     """
     table = Table("robot", "bundled", "generated", "library")
-    built = {folder.name for folder in out.glob("*/") if (folder / "manifest.json").exists()}
-    for name in sorted(built | set(bundled_robots())):
-        folder = out / name
+    folders = {folder.name: folder for folder in generated_here(out)}
+    unknown = False
+    for name in sorted({*folders, *bundled_robots()}):
         library = "-"
-        if name in built:
-            request = bundled_request(name) if name in bundled_robots() else None
-            library = "built" if (folder / f"lib{name}.so").exists() else "not compiled"
-            if request is not None and library == "built" and not is_current(request, folder):
-                library = "stale"
-        table.add_row(
-            name, "yes" if name in bundled_robots() else "", "yes" if name in built else "", library
-        )
+        if name in folders:
+            library = _state(name, folders[name])
+            unknown = unknown or library == "built?"
+        generated = "" if name not in folders else "yes"
+        if name in folders and folders[name].parent != out:
+            generated = "with the package"
+        table.add_row(name, "yes" if name in bundled_robots() else "", generated, library)
     console.print(table)
+    if unknown:
+        say(
+            "built?: whether a library is stale is checked with casadi and pinocchio, which are "
+            "not installed"
+        )
+
+
+def _state(name: str, folder: Path) -> str:
+    """State of the library in a generated folder, one word for the table.
+
+    Args:
+        name: of the robot.
+        folder: its generated folder.
+
+    Returns:
+        "built", "not compiled", "stale", or "built?" where the packages that decide are missing.
+    """
+    if not (folder / f"lib{name}.so").exists():
+        return "not compiled"
+    if name not in bundled_robots():
+        return "built"
+    try:
+        from symgen.build.pipeline import is_current
+        from symgen.build.request import bundled_request
+    except ModuleNotFoundError:  # the inputs of a build include the versions of its packages
+        return "built?"
+    return "built" if is_current(bundled_request(name), folder) else "stale"
 
 
 @app.command("describe")
@@ -54,7 +89,8 @@ def describe_command(
     combinations of link parameters, such as link1.ZZ + link2.YY. Kernels are listed with the shapes
     of their arguments and their arithmetic operations.
     """
-    (folder,) = folders_of(out, robot)
+    here = {folder.name: folder for folder in generated_here(out)}
+    folder = here[robot] if robot in here else folders_of(out, robot)[0]
     path = folder / "manifest.json"
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))

@@ -156,25 +156,6 @@ def _tidied(matrix: Array) -> Array:
     return np.where(close, rounded, matrix)
 
 
-def describe_combination(names: list[str], row: list[float]) -> str:
-    """Return one row of K as text: `link1.ZZ + link2.YY - 0.3 link3.m`.
-
-    Args:
-        names: (10 n) names of the entries of π.
-        row: (10 n) coefficients.
-
-    Returns:
-        Terms with coefficient 1 first; entries that are zero are left out.
-    """
-    terms = [(x, name) for x, name in zip(row, names, strict=True) if x]
-    terms.sort(key=lambda term: term[0] != 1.0)
-    text = " ".join(
-        f"{'-' if x < 0 else '+'} {'' if abs(x) == 1 else f'{abs(x):.6g} '}{name}"
-        for x, name in terms
-    )
-    return text.removeprefix("+ ")
-
-
 def regrouped_base(chain: Chain) -> tuple[tuple[int, ...], Array]:
     """Columns and K by the recursion of Table 3.2 with Rules 1 and 2.
 

@@ -12,8 +12,9 @@ import pinocchio
 import pytest
 
 from runtime.library import to_pinocchio_order
+from symgen.build.bundled import ROBOTS
 from symgen.build.facts import initial_parameters
-from symgen.build.request import ROBOTS, BuildRequest, bundled_request
+from symgen.build.request import BuildRequest, bundled_request
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file

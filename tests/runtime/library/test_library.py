@@ -12,9 +12,10 @@ import pytest
 import runtime
 from runtime.errors import LibraryError
 from runtime.library import Library, load
+from symgen.build.bundled import bundled_robots
 from symgen.build.compiler import sha256_of
 from symgen.build.pipeline import build
-from symgen.build.request import BuildRequest, bundled_robots
+from symgen.build.request import BuildRequest
 from tests.conftest import REPOSITORY
 from tests.robots import ONE_LEVEL
 

@@ -26,7 +26,7 @@ def test_symgen_data_decides(tmp_path, monkeypatch):
     (tmp_path / "data" / "panda_gaz").mkdir(parents=True)
     monkeypatch.setenv("SYMGEN_DATA", str(tmp_path))
     assert datasets.locate("panda_gaz") == tmp_path / "data" / "panda_gaz"
-    with pytest.raises(RecordingError, match=r"no data set 'panda'; the known ones are lwr4"):
+    with pytest.raises(RecordingError, match=r"no data set 'panda'; the known ones are fr3_sim"):
         datasets.locate("panda")
 
 
@@ -165,3 +165,14 @@ def test_lwr4_runs():
         read_recording(folder / "measurements_3.npz", run="3")
     named = read_recording(folder / "measurements_3.npz", "lwr4_flobaroid")
     assert np.array_equal(named.q, third.q)
+
+
+def test_examples_of_the_package_are_known_by_name(tmp_path, monkeypatch):
+    """Property: a bundled log is read by its name in any folder."""
+    monkeypatch.chdir(tmp_path)
+    log = read_recording("fr3_simulated")
+    assert log.n_joints == 7
+    assert datasets.locate("fr3_simulated") == datasets.EXAMPLES / "fr3_simulated.npz"
+    assert set(datasets.known_names()) > set(bundled_names())
+    with pytest.raises(RecordingError, match="the known ones are fr3_simulated"):
+        datasets.locate("fr3_simulate")

@@ -164,7 +164,7 @@ def test_convex_optimum_against_cvxpy_on_real_data(
 
 
 def test_convex_optimum_is_consistent(lib: Library, optimum: ConvexOptimum) -> None:
-    """Property: every P_k ⪰ 0, to the feasibility that the solver promises."""
+    """Property: every P_k ⪰ 0, to the feasibility of the solver."""
     assert lib.relative_eigenvalues(optimum.pi).min() >= -1e-8
 
 
@@ -225,8 +225,8 @@ def test_best_friction_is_stationary(
     tau = lib.inverse_dynamics(s.q, s.dq, s.ddq, lib.pi0) + s.columns @ np.array([0.4, 0.2])
     exact = compress(lib, Samples(s.q, s.dq, s.ddq, tau, s.columns), np.ones(7))
     # Rounding × condition number of two friction columns.
-    found = best_friction(exact, lib.pi0, (7, 2))
-    assert found == pytest.approx(np.tile([0.4, 0.2], (7, 1)), rel=1e-9)
+    estimated = best_friction(exact, lib.pi0, (7, 2))
+    assert estimated == pytest.approx(np.tile([0.4, 0.2], (7, 1)), rel=1e-9)
 
 
 def test_methods_by_name_agree_with_the_rooms(

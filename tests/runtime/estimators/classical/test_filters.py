@@ -74,9 +74,9 @@ def test_both_filters_follow_their_model(
     assert np.all(np.abs(k @ x[14:84] - y[14:57]) < 0.3 * sigma)
     assert np.sqrt(np.diag(r)[14:57]) == pytest.approx(sigma, rel=0.05)
     # 57 numbers of size one, some of them alike: 3/√(2·20).
-    found = scores(lib, pi_true, x, p)
-    assert np.sqrt(np.mean(found**2)) < 1.5
-    assert np.abs(found).max() < 4
+    estimated = scores(lib, pi_true, x, p)
+    assert np.sqrt(np.mean(estimated**2)) < 1.5
+    assert np.abs(estimated).max() < 4
 
 
 def test_filters_on_the_common_plant(plant: SimulatedCase) -> None:
@@ -86,15 +86,15 @@ def test_filters_on_the_common_plant(plant: SimulatedCase) -> None:
     assert np.linalg.norm(start - beta) > 0.02 * np.linalg.norm(beta)
     for method, share in (("ekf", 0.3), ("ukf", 0.15)):
         short = Split((0.0, share), (share, share + 0.02), (share + 0.02, 1.0))
-        found = plant.identify(method, splitting=short)
-        assert np.isfinite(found.pi).all()
-        assert np.isfinite(found.phi).all()
-        assert plant.base_error(found) < 1.0
+        estimated = plant.identify(method, splitting=short)
+        assert np.isfinite(estimated.pi).all()
+        assert np.isfinite(estimated.phi).all()
+        assert plant.base_error(estimated) < 1.0
         # The heavy joints' friction, 0.4 to 0.6, is seen early.
-        assert found.phi[:4] == pytest.approx(np.stack([COULOMB, VISCOUS], 1)[:4], abs=0.15)
-        assert f"filtered {found.iterations} samples" in found.status
-        if method == "ekf" and not found.is_consistent:
-            assert any("links that cannot exist at" in note for note in found.notes)
+        assert estimated.phi[:4] == pytest.approx(np.stack([COULOMB, VISCOUS], 1)[:4], abs=0.15)
+        assert f"filtered {estimated.iterations} samples" in estimated.status
+        if method == "ekf" and not estimated.is_consistent:
+            assert any("links that cannot exist at" in note for note in estimated.notes)
 
 
 @pytest.mark.parametrize(("seed", "every"), [(0, 1), (2, 5)])
@@ -105,12 +105,12 @@ def test_deviations_hold_on_the_common_plant(
 
     Rotors, a torque that is held for a period and noise in the loop are in no filter's model.
     """
-    own = simulated_case(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q, seed=seed)
-    data = filter_input_from(own.log.take(slice(0, 2000, every), "Cut."), DT * every, FRICTION)
-    found = scores(lib, pi_true, *run_ekf(lib, data, own.lam_cad)[:2])
+    case = simulated_case(lib, trajectories[0], trajectories[2], pi_true, SIGMA_Q, seed=seed)
+    data = filter_input_from(case.log.take(slice(0, 2000, every), "Cut."), DT * every, FRICTION)
+    estimated = scores(lib, pi_true, *run_ekf(lib, data, case.lam_cad)[:2])
     # As above; ten seeds of 10 s have 0.9 and 3.2 at most.
-    assert np.sqrt(np.mean(found**2)) < 1.5
-    assert np.abs(found).max() < 4.5
+    assert np.sqrt(np.mean(estimated**2)) < 1.5
+    assert np.abs(estimated).max() < 4.5
 
 
 def test_filters_say_what_they_need(plant: SimulatedCase, lib: Library) -> None:
@@ -128,7 +128,7 @@ def test_filters_say_what_they_need(plant: SimulatedCase, lib: Library) -> None:
     assert noise == pytest.approx(np.full(7, SIGMA_Q), rel=0.1)
 
 
-def test_a_filter_that_diverges_is_told(plant: SimulatedCase, lib: Library) -> None:
+def test_a_filter_that_diverges_is_refused(plant: SimulatedCase, lib: Library) -> None:
     """Property: a torque beyond all numbers ends in a sentence, not in NaN."""
     data = filter_input_from(plant.log.take(slice(0, 400), "Cut."), DT, Friction(("viscous",)))
     data = replace(data, tau=1e200 * data.tau)
@@ -143,11 +143,11 @@ def test_prior_covariance_is_that_of_perturbed_bodies(lib: Library) -> None:
     lam = lib.lam0.copy().reshape(7, 10)
     lam += np.where(np.abs(lam) < 0.4, 0.4, 0.0)
     draws = lam.ravel() * (1 + 0.05 * rng.normal(size=(20_000, 70)))
-    found = prior_covariance(lib, lam.ravel())
-    sigma = np.sqrt(np.diag(found))
+    estimated = prior_covariance(lib, lam.ravel())
+    sigma = np.sqrt(np.diag(estimated))
     seen = np.cov(lib.pi_from_lam(draws).T)
     # 20 000 draws: 0.7 % of a correlation; second order of 5 % relative: some percent of σ².
-    assert np.abs((seen - found) / np.outer(sigma, sigma)).max() < 0.1
+    assert np.abs((seen - estimated) / np.outer(sigma, sigma)).max() < 0.1
 
 
 def test_derivative_of_a_step(lib: Library, plant: SimulatedCase, pi_true: np.ndarray) -> None:
@@ -158,7 +158,7 @@ def test_derivative_of_a_step(lib: Library, plant: SimulatedCase, pi_true: np.nd
     push, speed, drift = rng.normal(0, 1, (3, 7))
     dq = speed - DT / 2 * push
     x = np.concatenate([lib.home, dq, pi_true, phi, delay])
-    # A torque that gives the acceleration at which the derivative is asked.
+    # A torque that gives the acceleration at which the derivative is taken.
     middle, by_joint = lib.home + DT / 2 * dq, phi.reshape(7, 3)
     friction = np.tanh(speed / 0.3) * by_joint[:, 0] + speed * by_joint[:, 1] + by_joint[:, 2]
     tau = lib.inverse_dynamics(middle, speed, push, pi_true) + friction - delay * drift

@@ -59,28 +59,28 @@ def test_least_squares_recovers_the_truth(
     """Oracle: the parameters the data were made from; the normal equations by explicit rows."""
     beta = lib.base_matrix @ pi_true
     for method in ("ols", "wls"):
-        found = identify(
+        estimated = identify(
             clean, lib, method, friction_columns=FRICTION, splitting=SPLIT, certify=False
         )
         # Rounding 1e-16 times the condition number of 6, over 57 unknowns.
-        assert np.linalg.norm(found.beta - beta) < 1e-10 * np.linalg.norm(beta)
-        assert found.phi == pytest.approx(PHI, abs=1e-10)
-        samples = samples_of(found.train, lib)
+        assert np.linalg.norm(estimated.beta - beta) < 1e-10 * np.linalg.norm(beta)
+        assert estimated.phi == pytest.approx(PHI, abs=1e-10)
+        samples = samples_of(estimated.train, lib)
         rows = observations(lib, samples, slice(None))
         stacked = rows.reshape(-1, rows.shape[2])
         # 43 base parameters and 14 of friction.
         assert np.linalg.matrix_rank(stacked) == 57
-        rest = samples.tau - rows @ np.concatenate([found.beta, found.phi.ravel()])
+        rest = samples.tau - rows @ np.concatenate([estimated.beta, estimated.phi.ravel()])
         assert np.abs(stacked.T @ rest.ravel()).max() < 1e-8
 
 
 def test_normal_equations_hold_with_noise(good_q: SimulatedCase) -> None:
     """Property: the residual of IDIM-OLS is orthogonal to every column."""
-    found = good_q.identify("ols")
-    samples = samples_of(found.train, good_q.lib)
+    estimated = good_q.identify("ols")
+    samples = samples_of(estimated.train, good_q.lib)
     rows = observations(good_q.lib, samples, slice(None))
     stacked = rows.reshape(-1, rows.shape[2])
-    rest = (samples.tau - rows @ np.concatenate([found.beta, found.phi.ravel()])).ravel()
+    rest = (samples.tau - rows @ np.concatenate([estimated.beta, estimated.phi.ravel()])).ravel()
     products = stacked.T @ rest / (np.linalg.norm(stacked, axis=0) * np.linalg.norm(rest))
     # Rounding: 1e-16 over the ratio of torque to residual, 1e3.
     assert np.abs(products).max() < 1e-8
@@ -90,19 +90,19 @@ def test_weights_tell_the_noise_of_the_joints(lib: Library, clean: Recording) ->
     """Oracle: known noise; the estimate varies far less than that of unweighted least squares."""
     sigma = np.array([0.01, 0.5, 0.01, 0.5, 0.01, 0.5, 0.01])
     rng = np.random.default_rng(0)
-    found: dict[str, list[np.ndarray]] = {"ols": [], "wls": []}
+    estimated: dict[str, list[np.ndarray]] = {"ols": [], "wls": []}
     for _ in range(40):
         noisy = clean.replace(tau=clean.tau + sigma * rng.normal(size=clean.tau.shape))
-        for method, estimates in found.items():
+        for method, estimates in estimated.items():
             result = identify(
                 noisy, lib, method, friction_columns=FRICTION, splitting=SPLIT, certify=False
             )
             estimates.append(np.concatenate([result.beta, result.phi.ravel()]))
         words = result.notes[0].split(": ")[1].split(", ")
         # 900 samples: 2.4 % in σ; σ² within 10 % is 5 % of σ, two deviations of the worst of 7,
-        # so the whole run of weights is judged by its mean below.
+        # so the whole run of weights is checked by its mean below.
         assert np.array(words, dtype=float) == pytest.approx(sigma, rel=0.1)
-    variance = {method: np.var(estimates, axis=0) for method, estimates in found.items()}
+    variance = {method: np.var(estimates, axis=0) for method, estimates in estimated.items()}
     ratio = variance["ols"] / variance["wls"]
     # What only loud joints feel, such as their friction, cannot gain; the rest gains up to 2500.
     assert np.median(ratio) > 2
@@ -132,19 +132,19 @@ def test_instruments_remove_the_bias_of_noisy_positions(noisy_q: SimulatedCase) 
     """Property: at σ_q = 1e-4 and 20 Hz IDIM-IV and DIDIM err by less than a third of IDIM-OLS."""
     ols, iv, didim = (noisy_q.identify(method) for method in ("ols", "iv", "didim"))
     assert "converged after" in iv.status
-    for found in (iv, didim):
-        assert noisy_q.base_error(found) < noisy_q.base_error(ols) / 3
+    for estimated in (iv, didim):
+        assert noisy_q.base_error(estimated) < noisy_q.base_error(ols) / 3
         # The first joint suffers most from friction that noise has smoothed.
-        assert noisy_q.errors(found)[0] < noisy_q.errors(ols)[0] / 3
+        assert noisy_q.errors(estimated)[0] < noisy_q.errors(ols)[0] / 3
     # The specification's table has .12 .06 .39 % for joints 1, 4, 7; other motions, so twice.
     assert (noisy_q.errors(iv)[[0, 3, 6]] < [0.24, 0.12, 0.78]).all()
 
 
 def test_instruments_say_when_they_fail(good_q: SimulatedCase) -> None:
     """Property: differentiated twice without a filter, the motion says nothing, and IV says so."""
-    found = good_q.identify("iv", cutoff=None)
-    assert found.status.startswith("not converged, the result of wls is kept: noise")
-    assert np.array_equal(found.pi, good_q.identify("wls", cutoff=None).pi)
+    estimated = good_q.identify("iv", cutoff=None)
+    assert estimated.status.startswith("not converged, the result of wls is kept: noise")
+    assert np.array_equal(estimated.pi, good_q.identify("wls", cutoff=None).pi)
 
 
 def test_didim_needs_the_torque_only(good_q: SimulatedCase, noisy_q: SimulatedCase) -> None:
@@ -154,13 +154,13 @@ def test_didim_needs_the_torque_only(good_q: SimulatedCase, noisy_q: SimulatedCa
     far = np.linalg.norm(good_q.lib.base_matrix @ start - beta) / np.linalg.norm(beta)
     assert far > 0.02
     for plant, cutoff in ((good_q, 20.0), (noisy_q, 20.0), (good_q, None), (noisy_q, None)):
-        found = plant.identify("didim", cutoff)
-        assert "converged after" in found.status
-        assert found.iterations is not None
-        assert found.iterations <= 5
-        # The controller hears the noise too: unfiltered, σ_q = 1e-4 makes 1 N·m of real torque.
+        estimated = plant.identify("didim", cutoff)
+        assert "converged after" in estimated.status
+        assert estimated.iterations is not None
+        assert estimated.iterations <= 5
+        # The controller reacts to the noise too: unfiltered, σ_q = 1e-4 makes 1 N·m of real torque.
         # Elsewhere OLS has 0.7 % and 40 %, and the specification .055 to .15 % per joint.
-        assert plant.base_error(found) < (3.0 if plant is noisy_q and not cutoff else 0.3)
+        assert plant.base_error(estimated) < (3.0 if plant is noisy_q and not cutoff else 0.3)
     # 3 % where OLS has 99 %.
     assert good_q.errors(good_q.identify("didim", None)).max() < 3.0
     assert good_q.errors(good_q.identify("ols", None)).max() > 50.0
@@ -168,10 +168,10 @@ def test_didim_needs_the_torque_only(good_q: SimulatedCase, noisy_q: SimulatedCa
 
 def test_simulated_methods_recover_the_truth_exactly(quiet: SimulatedCase) -> None:
     """Oracle: without noise and filter DIDIM ends at the robot that was simulated."""
-    found = quiet.identify("didim", None)
+    estimated = quiet.identify("didim", None)
     # The last step was below 1e-3 of the torque, and steps fall by a factor of 3 and more.
-    assert quiet.base_error(found) < 0.03
-    assert found.phi == pytest.approx(PHI, abs=1e-3)
+    assert quiet.base_error(estimated) < 0.03
+    assert estimated.phi == pytest.approx(PHI, abs=1e-3)
 
 
 def test_methods_that_simulate_ask_for_the_loop(good_q: SimulatedCase) -> None:
@@ -188,16 +188,16 @@ def test_methods_that_simulate_ask_for_the_loop(good_q: SimulatedCase) -> None:
         good_q.identify("didim", controller=late)
 
 
-def test_a_first_guess_that_cannot_move_is_told(good_q: SimulatedCase) -> None:
+def test_a_first_guess_that_cannot_move_is_refused(good_q: SimulatedCase) -> None:
     """Property: gains that let the simulation run away are a sentence; IV keeps WLS."""
     wild = ClosedLoop(good_q.loop.reference, Controller(damping=0.0, stiffness=2e6), 0.1)
     with pytest.raises(SimulationError, match="the motion diverged"):
         good_q.identify("didim", controller=wild)
-    found = good_q.identify("iv", controller=wild)
-    assert "the result of wls is kept: the simulated robot stopped" in found.status
+    estimated = good_q.identify("iv", controller=wild)
+    assert "the result of wls is kept: the simulated robot stopped" in estimated.status
 
 
-def test_joints_that_stand_still_are_told(lib: Library, clean: Recording) -> None:
+def test_joints_that_stand_still_are_reported(lib: Library, clean: Recording) -> None:
     """Property: a joint that never moves leaves columns silent, whatever the method."""
     still = clean.replace(
         q=np.where(np.arange(7) == 3, lib.home, clean.q),
@@ -214,7 +214,7 @@ def test_a_computed_torque_has_no_weight(lib: Library, clean: Recording) -> None
     rng = np.random.default_rng(0)
     noise = 0.1 * rng.normal(size=clean.tau.shape) * (np.arange(7) != 6)
     tau = clean.tau + noise
-    found = identify(
+    estimated = identify(
         clean.replace(tau=tau),
         lib,
         "wls",
@@ -222,5 +222,5 @@ def test_a_computed_torque_has_no_weight(lib: Library, clean: Recording) -> None
         splitting=SPLIT,
         certify=False,
     )
-    assert np.isfinite(found.pi).all()
-    assert any(lib.joint_names[6] in note and "measured" in note for note in found.notes)
+    assert np.isfinite(estimated.pi).all()
+    assert any(lib.joint_names[6] in note and "measured" in note for note in estimated.notes)

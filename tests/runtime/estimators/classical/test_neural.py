@@ -41,8 +41,8 @@ def learned(sticky: Recording, lib: Library) -> Identification:
     return identify(sticky, lib, "nn", friction_columns=TERMS, splitting=HALVES, certify=False)
 
 
-def rms(found: Identification, motion: tuple[np.ndarray, ...], tau: np.ndarray) -> float:
-    return float(np.sqrt(np.mean((found.predict(*motion) - tau) ** 2)))
+def rms(estimated: Identification, motion: tuple[np.ndarray, ...], tau: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((estimated.predict(*motion) - tau) ** 2)))
 
 
 def test_the_net_learns_what_linear_friction_cannot(
@@ -73,14 +73,14 @@ def test_without_friction_the_net_is_silent(
     plant = simulated_case(
         lib, trajectories[0], trajectories[2], pi_true, 1e-5, viscous=0.0, coulomb=0.0
     )
-    found = plant.identify("nn", friction_columns=TERMS, splitting=HALVES)
-    samples = samples_of(found.train, lib)
-    assert found.net is not None
+    estimated = plant.identify("nn", friction_columns=TERMS, splitting=HALVES)
+    samples = samples_of(estimated.train, lib)
+    assert estimated.net is not None
     # σ = 0.05 N·m.
-    assert np.sqrt(np.mean(found.net.torque(samples.columns) ** 2, axis=0)).max() < 0.15
-    assert found.is_consistent
+    assert np.sqrt(np.mean(estimated.net.torque(samples.columns) ** 2, axis=0)).max() < 0.15
+    assert estimated.is_consistent
     # As without nets, 0.13 %.
-    assert plant.base_error(found) < 0.3
+    assert plant.base_error(estimated) < 0.3
 
 
 def test_slopes_of_the_net() -> None:
@@ -93,16 +93,16 @@ def test_slopes_of_the_net() -> None:
     assert_second_order(taylor_slope(lambda at: _forward(at, x)[0], theta, along, slope), 4.0)
 
 
-def test_training_fits_a_net_of_its_own_kind() -> None:
+def test_training_fits_a_net_of_the_same_kind() -> None:
     """Oracle: a random net is learned from its outputs; a silent joint keeps the zero net."""
     rng = np.random.default_rng(1)
     x = rng.normal(size=(400, 2, 3))
     truth = FrictionNet(rng.normal(size=(2, UNITS * 5 + 1)), np.ones((2, 3)))
     y = truth.torque(x) * [1.0, 0.0]
-    found = train(x[:300], y[:300], x[300:], y[300:], np.random.default_rng(2))
+    estimated = train(x[:300], y[:300], x[300:], y[300:], np.random.default_rng(2))
     # The penalty of 1e-4 N ‖θ‖², ‖θ‖² = 20, leaves at most √(2e-3) of the output.
-    assert np.std(found.torque(x)[:, 0] - y[:, 0]) < 0.05 * np.std(y[:, 0])
-    assert not found.theta[1].any()
+    assert np.std(estimated.torque(x)[:, 0] - y[:, 0]) < 0.05 * np.std(y[:, 0])
+    assert not estimated.theta[1].any()
 
 
 def test_nets_need_columns(sticky: Recording, lib: Library) -> None:

@@ -70,15 +70,15 @@ def test_basis_says_all_about_p(robot):
     assert np.isfinite(bodies.spread(rod)).all()
 
 
-def test_prior_is_the_minimiser_of_its_own_divergence(fr3):
+def test_prior_is_the_minimiser_of_its_divergence(fr3):
     """Property: without information the answer is the prior; its thin axes are at the floor."""
     prior = prior_of(fr3)
     nothing = Reduced(np.zeros((0, 70)), np.zeros(0), 0.0, 1.0, 1.0)
     start = fr3.pi_from_lam(fr3.lam0 * 1.3)
-    found = minimise(convex_problem(nothing, prior, 1.0), start)
-    assert found.converged
+    minimum = minimise(convex_problem(nothing, prior, 1.0), start)
+    assert minimum.converged
     # A decrement of 1e-3 is ½‖P0^-½ ΔP P0^-½‖²: 4.5 % per direction at most; Newton overshoots it.
-    np.testing.assert_allclose(found.pi, prior.centre, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(minimum.pi, prior.centre, rtol=1e-3, atol=1e-4)
     masses, sigma = prior.centre.reshape(-1, 10), fr3.pseudo_inertia(prior.centre)
     com = masses[:, 1:4] / masses[:, :1]
     about = sigma[:, :3, :3] - masses[:, 0, None, None] * com[:, :, None] * com[:, None]
@@ -94,8 +94,8 @@ def test_map_is_the_optimum_that_cvxpy_finds(robot):
     data, _ = reduce(compressed(lib), lib.n_joints)
     prior = prior_of(lib)
     gamma = CAD * data.variance / data.count
-    found = minimise(convex_problem(data, prior, gamma))
-    assert found.converged
+    minimum = minimise(convex_problem(data, prior, gamma))
+    assert minimum.converged
     basis = prior.bodies.basis
     scale = np.tile([1.0, *(0.1,) * 3, *(0.01,) * 6], lib.n_joints)
     x = cvxpy.Variable(scale.size)
@@ -110,24 +110,24 @@ def test_map_is_the_optimum_that_cvxpy_finds(robot):
     cvxpy.Problem(cvxpy.Minimize(cost)).solve(solver="CLARABEL")
     # A decrement of 1e-3 γ: √(2e-3) of a prior's standard deviation at worst, much less after
     # Newton's last step; cvxpy's own accuracy is 1e-6.
-    np.testing.assert_allclose(found.pi, x.value * scale, rtol=2e-3, atol=2e-4)
+    np.testing.assert_allclose(minimum.pi, x.value * scale, rtol=2e-3, atol=2e-4)
 
 
 def test_newton_stops_at_a_stationary_point(fr3):
     """Property: the gradient by differences vanishes along random directions; P ≻ 0 strictly."""
     data, _ = reduce(compressed(fr3), 7)
     problem = convex_problem(data, prior_of(fr3), CAD * data.variance / data.count)
-    found = minimise(problem)
-    assert found.converged
-    assert 1 <= found.steps <= 12
-    assert fr3.relative_eigenvalues(found.pi).min() > 0
-    hessian = found.hessian()
+    minimum = minimise(problem)
+    assert minimum.converged
+    assert 1 <= minimum.steps <= 12
+    assert fr3.relative_eigenvalues(minimum.pi).min() > 0
+    hessian = minimum.hessian()
     np.testing.assert_allclose(hessian, hessian.T, atol=1e-12 * np.abs(hessian).max())
-    assert found.loss == pytest.approx(data.value(found.pi), rel=1e-14)
-    again = minimise(problem, found.pi)
+    assert minimum.loss == pytest.approx(data.value(minimum.pi), rel=1e-14)
+    again = minimise(problem, minimum.pi)
     assert again.steps == 0
     with pytest.raises(IdentificationError, match="start of the convex problem lies outside"):
-        minimise(problem, -found.pi)
+        minimise(problem, -minimum.pi)
 
 
 @pytest.mark.parametrize("columns", [0, 2])

@@ -41,12 +41,12 @@ def test_compiled_equals_reference(robot, name, columns):
     p = problem(lib, 1, columns)
     reference = minimise(p)
     for level in levels_here(lib):
-        found = solve(load(lib.folder, level), p)
-        assert (found.converged, found.steps) == (True, reference.steps)
+        minimum = solve(load(lib.folder, level), p)
+        assert (minimum.converged, minimum.steps) == (True, reference.steps)
         # Rounding through a Hessian of condition 1e6; measured 1e-11.
         size = np.abs(reference.pi).max()
-        np.testing.assert_allclose(found.pi, reference.pi, atol=1e-8 * size)
-        assert found.loss == pytest.approx(reference.loss, rel=1e-10)
+        np.testing.assert_allclose(minimum.pi, reference.pi, atol=1e-8 * size)
+        assert minimum.loss == pytest.approx(reference.loss, rel=1e-10)
 
 
 def test_compiled_path_equals_reference(fr3):
@@ -116,19 +116,19 @@ def test_levels_without_the_program_take_the_reference(fr3, monkeypatch):
 def test_a_start_outside_does_not_converge(fr3):
     """Property: C has no exceptions; an impossible start comes back as it was, unconverged."""
     p = problem(fr3)
-    found = solve(fr3, p, -p.prior.centre)
-    assert not found.converged
-    assert found.steps == 0
-    assert np.isfinite(found.pi).all()
+    minimum = solve(fr3, p, -p.prior.centre)
+    assert not minimum.converged
+    assert minimum.steps == 0
+    assert np.isfinite(minimum.pi).all()
 
 
 def test_further_priors_without_any_change_nothing(fr3):
     """Property: an empty set of constraints is the plain problem."""
     p = problem(fr3)
-    found, notes = constrained(Constraints(), p.data, p.prior, p.gamma)
+    minimum, notes = constrained(Constraints(), p.data, p.prior, p.gamma)
     assert notes == ()
     # Another start: both stop within a decrement of 1e-3 γ, and Newton overshoots that.
-    np.testing.assert_allclose(found.pi, solve(fr3, p).pi, atol=1e-4)
+    np.testing.assert_allclose(minimum.pi, solve(fr3, p).pi, atol=1e-4)
 
 
 def test_log_cholesky_is_the_factor_of_p(fr3):

@@ -24,24 +24,24 @@ from scripts.bench.trials import map_trials
 
 
 @pytest.fixture(scope="module")
-def found(lib, noisy):
+def estimated(lib, noisy):
     """The default method on 0.05 N·m of white noise with friction."""
     return identify(noisy, lib, friction_columns=Friction(("viscous", "coulomb"), 0.03))
 
 
-def test_the_default_finds_what_made_the_data(lib, noisy, found, pi_true):
+def test_the_default_finds_what_made_the_data(lib, noisy, estimated, pi_true):
     """Oracle: friction 0.5 and 0.3 behind 480 samples; torques of unseen samples; weights 1/σ²."""
-    assert found.method == "map"
-    assert found.status.startswith("converged")
-    assert found.relative_eigenvalues.min() > 0
+    assert estimated.method == "map"
+    assert estimated.status.startswith("converged")
+    assert estimated.relative_eigenvalues.min() > 0
     # Noise/√480 over columns of size 0.5 and 1, three sigma, doubled for their correlation.
-    assert found.phi == pytest.approx(np.tile([0.5, 0.3], (7, 1)), abs=0.03)
+    assert estimated.phi == pytest.approx(np.tile([0.5, 0.3], (7, 1)), abs=0.03)
     # σ of 480 samples: 1/√(2·480) = 3.2 %, squared twice that; three sigma.
-    np.testing.assert_allclose(found.weights, 400, rtol=0.2)
-    error = torque_error(found.test.tau, found.predict_recording(found.test))
+    np.testing.assert_allclose(estimated.weights, 400, rtol=0.2)
+    error = torque_error(estimated.test.tau, estimated.predict_recording(estimated.test))
     # The noise itself; the model adds √(57/3360) of it.
     np.testing.assert_allclose(error.rms, 0.05, rtol=0.15)
-    assert 0 <= found.gap < 0.05
+    assert 0 <= estimated.gap < 0.05
 
 
 def test_intervals_cover_the_truth(lib, noisy, pi_true):
@@ -50,9 +50,9 @@ def test_intervals_cover_the_truth(lib, noisy, pi_true):
     The URDF's last link is half the true one, which a trust of 16 excludes and one of 4 allows.
     """
     terms, prior = Friction(("viscous", "coulomb"), 0.03), PriorFile(GRIPPER, Constraints())
-    found = identify(noisy, lib, friction_columns=terms, prior=prior)
-    u = found.uncertainty
-    score = (found.beta - lib.base_matrix @ pi_true) / u.beta_sigma
+    estimated = identify(noisy, lib, friction_columns=terms, prior=prior)
+    u = estimated.uncertainty
+    score = (estimated.beta - lib.base_matrix @ pi_true) / u.beta_sigma
     # 95 % less 3 · √(43 · .05 · .95)/43; measured 93, 86, 95 % on three seeds of the noise.
     assert np.mean(np.abs(score) < 1.96) >= 0.85
     # 1 ± 3/√(2 · 43), and some for the wrong link; measured 1.15.
@@ -73,30 +73,31 @@ def test_covariance_is_the_inverse_hessian(lib, noisy):
     known = {"statistics": fit.statistics, "coloured_noise": fit.coloured_noise}
     u = uncertainty_of(lib, train, fit.pi, fit.phi, first_guess=lib.pi0, **known)
     data, _ = reduce(fit.statistics, 7)
-    worth = inflation(residuals(lib, train, fit.pi, fit.phi), fit.weights)
-    gamma = CAD * data.variance * worth / len(train)
-    found = minimise(convex_problem(data, prior_of(lib), gamma), fit.pi)
-    np.testing.assert_allclose(found.pi, fit.pi, rtol=1e-4, atol=1e-6)  # γ is taken a step later
+    ratio = inflation(residuals(lib, train, fit.pi, fit.phi), fit.weights)
+    gamma = CAD * data.variance * ratio / len(train)
+    estimated = minimise(convex_problem(data, prior_of(lib), gamma), fit.pi)
+    # γ is taken a step later
+    np.testing.assert_allclose(estimated.pi, fit.pi, rtol=1e-4, atol=1e-6)
     gram, level = data.factor.T @ data.factor / len(train), fit.coloured_noise.density
-    curvature = (found.hessian() - gram) / gamma
+    curvature = (estimated.hessian() - gram) / gamma
     precision = len(train) * gram / level + CAD * curvature
     expected = u.root.T @ precision @ u.root
     # Rounding × condition of H, 1e8 in natural units.
     np.testing.assert_allclose(expected, np.eye(70), atol=1e-5)
 
 
-def test_centre_of_mass_moves_with_its_mass(found):
+def test_centre_of_mass_moves_with_its_mass(estimated):
     """Oracle: samples from the covariance, c = (m c)/m of each."""
-    u, draws = found.uncertainty, np.random.default_rng(0).normal(size=(20000, 70))
-    pi = (found.pi + 1e-3 * draws @ u.root.T).reshape(-1, 7, 10)
+    u, draws = estimated.uncertainty, np.random.default_rng(0).normal(size=(20000, 70))
+    pi = (estimated.pi + 1e-3 * draws @ u.root.T).reshape(-1, 7, 10)
     spread = (pi[:, :, 1:4] / pi[:, :, :1]).std(axis=0) / 1e-3
     # σ of 20000 draws: 0.5 %, three sigma and the curvature of 1/m.
-    np.testing.assert_allclose(u.com_sigma(found.pi), spread, rtol=0.03)
+    np.testing.assert_allclose(u.com_sigma(estimated.pi), spread, rtol=0.03)
 
 
-def test_verdicts_follow_the_base_map(lib, found):
+def test_verdicts_follow_the_base_map(lib, estimated):
     """Property: what no motion shows is unobservable; what the data say ten times is identified."""
-    u = found.uncertainty
+    u = estimated.uncertainty
     silent = np.flatnonzero(~lib.base_matrix.any(axis=0))
     assert {k for k, v in enumerate(u.verdicts) if v == "unobservable"} == set(silent)
     assert ((u.share > 0) & (u.share <= 1)).all()
@@ -104,12 +105,14 @@ def test_verdicts_follow_the_base_map(lib, found):
     assert (u.share[[k for k, v in enumerate(u.verdicts) if v == "identified"]] < 0.1).all()
 
 
-def test_bands_cover_unseen_torque(found):
+def test_bands_cover_unseen_torque(estimated):
     """Property: 95 % of held-out torques lie within 1.96 σ."""
-    test = samples_of(found.test, found.lib)
+    test = samples_of(estimated.test, estimated.lib)
     rows = slice(None, None, 4)
-    band = found.uncertainty.torque_band(found.lib, test.q[rows], test.dq[rows], test.ddq[rows])
-    miss = np.abs(test.tau - found.predict_recording(found.test))[rows] / band
+    band = estimated.uncertainty.torque_band(
+        estimated.lib, test.q[rows], test.dq[rows], test.ddq[rows]
+    )
+    miss = np.abs(test.tau - estimated.predict_recording(estimated.test))[rows] / band
     # 707 samples: σ of the share is 0.8 %; s itself is known to 3 %, which moves it by 1 %.
     assert 0.92 < np.mean(miss < 1.96) < 0.98
 
@@ -267,7 +270,7 @@ def test_priors_that_make_no_sense(lib, noisy, tmp_path, text, match):
 
 
 def test_options_that_do_not_go_together(lib, noisy, tmp_path):
-    """Property: a prior for a method that knows none, a missing file, no trust at all."""
+    """Property: a prior for a method that takes none, a missing file, no trust at all."""
     path = tmp_path / "arm.toml"
     path.write_text("total_mass = 16")
     with pytest.raises(IdentificationError, match="used by the method map only"):

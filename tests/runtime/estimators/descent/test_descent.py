@@ -131,7 +131,7 @@ def test_interruption_keeps_the_best(fr3, monkeypatch):
 
 
 @pytest.mark.parametrize("patience", [20, NEVER])
-def test_interruption_of_the_last_piece_is_told(fr3, patience):
+def test_interruption_of_the_last_piece_is_reported(fr3, patience):
     """Property: Ctrl-C while the last iterations run stops what comes after the descent, too."""
 
     def stop(*_: object) -> None:

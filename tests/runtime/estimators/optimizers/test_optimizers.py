@@ -109,10 +109,10 @@ def test_steps_do_not_change_their_arguments() -> None:
 )
 def test_toys_are_solved(loss: Loss, start: list[float], optimum: list[float], rate: float) -> None:
     """Oracle: the known minima of a quadratic and of Rosenbrock's valley."""
-    found = run(loss, start, StoppingRule(50_000, 2000, threshold=1e-12), AdamOptions(rate))
-    assert found.status is Status.PATIENCE
+    outcome = run(loss, start, StoppingRule(50_000, 2000, threshold=1e-12), AdamOptions(rate))
+    assert outcome.status is Status.PATIENCE
     # A valley of curvature 0.4 at a loss of about 1e-10.
-    assert found.x == pytest.approx(optimum, abs=1e-4)
+    assert outcome.x == pytest.approx(optimum, abs=1e-4)
 
 
 def test_patience_counts_iterations_not_validations() -> None:
@@ -122,38 +122,38 @@ def test_patience_counts_iterations_not_validations() -> None:
         return 1.0, np.ones_like(x)
 
     for every in (1, 5, 7, 100):
-        found = run(flat, [0.0], StoppingRule(1000, 25, validate_every=every))
-        assert found.status is Status.PATIENCE
-        assert found.iterations == 25
+        outcome = run(flat, [0.0], StoppingRule(1000, 25, validate_every=every))
+        assert outcome.status is Status.PATIENCE
+        assert outcome.iterations == 25
         # Nothing improved, so the start is the answer.
-        assert found.x.tolist() == [0.0]
-        assert found.trace.iteration == tuple(range(every, 26, every))
+        assert outcome.x.tolist() == [0.0]
+        assert outcome.trace.iteration == tuple(range(every, 26, every))
 
 
 def test_an_improvement_counts_only_beyond_the_threshold() -> None:
     """Property: one fall by exactly `threshold` is none; by more, it restarts the patience."""
     for threshold, iterations in ((0.25, 20), (0.2, 25)):
         losses = iter([10.0, *[9.75] * 100])
-        found = run(
+        outcome = run(
             quadratic,
             [1.0],
             StoppingRule(60, 20, validate_every=5, threshold=threshold),
             validation=lambda _, losses=losses: next(losses),
         )
-        assert (found.status, found.iterations) == (Status.PATIENCE, iterations)
+        assert (outcome.status, outcome.iterations) == (Status.PATIENCE, iterations)
 
 
 def test_the_threshold_accumulates_against_the_best() -> None:
     """Property: small falls add up; the improvement is held against the best that counted."""
     losses = iter([10.0, 9.75, 9.5, 9.25, 9.0, *[9.0] * 100])
-    found = run(
+    outcome = run(
         quadratic,
         [1.0],
         StoppingRule(1000, 10, validate_every=1, threshold=0.5),
         validation=lambda _: next(losses),
     )
     # 9.25 beats 10 − 0.5 at iteration 3; 9.0 does not beat 9.25 − 0.5; 3 + 10 ends.
-    assert (found.validation, found.iterations) == (9.25, 13)
+    assert (outcome.validation, outcome.iterations) == (9.25, 13)
 
 
 def test_the_best_point_is_returned_not_the_last() -> None:
@@ -165,13 +165,13 @@ def test_the_best_point_is_returned_not_the_last() -> None:
         return seen[-1][0]
 
     rule = StoppingRule(200, 1000, validate_every=3, threshold=0.0)
-    found = run(quadratic, [1.0], rule, AdamOptions(0.3), validation)
+    outcome = run(quadratic, [1.0], rule, AdamOptions(0.3), validation)
     best = min(seen, key=lambda pair: pair[0])
-    assert found.validation == best[0]
-    assert found.x.tolist() == best[1].tolist()
+    assert outcome.validation == best[0]
+    assert outcome.x.tolist() == best[1].tolist()
     assert best[0] < seen[-1][0]
-    assert found.status is Status.MAX_ITERATIONS
-    assert found.trace.validation == tuple(loss for loss, _ in seen[1:])
+    assert outcome.status is Status.MAX_ITERATIONS
+    assert outcome.trace.validation == tuple(loss for loss, _ in seen[1:])
 
 
 @pytest.mark.parametrize("poison", [np.nan, np.inf])
@@ -181,22 +181,22 @@ def test_divergence_keeps_the_best_before(poison: float) -> None:
     def broken(x: np.ndarray) -> tuple[float, np.ndarray]:
         return (poison, x) if abs(x[0]) < 0.5 else quadratic(x)
 
-    found = run(broken, [1.0], StoppingRule(1000, 500, validate_every=1), AdamOptions(0.01))
-    assert found.status is Status.DIVERGED
-    assert 0.5 <= found.x[0] < 0.52
-    assert np.isfinite(found.validation)
+    outcome = run(broken, [1.0], StoppingRule(1000, 500, validate_every=1), AdamOptions(0.01))
+    assert outcome.status is Status.DIVERGED
+    assert 0.5 <= outcome.x[0] < 0.52
+    assert np.isfinite(outcome.validation)
 
 
 def test_a_start_without_a_loss_is_no_descent() -> None:
     """Property: NaN at the start comes back at once as DIVERGED."""
-    found = run(quadratic, [np.nan], StoppingRule(10, 10))
-    assert (found.status, found.iterations) == (Status.DIVERGED, 0)
+    outcome = run(quadratic, [np.nan], StoppingRule(10, 10))
+    assert (outcome.status, outcome.iterations) == (Status.DIVERGED, 0)
 
 
 def test_max_iterations_is_a_limit() -> None:
     """Property: a loss that keeps falling ends at the limit."""
-    found = run(quadratic, [100.0], StoppingRule(17, 25))
-    assert (found.status, found.iterations) == (Status.MAX_ITERATIONS, 17)
+    outcome = run(quadratic, [100.0], StoppingRule(17, 25))
+    assert (outcome.status, outcome.iterations) == (Status.MAX_ITERATIONS, 17)
 
 
 def test_interrupting_keeps_the_best() -> None:
@@ -210,21 +210,21 @@ def test_interrupting_keeps_the_best() -> None:
             raise KeyboardInterrupt
         return quadratic(x)
 
-    told: list[tuple[int, float]] = []
+    reports: list[tuple[int, float]] = []
     rule = StoppingRule(1000, 1000)
-    found = run(
+    outcome = run(
         interrupted,
         [3.0],
         rule,
         AdamOptions(0.01),
         lambda x: quadratic(x)[0],
-        lambda iteration, best: told.append((iteration, best)),
+        lambda iteration, best: reports.append((iteration, best)),
     )
-    assert found.status is Status.INTERRUPTED
-    assert found.iterations == 42
-    assert told == [(5 * (k + 1), loss) for k, loss in enumerate(found.trace.validation)]
-    assert len(told) == 8
-    assert found.validation == told[-1][1] == quadratic(found.x)[0] < 4.5
+    assert outcome.status is Status.INTERRUPTED
+    assert outcome.iterations == 42
+    assert reports == [(5 * (k + 1), loss) for k, loss in enumerate(outcome.trace.validation)]
+    assert len(reports) == 8
+    assert outcome.validation == reports[-1][1] == quadratic(outcome.x)[0] < 4.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,9 +270,9 @@ def test_levenberg_marquardt_solves_rosenbrock_in_residuals() -> None:
         return np.array([1 - a, 10 * (b - a * a)]), np.array([[-1.0, 0.0], [-20 * a, 10.0]])
 
     optimiser = LevenbergMarquardt(residual_jacobian, LevenbergOptions())
-    found = descend_traced(optimiser, np.array([-1.2, 1.0]), lambda _: 0.0, 200)
-    assert found.status is Status.CONVERGED
+    outcome = descend_traced(optimiser, np.array([-1.2, 1.0]), lambda _: 0.0, 200)
+    assert outcome.status is Status.CONVERGED
     # Quadratic convergence to a zero residual leaves rounding.
-    assert found.x == pytest.approx([1.0, 1.0], abs=1e-10)
-    assert np.all(np.diff(found.trace.training) < 0)
-    assert found.iterations < 40
+    assert outcome.x == pytest.approx([1.0, 1.0], abs=1e-10)
+    assert np.all(np.diff(outcome.trace.training) < 0)
+    assert outcome.iterations < 40

@@ -1,4 +1,4 @@
-"""coloured_noise: what coloured noise is worth to a fit; oracles are known spectra and numpy."""
+"""coloured_noise: effective sample size of coloured noise; oracles are known spectra and numpy."""
 
 import numpy as np
 import pytest
@@ -47,13 +47,13 @@ def test_level_is_the_variance_of_the_unknowns(kernel: np.ndarray, unknowns: int
     lags = np.correlate(kernel, kernel, mode="full")[len(kernel) - 1 :]
     omega = toeplitz(np.r_[lags, np.zeros(COUNT - len(lags))])
     truth = np.einsum("ijk,il,ljk->", basis, omega, basis) / unknowns
-    found = [coloured_noise_of_rows(rows, coloured(rng, kernel)) for _ in range(300)]
-    levels = np.array([one.density for one in found])
+    estimated = [coloured_noise_of_rows(rows, coloured(rng, kernel)) for _ in range(300)]
+    levels = np.array([one.density for one in estimated])
     # 300 trials; a spectrum that falls by a tenth over the columns' frequencies leaves 3 %.
     slack = 4 * levels.std() / np.sqrt(300) + (0.03 * truth if len(kernel) > 1 else 0.0)
     assert levels.mean() == pytest.approx(truth, abs=slack)
-    assert np.mean([one.variance for one in found]) == pytest.approx(1.0, abs=0.02)
-    assert np.mean([one.inflation for one in found]) == pytest.approx(truth, rel=0.05)
+    assert np.mean([one.variance for one in estimated]) == pytest.approx(1.0, abs=0.02)
+    assert np.mean([one.inflation for one in estimated]) == pytest.approx(truth, rel=0.05)
 
 
 def filtered(recording: Recording, rng: np.random.Generator, sigma: float) -> Recording:
@@ -103,38 +103,38 @@ def test_samples_and_dense_rows_tell_the_same(lib: Library, noisy: Recording) ->
     still = np.concatenate([s.columns, np.zeros((*s.tau.shape, 1))], axis=2)
     s = Samples(s.q, s.dq, s.ddq, s.tau, still)
     weights = np.linspace(100.0, 700.0, 7)
-    found = coloured_noise_of(lib, [s], compress(lib, s, weights), weights)
+    estimated = coloured_noise_of(lib, [s], compress(lib, s, weights), weights)
     extra = np.einsum("ijk,jl->ijlk", s.columns, np.eye(7)).reshape(len(s), 7, 21)
     rows = np.concatenate([lib.base_regressor(s.q, s.dq, s.ddq), extra], axis=2)
     scale = np.sqrt(weights)
     dense = coloured_noise_of_rows(rows * scale[:, None], s.tau * scale)
     # Rounding × condition of the columns.
-    assert dense.density == pytest.approx(found.density, rel=1e-6)
-    assert dense.variance == pytest.approx(found.variance, rel=1e-6)
+    assert dense.density == pytest.approx(estimated.density, rel=1e-6)
+    assert dense.variance == pytest.approx(estimated.variance, rel=1e-6)
     moved = coloured_noise_of_rows(rows * scale[:, None], (s.tau + rows @ np.ones(64)) * scale)
     assert moved.density == pytest.approx(dense.density, rel=1e-6)
     halves = [s.rows(slice(0, 500)), s.rows(slice(500, None))]
     parted = coloured_noise_of(lib, halves, compress(lib, s, weights), weights)
     # Other cosines of the same noise, 130 of them: √(2/130), three times.
-    assert parted.density == pytest.approx(found.density, rel=0.38)
+    assert parted.density == pytest.approx(estimated.density, rel=0.38)
 
 
-def test_a_long_log_is_asked_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_log_is_transformed_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: eight pieces of a thousand rows know the level nearly as the whole does."""
     rng, slow = np.random.default_rng(0), ([1], [1, -0.8])
     rows, rest = (signal.lfilter(*slow, rng.normal(size=(40_000, 1, k)), axis=0) for k in (5, 1))
     rest = rest[:, :, 0]
-    asked = []
+    lengths = []
     whole = coloured_noise._spectral_sums
     monkeypatch.setattr(
-        coloured_noise, "_spectral_sums", lambda q, r: asked.append(len(q)) or whole(q, r)
+        coloured_noise, "_spectral_sums", lambda q, r: lengths.append(len(q)) or whole(q, r)
     )
-    found = coloured_noise_of_rows(rows, rest)
-    assert asked == [1024] * 8
+    estimated = coloured_noise_of_rows(rows, rest)
+    assert lengths == [1024] * 8
     monkeypatch.undo()
     monkeypatch.setattr(coloured_noise, "PIECE", 40_000)
     # Of 8192 cosines a tenth are as loud as the noise they weigh: √(2/800), four times.
-    assert found.density == pytest.approx(coloured_noise_of_rows(rows, rest).density, rel=0.2)
+    assert estimated.density == pytest.approx(coloured_noise_of_rows(rows, rest).density, rel=0.2)
 
 
 @pytest.mark.parametrize(
@@ -146,11 +146,11 @@ def test_a_long_log_is_asked_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
     ids=["exact", "silent", "as many as equations"],
 )
-def test_where_nothing_is_heard_noise_counts_as_white(rows: np.ndarray, rest: np.ndarray) -> None:
+def test_without_an_estimate_noise_counts_as_white(rows: np.ndarray, rest: np.ndarray) -> None:
     """Property: finite, and an inflation of one."""
-    found = coloured_noise_of_rows(rows, rest)
-    assert np.isfinite([found.density, found.variance]).all()
-    assert found.inflation == pytest.approx(1.0)
+    estimated = coloured_noise_of_rows(rows, rest)
+    assert np.isfinite([estimated.density, estimated.variance]).all()
+    assert estimated.inflation == pytest.approx(1.0)
 
 
 def test_residual_noise_knows_what_the_unknowns_took(lib: Library, noisy: Recording) -> None:

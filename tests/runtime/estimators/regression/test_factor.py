@@ -45,7 +45,9 @@ def taken(s: Samples, part: slice) -> Samples:
     return Samples(*(a[part] for a in (s.q, s.dq, s.ddq, s.tau, s.columns)))
 
 
-def explicit(lib: Library, s: Samples, weights: np.ndarray, own: np.ndarray | None = None):
+def explicit(
+    lib: Library, s: Samples, weights: np.ndarray, sample_weights: np.ndarray | None = None
+):
     """All weighted rows [Y_b F τ]."""
     count, n, k = s.columns.shape
     spread = np.zeros((count, n, n * k))
@@ -54,8 +56,8 @@ def explicit(lib: Library, s: Samples, weights: np.ndarray, own: np.ndarray | No
     base = lib.base_regressor(s.q, s.dq, s.ddq)
     rows = np.concatenate([base, spread, s.tau[:, :, None]], axis=2)
     rows = rows * np.sqrt(weights)[:, None]
-    if own is not None:
-        rows = rows * np.sqrt(own)[:, None, None]
+    if sample_weights is not None:
+        rows = rows * np.sqrt(sample_weights)[:, None, None]
     return rows.reshape(count * n, -1)
 
 
@@ -82,11 +84,11 @@ def test_factor_equals_that_of_all_rows(any_robot, name, k):
     lib = any_robot(name)
     weights = np.random.default_rng(1).uniform(0.5, 2.0, lib.n_joints)
     for level in levels_here(lib):
-        own = load(lib.folder, level)
-        assert own.compiled_statistics is not None
+        one_level = load(lib.folder, level)
+        assert one_level.compiled_statistics is not None
         for count in (1, 3, 8, 61, 64, 203):
             s = drawn(lib, count, k)
-            statistics = compress(own, s, weights)
+            statistics = compress(one_level, s, weights)
             assert_same(statistics, explicit(lib, s, weights))
             triangle = statistics.triangle()
             assert np.array_equal(triangle, np.triu(triangle))
@@ -102,13 +104,13 @@ def test_equals_the_reference(any_robot, name):
     """Oracle: NumPy's QR, whose triangle with a diagonal ≥ 0 is the same one."""
     lib = any_robot(name)
     s, weights = drawn(lib, 300, 2), np.linspace(1, 2, lib.n_joints)
-    own = np.random.default_rng(2).uniform(0, 1, 300)
-    wanted = reference_triangle(lib, s, weights, own)
-    got = compress(lib, s, weights, own).triangle()
+    sample_weights = np.random.default_rng(2).uniform(0, 1, 300)
+    wanted = reference_triangle(lib, s, weights, sample_weights)
+    got = compress(lib, s, weights, sample_weights).triangle()
     # Rounding times the condition number of the columns, at most 1e4 here.
     assert np.abs(got - wanted).max() <= 1e-11 * np.abs(wanted).max()
     lib.compiled_statistics = None  # without the compiled function the reference answers
-    again = compress(lib, s, weights, own).triangle()
+    again = compress(lib, s, weights, sample_weights).triangle()
     lib.__init__(lib.folder)
     assert np.abs(again - wanted).max() <= 1e-15 * np.abs(wanted).max()
 
@@ -131,19 +133,19 @@ def test_ill_conditioned_data_keep_their_digits(lib: Library) -> None:
     normal = error(np.linalg.solve(matrix.T @ matrix, matrix.T @ rows[:, -1]))
     for level in levels_here(lib):
         statistics = compress(load(lib.folder, level), s, np.ones(7))
-        own = error(np.linalg.solve(statistics.factor / lengths, statistics.target))
+        ours = error(np.linalg.solve(statistics.factor / lengths, statistics.target))
         # Both errors are rounding times the condition number; their ratio is luck.
-        assert own <= 30 * best + 1e-12
-        assert own <= 1e-3 * normal
+        assert ours <= 30 * best + 1e-12
+        assert ours <= 1e-3 * normal
 
 
 def test_weights_of_samples_repeat_them(lib: Library) -> None:
     """Property: a weight of 2 counts a sample twice, a weight of 0 leaves it out."""
     s, weights = drawn(lib, 100, 1), np.ones(7)
-    own = np.tile([2.0, 0.0, 1.0, 1.0], 25)
-    rows = np.repeat(np.arange(100), own.astype(int))
+    sample_weights = np.tile([2.0, 0.0, 1.0, 1.0], 25)
+    rows = np.repeat(np.arange(100), sample_weights.astype(int))
     repeated = Samples(*(a[rows] for a in (s.q, s.dq, s.ddq, s.tau, s.columns)))
-    statistics = compress(lib, s, weights, own)
+    statistics = compress(lib, s, weights, sample_weights)
     assert_same(statistics, explicit(lib, repeated, weights))
     assert statistics.n_samples == len(rows)
 
@@ -164,9 +166,9 @@ def test_forgetting_scales_the_past(lib: Library) -> None:
     """Property: as if the old samples had been weighted."""
     s, weights = drawn(lib, 200, 1), np.ones(7)
     old, new = (compress(lib, taken(s, part), weights) for part in (slice(100), slice(100, None)))
-    own = np.repeat([0.25, 1.0], 100)
+    sample_weights = np.repeat([0.25, 1.0], 100)
     merged = old.scaled(0.25).merged(new)
-    assert_same(merged, explicit(lib, s, weights, own))
+    assert_same(merged, explicit(lib, s, weights, sample_weights))
     assert merged.n_samples == 125
     for wrong in (0.0, 1.5, np.nan):
         with pytest.raises(IdentificationError, match="forgetting factor above 0 and at most 1"):
@@ -208,13 +210,13 @@ def test_files_bring_back_every_bit(lib: Library, robot, tmp_path) -> None:
 def test_what_is_no_data_is_refused(lib: Library) -> None:
     """Property: NaN and infinity pass through the C to the door; weights and robots are checked."""
     for level in levels_here(lib):
-        own = load(lib.folder, level)
+        one_level = load(lib.folder, level)
         for bad in (np.nan, np.inf):
             for key in ("q", "ddq", "tau", "columns"):
                 s = drawn(lib, 70, 1)
                 getattr(s, key)[37, 6] = bad
                 with pytest.raises(IdentificationError, match="hold NaN, infinite"):
-                    compress(own, s, np.ones(7))
+                    compress(one_level, s, np.ones(7))
     s = drawn(lib, 20)
     with pytest.raises(IdentificationError, match=r"expected weights of shape \(7,\)"):
         compress(lib, s, np.ones(6))
@@ -239,9 +241,9 @@ def test_columns_whose_cubes_underflow_count_as_silent(lib: Library) -> None:
     """Property: a Stribeck peak that no sample reaches is next to zero; it was NaN once."""
     s = drawn(lib, 200, 3)
     s.columns[:, :, 2] *= 1e-120
-    found = compress(lib, s, np.ones(7)).triangle()
+    stored = compress(lib, s, np.ones(7)).triangle()
     s.columns[:, :, 2] = 0.0
-    np.testing.assert_allclose(found, compress(lib, s, np.ones(7)).triangle(), rtol=0, atol=1e-100)
+    np.testing.assert_allclose(stored, compress(lib, s, np.ones(7)).triangle(), rtol=0, atol=1e-100)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -257,8 +259,8 @@ def test_real_time_update_equals_the_batch(any_robot, name):
     factor = np.zeros((size, size))
     for row in zip(s.q, s.dq, s.ddq, s.tau, strict=True):
         update(factor.ctypes.data, 0.97, *(a.ctypes.data for a in (*row, weights)))
-    own = 0.97 ** np.arange(79, -1, -1.0)
-    wanted = compress(lib, s, weights, own).triangle()
+    sample_weights = 0.97 ** np.arange(79, -1, -1.0)
+    wanted = compress(lib, s, weights, sample_weights).triangle()
     # 80 steps of rounding, times the condition number.
     assert np.abs(factor - wanted).max() <= 1e-10 * np.abs(wanted).max()
     assert (np.diag(factor) >= 0).all()

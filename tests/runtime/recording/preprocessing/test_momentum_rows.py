@@ -181,7 +181,7 @@ def test_methods_that_do_not(lib, made, method, preset, form):
 def test_whoever_asks_for_accelerations_is_told(lib, made):
     """The one door to ddq refuses where there is none."""
     samples = samples_of(prepare(made, at(2.0), lib=lib), lib)
-    with pytest.raises(NeedsError, match="were made without them"):
+    with pytest.raises(NeedsError, match="expected accelerations, got rows prepared without"):
         _ = samples.ddq
     with pytest.raises(RecordingError, match="library of the robot, got none"):
         prepare(made, at(2.0))

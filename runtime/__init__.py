@@ -7,6 +7,18 @@ Run time only: numpy, scipy, clarabel; no casadi, no pinocchio. The usual road:
     result = runtime.identify(recording, lib)
 """
 
+import os
+import sys
+
+# `python -m runtime` puts the working directory first on the path, where a file numpy.py beside a
+# log would be run as a module. os and sys are loaded before any of them.
+if (
+    sys.orig_argv[1:3] == ["-m", "runtime"]
+    and sys.path[:1] == [os.getcwd()]
+    and os.path.dirname(os.path.dirname(os.path.abspath(__file__))) != sys.path[0]
+):
+    del sys.path[0]
+
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS

@@ -5,4 +5,16 @@ The rooms from the ground up: `errors`, `documents`, `kernel`, `chain`, `mechani
 `catalogue`, `emit`, `inspect`, `build`, `cli`, `console`; `robots` and `templates` hold data.
 """
 
+import os
+import sys
+
+# `python -m symgen` puts the working directory first on the path, where a file numpy.py beside a
+# log would be run as a module. os and sys are loaded before any of them.
+if (
+    sys.orig_argv[1:3] == ["-m", "symgen"]
+    and sys.path[:1] == [os.getcwd()]
+    and os.path.dirname(os.path.dirname(os.path.abspath(__file__))) != sys.path[0]
+):
+    del sys.path[0]
+
 __version__ = "0.1.0"

@@ -31,7 +31,7 @@ PURPOSES = {
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
-INSPECT_FLAGS = frozenset({"--json", "--strict", "--overwrite", "--help", "-h"})
+INSPECT_FLAGS = frozenset({"--json", "--strict", "--overwrite", "--yes", "--help", "-h"})
 """Options of either `inspect` that take no value; every other one is followed by its value."""
 
 MODEL_SUFFIXES = frozenset({".urdf", ".xacro", ".mjcf", ".xml"})

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import settings
 
 from runtime.library import Library, load
+from symgen.build.own_builds import records_folder
 from symgen.build.pipeline import build, is_current
 from symgen.build.request import BuildRequest, bundled_request
 from tests.robots import CASES
@@ -72,6 +73,22 @@ def shared_data() -> Path:
             f"no test data in '{folder}'; set SYMGEN_DATA to the folder with models/ and data/"
         )
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _own_builds(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Records of builds of this run; what was recorded before counts, and nothing is added to it.
+
+    The workers of pytest-xdist share it, as they share the builds.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "builds"
+    if folder != records_folder():
+        known = records_folder()
+        folder.mkdir(mode=0o700, exist_ok=True)
+        for path in known.glob("*.json"):
+            shutil.copy(path, folder)
+        os.environ["SYMGEN_BUILDS"] = str(folder)
 
 
 @pytest.fixture(scope="session")

@@ -46,13 +46,13 @@ def test_one_compiler_for_both(
         one, other = (answer(room.find_compiler) for room in (at_build_time, at_run_time))
         assert one == other, (names, asked)
         found.add(one)
-    last = (sys.executable, "-m", "ziglang", "cc") if wheel else None
+    last = (sys.executable, "-P", "-m", "ziglang", "cc") if wheel else None
     assert found == {("cc",), ("gcc",), ("clang",), ("clang", "-m64"), None, last}
 
 
 def test_flags_are_spelled_and_known_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: instruction sets in the words of gcc and zig, and which of them there are."""
-    zig = (sys.executable, "-m", "ziglang", "cc")
+    zig = (sys.executable, "-P", "-m", "ziglang", "cc")
     for march, compiler in itertools.product(MARCHES, (("cc",), zig)):
         flag = f"-march={march}"
         assert at_build_time._spelled(flag, compiler) == at_run_time._spelled(flag, compiler)

@@ -25,6 +25,7 @@ from runtime.cli.log_options import (
 )
 from runtime.cli.prepared_log import LogOptions, listed, read_prepared_log
 from runtime.cli.progress import STATE, counting
+from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.methods import METHODS, methods_from_statistics
 from runtime.identification.comparison import (
     Comparison,
@@ -37,13 +38,13 @@ from runtime.identification.comparison.output import HEAD, LEGEND, cells
 from runtime.identification.comparison.truth import beside
 from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
-from runtime.library import load
 from runtime.simulation.controller_file import read_controller
 
 
 def compare_command(
     log: Log,
     robot: Robot = "fr3",
+    yes: Yes = False,
     methods: Annotated[
         str | None,
         typer.Option(
@@ -88,7 +89,7 @@ def compare_command(
     Written to the folder --out: compare.json, compare.md and report.html. Ctrl-C keeps the rows
     that are complete.
     """
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     names = listed(methods, tuple(METHODS), "--methods") if methods else None
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None

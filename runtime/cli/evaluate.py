@@ -9,12 +9,12 @@ import typer
 from runtime.cli.common import console, say, torque_table
 from runtime.cli.log_options import Recipe, Run
 from runtime.cli.prepared_log import preparation_of
+from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of
 from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import read_result, require_model
-from runtime.library import load
 from runtime.recording import Preparation, read_recording
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
@@ -34,6 +34,7 @@ def evaluate_command(
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
     ] = None,
+    yes: Yes = False,
     recipe: Recipe = None,
     run: Run = None,
     cutoff: Annotated[
@@ -67,7 +68,7 @@ def evaluate_command(
     A log whose recipe names no filter is prepared in the same way as the log of identify.
     """
     saved = read_result(result)
-    lib = load(robot or saved.robot)
+    lib = open_robot(robot or saved.robot, yes)
     notes = list(require_model(saved, lib, result))
     recording = read_recording(log, recipe, run, lib.joint_names)
     require_plausible(recording, lib)

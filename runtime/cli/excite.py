@@ -11,6 +11,7 @@ from rich.progress import Progress
 from runtime.cli.certificate_table import certificate_table, design_notes, safety_of
 from runtime.cli.common import Robot, Seed, console, say, sentences_of
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
+from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RuntimeFault
 from runtime.excitation import (
     BASES,
@@ -34,7 +35,7 @@ from runtime.excitation.proof.certified_motion import (
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
-from runtime.library import Library, load
+from runtime.library import Library
 from runtime.parallel import cores
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
@@ -49,6 +50,7 @@ takes a third of that.
 
 def excite_command(
     robot: Robot = "fr3",
+    yes: Yes = False,
     duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0,
     harmonics: Annotated[int, typer.Option(help="Number M of harmonics or splines per joint.")] = 5,
     starts: Annotated[int, typer.Option(help="Number of searches, each from a random start.")] = 5,
@@ -192,7 +194,7 @@ def excite_command(
     Written: the motion as JSON, and sampled as CSV or in the formats of --export. Ctrl-C keeps
     the best start so far. The result depends on --seed, not on --processes.
     """
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     path = _json(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
     planned = information_of(lib, noise, log_rate, earlier_log, payload_only)

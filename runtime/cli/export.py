@@ -7,9 +7,9 @@ import typer
 
 from runtime.cli.common import say
 from runtime.cli.prepared_log import listed
+from runtime.cli.robot import Yes, open_robot
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
-from runtime.library import load
 from runtime.outputs.model_files import EXPORT_FORMATS, export_model
 
 
@@ -37,6 +37,7 @@ def export_command(
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
     ] = None,
+    yes: Yes = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing files.")] = False,
     formats: Annotated[
         bool,
@@ -57,7 +58,7 @@ def export_command(
     names = tuple(EXPORT_FORMATS)
     kinds = listed(to, names, "--to") if to else names
     saved = read_result(result)
-    lib = load(robot or saved.robot)
+    lib = open_robot(robot or saved.robot, yes)
     notes = require_model(saved, lib, result, same_bodies=True)
     terms, folder = saved.friction, out or result / "export"
     done = export_model(

@@ -11,12 +11,12 @@ from rich.table import Column, Table
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
 from runtime.cli.prepared_log import friction_of, preparation_of
+from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RecordingError
 from runtime.files import replacing
 from runtime.identification.payload import read_known_payload
 from runtime.identification.payload.output import NORMAL_95
 from runtime.identification.sensor_gains import Gains, identify_gains
-from runtime.library import load
 from runtime.recording import Recipe as Plan
 from runtime.recording import plan_of, read_recording, recipe_text
 
@@ -37,6 +37,7 @@ def gains_command(
         ),
     ],
     robot: Robot = "fr3",
+    yes: Yes = False,
     link: CarryingLink = None,
     friction: Annotated[
         str | None,
@@ -72,7 +73,7 @@ def gains_command(
     estimated together. A gain whose 95 % interval is wider than 10 % is not changed. For motor
     currents, write unit = "A" and gain = 1.0 into the recipe; the gains are then in N·m/A.
     """
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     known = read_known_payload(payload)
     bare = read_recording(empty, recipe, run, lib.joint_names)
     full = read_recording(loaded, recipe, loaded_run or run, lib.joint_names)

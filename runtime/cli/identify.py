@@ -22,6 +22,7 @@ from runtime.cli.log_options import (
 )
 from runtime.cli.prepared_log import LogOptions, PreparedLog, read_prepared_log
 from runtime.cli.progress import STATE, counting
+from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, identify_several, print_agreement, runs_of
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
@@ -33,7 +34,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.settings import Settings
 from runtime.identification.several_logs import LogAgreement
 from runtime.identification.single_log import identify
-from runtime.library import Library, load
+from runtime.library import Library
 from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
 from runtime.simulation.controller_file import read_controller
@@ -42,6 +43,7 @@ from runtime.simulation.controller_file import read_controller
 def identify_command(
     logs: Logs,
     robot: Robot = "fr3",
+    yes: Yes = False,
     method: Annotated[
         str | None,
         typer.Option(
@@ -104,7 +106,7 @@ def identify_command(
     and the output shows how well the other logs predict each of them. Ctrl-C keeps the best
     parameters so far.
     """
-    lib, log = load(robot), logs[0]
+    lib, log = open_robot(robot, yes), logs[0]
     if stream is None and (controller or friction == AUTO or not _is_streamable(method, preset)):
         stream = False  # these need the samples of the whole log
     options = LogOptions(

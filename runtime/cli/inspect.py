@@ -10,10 +10,10 @@ from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import Log, Run
+from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RecordingError
 from runtime.files import replacing
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
-from runtime.library import load
 
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 
@@ -21,6 +21,7 @@ _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
 def inspect_command(
     log: Log,
     robot: Robot = "fr3",
+    yes: Yes = False,
     recipe: Annotated[
         str | None,
         typer.Option(
@@ -64,7 +65,7 @@ def inspect_command(
     symgen identify raw/ --robot my --recipe recipe.toml
     Exit code: 0 no findings, 1 warnings or errors, 2 the log cannot be read.
     """
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     bare = recipe_out is not None and recipe is None
     options: dict[str, Any] = {"bare": bare, "rate_hz": log_rate, "propose": recipe_out is not None}
     with console.status("inspecting the log"):

@@ -10,6 +10,7 @@ from rich.table import Table
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
 from runtime.cli.prepared_log import preparation_of
+from runtime.cli.robot import Yes, open_robot
 from runtime.identification.payload import (
     Payload,
     arm_model,
@@ -20,7 +21,6 @@ from runtime.identification.payload import (
 )
 from runtime.identification.payload.body import NAMES
 from runtime.identification.payload.output import NORMAL_95
-from runtime.library import load
 from runtime.recording import read_recording
 
 _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
@@ -29,6 +29,7 @@ _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 def payload_command(
     log: Annotated[str, typer.Argument(metavar="LOG", help="A log of the arm with the payload.")],
     robot: Robot = "fr3",
+    yes: Yes = False,
     link: CarryingLink = None,
     empty: Annotated[
         str | None,
@@ -72,7 +73,7 @@ def payload_command(
     Written: payload.json (values, σ, intervals), set_load.json (arguments of libfranka's setLoad),
     endeffector-config.json (Franka Desk) and payload.urdf (a link to append).
     """
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     loaded = read_recording(log, recipe, run, lib.joint_names)
     joints = lib.joint_names
     bare = read_recording(empty, recipe, empty_run or run, joints) if empty else None

@@ -20,6 +20,7 @@ from runtime.cli.predict_tables import (
     torque_sentence,
 )
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
+from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
 from runtime.excitation.search.information import NOISE, RATE, information
 from runtime.excitation.search.prediction import FRICTION
@@ -38,7 +39,7 @@ from runtime.identification.expected_accuracy import (
     planned_recording,
     verdict,
 )
-from runtime.library import Array, Library, load
+from runtime.library import Array, Library
 from runtime.recording import Friction
 from runtime.simulation import sample_times
 
@@ -55,6 +56,7 @@ def predict_command(
         ),
     ],
     robot: Robot = "fr3",
+    yes: Yes = False,
     noise: Annotated[
         str | None,
         typer.Option(
@@ -115,7 +117,7 @@ def predict_command(
     these correlated residuals. With --more, record on while any σ improves by more than
     10 %.
     """
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     if log_rate is not None:
         information(lib, rate=log_rate)  # raises where the rate is out of range
     _require_rates_apply(

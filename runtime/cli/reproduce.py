@@ -9,6 +9,7 @@ from rich.table import Table
 
 from runtime.cli.common import INTERRUPTED, Robot, command_line, console, say
 from runtime.cli.progress import counting
+from runtime.cli.robot import Yes, open_robot
 from runtime.experiments import (
     DEFAULT_TRIALS,
     IDS,
@@ -19,7 +20,7 @@ from runtime.experiments import (
     state_of,
     study_of,
 )
-from runtime.library import Library, load
+from runtime.library import Library
 
 EVERYTHING, LISTED = "all", "list"
 
@@ -33,6 +34,7 @@ def reproduce_command(
         ),
     ],
     robot: Robot = "fr3",
+    yes: Yes = False,
     trials: Annotated[
         int, typer.Option(help="Number of Monte Carlo trials; default that of the document.", min=1)
     ] = DEFAULT_TRIALS,
@@ -69,10 +71,10 @@ def reproduce_command(
     settings, hash, versions and seeds; report makes a page of them.
     """
     if what == LISTED:
-        _list(load(robot), Request(out, trials, seed))
+        _list(open_robot(robot, yes), Request(out, trials, seed))
         return
     studies = list(STUDIES.values()) if what == EVERYTHING else [study_of(what)]
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     with counting(TextColumn("left"), TimeRemainingColumn()) as progress:
         tasks: dict[str, int] = {}
 

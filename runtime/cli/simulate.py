@@ -12,11 +12,12 @@ import typer
 from rich.progress import Progress
 
 from runtime.cli.common import Robot, Seed, console, say
+from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, design
 from runtime.excitation.trajectory_file import read_trajectory, write_motion
 from runtime.files import replacing
-from runtime.library import Library, load
+from runtime.library import Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import (
     Controller,
@@ -51,6 +52,7 @@ Made = tuple[Recording, dict[str, Any], ClosedLoop | None]
 def simulate_command(
     context: typer.Context,
     robot: Robot = "fr3",
+    yes: Yes = False,
     trajectory: Annotated[
         Path | None,
         typer.Option(
@@ -138,7 +140,7 @@ def simulate_command(
     NAME.loop.toml and its reference motion as NAME.motion.json.
     """
     virtual = _is_virtual(context, engine)
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     path = out or Path("results") / f"{lib.name}-simulated.csv"
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("designing a trajectory", total=1.0)

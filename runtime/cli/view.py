@@ -9,8 +9,8 @@ import typer
 
 from runtime.cli.common import Robot, say
 from runtime.cli.log_options import Recipe, Run
+from runtime.cli.robot import Yes, open_robot
 from runtime.files import replacing
-from runtime.library import load
 from runtime.outputs.viewer import Player, Scene, look_of, read_motion
 from runtime.outputs.viewer.scene import FRAME_S
 
@@ -20,6 +20,7 @@ def view_command(
         str, typer.Argument(metavar="MOTION", help="A motion written by excite (.json), or a log.")
     ],
     robot: Robot = "fr3",
+    yes: Yes = False,
     recipe: Recipe = None,
     run: Run = None,
     urdf: Annotated[
@@ -55,7 +56,7 @@ def view_command(
     the visual meshes of the URDF, else by the collision capsules, else by lines. Ctrl-C ends the
     server.
     """
-    lib = load(robot)
+    lib = open_robot(robot, yes)
     played = read_motion(motion, lib, recipe, run)
     look = look_of(lib, urdf, package_dir or ())
     scene = Scene(lib, look, port)

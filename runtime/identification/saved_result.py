@@ -15,6 +15,7 @@ from runtime.errors import RecordingError
 from runtime.estimators.friction_net import FrictionNet
 from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
+from runtime.library.own_builds import NAME
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Friction, Preparation
 
@@ -103,11 +104,17 @@ def read_result(folder: Path) -> SavedResult:
         Parameters, friction and preparation.
 
     Raises:
-        RecordingError: the file is missing, not valid, or of a later format.
+        RecordingError: the file is missing, not valid, of a later format, or names its robot by
+            anything but a name: a path in a file would choose the code that runs.
     """
     try:
         file = folder / "result.json" if folder.is_dir() else folder
         facts = read_facts(file)
+        if not NAME.fullmatch(facts["robot"]):
+            raise RecordingError(
+                f"'{file}': expected the name of a robot (a-z, 0-9, _), got "
+                f"{facts['robot']!r:.60}; correct the file, or identify again"
+            )
         n = len(facts["joints"])
         terms = facts["friction"] or {"columns": [], "values": [[]] * n}
         net = terms.get("net")

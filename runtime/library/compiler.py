@@ -39,7 +39,8 @@ def find_compiler() -> Words:
     if name_of_compiler:
         return (name_of_compiler,)
     if importlib.util.find_spec("ziglang"):
-        return (sys.executable, "-m", "ziglang", "cc")
+        # -P: the compiler runs in a generated folder, whose ziglang.py is not the wheel
+        return (sys.executable, "-P", "-m", "ziglang", "cc")
     raise LibraryError(
         "the robot's C code is compiled at its first use, and there is no C compiler (looked for "
         "$CC, cc, gcc, clang and the ziglang wheel); get one with: pip install 'symgen[zig]'"

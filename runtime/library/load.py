@@ -1,9 +1,8 @@
 """A robot by name, or by the folder that symgen wrote."""
 
 import os
-from pathlib import Path
 
-from runtime.errors import LibraryError
+from runtime.library.find import find
 from runtime.library.library import Library
 
 
@@ -12,9 +11,11 @@ def load(
 ) -> Library:
     """Library of a robot by name, or by the folder that symgen wrote.
 
-    A name is looked up in ./generated, then among the robots that come with the package. Where the
-    folder holds no compiled library, its C code is compiled at the first use; a line on stderr says
-    so. The library is kept in the user's cache folder ($SYMGEN_CACHE).
+    A name, [a-z][a-z0-9_]*, is looked up among the robots that come with the package, then among
+    those that you have built. A folder is loaded by its path, which contains a slash or is a Path:
+    its code runs in this process. A compiled library that you did not build is never opened; the C
+    code of its folder is compiled instead, as where there is no library, at the first use; a line
+    on stderr says so. The library is kept in the user's cache folder ($SYMGEN_CACHE).
 
     Args:
         robot: name, or path of a generated folder.
@@ -30,20 +31,4 @@ def load(
     Raises:
         LibraryError: missing, stale, foreign or damaged; the message states the command to run.
     """
-    given = Path(robot)
-    if given.is_dir() or given.name != str(robot):
-        folder = given
-    else:
-        package = Path(__file__).parents[1]  # generated/ lies in it if installed, else beside it
-        roots = [folder / "generated" for folder in (Path.cwd(), package, package.parent)]
-        present = [root / given for root in roots if (root / given / "manifest.json").exists()]
-        if not present:
-            bundled = (package.parent / "symgen" / "robots" / f"{robot}.urdf").exists()
-            options = f"--robot {robot}" if bundled else f"--urdf FILE --name {robot}"
-            raise LibraryError(
-                f"no generated robot is called '{robot}' (looked in "
-                f"{', '.join(str(root) for root in dict.fromkeys(roots))}); run: "
-                f"python -m symgen build {options}"
-            )
-        folder = present[0]
-    return Library(folder, level, threads)
+    return Library(find(robot).folder, level, threads)

@@ -1,7 +1,6 @@
 """`manifest.json`: the contract between what was generated and what runs."""
 
 import math
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import LibraryError
 from runtime.files import json_of
+from runtime.library.own_builds import NAME
 from runtime.library.parameters import PI_NAMES
 
 FORMAT = 4
@@ -159,7 +159,7 @@ def read_manifest(path: Path) -> Manifest:
             raise LibraryError(
                 f"'{path}' has the format {raw['format']}, this runtime reads {FORMAT}; {again}"
             )
-        if not re.fullmatch(r"[a-z][a-z0-9_]*", raw["robot"]):
+        if not NAME.fullmatch(raw["robot"]):
             raise TypeError("robot")  # it becomes part of paths
         return Manifest(
             robot=raw["robot"],

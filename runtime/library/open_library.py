@@ -10,6 +10,7 @@ from runtime.errors import LibraryError
 from runtime.files import json_of
 from runtime.library.compile_cache import compiled_library
 from runtime.library.manifest import Manifest
+from runtime.library.own_builds import is_own_build
 
 AGAIN = "run: python -m symgen build"
 
@@ -17,7 +18,8 @@ AGAIN = "run: python -m symgen build"
 def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> ctypes.CDLL:
     """Open the library in a generated folder, or else that of its C code in the cache.
 
-    Checked: its bytes are those that were compiled, from this manifest, for this machine.
+    Checked: its bytes are those that were compiled, from this manifest, for this machine. The
+    library of a folder is opened only if this user has built it; otherwise its C code is compiled.
 
     Args:
         folder: generated folder.
@@ -34,21 +36,11 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
     place = folder
     if not (folder / name).exists():
         place = compiled_library(folder, manifest.robot, level)
+    digest = _checked(place, folder, name)
+    if place == folder and not is_own_build(folder / name, digest):
+        place = compiled_library(folder, manifest.robot, level)
+        _checked(place, folder, name)
     path = place / name
-    try:
-        record = json_of(place / "build.json")
-        sha256, sources = record["sha256"], record["sources"]
-        stated = sources["manifest.json"]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise LibraryError(
-            f"'{place}' has no valid build.json beside its library; {AGAIN}"
-        ) from None
-    # Opening a truncated shared object kills the process, so its bytes are checked first.
-    if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
-        raise LibraryError(f"the library '{path}' is damaged or not the one built here; {AGAIN}")
-    manifest_hash = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
-    if stated != manifest_hash:
-        raise LibraryError(f"the library '{path}' is older than its manifest.json; {AGAIN}")
     again = AGAIN if place == folder else "set SYMGEN_CACHE to another folder, or " + AGAIN
     try:
         dll = ctypes.CDLL(str(path.resolve()))
@@ -66,6 +58,39 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
             f"{manifest.model_hash[:12]}; {AGAIN}"
         )
     return dll
+
+
+def _checked(place: Path, folder: Path, name: str) -> str:
+    """SHA-256 of a library whose bytes agree with its build.json and the manifest.
+
+    Args:
+        place: folder of the library and its build.json.
+        folder: generated folder, with the manifest.
+        name: file name of the library.
+
+    Returns:
+        The digest as text.
+
+    Raises:
+        LibraryError: they do not agree, or a file is missing.
+    """
+    path = place / name
+    try:
+        record = json_of(place / "build.json")
+        sha256, sources = record["sha256"], record["sources"]
+        stated = sources["manifest.json"]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise LibraryError(
+            f"'{place}' has no valid build.json beside its library; {AGAIN}"
+        ) from None
+    # Opening a truncated shared object kills the process, so its bytes are checked first.
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if digest != sha256:
+        raise LibraryError(f"the library '{path}' is damaged or not the one built here; {AGAIN}")
+    manifest_hash = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    if stated != manifest_hash:
+        raise LibraryError(f"the library '{path}' is older than its manifest.json; {AGAIN}")
+    return digest
 
 
 def _model_hash(dll: ctypes.CDLL, manifest: Manifest) -> str:

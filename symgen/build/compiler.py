@@ -97,7 +97,8 @@ def find_compiler() -> tuple[str, ...]:
         if shutil.which(name):
             return (name,)
     if importlib.util.find_spec("ziglang"):
-        return (sys.executable, "-m", "ziglang", "cc")
+        # -P: the compiler runs in a generated folder, whose ziglang.py is not the wheel
+        return (sys.executable, "-P", "-m", "ziglang", "cc")
     raise CompilerError(
         "no C compiler found (looked for $CC, cc, gcc, clang and the ziglang wheel); "
         "install one, for example with: pip install ziglang"

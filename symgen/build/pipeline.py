@@ -7,6 +7,7 @@ and a full disk leave either the old library or the new one.
 import fcntl
 import hashlib
 import json
+import os
 import shlex
 import shutil
 import tempfile
@@ -21,6 +22,7 @@ from symgen import __version__
 from symgen.build.compiler import Compilation, Compiled, how_to_compile, sha256_of
 from symgen.build.exchange import replace_folder
 from symgen.build.facts import initial_parameters, model_facts
+from symgen.build.own_builds import is_recorded, record_build
 from symgen.build.request import BuildRequest
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, Joint, read_chain
@@ -82,11 +84,12 @@ def build(
             staging = Path(tempfile.mkdtemp(prefix=f".{request.name}.", dir=root))
             try:
                 staging.chmod(0o755)
-                _fill(staging, request, draft, levels)
+                sha256 = _fill(staging, request, draft, levels)
                 replace_folder(staging, folder)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
-    return BuildResult(folder, True, draft.notes)
+    note = record_build(request.name, folder, sha256)
+    return BuildResult(folder, True, (*draft.notes, *filter(None, [note])))
 
 
 def generate(request: BuildRequest) -> tuple[EmittedRobot, tuple[str, ...]]:
@@ -122,7 +125,7 @@ def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> Em
 
 
 def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None = None) -> bool:
-    """Check that a folder was built from exactly this request and its library is intact.
+    """Check that a folder was built by this user from exactly this request, and is intact.
 
     Args:
         request: what should have been built.
@@ -138,6 +141,7 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
             record["fingerprint"] == request.fingerprint
             and (levels is None or record["levels"] == sorted(set(levels)))
             and record["sha256"] == sha256_of(folder / f"lib{request.name}.so")
+            and is_recorded(record["sha256"])
             and all(
                 sha256_of(folder / name) == digest for name, digest in record["sources"].items()
             )
@@ -184,8 +188,18 @@ def _is_almost_square(joint: Joint) -> bool:
     return any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)
 
 
-def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> None:
-    """Write and compile all files; the compilation of a file starts as soon as it is written."""
+def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> str:
+    """Write and compile all files; the compilation of a file starts as soon as it is written.
+
+    Args:
+        staging: empty folder.
+        request: what to build.
+        draft: model and kernels of the request.
+        levels: as in `build`.
+
+    Returns:
+        SHA-256 of the library.
+    """
     with Compilation(staging, how_to_compile(*_KINDS), levels) as compilation:
         started = set[str]()  # not written again: the compiler may be reading them
 
@@ -206,6 +220,8 @@ def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[
         "compiler": compiled.version,
     }
     (staging / "build.json").write_text(json.dumps(record, indent=1) + "\n")
+    (staging / f"lib{request.name}.so").chmod(0o755)  # the run time opens what only its user writes
+    return compiled.sha256
 
 
 def _write_files(staging: Path, files: Mapping[str, str]) -> None:
@@ -220,7 +236,9 @@ def _compile(compilation: Compilation, library: Path, files: Mapping[str, str]) 
 @contextmanager
 def _lock(root: Path, name: str) -> Iterator[None]:
     """One build per robot at a time; the operating system drops the lock of a killed build."""
-    with (root / f".{name}.lock").open("w") as handle:
+    # A link in the place of the lock would be followed by open(), and its target emptied.
+    mode = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
+    with os.fdopen(os.open(root / f".{name}.lock", mode, 0o644), "r+") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         for stale in root.glob(f".{name}.*/"):
             shutil.rmtree(stale, ignore_errors=True)  # left by a killed build

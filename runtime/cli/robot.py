@@ -1,0 +1,55 @@
+"""The robot of a command: found by name or path, with a question before foreign code runs."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.common import program
+from runtime.library import Library, load
+from runtime.library.find import ForeignRobotError, find
+
+Yes = Annotated[
+    bool,
+    typer.Option("--yes", help="Run the code of ./generated/ROBOT although you did not build it."),
+]
+
+
+def open_robot(robot: str, yes: bool) -> Library:
+    """Load the robot of a command and print on stderr whose it is.
+
+    Args:
+        robot: name, or path of a generated folder.
+        yes: run the code of a folder of the working directory without a question.
+
+    Returns:
+        Its library.
+
+    Raises:
+        ForeignRobotError: it was not built by the user, who did not agree to run its code.
+        LibraryError: it cannot be loaded.
+    """
+    try:
+        found = find(robot)
+    except ForeignRobotError as error:
+        if not (yes or _agreed(error)):
+            raise
+        _say(robot, "the working directory", error.folder)
+        return load(error.folder)
+    if found.folder.name == robot:
+        _say(robot, found.origin, found.folder)
+    return load(found.folder)
+
+
+def _say(robot: str, origin: str, folder: Path) -> None:
+    sys.stderr.write(f"{program().split()[-1]}: robot '{robot}' of {origin}: {folder}\n")
+
+
+def _agreed(error: ForeignRobotError) -> bool:
+    """Whether the user runs the code of a folder: by an answer at the terminal."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    return typer.confirm(
+        f"'{error.folder}' was not built by you. Run its code?", default=False, err=True
+    )

@@ -1,0 +1,84 @@
+"""Libraries that `symgen build` of this user has made: the only compiled files that are opened.
+
+A compiled library runs as soon as it is opened, and a folder from elsewhere may hold any library
+beside a matching build.json. `symgen build` therefore writes one record per library,
+<folder of records>/<SHA-256 of the library>.json with `robot` and `folder`. The folder of records
+is $SYMGEN_BUILDS, else that of the user's data. Records that another user could have written do not
+count.
+"""
+
+import os
+import re
+import stat
+from pathlib import Path
+
+import platformdirs
+
+from runtime.files import json_of
+
+NAME = re.compile(r"[a-z][a-z0-9_]*")
+"""Name of a robot; any other word is the path of a folder."""
+
+
+def is_own(path: Path) -> bool:
+    """Whether nobody but this user, the administrator and the user's own group can change a path.
+
+    Args:
+        path: file or folder; a link is judged itself, not its target.
+
+    Returns:
+        False also where it does not exist.
+    """
+    try:
+        facts = path.lstat()
+    except OSError:
+        return False
+    of_group = facts.st_mode & stat.S_IWGRP and facts.st_gid != os.getegid()
+    return facts.st_uid in {os.getuid(), 0} and not (facts.st_mode & stat.S_IWOTH or of_group)
+
+
+def is_own_build(library: Path, sha256: str) -> bool:
+    """Whether this user compiled a library.
+
+    Args:
+        library: the compiled file.
+        sha256: of its bytes.
+
+    Returns:
+        False also where another user could replace the file.
+    """
+    records = records_folder()
+    record = records / f"{sha256}.json"
+    return is_own(library.resolve()) and is_own(records) and is_own(record)
+
+
+def built_folders(robot: str) -> list[Path]:
+    """Folders in which this user has built a robot of a name, the last build first.
+
+    Args:
+        robot: name.
+
+    Returns:
+        Folders that still hold a manifest.
+    """
+    records = records_folder()
+    if not is_own(records):
+        return []
+    folders = []
+    for path in records.glob("*.json"):
+        try:
+            facts, written = json_of(path), path.stat().st_mtime
+            if is_own(path) and facts["robot"] == robot:
+                folders.append((written, Path(facts["folder"])))
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # a record that is being replaced, or a damaged one
+    found = dict.fromkeys(folder for _, folder in sorted(folders, reverse=True))
+    return [folder for folder in found if (folder / "manifest.json").is_file()]
+
+
+def records_folder() -> Path:
+    """Folder of the records."""
+    chosen = os.environ.get("SYMGEN_BUILDS", "")
+    if chosen:
+        return Path(chosen).expanduser().absolute()
+    return platformdirs.user_data_path("symgen") / "builds"

@@ -197,7 +197,7 @@ def test_a_notebook_runs(name: str, tmp_path: Path, fr3, monkeypatch: pytest.Mon
     client.execute()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     shown = ESCAPE.sub("", "".join(output.get("text", "") for output in outputs))
-    words = {"own-robot": "links: all 2 physically consistent", "payload": "found 1.00"}[name]
+    words = {"own-robot": "links: all 2 physically consistent", "payload": "identified 1.00"}[name]
     assert words in " ".join(shown.split())
     tables = [output.get("data", {}).get("text/html", "") for output in outputs]
     assert sum("<table>" in table for table in tables) == 1  # the result shows itself

@@ -99,7 +99,7 @@ def test_blocks_run(page, desk, monkeypatch, capsys):
     monkeypatch.chdir(desk)
     printed = run_all(page, capsys)
     if page.name == "payload.md":
-        assert "found 1.000" in printed
+        assert "identified 1.000" in printed
     if page.name == "when-to-stop.md":
         assert "kg on link 7" in printed
     if page.name == "index.md":

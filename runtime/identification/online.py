@@ -1,9 +1,9 @@
-"""Identification while the robot moves: a triangle of fixed size, and from it the latest model.
+"""Online identification: a triangular factor of fixed size, and from it the present model.
 
     RᵀR ← ϑ RᵀR + [F Y_b τ]ᵀ W [F Y_b τ]      one rank-n update per sample, ϑ the forgetting factor
 
-Every so many samples the most probable consistent model follows, warm started from the last one,
-with γ = κ s²/N and N = Σ ϑⁱ. With ϑ = 1 a replayed log gives what the whole log gives at once.
+After every fixed number of samples the most probable consistent model is computed, started from the
+last one, with γ = κ s²/N and N = Σ ϑⁱ. With ϑ = 1 a replayed log gives the result of the whole log.
 The same in plain C is `<robot>_online_*` (generated/<robot>/online.c), without friction columns.
 """
 
@@ -37,9 +37,10 @@ from runtime.library import Array, ConvexTask, Library
 from runtime.parallel import one_blas_thread
 
 DECREMENT, MOST_STEPS = 1e-12, 50
-"""Newton's end in units of γ: 1e-5 of a standard deviation from the minimum, whatever the start."""
+"""Newton's tolerance in units of γ, 1e-5 of a standard deviation from the minimum, and its limit of
+steps."""
 PERFECT = 1e-12
-"""Squared noise relative to the torque's size below which data count as exact."""
+"""Squared noise over squared torque below which data count as exact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +48,14 @@ class OnlineEstimate:
     """The model after some samples.
 
     Attributes:
-        pi: (10 n,), every body exists strictly.
-        phi: friction coefficients (n, k).
-        samples: N, forgotten ones not counted.
-        rejected: samples left out because they were not finite.
-        variance: s² of the weighted residual, 1 where the weights are right.
-        steps: of Newton.
-        converged: whether these were enough.
-        status: a sentence.
+        pi: standard parameters, (10 n,), strictly consistent.
+        phi: friction coefficients, (n, k).
+        samples: N, less the forgotten ones.
+        rejected: number of samples left out because they were not finite.
+        variance: s² of the weighted residual; 1 where the weights are 1/σ².
+        steps: number of Newton steps.
+        converged: whether Newton reached its tolerance.
+        status: one sentence.
     """
 
     pi: Array
@@ -68,19 +69,19 @@ class OnlineEstimate:
 
 
 class OnlineEstimator:
-    """RᵀR ← ϑ RᵀR + [F Y_b τ]ᵀ W [F Y_b τ] with every sample, and the model of it now and then.
+    """RᵀR ← ϑ RᵀR + [F Y_b τ]ᵀ W [F Y_b τ] with every sample; the model after every few.
 
     Args:
-        lib: of the robot.
+        lib: library of the robot.
         weights: diagonal of W, (n,), best 1/σ_j² of the torque sensors; None for ones.
-        columns: k, friction columns per joint that come with the samples.
-        forgetting: ϑ per sample, in (0, 1]; 0.999 at 100 Hz remembers ten seconds.
-        every: samples between two models.
-        kappa: trust in the first guess, 16 for a URDF from CAD.
-        first: π of the first guess, default the URDF's.
+        columns: k, number of friction columns per joint that come with the samples.
+        forgetting: ϑ per sample, in (0, 1]; 0.999 at 100 Hz has a memory of ten seconds.
+        every: number of samples between two models.
+        kappa: weight of the first guess, 16 for a URDF from CAD.
+        first: π of the first guess, (10 n,); None is the URDF's.
 
     Raises:
-        IdentificationError: an option that makes no estimator.
+        IdentificationError: an argument is out of its range.
     """
 
     def __init__(
@@ -101,7 +102,8 @@ class OnlineEstimator:
             )
         if every < 1 or not kappa > 0 or columns < 0:
             raise IdentificationError(
-                f"expected every ≥ 1, κ above 0 and columns ≥ 0, got {every}, {kappa} and {columns}"
+                f"expected every ≥ 1, κ > 0 and columns ≥ 0, got {every}, {kappa} and {columns}; "
+                "correct them"
             )
         n = lib.n_joints
         self._lib, self._columns = lib, columns
@@ -120,7 +122,7 @@ class OnlineEstimator:
 
     @property
     def statistics(self) -> Statistics:
-        """All samples so far, the old ones as far as they are not forgotten."""
+        """Factor of all samples so far, old ones with their forgetting."""
         lib = self._lib
         return from_triangle(
             self._triangle.copy(), self._count, lib.base_matrix, lib.manifest.model_hash
@@ -134,11 +136,20 @@ class OnlineEstimator:
         tau: ArrayLike,
         columns: ArrayLike | None = None,
     ) -> OnlineEstimate | None:
-        """Take one sample (n,) or several (N, n) in; the newest model if one was due.
+        """Add one sample or several; samples that are not finite are left out and counted.
+
+        Args:
+            q: (n,) or (N, n) joint positions [rad, m].
+            dq: joint velocities of the same shape [rad/s, m/s].
+            ddq: joint accelerations of the same shape [rad/s², m/s²].
+            tau: joint torques of the same shape [N·m, N].
+            columns: (N, n, k) friction columns; None without friction.
+
+        Returns:
+            The latest model if one was due, else None.
 
         Raises:
-            IdentificationError: shapes that do not fit. Values that are not finite are left out
-                and counted.
+            IdentificationError: the shapes do not fit.
         """
         s = self._samples(q, dq, ddq, tau, columns)
         latest, done = None, 0
@@ -155,46 +166,51 @@ class OnlineEstimator:
 
     @one_blas_thread
     def estimate(self) -> OnlineEstimate:
-        """The most probable consistent model of what was seen so far."""
+        """The most probable consistent model of the samples so far."""
         lib, statistics = self._lib, self.statistics
         unknowns = len(self._triangle) - 1
         if self._count * lib.n_joints < unknowns + 1:
-            return self._told(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
+            return self._estimate_of(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
         data, eliminated = reduce(statistics, lib.n_joints)
         size = float(statistics.target @ statistics.target) / self._count
         gamma = self._kappa * max(data.variance, PERFECT * size) / self._count
         if not gamma > 0:
-            return self._told(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
+            return self._estimate_of(np.zeros((lib.n_joints, self._columns)), 0.0, 0, False)
         problem = convex_problem(data, self._prior, gamma)
         if lib.solves_convex:
             self._pi, steps, converged = self._newton(problem)
         else:
-            found = minimise(problem, self._pi)
-            self._pi, steps, converged = found.pi, found.steps, found.converged
+            minimum = minimise(problem, self._pi)
+            self._pi, steps, converged = minimum.pi, minimum.steps, minimum.converged
         phi = eliminated.phi(self._pi).reshape(lib.n_joints, self._columns)
-        return self._told(phi, data.variance, steps, converged)
+        return self._estimate_of(phi, data.variance, steps, converged)
 
     def gain_of_recording(self, seconds: float, rate_hz: float) -> GainOfRecording:
-        """What some more seconds of the same motion will bring, from the running statistics.
+        """Gain of some more seconds of the same motion.
 
-        The information so far grows in proportion to the samples, N(t + s) / N(t), and with
-        ϑ < 1 only as far as 1/(1 − ϑ) samples are remembered. Residuals count as white.
+        The information grows in proportion to the samples, N(t + s) / N(t); with ϑ < 1 it is
+        bounded by the memory of 1/(1 − ϑ) samples. Residuals count as white.
 
         Args:
-            seconds: of recording.
-            rate_hz: of the samples.
+            seconds: further recording time, s.
+            rate_hz: rate of the samples, Hz.
+
+        Returns:
+            Gain of every link, centre of mass, inertia and base parameter.
 
         Raises:
-            IdentificationError: no time, or too few samples to know anything.
+            IdentificationError: the time or the rate is not above 0, or there are fewer equations
+                than unknowns.
         """
         if not (0 < seconds < np.inf and 0 < rate_hz < np.inf):
             raise IdentificationError(
-                f"expected seconds and a rate above 0, got {seconds:g} s and {rate_hz:g} Hz"
+                f"expected seconds and a rate above 0, got {seconds:g} s and {rate_hz:g} Hz; "
+                "correct them"
             )
         if self._count * self._lib.n_joints < len(self._triangle):
             raise IdentificationError(
-                f"{self._count:g} samples say nothing yet of {len(self._triangle) - 1} unknowns; "
-                "add more before asking what others are worth"
+                f"{self._count:g} samples do not determine {len(self._triangle) - 1} unknowns; add "
+                "more before the gain of further ones is computed"
             )
         statistics, keep = self.statistics, self._forgetting
         fresh = seconds * rate_hz
@@ -209,14 +225,21 @@ class OnlineEstimator:
         return gained(now, later, seconds, "the same motion")
 
     def advice(self, rate_hz: float, seconds: Sequence[float] = SECONDS) -> str:
-        """One sentence while recording: what improves by over 10 % and how soon, or 'stop'.
+        """One sentence while recording: values that still improve by 10 %, or "stop".
 
-        It takes for granted that the motion goes on as so far (`gain_of_recording`).
+        The motion is assumed to continue in the same way (`gain_of_recording`).
+
+        Args:
+            rate_hz: rate of the samples, Hz.
+            seconds: further recording times to evaluate, s.
+
+        Returns:
+            The sentence.
         """
         return verdict([self.gain_of_recording(each, rate_hz) for each in seconds])
 
     def _newton(self, problem: ConvexProblem) -> tuple[Array, int, bool]:
-        """The compiled steps, further than a batch needs: the start must leave no trace."""
+        """Compiled Newton steps, to a tolerance at which the start has no effect on the result."""
         data = problem.data
         task = ConvexTask(
             data.factor,
@@ -231,15 +254,17 @@ class OnlineEstimator:
         (answer,) = self._lib.convex([task], DECREMENT, MOST_STEPS).run()
         return answer.points[0], int(answer.steps.sum()), answer.converged
 
-    def _told(self, phi: Array, variance: float, steps: int, converged: bool) -> OnlineEstimate:
+    def _estimate_of(
+        self, phi: Array, variance: float, steps: int, converged: bool
+    ) -> OnlineEstimate:
         if converged:
             status = f"converged after {steps} Newton steps"
         elif steps:
             status = "not converged; check units and outliers of the torque"
         else:
-            status = "too few samples or no torque yet: this is the first guess"
+            status = "too few samples, or no torque yet: this is the first guess"
         if self._rejected:
-            status += f"; {self._rejected} samples were not finite and left out"
+            status += f"; {self._rejected} samples were not finite and were left out"
         return OnlineEstimate(
             self._pi.copy(), phi, self._count, self._rejected, variance, steps, converged, status
         )
@@ -259,8 +284,8 @@ class OnlineEstimator:
             for state in zip(rows.q, rows.dq, rows.ddq, rows.tau, strict=True):
                 update(self._triangle, keep, *state, self._weights)
         else:
-            own = keep ** np.arange(count - 1, -1, -1.0)
-            fresh = compress(lib, rows, self._weights, own, threads=1)
+            forgotten = keep ** np.arange(count - 1, -1, -1.0)
+            fresh = compress(lib, rows, self._weights, forgotten, threads=1)
             self._triangle = self.statistics.scaled(keep**count).merged(fresh).triangle()
         ages = keep ** np.arange(count)
         self._count = keep**count * self._count + float(ages.sum())

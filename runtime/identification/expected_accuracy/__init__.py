@@ -1,4 +1,4 @@
-"""What a motion will tell of a robot, and what recording more of it would still improve."""
+"""Expected standard deviations of a planned or recorded motion, and the gain of recording more."""
 
 from runtime.identification.expected_accuracy.expected import (
     Expected,

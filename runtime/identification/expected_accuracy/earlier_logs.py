@@ -1,7 +1,7 @@
-"""What earlier logs tell already: G₀ for a sequential design.
+"""Information of earlier logs, G₀, for a sequential design.
 
-G₀ = Σ Y_bᵀ diag(σ⁻²) Y_b over the samples of the logs, less what friction takes of it (the Schur
-complement of its columns, by orthogonal transformations): an inverse covariance of β.
+G₀ = Σ Y_bᵀ diag(σ⁻²) Y_b over the samples of the logs, less the part that friction explains (the
+Schur complement of its columns, by orthogonal transformations). G₀ is an inverse covariance of β.
 """
 
 from collections.abc import Sequence
@@ -24,16 +24,19 @@ def information_of_logs(
     noise: Array,
     friction: tuple[str, ...] = FRICTION,
 ) -> Array:
-    """G₀ over β, (n_b, n_b).
+    """Information G₀ on β in earlier logs.
 
     Args:
-        lib: of the robot.
-        recordings: as read, or prepared; each with friction of its own.
+        lib: library of the robot.
+        recordings: logs as read, or prepared; each has separate friction coefficients.
         noise: σ of the torque, (n,) N·m or N.
-        friction: its columns where a log brings none and its recipe names none.
+        friction: columns where neither the log nor its recipe has any.
+
+    Returns:
+        (n_b, n_b) G₀.
 
     Raises:
-        RuntimeFault: a log does not fit.
+        RuntimeFault: a log does not fit the robot, or has no sample left.
     """
     total = np.zeros((len(lib.base_columns),) * 2)
     for recording in recordings:
@@ -47,9 +50,10 @@ def information_of_logs(
                 f"the log '{recording.name}' has no samples left after its preparation; "
                 "leave out this --earlier-log"
             )
-        found = compress(lib, samples, 1 / noise**2)
-        size = len(found.target)
-        # The columns of β come last in the triangle: their block is what friction leaves.
-        own = found.triangle()[size - found.n_base : size, size - found.n_base : size]
-        total += own.T @ own
+        statistics = compress(lib, samples, 1 / noise**2)
+        size = len(statistics.target)
+        # The columns of β come last in the triangle: their block is the Schur complement.
+        first = size - statistics.n_base
+        block = statistics.triangle()[first:size, first:size]
+        total += block.T @ block
     return total

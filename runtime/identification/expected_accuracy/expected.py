@@ -1,11 +1,11 @@
 """Standard deviations that identification will reach with given samples.
 
-    least squares:  C_β = (A_bᵀ A_b)⁻¹ u           A = what friction leaves of W^½ [Y_b K]
+    least squares:  C_β = (A_bᵀ A_b)⁻¹ u           A: W^½ [Y_b K] less its part along friction
     MAP:            C_π = (AᵀA / u + κ B)⁻¹        B: curvature of the entropic prior
     payload:        (A_kᵀ A_k)⁻¹ u                 A_k: ten columns of the last link, offsets free
 
-W = diag σ⁻² and u = N / N_eff, what correlated residuals take of the information; u is smaller in
-proportion where the same motion goes on. Earlier logs are further rows over β.
+W = diag σ⁻². u = N / N_eff is the variance inflation by correlated residuals; it decreases in
+proportion to the time for which the same motion continues. Earlier logs are further rows over β.
 """
 
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ from runtime.recording.friction import OFFSET
 
 @dataclass(frozen=True, slots=True)
 class Knowledge:
-    """What is believed before the motion.
+    """Knowledge before the motion.
 
     Attributes:
-        prior: around which bodies.
-        pi: where its curvature is taken, (10 n,); bodies that exist strictly.
-        kappa: trust in it.
-        earlier: G₀ over β of earlier logs, (n_b, n_b); None is nothing.
-        payload_only: the arm is known, but not what the last link carries.
+        prior: inertial prior.
+        pi: parameters at which its curvature is taken, (10 n,), strictly consistent.
+        kappa: weight of the prior.
+        earlier: information G₀ on β of earlier logs, (n_b, n_b); None for none.
+        payload_only: True when the arm is known and only the payload of the last link is not.
     """
 
     prior: Prior
@@ -44,25 +44,26 @@ class Knowledge:
 
     @classmethod
     def of(cls, lib: Library) -> "Knowledge":
-        """The URDF alone."""
+        """Knowledge of the URDF alone."""
         prior = prior_of(lib)
         return cls(prior, prior.centre)
 
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What will be known; all are standard deviations.
+    """Expected standard deviations after the motion.
 
     Attributes:
-        base: of β by least squares, (n_b,) SI; None where the motion cannot tell all of them.
-        base_map: of β by MAP, (n_b,).
-        relative: base_map over the size of β.
-        pi: of π by MAP, (10 n,).
+        base: of β by least squares, (n_b,) SI; None where the motion does not determine all of β.
+        base_map: of β by MAP, (n_b,) SI.
+        relative: base_map over the size of β, (n_b,).
+        pi: of π by MAP, (10 n,) SI.
         share: posterior over prior variance of π, (10 n,), in (0, 1].
-        com: of centres of mass by MAP, (n, 3) m.
-        root: of the covariance of π.
-        payload: of ten parameters of a payload on a known arm, (10,); None where it stays untold.
-        payload_com: of its centre of mass, (3,) m.
+        com: of the centres of mass by MAP, (n, 3) m.
+        root: root of the covariance of π, (10 n, 10 n).
+        payload: of the ten parameters of a payload on a known arm, (10,) SI; None where the motion
+            does not determine them.
+        payload_com: of the centre of mass of the payload, (3,) m.
     """
 
     base: Array | None
@@ -76,33 +77,47 @@ class Expected:
     payload_com: Array | None
 
     def torque(self, lib: Library, unseen: Array) -> Array:
-        """RMS over unseen motions of the MAP model's torque error per joint, (n,) N·m or N.
+        """RMS torque error of the MAP model over other motions.
 
-        `unseen` is `runtime.excitation.search.unseen_motions.unseen_joints`.
+        Args:
+            lib: library of the robot.
+            unseen: (n, n_b, n_b) mean of Y_bᵀ Y_b per joint over these motions, of
+                `runtime.excitation.search.unseen_motions.unseen_joints`.
+
+        Returns:
+            (n,) expected error per joint [N·m, N].
         """
         over_base = lib.base_matrix @ self.root
-        return np.sqrt([np.sum(over_base * (own @ over_base)) for own in unseen])
+        return np.sqrt([np.sum(over_base * (joint @ over_base)) for joint in unseen])
 
     def by_name(self, lib: Library, payload_only: bool = False) -> dict[str, float]:
-        """One number per thing that one wants to know: payload, links, base parameters."""
-        told = {}
+        """Standard deviations with names: payload, links, base parameters.
+
+        Args:
+            lib: library of the robot.
+            payload_only: True leaves out links and base parameters.
+
+        Returns:
+            Name → σ in SI units; of vectors the norm.
+        """
+        named = {}
         if self.payload is not None and self.payload_com is not None:
-            told[PAYLOAD_MASS] = float(mass(self.payload))
-            told["payload CoM"] = float(np.linalg.norm(self.payload_com))
+            named[PAYLOAD_MASS] = float(mass(self.payload))
+            named["payload CoM"] = float(np.linalg.norm(self.payload_com))
             if payload_only:
-                told["payload inertia"] = float(np.linalg.norm(inertia(self.payload)))
+                named["payload inertia"] = float(np.linalg.norm(inertia(self.payload)))
         if payload_only:
-            return told
+            return named
         rows = zip(lib.link_names, links(self.pi), self.com, strict=True)
-        for link, own, com in rows:
-            told[f"mass of {link}"] = float(mass(own))
-            told[f"CoM of {link}"] = float(np.linalg.norm(com))
-            told[f"inertia of {link}"] = float(np.linalg.norm(inertia(own)))
-        return told | dict(zip(base_names(lib), self.base_map.tolist(), strict=True))
+        for link, sigma, com in rows:
+            named[f"mass of {link}"] = float(mass(sigma))
+            named[f"CoM of {link}"] = float(np.linalg.norm(com))
+            named[f"inertia of {link}"] = float(np.linalg.norm(inertia(sigma)))
+        return named | dict(zip(base_names(lib), self.base_map.tolist(), strict=True))
 
 
 def base_names(lib: Library) -> tuple[str, ...]:
-    """Every base parameter by the standard one it is regrouped around."""
+    """Names of the base parameters, by the standard parameter that each is regrouped around."""
     places = [divmod(column, N_PARAMETERS) for column in lib.base_columns]
     return tuple(f"base {PI_NAMES[k]} of {lib.link_names[link]}" for link, k in places)
 
@@ -114,14 +129,17 @@ def expected(
     unit: float = 1.0,
     columns: tuple[str, ...] | None = None,
 ) -> Expected:
-    """Standard deviations by samples whose rows stand over their noise.
+    """Standard deviations that identification reaches with given samples.
 
     Args:
-        lib: of the robot.
-        statistics: of the samples; W is 1/σ², their torque counts for nothing.
-        known: before them.
+        lib: library of the robot.
+        statistics: factor of the samples with W = diag σ⁻²; their torque is not used.
+        known: knowledge before the samples.
         unit: u, the variance of a weighted row with its inflation.
-        columns: names of the friction columns per joint; with None nobody asks for a payload.
+        columns: names of the friction columns per joint; None leaves out the payload.
+
+    Returns:
+        Expected standard deviations in SI units.
     """
     whole = _rows(lib, statistics, known.earlier, unit)
     base = covariance_of_rows(whole[:, list(lib.base_columns)])
@@ -135,7 +153,7 @@ def expected(
         relative=base_map / sizes(lib, information(lib)),
         pi=np.linalg.norm(spread.root, axis=1),
         share=spread.share,
-        com=np.array([own for own in com if own is not None]),
+        com=np.array([each for each in com if each is not None]),
         root=spread.root,
         payload=None if payload is None else np.sqrt(np.diag(payload)),
         payload_com=None if payload is None else payload_sigma(payload)[1],
@@ -143,14 +161,14 @@ def expected(
 
 
 def covariance_of_rows(rows: Array) -> Array | None:
-    """(AᵀA)⁻¹, or None where A has no full rank to rounding."""
+    """(AᵀA)⁻¹ of rows A, None where A is rank deficient to rounding."""
     return covariance(rows.T @ rows)
 
 
 def _payload(
     lib: Library, statistics: Statistics, known: Knowledge, unit: float, columns: tuple[str, ...]
 ) -> Array | None:
-    """Covariance of the last link's ten: friction is the known arm's, sensors drift."""
+    """Covariance of the ten parameters of the last link, with known friction and free offsets."""
     frozen = np.array([name != OFFSET.name for name in columns] * lib.n_joints, dtype=bool)
     earlier = known.earlier if known.payload_only else None
     return covariance_of_rows(
@@ -169,39 +187,48 @@ def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: flo
     return np.vstack([rows, root @ lib.base_matrix])
 
 
-def facts(found: Expected, lib: Library, payload_only: bool = False) -> dict[str, object]:
-    """For JSON files, SI."""
+def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str, object]:
+    """Standard deviations for JSON files.
+
+    Args:
+        sigma: expected standard deviations.
+        lib: library of the robot.
+        payload_only: True leaves out links and base parameters.
+
+    Returns:
+        JSON-ready values in SI units.
+    """
     payload = None
-    if found.payload is not None and found.payload_com is not None:
+    if sigma.payload is not None and sigma.payload_com is not None:
         payload = {
-            "mass": float(mass(found.payload)),
-            "com": found.payload_com.tolist(),
-            "pi": found.payload.tolist(),
+            "mass": float(mass(sigma.payload)),
+            "com": sigma.payload_com.tolist(),
+            "pi": sigma.payload.tolist(),
         }
     if payload_only:
         return {"payload": payload}
     rows = zip(
         lib.link_names,
-        links(found.pi),
-        found.com,
-        links(found.share),
+        links(sigma.pi),
+        sigma.com,
+        links(sigma.share),
         strict=True,
     )
     return {
         "base_parameters": {
             "names": list(base_names(lib)),
-            "least_squares": None if found.base is None else found.base.tolist(),
-            "map": found.base_map.tolist(),
-            "map_relative": found.relative.tolist(),
+            "least_squares": None if sigma.base is None else sigma.base.tolist(),
+            "map": sigma.base_map.tolist(),
+            "map_relative": sigma.relative.tolist(),
         },
         "links": {
             name: {
-                "mass": float(mass(own)),
+                "mass": float(mass(each)),
                 "com": com.tolist(),
-                "inertia": inertia(own).tolist(),
+                "inertia": inertia(each).tolist(),
                 "share_of_prior_variance": share.tolist(),
             }
-            for name, own, com, share in rows
+            for name, each, com, share in rows
         },
         "payload": payload,
     }

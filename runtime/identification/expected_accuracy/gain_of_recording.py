@@ -1,31 +1,32 @@
-"""Is it worth while to record more? σ now against σ after some more seconds, by name.
+"""Gain of recording more: σ after further seconds over σ now, by name.
 
     gain = 1 − σ_after / σ_now
 
-The same motion again adds as much information per second as it has so far: information grows in
-proportion to time, and σ of what the data decide falls like 1/√t. Another motion adds its own.
+The same motion again adds information at the same rate: information grows in proportion to time,
+and σ of parameters that the data determine decreases like 1/√t. Another motion has another rate.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 WORTHWHILE = 0.10
-"""Gain above which more recording is worth while."""
+"""Gain above which further recording is recommended."""
 SECONDS = (10.0, 30.0, 60.0)
-"""Asked for by default."""
+"""Further recording times that are evaluated by default, s."""
 PAYLOAD_MASS = "payload mass"
-"""Told first where it gains."""
+"""Name that is listed first where it gains."""
 _NAMED = 3
+"""Number of names in a sentence."""
 
 
 @dataclass(frozen=True, slots=True)
 class GainOfRecording:
-    """What some more seconds bring.
+    """Gain of some more seconds of recording.
 
     Attributes:
-        seconds: of recording.
-        motion: what is recorded, "the same motion" or a name.
-        gains: by name, 0 is nothing and 1 perfect knowledge; the largest first.
+        seconds: further recording time, s.
+        motion: "the same motion", or the name of another one.
+        gains: name → 1 − σ_after/σ_now; 0 is no gain, 1 is exact knowledge; the largest first.
     """
 
     seconds: float
@@ -34,12 +35,12 @@ class GainOfRecording:
 
     @property
     def gaining(self) -> tuple[str, ...]:
-        """Names of what gains more than `WORTHWHILE`."""
+        """Names whose gain exceeds `WORTHWHILE`."""
         return tuple(name for name, gain in self.gains.items() if gain > WORTHWHILE)
 
     @property
     def sentence(self) -> str:
-        """What improves, and by how much."""
+        """One sentence on the values that improve, and by how much."""
         if not self.gaining:
             name, gain = next(iter(self.gains.items()))
             return (
@@ -58,17 +59,27 @@ class GainOfRecording:
 def gained(
     now: Mapping[str, float], later: Mapping[str, float], seconds: float, motion: str
 ) -> GainOfRecording:
-    """Gains by name; what is told only later has gained all."""
+    """Gains between two sets of standard deviations.
+
+    Args:
+        now: name → σ.
+        later: name → σ after the further recording.
+        seconds: further recording time, s.
+        motion: "the same motion", or a name.
+
+    Returns:
+        The gains; 1 for a name that `now` lacks, because the data did not determine it.
+    """
     gains = {name: 1.0 - after / now[name] if name in now else 1.0 for name, after in later.items()}
     # Gains that differ by rounding keep the order of the names.
     order = sorted(gains, key=lambda name: -round(gains[name], 3))
     return GainOfRecording(seconds, motion, {name: gains[name] for name in order})
 
 
-def verdict(worths: Sequence[GainOfRecording]) -> str:
-    """One sentence on the shortest that is worth while, else on the longest: go on, or stop."""
-    in_time = sorted(worths, key=lambda worth: worth.seconds)
-    best = next((worth for worth in in_time if worth.gaining), in_time[-1])
+def verdict(gains: Sequence[GainOfRecording]) -> str:
+    """One sentence on the shortest time with a gain, else on the longest: go on, or stop."""
+    in_time = sorted(gains, key=lambda gain: gain.seconds)
+    best = next((gain for gain in in_time if gain.gaining), in_time[-1])
     return f"{best.sentence}: {'go on' if best.gaining else 'stop'}"
 
 

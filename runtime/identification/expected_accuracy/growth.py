@@ -1,4 +1,4 @@
-"""How σ falls while a motion is recorded."""
+"""Standard deviations over the recording time of a motion."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,9 @@ from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
 
 KNOTS = 24
-"""Instants, closer together in the beginning, where most is learned."""
+"""Number of instants; they are closer together at the beginning, where σ decreases fastest."""
 SOONEST = 0.02
-"""Share of the motion at which the first one lies."""
+"""First instant, as a share of the motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,15 +20,16 @@ class Growth:
     """Standard deviations over recording time.
 
     Attributes:
-        robot, motion: names.
-        links: names of the bodies.
-        seconds: (k,).
-        recorded: s of the motion itself; what is later is `further`.
-        further: what follows, "the same motion" or a name.
-        masses: σ by MAP, (k, n) kg.
+        robot: name of the robot.
+        motion: name of the motion.
+        links: names of the links.
+        seconds: recording times, (k,) s.
+        recorded: duration of the motion itself, s; later instants belong to `further`.
+        further: "the same motion", or the name of the one that follows.
+        masses: σ of the link masses by MAP, (k, n) kg.
         worst: largest relative σ of a base parameter by MAP, (k,).
-        worst_name: which one it is in the end.
-        payload: σ of a payload's mass, (k,) kg, infinite as long as nothing is told of it.
+        worst_name: name of that base parameter at the end.
+        payload: σ of the mass of a payload, (k,) kg; infinite while it is not determined.
     """
 
     robot: str
@@ -54,19 +55,33 @@ def growth(
     more: MotionSamples | None = None,
     until: float = 0.0,
 ) -> Growth:
-    """σ at instants of the motion, and `until` s after its end with more of this or another one."""
+    """Standard deviations at instants of a motion and after its end.
+
+    Args:
+        lib: library of the robot.
+        moved: samples of the motion.
+        noise: σ of the torque, (n,) N·m or N.
+        known: knowledge before the motion.
+        unit: u, the variance of a weighted row with its inflation.
+        names: names of the base parameters.
+        more: motion that follows; None repeats the same one.
+        until: time after the end of the motion, s.
+
+    Returns:
+        σ over time.
+    """
     length = moved.seconds
     within = np.geomspace(SOONEST * length, length, KNOTS)
     beyond = length + np.linspace(0.0, until, KNOTS // 2 + 1)[1:] if until else np.zeros(0)
     whole = moved.statistics(lib, noise)
-    found = []
+    sigmas = []
     for now in (*within, *beyond):
         if now <= length:
-            told = moved.statistics(lib, noise, now)
+            statistics = moved.statistics(lib, noise, now)
         else:
-            told = whole.merged((more or moved).statistics(lib, noise, now - length))
-        found.append(expected(lib, told, known, unit, moved.columns))
-    last = int(np.argmax(found[-1].relative))
+            statistics = whole.merged((more or moved).statistics(lib, noise, now - length))
+        sigmas.append(expected(lib, statistics, known, unit, moved.columns))
+    last = int(np.argmax(sigmas[-1].relative))
     return Growth(
         robot=lib.name,
         motion=moved.name,
@@ -74,10 +89,10 @@ def growth(
         seconds=np.concatenate([within, beyond]),
         recorded=length,
         further=more.name if more is not None else "the same motion",
-        masses=np.array([mass(links(one.pi)) for one in found]),
-        worst=np.array([one.relative.max() for one in found]),
+        masses=np.array([mass(links(one.pi)) for one in sigmas]),
+        worst=np.array([one.relative.max() for one in sigmas]),
         worst_name=names[last],
         payload=np.array(
-            [np.inf if one.payload is None else float(mass(one.payload)) for one in found]
+            [np.inf if one.payload is None else float(mass(one.payload)) for one in sigmas]
         ),
     )

@@ -1,4 +1,4 @@
-"""A motion that was planned or recorded, as the samples that identification would take from it."""
+"""Samples that identification takes from a planned or recorded motion."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from runtime.recording.plausibility import require_motion, require_plausible
 from runtime.recording.preprocessing import prepare
 
 STILL = 1e-3
-"""Range in rad or m within which a joint stands still."""
+"""Range [rad or m] below which a joint does not move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +25,12 @@ class MotionSamples:
     """Samples of a motion, equally spaced in time.
 
     Attributes:
-        name: of the file.
-        samples: τ is 0 where none was measured.
-        terms: friction columns asked for.
-        columns: names of those that there are; some recordings bring their own.
-        rate: Hz.
-        measured: τ is a measured torque.
+        name: name of the file.
+        samples: prepared samples; τ is 0 where none was measured.
+        terms: requested friction columns.
+        columns: names of the friction columns of the samples; a recording may contain others.
+        rate: rate of the samples, Hz.
+        measured: True when τ is a measured torque.
     """
 
     name: str
@@ -42,26 +42,33 @@ class MotionSamples:
 
     @property
     def seconds(self) -> float:
-        """How long it takes: every sample stands for 1/rate."""
+        """Duration [s]; every sample counts 1/rate."""
         return len(self.samples) / self.rate
 
     def statistics(self, lib: Library, noise: Array, seconds: float | None = None) -> Statistics:
-        """Rows over their noise of the whole motion, or of its first seconds.
+        """Factor of the rows over their noise.
 
-        Beyond its end it begins again, as often as needed.
+        Args:
+            lib: library of the robot.
+            noise: σ of the torque, (n,) N·m or N.
+            seconds: duration that counts [s], None for the whole motion; beyond the end the motion
+                is repeated.
+
+        Returns:
+            Compressed samples.
         """
-        own = None
+        repeats = None
         if seconds is not None:
             rows, count = len(self.samples), round(seconds * self.rate)
-            own = np.full(rows, float(count // rows))
-            own[: count % rows] += 1.0
-        return compress(lib, self.samples, 1 / noise**2, own)
+            repeats = np.full(rows, float(count // rows))
+            repeats[: count % rows] += 1.0
+        return compress(lib, self.samples, 1 / noise**2, repeats)
 
     def require_columns(self, columns: tuple[str, ...]) -> None:
-        """Refuse to be joined to a motion with other friction columns.
+        """Refuse to follow a motion with other friction columns.
 
         Raises:
-            IdentificationError: so it is.
+            IdentificationError: the columns differ.
         """
         if self.columns != columns:
             raise IdentificationError(
@@ -72,12 +79,12 @@ class MotionSamples:
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """What residuals of a log say of its noise.
+    """Noise of a log, from the residuals of its most probable model.
 
     Attributes:
         sigma: s_j, (n,) N·m or N.
-        inflation: N / N_eff, of correlated residuals.
-        pi: most probable bodies, (10 n,).
+        inflation: N / N_eff of correlated residuals.
+        pi: parameters of the model, (10 n,).
     """
 
     sigma: Array
@@ -86,7 +93,17 @@ class Noise:
 
 
 def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:
-    """A trajectory at times t as a recording without torque."""
+    """A trajectory as a recording without torque.
+
+    Args:
+        trajectory: planned motion.
+        t: (N,) instants, s.
+        lib: library of the robot.
+        name: name of the recording.
+
+    Returns:
+        Positions, velocities and accelerations at t.
+    """
     q, dq, ddq, _ = trajectory.at(lib, t)
     return Recording(t, q, dq, ddq, name=name, joint_names=lib.joint_names)
 
@@ -99,8 +116,17 @@ def motion_samples_of(
 ) -> MotionSamples:
     """Samples of a recording, prepared as for identification; its torque may be missing.
 
+    Args:
+        recording: as read, or prepared.
+        lib: library of the robot.
+        preparation: None is that of the recipe.
+        terms: friction columns where the recording has none.
+
+    Returns:
+        The samples.
+
     Raises:
-        RuntimeFault: no motion of this robot.
+        RuntimeFault: the recording does not fit the robot, or nothing moves.
     """
     measured = recording.tau is not None and bool(recording.tau.any())
     if measured:
@@ -110,17 +136,26 @@ def motion_samples_of(
         recording = recording.replace(tau=np.zeros_like(recording.q))
     if np.ptp(recording.q, axis=0).max() < STILL:
         raise IdentificationError(
-            f"nothing moves in '{recording.name}': every joint keeps its place to {STILL:g}; "
+            f"nothing moves in '{recording.name}': every joint stays within {STILL:g} rad or m; "
             "give a motion (python -m runtime excite designs one)"
         )
-    own = (terms,) if recording.columns is None else ()
-    done = prepare(recording, preparation, *own, lib=lib)
+    added = (terms,) if recording.columns is None else ()
+    done = prepare(recording, preparation, *added, lib=lib)
     samples = samples_of(done, lib)
     return MotionSamples(recording.name, samples, terms, done.column_names, done.rate_hz, measured)
 
 
 def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | None:
-    """Noise of a log by the most probable model; None where there is no torque, or too little."""
+    """Noise of a log, from the residuals of the most probable model.
+
+    Args:
+        lib: library of the robot.
+        moved: samples of the log.
+        kappa: weight of the inertial prior.
+
+    Returns:
+        The noise; None without measured torque, or with fewer equations than unknowns.
+    """
     samples = moved.samples
     unknowns = len(lib.base_columns) + samples.columns[0].size
     if not moved.measured or samples.tau.size <= unknowns:

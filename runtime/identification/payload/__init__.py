@@ -1,4 +1,4 @@
-"""What hangs on the arm: ten unknowns of one body, the arm itself as it is known."""
+"""Identification of a payload: ten parameters of one body on an arm that is known."""
 
 from runtime.identification.payload.body import Body, body_of, pi_of_body
 from runtime.identification.payload.estimate import Payload, identify_payload

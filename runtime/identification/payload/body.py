@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of one body, with the covariance that π's gives them.
+"""Mass, centre of mass and inertia of one body, with the covariance propagated from that of π.
 
 c = h / m,   Σ_com = Σ − h hᵀ / m,   I_com = tr(Σ_com) 1 − Σ_com,   C_x = J C_π Jᵀ
 """
@@ -11,16 +11,16 @@ from runtime.estimators.convex import Bodies
 from runtime.library import Array
 
 NAMES = ("mass", "x", "y", "z", "xx", "yy", "zz", "xy", "xz", "yz")
-"""Of the ten values: kg, m ×3, kg·m² ×6, the inertia about the centre of mass."""
+"""Names of the ten values: kg, m ×3, kg·m² ×6, with the inertia about the centre of mass."""
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """One body in a frame.
+    """One body in one frame.
 
     Attributes:
-        mass: kg.
+        mass: mass, kg.
         com: centre of mass, (3,) m.
         inertia: about the centre of mass, axes of the frame, (3, 3) kg·m².
         covariance: of (mass, com, xx, yy, zz, xy, xz, yz), (10, 10).
@@ -38,12 +38,21 @@ class Body:
 
     @property
     def sigma(self) -> Array:
-        """Their standard deviations."""
+        """Standard deviations of the ten values."""
         return np.sqrt(np.diagonal(self.covariance))
 
 
 def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
-    """The body of π (10,), and the delta method for its covariance."""
+    """Mass, centre of mass and inertia from π, with their covariance by the delta method.
+
+    Args:
+        bodies: map from π to the pseudo-inertia of one body.
+        pi: (10,) [kg, kg·m ×3, kg·m² ×6].
+        covariance: of π, (10, 10).
+
+    Returns:
+        The body in the frame of π.
+    """
     P = bodies.pseudo_inertia(pi)[0]
     m, h = float(P[3, 3]), P[:3, 3]
     inertia = _about((P[:3, :3] - np.outer(h, h) / m)[None])[0]
@@ -52,7 +61,17 @@ def body_of(bodies: Bodies, pi: Array, covariance: Array) -> Body:
 
 
 def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array:
-    """π (10,) of a body from its mass, centre of mass and inertia about it: `body_of` undone."""
+    """π from mass, centre of mass and inertia, the inverse of `body_of`.
+
+    Args:
+        bodies: map from π to the pseudo-inertia of one body.
+        mass: kg.
+        com: centre of mass, (3,) m.
+        inertia: about the centre of mass, (3, 3) kg·m².
+
+    Returns:
+        (10,) π [kg, kg·m ×3, kg·m² ×6].
+    """
     P = np.zeros((4, 4))
     P[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia + mass * np.outer(com, com)
     P[:3, 3] = P[3, :3] = mass * com
@@ -62,7 +81,7 @@ def pi_of_body(bodies: Bodies, mass: float, com: Array, inertia: Array) -> Array
 
 
 def inertia_from_entries(entries: Array) -> Array:
-    """(3, 3) from xx, yy, zz, xy, xz, yz."""
+    """Symmetric (3, 3) from its entries xx, yy, zz, xy, xz, yz."""
     inertia = np.zeros((3, 3))
     for (i, j), value in zip(_ENTRIES, entries, strict=True):
         inertia[i, j] = inertia[j, i] = value
@@ -70,7 +89,15 @@ def inertia_from_entries(entries: Array) -> Array:
 
 
 def jacobian(bodies: Bodies, pi: Array) -> Array:
-    """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π, (10, 10)."""
+    """∂(mass, com, xx, yy, zz, xy, xz, yz)/∂π.
+
+    Args:
+        bodies: map from π to the pseudo-inertia of one body.
+        pi: (10,) [kg, kg·m ×3, kg·m² ×6].
+
+    Returns:
+        (10, 10) Jacobian.
+    """
     P, unit = bodies.pseudo_inertia(pi)[0], bodies.basis
     m, h = P[3, 3], P[:3, 3]
     dm, dh = unit[:, 3, 3], unit[:, :3, 3]

@@ -1,4 +1,4 @@
-"""The residual of an empty run at the instants of the loaded one: what is not the payload's."""
+"""Residual of an empty run at the instants of the loaded one: torque that is not the payload's."""
 
 from collections.abc import Sequence
 
@@ -9,20 +9,29 @@ from runtime.library import Array
 from runtime.recording import Recording
 
 LENGTH = 0.1
-"""Relative difference of the durations beyond which the runs are not of one trajectory."""
+"""Relative difference of the durations above which the runs are not the same trajectory."""
 APART = 0.05
-"""Largest distance of the positions, as a share of a joint's way; controllers keep within 1 %."""
-SMALLEST_WAY = 0.02
-"""Ways below this count as this, rad or m."""
+"""Largest distance of the positions over the travel of a joint; controllers stay within 1 %."""
+LEAST_TRAVEL = 0.02
+"""Smallest travel that the distance is related to, rad or m."""
 
 
 def empty_residual(
     loaded: Recording, empty: Recording, residual: Array, names: Sequence[str]
 ) -> Array:
-    """The empty run's residual (N₀, n), taken linearly to the loaded run's instants, (N, n).
+    """Interpolate the residual of the empty run at the instants of the loaded one.
+
+    Args:
+        loaded: prepared run with the payload, N samples.
+        empty: prepared run without it, N₀ samples.
+        residual: of the empty run, (N₀, n) N·m or N.
+        names: of the joints.
+
+    Returns:
+        (N, n) residual [N·m, N].
 
     Raises:
-        IdentificationError: the runs are of different length, or of different trajectories.
+        IdentificationError: durations or trajectories of the runs differ.
     """
     if abs(empty.duration - loaded.duration) > LENGTH * loaded.duration:
         raise IdentificationError(
@@ -34,13 +43,13 @@ def empty_residual(
     def at(values: Array) -> Array:
         return np.stack([np.interp(t, t0, column) for column in values.T], axis=1)
 
-    way = np.maximum(np.ptp(loaded.q, axis=0), SMALLEST_WAY)
-    apart = np.max(np.abs(at(empty.q) - loaded.q), axis=0) / way
+    travel = np.maximum(np.ptp(loaded.q, axis=0), LEAST_TRAVEL)
+    apart = np.max(np.abs(at(empty.q) - loaded.q), axis=0) / travel
     worst = int(np.argmax(apart))
     if apart[worst] > APART:
         raise IdentificationError(
-            f"the empty run takes another way: {names[worst]} is {100 * apart[worst]:.0f} % of its "
-            "way apart at the same time; record the same trajectory, started alike, or leave the "
-            "empty run out"
+            f"the empty run follows another trajectory: {names[worst]} differs by "
+            f"{100 * apart[worst]:.0f} % of its travel at the same time; record the same "
+            "trajectory from the same start, or leave the empty run out"
         )
     return at(residual)

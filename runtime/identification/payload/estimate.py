@@ -1,11 +1,11 @@
-"""Ten unknowns on a frozen arm: maximum a posteriori with a ball as the prior.
+"""Payload on a known arm: ten parameters, maximum a posteriori with a ball as the prior.
 
     τ − Y π_arm − F φ_arm = Y_k π + b + e,   e ~ N(0, diag σ_j²)
 
-Y_k are the columns of the link that carries the payload, b one offset per joint, eliminated by
-taking means. Against a run of the same motion without the payload, its residual is subtracted
-first: bias and friction cancel, whatever they are. σ_j comes from the residuals in three passes;
-correlated residuals count as N_eff samples (`coloured_noise`), in the prior's weight too.
+Y_k are the columns of the link that carries the payload. b is one offset per joint, eliminated by
+subtracting means. With a run of the same motion without the payload, its residual is subtracted
+first, so that bias and friction cancel. σ_j is estimated from the residuals in three passes.
+Correlated residuals count as N_eff samples (`coloured_noise`), in the weight of the prior too.
 Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload).
 """
 
@@ -30,37 +30,40 @@ from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 
 BALL_MASS, BALL_RADIUS = 0.5, 0.06
-"""The prior: a ball of 0.5 kg and 6 cm with its centre at the mount."""
+"""Prior: a ball of 0.5 kg and 6 cm radius with its centre at the mount."""
 PASSES = 3
+"""Passes in which the noise follows the residuals."""
 FEWEST = 50
 """Samples below which neither noise nor correlation can be estimated."""
 _BLOCK = 4096
 _PERFECT = 1e-6
 """Noise relative to the largest torque below which data count as exact."""
 _SILENT = 1e-9
-"""Part of the columns that varies, below which it is rounding."""
-_TOLD = 0.5
-"""A value whose σ is above this share of the prior's is the prior's."""
+"""Varying part of the columns over the columns, below which it is rounding."""
+_PRIOR_SHARE = 0.5
+"""σ of a value over σ of the prior, above which the prior dominates the value."""
 _MODEL_ERROR = 0.1
+"""Residual over the torque of the payload, above which the model of the arm dominates the error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Payload:
-    """What hangs on the arm, and how well that is known.
+    """An identified payload with its uncertainty.
 
     Attributes:
         mount: link and frame.
-        pi: (10,) in the link's frame.
-        covariance: of π, by N_eff samples.
-        body: mass, centre of mass and inertia in the mount's frame, covariance by N_eff.
+        pi: parameters in the link's frame, (10,) [kg, kg·m ×3, kg·m² ×6].
+        covariance: of π for N_eff samples, (10, 10).
+        body: mass, centre of mass and inertia in the mount's frame, covariance for N_eff samples.
         white: the same body with the covariance for white noise.
         offsets: b, (n,) N·m or N.
-        noise: σ_j, (n,).
-        n_samples, n_effective: N and N_eff.
-        differential: against a run without payload.
-        prior_dominated: names of values that the prior tells rather than the data.
+        noise: σ_j, (n,) N·m or N.
+        n_samples: N.
+        n_effective: N_eff.
+        differential: True when a run without the payload was subtracted.
+        prior_dominated: names of values that the prior determines rather than the data.
         arm: origin of the arm's model.
-        status: a sentence.
+        status: one sentence.
         notes: sentences of advice.
     """
 
@@ -103,19 +106,22 @@ def identify_payload(
     preparation: Preparation | None = None,
     kappa: float = NONE,
 ) -> Payload:
-    """π and b of τ − Y π_arm − F φ_arm = Y_k π + b + e: the payload of a recording.
+    """Identify π and b of a payload: τ − Y π_arm − F φ_arm = Y_k π + b + e.
 
     Args:
-        recording: with the payload.
-        lib: of the robot.
-        link: that carries it; None is the link of the tip.
-        arm: parameters and friction; default is the URDF without friction.
-        empty: the same motion without the payload.
-        preparation: of both recordings; default is that of the recipe.
-        kappa: trust in the prior, 1 is next to none.
+        recording: run with the payload.
+        lib: library of the robot.
+        link: link that carries the payload; None is the link of the tip.
+        arm: parameters and friction of the arm; None is the URDF without friction.
+        empty: run of the same motion without the payload; None for none.
+        preparation: steps for both recordings; None is that of the recipe.
+        kappa: weight of the prior; 1 is next to none.
+
+    Returns:
+        The payload with its covariance and advice.
 
     Raises:
-        RuntimeFault: the recordings do not make a problem; the message says what to do.
+        RuntimeFault: the recordings are too short, do not fit the robot, or do not move the link.
     """
     mount, model = mount_of(lib, link), arm or arm_model(lib)
     run, residual, columns = _rows(recording, lib, mount, model, preparation)
@@ -127,12 +133,14 @@ def identify_payload(
     if empty is not None:
         bare, residual0, _ = _rows(empty, lib, mount, model, preparation)
         residual = residual - empty_residual(run, bare, residual0, lib.joint_names)
-    found = _solved(mount, columns, residual, kappa)
-    return _told(found, mount, columns, model, empty is not None)
+    solution = _solved(mount, columns, residual, kappa)
+    return _payload(solution, mount, columns, model, empty is not None)
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _Solution:
+    """Most probable π in the link's frame, with the covariances of prior, white and real noise."""
+
     pi: Array
     prior: Array
     noise: Array
@@ -151,7 +159,7 @@ def _rows(
     model: ArmModel,
     preparation: Preparation | None,
 ) -> tuple[Recording, Array, Array]:
-    """The prepared run, τ − Y π_arm − F φ_arm (N, n), and Y_k (N, n, 10)."""
+    """Prepared run, residual τ − Y π_arm − F φ_arm (N, n), and columns Y_k (N, n, 10)."""
     require_plausible(recording, lib)
     bare = recording.replace(columns=None, column_names=())
     prepared = prepare(bare, preparation, model.friction, lib=lib)
@@ -166,20 +174,22 @@ def _rows(
     return prepared, residual, np.concatenate(columns)
 
 
-def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Found:
-    """Three passes of weights, each with its maximum a posteriori."""
+def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Solution:
+    """Maximum a posteriori in `PASSES` passes of weights."""
     count, n, _ = columns.shape
     means, level = columns.mean(axis=0), residual.mean(axis=0)
     rows, target = columns - means, residual - level
     prior = prior_from(mount.bodies, _ball(mount))
     if np.linalg.norm(rows) <= _SILENT * np.linalg.norm(columns):
         raise IdentificationError(
-            f"nothing in this recording moves the link '{mount.link}', so a payload on it cannot "
-            "be told from a torque offset; record a motion that turns it against gravity"
+            f"the link '{mount.link}' does not move in this recording, so that a payload on it "
+            "cannot be separated from a torque offset; record a motion that turns "
+            "it against gravity"
         )
     noise, spread = np.ones(n), float(np.abs(residual).max())
     used, pi, errors = 1 + N_PARAMETERS / n, prior.centre, target
     for done in range(PASSES + 1):
+        # Rows over their noise, reduced to a triangle: later steps do not depend on N.
         scaled = (rows / noise[:, None]).reshape(-1, rows.shape[2])
         aim = (target / noise).ravel()
         triangle: Array = np.asarray(np.linalg.qr(np.column_stack([scaled, aim]), mode="r"))
@@ -191,21 +201,24 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
             freedom=float(count * n - N_PARAMETERS - n),
         )
         coloured = ColouredNoise(data.variance, data.variance)
-        if done == 0:  # as if all were noise: from far away Newton needs the prior's guidance
+        # The first pass takes all torque as noise: far from the minimum Newton needs the prior.
+        if done == 0:
             whole = float(aim @ aim) / aim.size
             coloured = ColouredNoise(whole, whole)
         elif done == PASSES:
             levels = np.broadcast_to(np.eye(n), (count, n, n)) / np.sqrt(count)
-            own = np.concatenate([rows / noise[:, None], levels], axis=2)
-            coloured = coloured_noise_of_rows(own, target / noise)
+            # Only the last pass pays for N_eff; its basis contains the eliminated offsets.
+            basis = np.concatenate([rows / noise[:, None], levels], axis=2)
+            coloured = coloured_noise_of_rows(basis, target / noise)
         gamma = kappa * max(coloured.density, _PERFECT**2) / count
-        found = minimise(convex_problem(data, prior, gamma), pi)
-        pi = found.pi
+        minimum = minimise(convex_problem(data, prior, gamma), pi)
+        pi = minimum.pi
         errors = target - rows @ pi
+        # Noise of each joint, with the degrees of freedom that N_eff leaves.
         power = np.sum(errors**2, axis=0) / max(count - used * coloured.inflation, 1.0)
         noise = np.sqrt(np.maximum(power, (_PERFECT * spread) ** 2 + 1e-300))
-    shape = np.linalg.inv(count * found.hessian())
-    return _Found(
+    shape = np.linalg.inv(count * minimum.hessian())
+    return _Solution(
         pi=pi,
         prior=np.asarray(np.linalg.inv(kappa * _curvature(mount, pi))),
         noise=noise,
@@ -214,11 +227,12 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Fou
         white=coloured.variance * shape,
         covariance=coloured.density * shape,
         n_effective=count / coloured.inflation,
-        converged=found.converged,
+        converged=minimum.converged,
     )
 
 
 def _curvature(mount: Mount, pi: Array) -> Array:
+    """Curvature of the entropic prior at π, (10, 10)."""
     return np.asarray(mount.bodies.curvature(pi)[1][0])
 
 
@@ -229,53 +243,50 @@ def _ball(mount: Mount) -> Array:
     return np.asarray(np.linalg.solve(mount.to_frame, at_mount))
 
 
-def _told(
-    found: _Found, mount: Mount, columns: Array, model: ArmModel, differential: bool
+def _payload(
+    solution: _Solution, mount: Mount, columns: Array, model: ArmModel, differential: bool
 ) -> Payload:
-    """The answer in the mount's frame, with its status and advice."""
+    """The solution in the mount's frame, with status and advice."""
     turn = mount.to_frame
 
     def body(covariance: Array) -> Body:
-        return body_of(mount.bodies, turn @ found.pi, turn @ covariance @ turn.T)
+        return body_of(mount.bodies, turn @ solution.pi, turn @ covariance @ turn.T)
 
-    known, prior = body(found.covariance), body(found.prior)
+    known, prior = body(solution.covariance), body(solution.prior)
     weak = tuple(
         name
         for name, sigma, before in zip(NAMES, known.sigma, prior.sigma, strict=True)
-        if sigma > _TOLD * before
+        if sigma > _PRIOR_SHARE * before
     )
     count = len(columns)
-    own = float(np.linalg.norm(columns @ found.pi))
-    share = float(np.linalg.norm(found.errors)) / max(own, 1e-300)
+    size = float(np.linalg.norm(columns @ solution.pi))
+    share = float(np.linalg.norm(solution.errors)) / max(size, 1e-300)
     return Payload(
         mount=mount,
-        pi=found.pi,
-        covariance=found.covariance,
+        pi=solution.pi,
+        covariance=solution.covariance,
         body=known,
-        white=body(found.white),
-        offsets=found.offsets,
-        noise=found.noise,
+        white=body(solution.white),
+        offsets=solution.offsets,
+        noise=solution.noise,
         n_samples=count,
-        n_effective=found.n_effective,
+        n_effective=solution.n_effective,
         differential=differential,
         prior_dominated=weak,
         arm=model.origin,
-        status=_status(known, weak, found.converged),
+        status=_status(known, weak, solution.converged),
         notes=_notes(weak, share, model, differential),
     )
 
 
 def _status(body: Body, weak: tuple[str, ...], converged: bool) -> str:
     if not converged:
-        return "the search stopped early; check the recording for outliers and the units of torque"
+        return "not converged; check the recording for outliers and the unit of the torque"
     if body.mass < 3 * body.sigma[0]:
-        return (
-            f"no payload can be told from none ({1e3 * body.mass:.1f} g, σ "
-            f"{1e3 * body.sigma[0]:.1f} g)"
-        )
+        return f"no significant payload ({1e3 * body.mass:.1f} g, σ {1e3 * body.sigma[0]:.1f} g)"
     if "mass" in weak:
         return "the recording does not determine the mass; move the payload against gravity"
-    return f"found {body.mass:.4f} kg ± {1.96 * body.sigma[0]:.4f} kg (95 %)"
+    return f"identified {body.mass:.4f} kg ± {1.96 * body.sigma[0]:.4f} kg (95 %)"
 
 
 def _notes(
@@ -284,15 +295,15 @@ def _notes(
     notes = []
     if weak:
         notes.append(
-            f"the prior rather than the data tells {', '.join(weak)}; a motion with faster turns "
-            "about all axes of the payload would show them"
+            f"the prior rather than the data determines {', '.join(weak)}; record a motion with "
+            "faster rotations about all axes of the payload"
         )
     if share > _MODEL_ERROR and not differential:
         notes.append(
-            f"what stays unexplained is {100 * share:.0f} % of the payload's torque, so that the "
-            "arm's model errs more than the sensors; record the same motion empty, or give a model "
-            "identified on the empty arm"
+            f"the residual is {100 * share:.0f} % of the payload's torque, so that the error of "
+            "the arm's model exceeds that of the sensors; record the same motion without the "
+            "payload, or give a model identified on the empty arm"
         )
     if not model.phi.size and not differential:
-        notes.append("friction of the arm counts as zero; give a model or an empty run")
+        notes.append("friction of the arm is taken as zero; give a model or an empty run")
     return tuple(notes)

@@ -1,7 +1,8 @@
-"""A payload that is known beforehand, from a scale and a drawing: a mass, where it is, its inertia.
+"""A payload that is known from a scale and a drawing: mass, centre of mass, inertia.
 
-Given are numbers MASS,CX,CY,CZ[,IXX,IYY,IZZ,IXY,IXZ,IYZ] or a JSON of the form that `payload.json`
-has: mass [kg], com [m], inertia [3 × 3 kg·m²] or none, link; all in the frame of the mount.
+It is given as numbers MASS,CX,CY,CZ[,IXX,IYY,IZZ,IXY,IXZ,IYZ] or as a JSON in the form of
+`payload.json`: mass [kg], com [m], inertia [3 × 3 kg·m²] or none, link; all in the frame of the
+mount.
 """
 
 from dataclasses import dataclass
@@ -15,20 +16,20 @@ from runtime.identification.payload.body import inertia_from_entries
 from runtime.library import Array
 
 _ROUNDING = 1e-9
-"""Relative negative part of a principal moment that counts as rounding."""
+"""Negative part of a principal moment, over the trace, that counts as rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownPayload:
-    """A body that somebody has weighed.
+    """A payload of known mass and centre of mass.
 
     Attributes:
         mass: kg.
         com: centre of mass in the frame of the mount, (3,) m.
         inertia: about the centre of mass, axes of that frame, (3, 3) kg·m²; None where unknown.
-        link: that carries it; None is the tip's.
-        frame: that com and inertia are told in; empty is the mount's.
-        identified: found from torques, so that it is no measure of them.
+        link: link that carries it; None is the link of the tip.
+        frame: frame of com and inertia; empty is that of the mount.
+        identified: True when it was identified from torques and cannot calibrate them.
     """
 
     mass: float
@@ -41,11 +42,11 @@ class KnownPayload:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass > 0):
             raise IdentificationError(
-                f"a known payload needs a mass above 0 kg, got {self.mass:g}; weigh it"
+                f"expected a mass above 0 kg of the known payload, got {self.mass:g}; weigh it"
             )
         if np.shape(self.com) != (3,) or not np.isfinite(self.com).all():
             raise IdentificationError(
-                "a known payload needs a centre of mass of three finite numbers in m, got "
+                "expected three finite numbers in m as centre of mass of the known payload, got "
                 f"{np.asarray(self.com).tolist()}; measure it in the frame of the flange"
             )
         if self.inertia is not None:
@@ -53,11 +54,11 @@ class KnownPayload:
 
 
 def read_known_payload(text: str) -> KnownPayload:
-    """The payload that the words of a command line mean: numbers, or the path of a JSON.
+    """Read a payload from an option: numbers, or the path of a JSON.
 
     Raises:
-        RecordingError: neither of them.
-        IdentificationError: no such body can exist.
+        RecordingError: the text is neither, or the file is damaged.
+        IdentificationError: the values are not physically consistent.
     """
     path = Path(text)
     if path.suffix == ".json":
@@ -68,8 +69,8 @@ def read_known_payload(text: str) -> KnownPayload:
         values = np.zeros(0)
     if len(values) not in {4, 10}:
         raise RecordingError(
-            "a known payload needs MASS,CX,CY,CZ or these and IXX,IYY,IZZ,IXY,IXZ,IYZ about the "
-            f"centre of mass, or a file that ends in .json; got '{text}'"
+            "expected the payload as MASS,CX,CY,CZ, or these and IXX,IYY,IZZ,IXY,IXZ,IYZ about the "
+            f"centre of mass, or a file that ends in .json, got '{text}'; correct it"
         )
     inertia = inertia_from_entries(values[4:]) if len(values) > 4 else None
     return KnownPayload(float(values[0]), values[1:4], inertia)
@@ -89,13 +90,15 @@ def _from_json(path: Path) -> KnownPayload:
         )
     except (OSError, ValueError, KeyError, TypeError):
         raise RecordingError(
-            f"'{path}' tells no payload; write a JSON with mass in kg, com = three numbers in m "
+            f"'{path}' holds no payload; write a JSON with mass in kg, com = three numbers in m "
             "and, where it is known, inertia = three rows of three in kg·m²"
         ) from None
 
 
 def _require_body(inertia: Array) -> None:
-    """Principal moments that no matter has: Σ_com = ½ tr(I) 1 − I needs eigenvalues ≥ 0."""
+    """Refuse an inertia that is not physically consistent: Σ_com = ½ tr(I) 1 − I needs
+    eigenvalues ≥ 0.
+    """
     tensor = np.asarray(inertia, dtype=float)
     wrong = tensor.shape != (3, 3) or not np.isfinite(tensor).all() or (tensor != tensor.T).any()
     if not wrong:
@@ -104,7 +107,7 @@ def _require_body(inertia: Array) -> None:
         wrong = bool(smallest < -_ROUNDING * abs(trace))
     if wrong:
         raise IdentificationError(
-            "the inertia of the known payload belongs to no body (three rows of three, symmetric, "
-            "no principal moment above the sum of the others), about its centre of mass in kg·m²; "
-            "correct it, or leave it out and it is found"
+            "the inertia of the known payload is not physically consistent (expected three rows of "
+            "three in kg·m² about the centre of mass, symmetric, no principal moment above the sum "
+            "of the others); correct it, or leave it out so that it is identified"
         )

@@ -1,6 +1,7 @@
-"""Where a payload hangs: a moving link, and the frame in which its values are told.
+"""Mount of a payload: a moving link, and the frame in which its values are given.
 
-A body's pseudo-inertia goes from the frame F into that of its link by X = [[R, p], [0, 1]]:
+The pseudo-inertia of a body is transformed from the frame F to that of its link by
+X = [[R, p], [0, 1]]:
 
     P_link = X P_F Xᵀ,  a linear map of π.   R, p: pose of F in the link's frame
 """
@@ -20,13 +21,13 @@ class Mount:
     """A link and a frame on it.
 
     Attributes:
-        link: name of the moving link whose motion the payload shares.
-        index: its place among the links.
-        frame: name of the frame F that values are told in, the tip's or the link's.
+        link: name of the moving link that the payload is fixed to.
+        index: place of the link among the links.
+        frame: name of the frame F of the values, the tip's or the link's.
         rotation: R, (3, 3).
         translation: p, (3,) m.
-        to_frame: (10, 10), π in F from π in the link's frame.
-        bodies: P(π) of one body.
+        to_frame: π in F from π in the link's frame, (10, 10).
+        bodies: map from π to P(π) of one body.
     """
 
     link: str
@@ -39,19 +40,22 @@ class Mount:
 
     @property
     def columns(self) -> slice:
-        """Where the link's ten columns stand in the regressor."""
+        """Places of the link's ten columns in the regressor."""
         return link_columns(self.index)
 
 
 def mount_of(lib: Library, link: str | None = None) -> Mount:
-    """The mount on a named link; the tip's frame where the link carries it, else the link's own.
+    """Mount on a named link, in the tip's frame where the link carries the tip, else in its own.
 
     Args:
-        lib: of the robot.
-        link: a moving link, or the tip; None is the tip.
+        lib: library of the robot.
+        link: name of a moving link, or of the tip; None is the tip.
+
+    Returns:
+        The mount.
 
     Raises:
-        IdentificationError: no such link; the message lists them.
+        IdentificationError: the robot has no such link.
     """
     tip, facts = lib.manifest.tip, lib.manifest.tip_frame
     carrier = facts.link if link in {None, tip} else str(link)
@@ -71,7 +75,7 @@ def mount_of(lib: Library, link: str | None = None) -> Mount:
 
 
 def _congruence(bodies: Bodies, rotation: Array, translation: Array) -> Array:
-    """π ↦ π' with P(π') = X⁻¹ P(π) X⁻ᵀ, column by column of the basis."""
+    """Matrix of π ↦ π' with P(π') = X⁻¹ P(π) X⁻ᵀ, (10, 10), column by column of the basis."""
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation, translation
     back = np.linalg.inv(pose)

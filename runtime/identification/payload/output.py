@@ -1,4 +1,4 @@
-"""The payload in the forms that others read: JSON, Franka's setLoad and Desk, a URDF link.
+"""Files of a payload: JSON, Franka's setLoad and Desk, a URDF link.
 
 libfranka's `Robot::setLoad` takes mass [kg], F_x_Cload: flange to centre of mass [m], and the
 inertia about the centre of mass [kg·m²], 9 numbers column by column; Desk's
@@ -23,10 +23,19 @@ FILES = ("payload.json", "set_load.json", "endeffector-config.json", "payload.ur
 
 
 def write_payload(payload: Payload, lib: Library, folder: Path, command: str = "") -> list[Path]:
-    """Write `FILES` into a folder; returns their paths.
+    """Write `FILES` into a folder.
+
+    Args:
+        payload: identified payload.
+        lib: library of the robot.
+        folder: folder of the files; made where it is missing.
+        command: command line.
+
+    Returns:
+        Paths of the files.
 
     Raises:
-        RuntimeFault: the place cannot be written.
+        RuntimeFault: the folder cannot be written.
     """
     facts = load_facts(payload, lib) | {"command": command}
     texts = (
@@ -43,7 +52,16 @@ def write_payload(payload: Payload, lib: Library, folder: Path, command: str = "
 
 
 def load_facts(payload: Payload, lib: Library) -> dict[str, Any]:
-    """Everything that payload.json says."""
+    """Facts of payload.json.
+
+    Args:
+        payload: identified payload.
+        lib: library of the robot.
+
+    Returns:
+        JSON-ready values in SI units, in the frame of the mount; `pi_in_link` is in that of the
+        link.
+    """
     body, mount = payload.body, payload.mount
     return {
         "format": 1,

@@ -1,4 +1,4 @@
-"""The arm as it is known: parameters and friction, from the URDF or from what identify wrote."""
+"""Known model of the arm: parameters and friction, from the URDF or a result of identify."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +12,13 @@ from runtime.recording import Friction
 
 @dataclass(frozen=True, slots=True)
 class ArmModel:
-    """Frozen while the payload is found.
+    """Parameters and friction of the arm, fixed while the payload is identified.
 
     Attributes:
-        pi: (10 n,).
-        friction: columns and widths.
-        phi: their coefficients, (n, k).
-        origin: where it comes from, for the report.
+        pi: standard parameters, (10 n,).
+        friction: friction columns and widths.
+        phi: friction coefficients, (n, k).
+        origin: source of the model, for the report.
     """
 
     pi: Array
@@ -33,10 +33,17 @@ def arm_model(lib: Library) -> ArmModel:
 
 
 def read_arm_model(path: Path, lib: Library) -> ArmModel:
-    """What identify wrote, a folder or its result.json.
+    """Read the arm from a result of identify.
+
+    Args:
+        path: folder of the result, or its result.json.
+        lib: library of the robot.
+
+    Returns:
+        Parameters and friction.
 
     Raises:
-        RecordingError: no such result, or one of another robot.
+        RecordingError: the result is missing, damaged, or of another robot.
     """
     saved = read_result(path)
     notes = require_model(saved, lib, path)

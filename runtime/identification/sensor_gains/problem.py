@@ -1,9 +1,9 @@
-"""Two runs, a known payload and a robot → the rows of the gains' regression.
+"""Regression rows of the sensor gains, from two runs and a known payload.
 
     τᵐ = G (Y_b β + F φ + [loaded run] Y_k π_L) + b_run + e,   G = diag g
 
-Rows are those of the channels: the joints, or the motors where the gear couples them,
-τ_m = R⁻ᵀ τ. A payload of unknown inertia leaves its six entries to the unknowns.
+Rows belong to the channels: the joints, or the motors where the gear couples them, τ_m = R⁻ᵀ τ. The
+six entries of an unknown inertia of the payload are further unknowns.
 """
 
 from collections.abc import Iterator
@@ -25,19 +25,22 @@ RUNS = ("empty", "loaded")
 FEWEST = 50
 """Samples of a run below which neither noise nor correlation can be estimated."""
 _BLOCK = 4096
+"""Rows that are computed at once."""
 _DIGITS = 1e-4
-"""Relative difference up to which torques are the same, written with fewer digits."""
+"""Relative difference up to which torques count as the same, written with fewer digits."""
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
-    """What the gains are found from.
+class GainProblem:
+    """Samples and payload from which the gains are identified.
 
     Attributes:
+        lib: library of the robot.
         runs: samples without and with the payload.
-        mount: where the payload hangs.
+        mount: link and frame of the payload.
+        payload: known payload.
         to_channels: R⁻ᵀ (n, n) where the gear couples joints, else None.
-        channels: n names.
+        channels: names of the n channels.
     """
 
     lib: Library
@@ -49,16 +52,16 @@ class Problem:
 
     @property
     def n_samples(self) -> int:
-        """Of both runs."""
+        """Number of samples of both runs."""
         return sum(map(len, self.runs))
 
     @property
     def n_blocks(self) -> int:
-        """How many `blocks` yields."""
+        """Number of blocks that `blocks` yields."""
         return sum(-(-len(run) // _BLOCK) for run in self.runs)
 
     def blocks(self) -> Iterator[Array]:
-        """[1 per run, X, y, τᵐ] of every channel, (n, N, p + 4), with τᵐ = g (X θ + y) + b."""
+        """Rows [1 per run, X, y, τᵐ] of every channel, (n, N, p + 4), with τᵐ = g (X θ + y) + b."""
         bodies, known = self.mount.bodies, self.payload
         to_link = np.linalg.inv(self.mount.to_frame)
         inertia = np.zeros((3, 3)) if known.inertia is None else known.inertia
@@ -87,11 +90,23 @@ def problem_of(
     link: str | None,
     friction: Friction | None,
     preparation: Preparation | None,
-) -> Problem:
-    """Check and prepare both recordings; arguments as for `identify_gains`.
+) -> GainProblem:
+    """Check and prepare both recordings.
+
+    Args:
+        empty: run without the payload.
+        loaded: run with the payload.
+        lib: library of the robot.
+        payload: known payload.
+        link: link that carries it; None is that of the payload, else the link of the tip.
+        friction: columns beside the offsets; None is viscous and coulomb.
+        preparation: steps for both recordings; None is that of the recipe.
+
+    Returns:
+        The samples of both runs with the payload.
 
     Raises:
-        RuntimeFault: they do not make a problem; the message says what to do.
+        RuntimeFault: the recordings are too short, equal, read differently or of other robots.
     """
     mount = _mount(lib, payload, link)
     _require_two_runs(empty, loaded)
@@ -104,12 +119,12 @@ def problem_of(
         runs.append(samples_of(prepare(bare, preparation, geared(terms, run), lib=lib), lib))
         if len(runs[-1]) < FEWEST:
             raise IdentificationError(
-                f"the recording '{run.name}' leaves {len(runs[-1])} samples, gains need "
-                f"{FEWEST} or more; record for longer"
+                f"expected {FEWEST} samples or more of '{run.name}' after its preparation, got "
+                f"{len(runs[-1])}; record for longer"
             )
     R = np.array(empty.recipe.gear if empty.recipe else ())
     coupled = np.count_nonzero(R) > np.count_nonzero(np.diagonal(R)) if R.size else False
-    return Problem(
+    return GainProblem(
         lib=lib,
         runs=tuple(runs),
         mount=mount,
@@ -120,24 +135,25 @@ def problem_of(
 
 
 def _mount(lib: Library, payload: KnownPayload, link: str | None) -> Mount:
+    """The mount, after the check that the payload is given in its frame."""
     mount = mount_of(lib, link or payload.link)
     if payload.frame and payload.frame != mount.frame:
         raise IdentificationError(
-            f"the payload is told in the frame of '{payload.frame}', but a payload on "
-            f"'{mount.link}' counts in that of '{mount.frame}'; name the link that carries it"
+            f"the payload is given in the frame of '{payload.frame}', but expected in that of "
+            f"'{mount.frame}' for a payload on '{mount.link}'; name the link that carries it"
         )
     return mount
 
 
 def _require_two_runs(empty: Recording, loaded: Recording) -> None:
-    """Two recordings of one robot, read alike."""
+    """Refuse two recordings that are equal, of different robots or read differently."""
     names = empty.joint_names, loaded.joint_names
     if empty.n_joints != loaded.n_joints or (all(names) and names[0] != names[1]):
-        told = [", ".join(own) or f"{run.n_joints} joints" for own, run in
-                zip(names, (empty, loaded), strict=True)]  # fmt: skip
+        robots = [", ".join(each) or f"{run.n_joints} joints" for each, run in
+                  zip(names, (empty, loaded), strict=True)]  # fmt: skip
         raise IdentificationError(
-            f"'{empty.name}' and '{loaded.name}' are of different robots ({told[0]}; {told[1]}); "
-            "give two runs of one"
+            f"'{empty.name}' and '{loaded.name}' are of different robots ({robots[0]}; "
+            f"{robots[1]}); give two runs of one"
         )
     if _same(empty.tau, loaded.tau):
         raise IdentificationError(
@@ -152,15 +168,16 @@ def _require_two_runs(empty: Recording, loaded: Recording) -> None:
 
 
 def _same(one: Array | None, other: Array | None) -> bool:
-    """The same torques, to the digits of a file."""
+    """Whether two torques are equal to the digits of a file."""
     if one is None or other is None or one.shape != other.shape:
         return False
     return bool(np.linalg.norm(one - other) <= _DIGITS * np.linalg.norm(one))
 
 
 def _reading(run: Recording) -> tuple[object, ...]:
+    """Gear, unit, gain, sign and order with which a torque was read."""
     if run.recipe is None:
         return ()
     torque = run.recipe.torque
-    told = (torque.unit, torque.gain, torque.sign, torque.order) if torque else ()
-    return (run.recipe.gear, *told)
+    scaling = (torque.unit, torque.gain, torque.sign, torque.order) if torque else ()
+    return (run.recipe.gear, *scaling)

@@ -1,9 +1,9 @@
 """min over θ, g, b of Σ_j ‖τᵐ_j − g_j (X_j θ + y_j) − b_j‖²/σ_j², on one triangle per channel.
 
-Divided by g_j it is linear in (θ, a = 1/g): a_j τᵐ_j − y_j = X_j θ (Gautier & Briot 2014), but then
-the noise of τᵐ stands among the columns and bends the answer: that form is the start only. In
-the form above noise stands alone on the left, so that Gauss–Newton on (θ, g), σ_j following the
-residuals, is maximum likelihood. b_j, one per run, is eliminated by taking means.
+Divided by g_j the problem is linear in (θ, a = 1/g): a_j τᵐ_j − y_j = X_j θ (Gautier & Briot 2014).
+There the noise of τᵐ is among the columns and biases the solution, so that this form only gives the
+start. In the form above the noise is additive, so that Gauss–Newton on (θ, g) with σ_j from the
+residuals is maximum likelihood. b_j, one per run, is eliminated by subtracting means.
 """
 
 from collections.abc import Iterable
@@ -17,21 +17,23 @@ _ITERATIONS = 60
 _CONVERGED = 1e-9
 _HALVINGS = 30
 _UNSEEN = 1e-9
-"""Relative size below which a direction of the scaled unknowns counts as not seen; its σ is as if
-it had this size, which no threshold takes for told."""
+"""Relative singular value below which a direction of the scaled unknowns counts as not excited. Its
+σ is computed with this value, which every threshold rejects."""
 _PERFECT = 1e-9
-"""Noise relative to the loudest channel below which data count as exact."""
+"""Noise relative to the largest channel below which data count as exact."""
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Maximum likelihood of θ (p,) and g (n,).
+    """Maximum likelihood solution.
 
     Attributes:
+        theta: θ, (p,).
+        g: gains, (n,).
         root: R (p + n, p + n), R Rᵀ the covariance of (θ, g) for white noise.
-        noise: σ_j, (n,).
-        levels: means [X, y, τᵐ] of every run and channel, (n, runs, p + 2).
-        converged: the steps have become small.
+        noise: σ_j, (n,) N·m or N.
+        levels: means of [X, y, τᵐ] of every run and channel, (n, runs, p + 2).
+        converged: whether the steps became small.
     """
 
     theta: Array
@@ -42,27 +44,27 @@ class Solution:
     converged: bool
 
     def rest(self, block: Array) -> Array:
-        """τᵐ − g (X θ + y) − b of rows [1 per run, X, y, τᵐ], (n, N)."""
+        """Residual τᵐ − g (X θ + y) − b of rows [1 per run, X, y, τᵐ], (n, N)."""
         return _rest(self._centred(block), self.theta, self.g)
 
     def slopes(self, block: Array) -> Array:
-        """∂(g (X θ + y) + b)/∂(θ, g) of the same rows, b following the rest, (n, N, p + n)."""
+        """∂(g (X θ + y) + b)/∂(θ, g) of the same rows, with b eliminated, (n, N, p + n)."""
         return _slopes(self._centred(block), self.theta, self.g)
 
     def offsets(self) -> tuple[Array, Array]:
-        """b (runs, n) and its slopes in (θ, g), (runs, n, p + n)."""
+        """Offsets b (runs, n) and their derivatives with respect to (θ, g), (runs, n, p + n)."""
         return _rest(self.levels, self.theta, self.g).T, -np.swapaxes(
             _slopes(self.levels, self.theta, self.g), 0, 1
         )
 
     def _centred(self, block: Array) -> Array:
-        """[X, y, τᵐ] less the means of their run."""
+        """[X, y, τᵐ] minus the means of their run."""
         k = self.levels.shape[1]
         return np.asarray(block[:, :, k:] - block[:, :, :k] @ self.levels)
 
 
 def reduced(blocks: Iterable[Array]) -> Array:
-    """The triangle of each channel's rows, (n, w, w)."""
+    """Triangular factor of the rows of each channel, (n, w, w)."""
     pending = iter(blocks)
     triangle = np.asarray(np.linalg.qr(next(pending), mode="r"))
     for block in pending:
@@ -72,7 +74,17 @@ def reduced(blocks: Iterable[Array]) -> Array:
 
 
 def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
-    """Gauss–Newton from the linear answer, steps halved until the likelihood rises."""
+    """Gauss–Newton from the linear solution, with steps halved until the likelihood increases.
+
+    Args:
+        triangle: factor of the rows of each channel, (n, w, w).
+        n_samples: samples of all runs.
+        n_runs: number of runs.
+
+    Returns:
+        The solution with its covariance.
+    """
+    # Below the rows of the offsets, the triangle is that of the centred data.
     rows = triangle[:, n_runs:, n_runs:]
     n, p = len(rows), rows.shape[2] - 2
     freedom = max(n_samples - n_runs - (p + n) / n, 1.0)
@@ -84,6 +96,7 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
     x = np.concatenate(linear(rows))
     now, converged = power(x), False
     for _ in range(_ITERATIONS):
+        # σ_j² = power_j / freedom: the log-likelihood is −½ freedom Σ_j ln power_j.
         weight = np.sqrt(freedom / now)[:, None]
         rest = weight * _rest(rows, x[:p], x[p:])
         step = _least_squares(weight[:, :, None] * _slopes(rows, x[:p], x[p:]), rest)
@@ -96,6 +109,7 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
         if np.linalg.norm(step[p:]) <= _CONVERGED * np.linalg.norm(x[p:]):
             converged = True
             break
+    # Covariance of (θ, g), and the means from which the offsets follow.
     noise: Array = np.sqrt(now / freedom)
     slopes = _slopes(rows, x[:p], x[p:]) / noise[:, None, None]
     levels: Array = np.asarray(
@@ -105,7 +119,7 @@ def solve(triangle: Array, n_samples: int, n_runs: int) -> Solution:
 
 
 def linear(rows: Array) -> tuple[Array, Array]:
-    """θ, g of min ‖a τᵐ − y − X θ‖², which noise bends."""
+    """θ (p,) and g (n,) of min ‖a τᵐ − y − X θ‖², which noise biases."""
     n, p = len(rows), rows.shape[2] - 2
     matrix = np.zeros((*rows.shape[:2], p + n))
     matrix[:, :, :p] = -rows[:, :, :-2]
@@ -115,6 +129,7 @@ def linear(rows: Array) -> tuple[Array, Array]:
 
 
 def _rest(rows: Array, theta: Array, g: Array) -> Array:
+    """τᵐ − g (X θ + y), (n, rows)."""
     return np.asarray(rows[:, :, -1] - g[:, None] * (rows[:, :, :-2] @ theta + rows[:, :, -2]))
 
 
@@ -128,7 +143,7 @@ def _slopes(rows: Array, theta: Array, g: Array) -> Array:
 
 
 def _scaled(matrix: Array) -> tuple[Array, Array]:
-    """(rows, columns) with columns of length 1, and their lengths."""
+    """Matrix (rows, columns) with columns of length 1, and the lengths."""
     flat = matrix.reshape(-1, matrix.shape[-1])
     norms = np.linalg.norm(flat, axis=0)
     norms = np.where(norms > 0, norms, 1.0)
@@ -136,12 +151,13 @@ def _scaled(matrix: Array) -> tuple[Array, Array]:
 
 
 def _least_squares(matrix: Array, target: Array) -> Array:
+    """Least squares with normalised columns."""
     flat, norms = _scaled(matrix)
     return np.asarray(np.linalg.lstsq(flat, target.ravel(), rcond=_UNSEEN)[0] / norms)
 
 
 def _root(J: Array) -> Array:
-    """R with R Rᵀ = (JᵀJ)⁻¹, in unseen directions as large as numbers bear."""
+    """R with R Rᵀ = (JᵀJ)⁻¹; very large in directions that are not excited."""
     flat, norms = _scaled(J)
     _, size, right = np.linalg.svd(flat, full_matrices=False)
     floor = max(_UNSEEN * float(size[0]), float(np.finfo(float).tiny) ** 0.25)

@@ -163,7 +163,7 @@ def test_what_cannot_be_used_is_told(lib, samples):
     tau[3, 2], tau[5, 0] = np.nan, np.inf
     found = online.add(s.q, s.dq, s.ddq, tau)
     assert found.rejected == 2
-    assert "2 samples were not finite and left out" in found.status
+    assert "2 samples were not finite and were left out" in found.status
     assert np.isfinite(found.pi).all()
     clean = OnlineEstimator(lib, every=10_000)
     keep = np.isfinite(tau).all(axis=1)

@@ -215,7 +215,7 @@ def test_a_running_estimator_knows_when_to_stop(lib: Library, noisy: Recording) 
     samples = motion_samples_of(noisy, lib, None, TERMS).samples
     arrays = (samples.q, samples.dq, samples.ddq, samples.tau, samples.columns)
     online = OnlineEstimator(lib, np.full(7, 400.0), columns=3, every=10**9)
-    with pytest.raises(IdentificationError, match="0 samples say nothing yet of 64 unknowns"):
+    with pytest.raises(IdentificationError, match="0 samples do not determine 64 unknowns"):
         online.gain_of_recording(10, 100)
     online.add(*arrays)
     pi, once = online.estimate().pi, online.statistics

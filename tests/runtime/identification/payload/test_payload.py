@@ -76,7 +76,7 @@ def test_exact_data_give_the_exact_payload_whatever_friction_and_bias(
     found = identify_payload(both[0], lib, empty=both[1])  # with the URDF, whose link 7 is wrong
     np.testing.assert_allclose(found.body.values, TRUTH, atol=1e-7)
     assert found.differential
-    assert "found 1.0000 kg" in found.status
+    assert "identified 1.0000 kg" in found.status
 
 
 @pytest.mark.parametrize("filtered", [False, True])
@@ -137,7 +137,7 @@ def test_files_say_what_was_found(loaded, lib, command, tmp_path):
         write_recording(_noisy(run, own), tmp_path / f"{name}.csv")
     ran = command("payload", "loaded.csv", "--robot", lib.folder, "--empty", "empty.csv")
     assert ran.code == 0, ran.err
-    assert "status: found" in ran.out
+    assert "status: identified" in ran.out
     assert "fr3_link8" in ran.out
     folder = tmp_path / "results" / "loaded-payload"
     facts = json.loads((folder / "payload.json").read_text())
@@ -190,11 +190,11 @@ def test_what_the_motion_does_not_show_is_told(loaded, lib, arm):
     assert {"xx", "yy", "zz"} <= set(posed.prior_dominated)
     assert "mass" not in posed.prior_dominated
     assert abs(posed.body.mass - 1.0) < 4 * posed.body.sigma[0]
-    assert any("faster turns" in note for note in posed.notes)
+    assert any("faster rotations" in note for note in posed.notes)
     none = identify_payload(_noisy(bare, NOISE * rng.normal(size=bare.tau.shape)), lib, arm=arm)
     assert none.body.mass < 0.02
     wrong = identify_payload(full, lib, arm=arm_model(lib))
-    assert any("friction of the arm counts as zero" in note for note in wrong.notes)
+    assert any("friction of the arm is taken as zero" in note for note in wrong.notes)
 
 
 BAD = {
@@ -209,7 +209,7 @@ BAD = {
     ),
     "another empty run": (
         lambda run: (run, {"empty": run.replace(q=run.q + 0.5 * np.eye(7)[0])}),
-        "takes another way: fr3_joint1 is .* record the same trajectory",
+        "follows another trajectory: fr3_joint1 differs .* record the same trajectory",
     ),
     "NaN": (
         lambda run: (run.replace(tau=np.where(np.arange(7) == 2, np.nan, run.tau)), {}),
@@ -218,7 +218,7 @@ BAD = {
     "no torque": (lambda run: (run.replace(tau=None), {}), "has no torque"),
     "nothing moves the link": (
         lambda run: (run.replace(q=run.q * 0 + run.q[0], dq=run.q * 0, ddq=run.q * 0), {}),
-        "told from a torque offset; record a motion",
+        "separated from a torque offset; record a motion",
     ),
     "a filter too fast": (
         lambda run: (run, {"preparation": Preparation(filter="butterworth", cutoff_hz=60.0)}),

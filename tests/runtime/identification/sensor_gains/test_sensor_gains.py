@@ -72,7 +72,7 @@ def test_exact_data_give_exact_gains_and_biases(payload, scale, runs, lib):
     np.testing.assert_allclose(found.estimate / gains, 1.0, atol=1e-10)
     np.testing.assert_allclose(found.bias, BIAS, atol=1e-9)
     assert found.is_determined.all()
-    assert found.status.startswith("found the gains of all fr3_joint1, ")
+    assert found.status.startswith("identified the gains of all fr3_joint1, ")
     assert ("inertia of the payload was not given" in " ".join(found.notes)) == (payload is POINT)
 
 
@@ -129,12 +129,12 @@ def test_joints_that_cannot_be_told_are_named_and_left_alone(runs, lib, payload_
     assert found.is_determined[:4].all()
     named = " ".join(found.notes)
     assert "fr3_joint7 (± " in named
-    assert "is left at 1" in named
+    assert "which stays at 1" in named
     assert "fr3_joint7" not in found.status
     # Whatever is not told is still free in the fit, so that the others are not bent by it.
     np.testing.assert_array_less(np.abs(found.estimate - GAINS), 4 * found.sigma)
     loud = measured((empty, light), 40 * noise)
-    with pytest.raises(RuntimeFault, match="does not show in these runs"):
+    with pytest.raises(RuntimeFault, match="is not visible enough in these runs"):
         identify_gains(*loud, lib, KnownPayload(0.3, COM, 0.1 * INERTIA), friction=terms)
     # An offset asked for is the bias of the runs already, and leaves it as sure as it was.
     assert (found.bias_sigma[:, :6] < 0.1).all()
@@ -158,12 +158,12 @@ def test_a_wrong_weight_and_a_circular_payload_are_pointed_at(runs, lib):
     noise = NOISE * np.random.default_rng(4).normal(size=(2, *runs[0].tau.shape))
     pair = measured(runs, noise, gains=np.ones(7))
     wrong = identify_gains(*pair, lib, KnownPayload(2.7, COM, 0.9 * INERTIA), friction=TERMS)
-    assert any("all gains agree on 1.11" in note for note in wrong.notes)
-    assert any(" kg instead of 2.7 kg would look the same" in note for note in wrong.notes)
+    assert any("all gains equal 1.11" in note for note in wrong.notes)
+    assert any(" kg instead of 2.7 kg has the same effect" in note for note in wrong.notes)
     fine = identify_gains(
         *pair, lib, KnownPayload(3.0, COM, INERTIA, identified=True), friction=TERMS
     )
-    assert not any("agree" in note for note in fine.notes)
+    assert not any("all gains equal" in note for note in fine.notes)
     assert any("mass from a scale" in note for note in fine.notes)
 
 
@@ -201,14 +201,14 @@ BAD = {
     "nothing mounted": (
         lambda e, f: (e, e.replace(tau=e.tau + _ripple(e))),
         {},
-        "3 kg does not show in these runs .* check that it was mounted",
+        "3 kg is not visible enough in these runs .* check that it was mounted",
     ),
     "the same log rounded to hundredths": (
         lambda e, f: (e, e.replace(tau=np.round(e.tau, 2))),
         {},
-        "3 kg does not show in these runs",
+        "3 kg is not visible enough in these runs",
     ),
-    "too short": (lambda e, f: (e, f.take(slice(0, 30), "")), {}, "30 samples, gains need 50"),
+    "too short": (lambda e, f: (e, f.take(slice(0, 30), "")), {}, "expected 50 samples .*, got 30"),
     "no torque": (lambda e, f: (e, f.replace(tau=None)), {}, "has no torque"),
     "no such link": (lambda e, f: (e, f), {"link": "hand"}, "no moving link 'hand'"),
     "another frame": (
@@ -236,21 +236,21 @@ def test_a_search_that_has_not_settled_is_no_answer(runs, lib, monkeypatch):
     """Property: one step from the linear answer is not the optimum, however small its σ."""
     noise = NOISE * np.random.default_rng(6).normal(size=(2, *runs[0].tau.shape))
     monkeypatch.setattr("runtime.identification.sensor_gains.solve._ITERATIONS", 1)
-    with pytest.raises(RuntimeFault, match="does not show in these runs"):
+    with pytest.raises(RuntimeFault, match="is not visible enough in these runs"):
         identify_gains(*measured(runs, noise), lib, BODY, friction=TERMS)
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("0,0,0,0", "mass above 0 kg, got 0; weigh it"),
-        ("-1,0,0,0", "mass above 0 kg, got -1"),
-        ("nan,0,0,0", "mass above 0 kg, got nan"),
+        ("0,0,0,0", "mass above 0 kg of the known payload, got 0; weigh it"),
+        ("-1,0,0,0", "mass above 0 kg of the known payload, got -1"),
+        ("nan,0,0,0", "mass above 0 kg of the known payload, got nan"),
         ("1,0,inf,0", "three finite numbers"),
-        ("1,0,0", "needs MASS,CX,CY,CZ"),
-        ("one,0,0,0", "needs MASS,CX,CY,CZ"),
-        ("1,0,0,0,1,1,3,0,0,0", "belongs to no body"),
-        ("nowhere.json", "'.*nowhere.json' tells no payload"),
+        ("1,0,0", "expected the payload as MASS,CX,CY,CZ"),
+        ("one,0,0,0", "expected the payload as MASS,CX,CY,CZ"),
+        ("1,0,0,0,1,1,3,0,0,0", "is not physically consistent"),
+        ("nowhere.json", "'.*nowhere.json' holds no payload"),
     ],
 )
 def test_impossible_payloads_are_refused(words, message):

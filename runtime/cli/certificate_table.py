@@ -80,20 +80,35 @@ def design_notes(lib: Library, requested: float, taken: float) -> tuple[str, ...
     return tuple(sentences)
 
 
-def certificate_table(proof: Certificate, percent: float) -> Table:
-    """Largest use of every limit: how much, where and when.
+def certificate_headline(proof: Certificate, percent: float) -> tuple[str, ...]:
+    """What a certificate states in two sentences: the limits that hold, and what it leaves out.
 
     Args:
         proof: certificate of the motion.
         percent: speed of the motion in % of the designed one.
 
     Returns:
-        Table with one row per limit; distances in mm, all others in % of the limit.
+        One line with the verdict and the limits checked, one with the load and what is missing.
     """
     verdict = "holds at every instant" if proof.holds else "does NOT hold"
-    table = Table(
-        Column("limit", overflow="fold"), title=f"certificate at {percent:g} % speed: {verdict}"
+    checked = ", ".join(use.kind for use in proof.uses)
+    missing = ", ".join((*proof.unchecked, "cables", "people", "obstacles"))
+    return (
+        f"certificate at {percent:g} % speed: {verdict}; checked: {checked}",
+        f"load: {proof.load}; NOT checked: {missing}",
     )
+
+
+def certificate_table(proof: Certificate) -> Table:
+    """Largest use of every limit: how much, where and when.
+
+    Args:
+        proof: certificate of the motion.
+
+    Returns:
+        Table with one row per limit; distances in mm, all others in % of the limit.
+    """
+    table = Table(Column("limit", overflow="fold"))
     for head in ("largest use %", "margin %"):
         table.add_column(head, justify="right")
     table.add_column("where", overflow="fold")

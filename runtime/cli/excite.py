@@ -1,6 +1,5 @@
 """`symgen excite`."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -8,36 +7,40 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from runtime.cli.certificate_table import certificate_table, design_notes, safety_of
+from runtime.cli.carry import CARRY, carried_body
+from runtime.cli.certificate_table import (
+    certificate_headline,
+    certificate_table,
+    design_notes,
+    safety_of,
+)
 from runtime.cli.common import Robot, Seed, console, say, sentences_of
+from runtime.cli.motion_output import (
+    at_speed,
+    export_stages,
+    json_path,
+    require_no_log,
+    write_motion_log,
+)
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RuntimeFault
 from runtime.excitation import (
     BASES,
     CRITERIA,
-    Design,
     DesignSettings,
     basis_of,
     design,
     predict,
 )
 from runtime.excitation.limits.safety import TABLE_MARGIN
-from runtime.excitation.motion_export import MOTION_FORMATS, export_trajectory
+from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.motion_profile import profile_of
-from runtime.excitation.proof.certified_motion import (
-    CertifiedMotion,
-    certified,
-    pulled_inside,
-    require_speed,
-    slowed,
-)
+from runtime.excitation.proof.certified_motion import certified, pulled_inside, require_speed
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
-from runtime.library import Library
 from runtime.parallel import cores
-from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
 STARTS_FOR_PROCESSES = {True: 10, False: 4}
@@ -147,6 +150,7 @@ def excite_command(
             f"robot, {TABLE_MARGIN:g} above the table."
         ),
     ] = None,
+    carry: Annotated[str | None, typer.Option(metavar="BODY", help=CARRY)] = None,
     torque_fraction: Annotated[
         float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
     ] = 0.95,
@@ -181,6 +185,7 @@ def excite_command(
     symgen excite --robot fr3 --duration 10 --starts 10
     symgen excite --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0 --harmonics 8 --duration 20
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
+    symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
 
     The motion makes the base parameters identifiable with the least error (--criterion). It
     respects every limit that the robot states: position, velocity (lower near the ends of the
@@ -195,7 +200,7 @@ def excite_command(
     the best start so far. The result depends on --seed, not on --processes.
     """
     lib = open_robot(robot, yes)
-    path = _json(out or Path("results") / f"{lib.name}-excite.json")
+    path = json_path(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
     planned = information_of(lib, noise, log_rate, earlier_log, payload_only)
     # The document's criterion is a function of the regressor alone.
@@ -203,14 +208,17 @@ def excite_command(
     sample_times(duration, export_rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     if not export:
-        _require_no_log(path.with_suffix(".csv"))
-    options = clearance, table, box, viscous, coulomb
+        require_no_log(path.with_suffix(".csv"))
+    options = clearance, table, box, viscous, coulomb, carry
     if document and any(option is not None for option in options):
         raise RuntimeFault(
-            "--document excludes --table, --box, --clearance, --viscous and --coulomb; give "
-            "--criterion cond instead, which keeps all limits"
+            "--document excludes --table, --box, --clearance, --viscous, --coulomb and --carry; "
+            "give --criterion cond instead, which keeps all limits"
         )
-    safety = None if document else safety_of(lib, torque_fraction, *options)
+    safety = None
+    if not document:
+        limits = safety_of(lib, torque_fraction, *options[:-1])
+        safety = replace(limits, carried=carried_body(lib, carry))
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
@@ -242,7 +250,7 @@ def excite_command(
     write_trajectory(optimum, lib, path, expected)
     written = [path]
     if not export:
-        written.append(_log(optimum, lib, export_rate, path.with_suffix(".csv")))
+        written.append(write_motion_log(optimum, lib, export_rate, path.with_suffix(".csv")))
     motion = certified(lib, optimum.trajectory, safety)
     if pictures:
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
@@ -251,65 +259,11 @@ def excite_command(
     print_design(optimum, expected, len(lib.base_columns))
     for note in design_notes(lib, duration, optimum.trajectory.duration):
         say(note)
-    stages = {100 * share: _at_speed(motion, share) for share in speeds}
+    stages = {100 * share: at_speed(motion, share) for share in speeds}
     for percent, stage in stages.items():
-        console.print(certificate_table(stage.certificate, percent))
+        for line in certificate_headline(stage.certificate, percent):
+            say(line)
+        console.print(certificate_table(stage.certificate))
     say(f"trajectory: {', '.join(map(str, written))}")
     if export:
-        _export(stages, path.with_suffix(""), formats, export_rate)
-
-
-def _require_no_log(path: Path) -> None:
-    """Refuse to overwrite a log with the designed motion.
-
-    Raises:
-        RuntimeFault: the file has columns of torque, which a designed motion has not.
-    """
-    if path.is_file():
-        with path.open(encoding="utf-8", errors="replace") as file:
-            header = file.readline(100_000)
-        if "tau" in header:
-            raise RuntimeFault(
-                f"'{path}' holds torque, so it is a log and not the motion that would be written "
-                "there; give --out another name"
-            )
-
-
-def _log(optimum: Design, lib: Library, rate: float, path: Path) -> Path:
-    """Write the designed motion, sampled at the rate, as a log without torque."""
-    t = sample_times(optimum.trajectory.duration, rate)
-    q, dq, ddq, _ = optimum.trajectory.at(lib, t)
-    sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
-    names = lib.joint_names
-    write_recording(
-        Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,)), path
-    )
-    return path
-
-
-def _at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
-    """The same path at a fraction of the speed, with the certificate of that speed."""
-    if speed == 1:
-        return motion
-    return certified(motion.lib, slowed(motion.trajectory, speed), motion.safety)
-
-
-def _export(
-    stages: Mapping[float, CertifiedMotion], base: Path, kinds: Sequence[str], rate: float
-) -> None:
-    """Write every stage as files for a robot, or none unless the certificates of all hold."""
-    for stage in stages.values():
-        stage.require_limits()
-    for percent, stage in stages.items():
-        stem = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
-        files = [str(export_trajectory(stage, stem, kind, rate)) for kind in kinds]
-        say(f"exported: {', '.join(files)}, {stem}.certificate.json")
-
-
-def _json(path: Path) -> Path:
-    if path.suffix != ".json":
-        raise RuntimeFault(
-            f"the trajectory needs a file that ends in .json, got '{path}'; "
-            "the sampled motion is written beside it as .csv"
-        )
-    return path
+        export_stages(stages, path.with_suffix(""), formats, export_rate)

@@ -66,6 +66,7 @@ def _write_certificate(motion: CertifiedMotion, path: Path) -> None:
         "robot": motion.lib.name,
         "duration": motion.trajectory.duration,
         "holds": certificate.holds,
+        "load": certificate.load,
         "uses": [_facts(use) for use in certificate.uses],
         "distances": [_facts(use) for use in certificate.distances],
         "no_limit_stated": list(certificate.unlimited),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.excitation import Safety
+from runtime.excitation.limits.carried_limits import CarriedClearance, CarriedHeight
 from runtime.excitation.limits.distance_limits import LinkClearance, TableClearance
 from runtime.excitation.limits.nonlinear_limits import Torque
 from runtime.excitation.limits.safety import constraints
@@ -19,6 +20,7 @@ from runtime.library import Array, Library
 
 SAMPLES = 1001
 """Number of times over the motion; with the ends and the middle."""
+_DISTANCES = LinkClearance, TableClearance, CarriedClearance, CarriedHeight
 _EDGE = 201
 """Number of points of the velocity bound over a range."""
 
@@ -119,7 +121,7 @@ def profile_of(certified: CertifiedMotion, samples: int = SAMPLES) -> MotionProf
     for constraint in constraints(lib, trajectory.home, safety or Safety(torque_fraction=1.0)):
         if isinstance(constraint, Torque):
             tau, torque_band = constraint.torques(motion), Band(-constraint.limit, constraint.limit)
-        elif isinstance(constraint, LinkClearance | TableClearance):
+        elif isinstance(constraint, _DISTANCES):
             margins = np.broadcast_to(constraint.margin, len(constraint.labels))
             rows = zip(constraint.labels, constraint.distances(motion).T, margins, strict=True)
             gaps += [Gap(constraint.kind, label, row, float(least)) for label, row, least in rows]

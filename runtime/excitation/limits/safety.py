@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits.carried_body import CarriedBody, with_load
+from runtime.excitation.limits.carried_limits import CarriedClearance, CarriedHeight
 from runtime.excitation.limits.distance_limits import (
     LinkClearance,
     TableClearance,
@@ -28,6 +30,8 @@ from runtime.library import Array, Library
 
 TABLE_MARGIN = 0.03
 """Margin between every moving proxy and the table, m."""
+CARRIED_MARGIN = 0.02
+"""Margin between a carried box and the links of a robot that states no margins, m."""
 FIT_PROXIES = (
     "fit them with: python -m symgen proxies URDF --out X.toml, and build with --config X.toml"
 )
@@ -46,6 +50,7 @@ class Safety:
         table: height of a horizontal plane below which nothing may go, m in the base frame.
         box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open.
         viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty.
+        carried: body in the hand, part of torques and distances; None is an empty hand.
 
     Raises:
         IdentificationError: numbers that make no limits.
@@ -57,6 +62,7 @@ class Safety:
     box: tuple[float, ...] | None = None
     viscous: tuple[float, ...] = ()
     coulomb: tuple[float, ...] = ()
+    carried: CarriedBody | None = None
 
     def __post_init__(self) -> None:
         if not 0 < self.torque_fraction <= 1:
@@ -108,36 +114,6 @@ def constraints(
     )
 
 
-def unchecked(lib: Library, safety: Safety | None) -> tuple[str, ...]:
-    """Limits that are not checked: not stated by the robot, or not requested.
-
-    Args:
-        lib: the robot.
-        safety: limits that are kept; None is the document's mode.
-
-    Returns:
-        Kind of each limit, with the joints where it concerns some only.
-    """
-    if safety is None:
-        return ("torque", "self-collision", "table")
-    limits = lib.limits()
-    names = np.array(lib.joint_names)
-    missing = []
-    for key, what in (("effort", "torque"), ("torque_rate", "torque rate")):
-        free = ~np.isfinite(limits[key])
-        if free.any():
-            missing.append(f"{what} of {', '.join(names[free])}")
-    if lib.braking is None:
-        missing.append("position-dependent velocity")
-    if not np.isfinite(limits["tip_speed"]):
-        missing.append("tip speed")
-    if not lib.pairs:
-        missing.append("self-collision")
-    if safety.table is None:
-        missing.append("table")
-    return tuple(missing)
-
-
 def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
     facts = lib.braking
     if facts is None:
@@ -149,6 +125,7 @@ def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
 def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     limits, n = lib.limits(), lib.n_joints
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
+    pi = with_load(lib.pi0, safety.carried)
     chosen: list[TimedConstraint] = []
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
@@ -159,10 +136,10 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
                 f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
                 f"{limits['effort'][j]:g} N·m; lower the friction or raise the share"
             )
-        chosen.append(Torque(lib, lib.pi0, limit, viscous, lib.joint_names))
+        chosen.append(Torque(lib, pi, limit, viscous, lib.joint_names))
     if np.isfinite(limits["torque_rate"]).any():
         rate = np.broadcast_to(limits["torque_rate"], (n,))
-        chosen.append(TorqueRate(lib, lib.pi0, rate, viscous, lib.joint_names))
+        chosen.append(TorqueRate(lib, pi, rate, viscous, lib.joint_names))
     return tuple(chosen)
 
 
@@ -202,6 +179,23 @@ def _distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
         rows = _lifted(lib)
         proxies = tuple(lib.moving_proxies[row] for row in rows)
         chosen.append(TableClearance(lib, safety.table, margin, proxies, rows))
+    return (*chosen, *_carried_distances(lib, safety))
+
+
+def _carried_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    """Distances of the carried box from links that it is not fixed to, and from the table."""
+    body = safety.carried
+    if body is None or body.box is None:
+        return ()
+    chosen: list[TimedConstraint] = []
+    others = tuple(proxy for proxy in lib.proxies if proxy.joint != body.link)
+    if others:
+        stated = max((pair.margin for pair in lib.pairs), default=CARRIED_MARGIN)
+        margin = stated if safety.clearance is None else safety.clearance
+        chosen.append(CarriedClearance(lib, margin, body.link, body.box, others))
+    if safety.table is not None:
+        margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
+        chosen.append(CarriedHeight(lib, margin, body.link, body.box, safety.table))
     return tuple(chosen)
 
 

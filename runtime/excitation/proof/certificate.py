@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.limits.safety import constraints, unchecked
+from runtime.excitation.limits.carried_body import EMPTY_HAND
+from runtime.excitation.limits.safety import constraints
+from runtime.excitation.limits.unchecked import unchecked
 from runtime.excitation.proof.joint_bounds import KINDS, joint_bounds, rooms
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
@@ -64,12 +66,14 @@ class Certificate:
         unlimited: kinds and joints for which the robot states no limit.
         unchecked: other limits that are not checked.
         distances: one use per pair of links and, over a table, per proxy.
+        load: mass and box of the carried body that the limits count, or "empty hand".
     """
 
     uses: tuple[Use, ...]
     unlimited: tuple[str, ...]
     unchecked: tuple[str, ...] = ()
     distances: tuple[Use, ...] = ()
+    load: str = EMPTY_HAND
 
     @property
     def holds(self) -> bool:
@@ -82,8 +86,9 @@ class Certificate:
         return tuple(use for use in self.uses if not use.holds)
 
     def sentences(self) -> tuple[str, ...]:
-        """One line per limit, for headers and logs."""
+        """The load and one line per limit, for headers and logs."""
         return (
+            f"load: {self.load}",
             *(_sentence(use) for use in self.uses),
             *(f"no limit stated: {text}" for text in self.unlimited),
             *(f"NOT checked: {text}" for text in self.unchecked),
@@ -150,7 +155,9 @@ def certificate_of(
     for kind in dict.fromkeys(row.kind for row in rows):
         uses.append(max((row for row in rows if row.kind == kind), key=lambda row: row.bound))
     distances = tuple(row for row in rows if row.kind in DISTANCES)
-    return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances)
+    carried = None if safety is None else safety.carried
+    load = EMPTY_HAND if carried is None else carried.sentence
+    return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances, load)
 
 
 def _room(up: float, down: float, way: float) -> float:

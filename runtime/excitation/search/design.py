@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.excitation.limits.safety import Safety, unchecked
+from runtime.excitation.limits.safety import Safety
+from runtime.excitation.limits.unchecked import unchecked
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import ConditionCost
 from runtime.excitation.search.dask_workers import on_workers

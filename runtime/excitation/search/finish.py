@@ -102,6 +102,7 @@ def _with_use(search: Search, fine: Limits, a: Array, duration: float) -> Finish
     use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
     by_constraint = search.limit_rows(STEP, duration=duration).by_constraint(a)
     for constraint, values in zip(search.constraints, by_constraint, strict=True):
-        use[constraint.kind] = 1 + float(values.max())
+        largest = 1 + float(values.max())
+        use[constraint.kind] = max(largest, use.get(constraint.kind, largest))
     home = search.problem.home
     return Finished(Trajectory(home, a, duration, search.basis), use)

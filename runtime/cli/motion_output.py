@@ -1,0 +1,105 @@
+"""Files that `symgen excite` writes: the sampled motion and its exports at several speeds."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from runtime.cli.common import say
+from runtime.errors import RuntimeFault
+from runtime.excitation import Design
+from runtime.excitation.motion_export import export_trajectory
+from runtime.excitation.proof.certified_motion import CertifiedMotion, certified, slowed
+from runtime.library import Library
+from runtime.recording import Recording, write_recording
+from runtime.simulation import sample_times
+
+
+def require_no_log(path: Path) -> None:
+    """Refuse to overwrite a log with the designed motion.
+
+    Args:
+        path: CSV file that is to be written.
+
+    Raises:
+        RuntimeFault: the file has columns of torque, which a designed motion has not.
+    """
+    if path.is_file():
+        with path.open(encoding="utf-8", errors="replace") as file:
+            header = file.readline(100_000)
+        if "tau" in header:
+            raise RuntimeFault(
+                f"'{path}' holds torque, so it is a log and not the motion that would be written "
+                "there; give --out another name"
+            )
+
+
+def write_motion_log(optimum: Design, lib: Library, rate: float, path: Path) -> Path:
+    """Write the designed motion, sampled at the rate, as a log without torque.
+
+    Args:
+        optimum: the design.
+        lib: its robot.
+        rate: of the rows, Hz.
+        path: CSV file.
+
+    Returns:
+        The path.
+    """
+    t = sample_times(optimum.trajectory.duration, rate)
+    q, dq, ddq, _ = optimum.trajectory.at(lib, t)
+    sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
+    names = lib.joint_names
+    write_recording(
+        Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,)), path
+    )
+    return path
+
+
+def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
+    """The same path at a fraction of the speed, with the certificate of that speed.
+
+    Args:
+        motion: the designed motion.
+        speed: share of its speed, above 0 and up to 1.
+
+    Returns:
+        The slower motion.
+    """
+    if speed == 1:
+        return motion
+    return certified(motion.lib, slowed(motion.trajectory, speed), motion.safety)
+
+
+def export_stages(
+    stages: Mapping[float, CertifiedMotion], base: Path, kinds: Sequence[str], rate: float
+) -> None:
+    """Write every stage as files for a robot, or none unless the certificates of all hold.
+
+    Args:
+        stages: motion per speed in % of the designed one.
+        base: path of the files without suffix.
+        kinds: formats, names of `MOTION_FORMATS`.
+        rate: of the rows, Hz.
+
+    Raises:
+        ExportError: a limit is exceeded.
+    """
+    for stage in stages.values():
+        stage.require_limits()
+    for percent, stage in stages.items():
+        stem = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
+        files = [str(export_trajectory(stage, stem, kind, rate)) for kind in kinds]
+        say(f"exported: {', '.join(files)}, {stem}.certificate.json")
+
+
+def json_path(path: Path) -> Path:
+    """The path itself, which must end in .json.
+
+    Raises:
+        RuntimeFault: it ends otherwise.
+    """
+    if path.suffix != ".json":
+        raise RuntimeFault(
+            f"the trajectory needs a file that ends in .json, got '{path}'; "
+            "the sampled motion is written beside it as .csv"
+        )
+    return path

@@ -1,0 +1,213 @@
+"""Distances of a carried box from the links of its robot and from a table, with exact slopes.
+
+| constraint | row | g |
+|---|---|---|
+| self-collision | capsule of another link | (margin − distance) / 0.1 m |
+| table | the box | (margin − height of the lowest corner) / 0.1 m |
+
+The distance of a capsule is that of its axis p(s) = p₀ + s d, 0 ≤ s ≤ 1, from the box |x_i| ≤ h_i,
+less its radius. With e(s) = p − clip(p, −h, h) the square |e|² is convex in s, and its half slope
+e · d is piecewise linear with kinks where p_i = ±h_i: its zero is exact. The slope of the distance
+is that of |P − Q| with both closest points fixed in their links. Source: Danskin's theorem.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.excitation.limits.carried_body import CarriedBox
+from runtime.excitation.limits.distance_limits import LENGTH
+from runtime.excitation.limits.sampled_motion import SampledMotion, times
+from runtime.library import Array, Library, ProxyFacts
+
+LABEL = "carried body"
+_INSIDE = 1e-12
+"""Distance of an axis from the box, m, below which it has no direction: the axis is inside."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Poses:
+    """Poses of the joints at N samples.
+
+    Attributes:
+        rotation: (N, n, 3, 3).
+        origin: (N, n, 3) m.
+        axis: axes of the joints in the base frame, (N, n, 3).
+        slides: joints that slide, (n,).
+        movers: movers[i, j] where joint j moves link i, (n, n).
+    """
+
+    rotation: Array
+    origin: Array
+    axis: Array
+    slides: NDArray[np.bool_]
+    movers: NDArray[np.bool_]
+
+    @classmethod
+    def at(cls, lib: Library, q: Array) -> "_Poses":
+        """Of a robot at positions (N, n)."""
+        joints = lib.manifest.joints
+        poses = lib.link_poses(q)
+        movers = np.eye(len(joints), dtype=bool)
+        for j, joint in enumerate(joints):
+            if joint.parent >= 0:
+                movers[j] |= movers[joint.parent]
+        axes = np.einsum("tnij,nj->tni", poses[..., :3, :3], [joint.axis for joint in joints])
+        slides = np.array([joint.kind == "prismatic" for joint in joints])
+        return cls(poses[..., :3, :3], poses[..., :3, 3], axes, slides, movers)
+
+    def placed(self, joint: int, point: Array) -> Array:
+        """Points of a link's frame, (3,), in the base frame, (N, 3); −1 is the base."""
+        if joint < 0:
+            return np.broadcast_to(point, (len(self.origin), 3))
+        return np.asarray(self.rotation[:, joint] @ point + self.origin[:, joint])
+
+    def moved_by(self, joint: int) -> NDArray[np.bool_]:
+        """Joints that move a link, (n,)."""
+        return self.movers[joint] if joint >= 0 else np.zeros(len(self.slides), dtype=bool)
+
+    def slopes(self, point: Array, normal: Array) -> Array:
+        """n · ∂P/∂q_j of a point (N, 3) for every joint as if it moved it, (N, n)."""
+        turned = np.cross(self.axis, point[:, None] - self.origin)
+        return np.einsum("tni,ti->tn", np.where(self.slides[:, None], self.axis, turned), normal)
+
+
+def _closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
+    """Points of segments nearest to the box |x_i| ≤ h_i, and the way there from the box.
+
+    Args:
+        start: p₀ in the frame of the box, (N, 3) m.
+        direction: d, (N, 3) m; zero for a sphere.
+        half: h, (3,) m.
+
+    Returns:
+        Points P and ways e = P − Q from the closest points Q of the box, (N, 3) m each.
+    """
+
+    def way(s: Array) -> Array:
+        p = start[:, None] + s[..., None] * direction[:, None]
+        return np.asarray(p - np.clip(p, -half, half))
+
+    # Kinks of the slope, in order, with both ends of the segment: 8 values of s per segment.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        kinks = np.concatenate([(half - start) / direction, (-half - start) / direction], axis=1)
+    kinks = np.clip(np.nan_to_num(kinks, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
+    s = np.sort(np.pad(kinks, ((0, 0), (1, 1)), constant_values=((0, 0), (0, 1))), axis=1)
+    slope = np.einsum("tki,ti->tk", way(s), direction)
+    # The slope grows with s. Its zero lies before the first kink where it is not negative.
+    after = np.where(slope[:, -1] < 0, s.shape[1] - 1, np.argmax(slope >= 0, axis=1))
+    before = np.maximum(after - 1, 0)
+    row = np.arange(len(s))
+    low, high = slope[row, before], slope[row, after]
+    share = np.where((low < 0) & (high > 0), -low / np.where(high > low, high - low, 1.0), 1.0)
+    best = s[row, before] + share * (s[row, after] - s[row, before])
+    return start + best[:, None] * direction, way(best[:, None])[:, 0]
+
+
+class _OfBox:
+    """Constraint (margin − distance) / 0.1 m of a carried box."""
+
+    orders: ClassVar[int] = 1
+    even: ClassVar[bool] = True
+    lib: Library
+    margin: float
+
+    def distances(self, motion: Array) -> Array:
+        """Distance of every row, (N, R) m."""
+        return self._measured(motion[0])[0]
+
+    def values(self, motion: Array) -> Array:
+        """Values margin − distance, in 0.1 m."""
+        return (self.margin - self.distances(motion)) / LENGTH
+
+    def slopes(self, motion: Array) -> Array:
+        """Slopes −∂distance/∂q."""
+        return -self._measured(motion[0])[1][:, :, None] / LENGTH
+
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+        """Values, and rates −∂distance/∂q dq."""
+        distance, slope = self._measured(sampled.motion[0])
+        return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """Distance of a row at a value of the constraint.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            Distance and margin [m] and their unit.
+        """
+        del row
+        return self.margin - g * LENGTH, self.margin, "m"
+
+    def _measured(self, q: Array) -> tuple[Array, Array]:
+        """Distances (N, R) m and their slopes by q, (N, R, n)."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedClearance(_OfBox):
+    """Distances of a box in the hand from the capsules of other links."""
+
+    kind: ClassVar[str] = "self-collision"
+    lib: Library
+    margin: float
+    link: int
+    box: CarriedBox
+    proxies: tuple[ProxyFacts, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The body and the capsule of every row."""
+        return tuple(f"{LABEL} and {proxy.name}" for proxy in self.proxies)
+
+    def _measured(self, q: Array) -> tuple[Array, Array]:
+        poses = _Poses.at(self.lib, q)
+        # Frame of the box in the base frame.
+        axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
+        center = poses.placed(self.link, np.array(self.box.center))
+        half = np.array(self.box.size) / 2
+        carried = poses.moved_by(self.link)
+        distances, slopes = [], []
+        for proxy in self.proxies:
+            ends = [poses.placed(proxy.joint, np.array(p)) for p in (proxy.start, proxy.end)]
+            first, last = (np.einsum("tji,tj->ti", axes, end - center) for end in ends)
+            point, way = _closest(first, last - first, half)
+            length = np.linalg.norm(way, axis=1)
+            # Inside the box there is no direction: no slope, and the value is −radius.
+            unit = way / np.where(length > _INSIDE, length, np.inf)[:, None]
+            normal = np.einsum("tij,tj->ti", axes, unit)
+            place = np.einsum("tij,tj->ti", axes, point) + center
+            # Joints that move both or neither leave the distance; the line P Q has one moment.
+            sign = poses.moved_by(proxy.joint).astype(float) - carried
+            distances.append(length - proxy.radius)
+            slopes.append(sign * poses.slopes(place, normal))
+        return np.stack(distances, axis=1), np.stack(slopes, axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class CarriedHeight(_OfBox):
+    """Height of the lowest corner of a box in the hand above a horizontal plane."""
+
+    kind: ClassVar[str] = "table"
+    labels: ClassVar[tuple[str, ...]] = (LABEL,)
+    lib: Library
+    margin: float
+    link: int
+    box: CarriedBox
+    height: float
+
+    def _measured(self, q: Array) -> tuple[Array, Array]:
+        poses = _Poses.at(self.lib, q)
+        axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
+        center = poses.placed(self.link, np.array(self.box.center))
+        # Of every edge the end that lies lower.
+        corner = -np.where(axes[:, 2] < 0, -1.0, 1.0) * np.array(self.box.size) / 2
+        lowest = center + np.einsum("tij,tj->ti", axes, corner)
+        up = np.broadcast_to([0.0, 0.0, 1.0], lowest.shape)
+        slope = poses.slopes(lowest, up) * poses.moved_by(self.link)
+        return lowest[:, 2:] - self.height, slope[:, None]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from runtime.estimators.contradictions import contradictions_of
 from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.estimators.regression import Statistics, compress
@@ -50,6 +51,7 @@ class Uncertainty:
         determined: number of directions of π in which the data carry ten times the information
             of the prior, at most n_b.
         conditioning: weakest over strongest excited direction.
+        contradictions: sentences on priors, joints and results that the data contradict.
     """
 
     root: Array
@@ -64,6 +66,7 @@ class Uncertainty:
     rank: int
     determined: int
     conditioning: float
+    contradictions: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Uncertainty({self.advice()})"
@@ -139,6 +142,8 @@ class Uncertainty:
     def advice(self) -> str:
         """One sentence on what to trust and what to record next."""
         count = len(self.beta_sigma)
+        if self.contradictions:
+            return f"do not trust the result or its intervals yet: {'; '.join(self.contradictions)}"
         if self.rank < count:
             return (
                 f"the motion excites {self.rank} of {count} base parameters; the others keep the "
@@ -198,6 +203,8 @@ def uncertainty_of(
     inside = bodies.log_det(pi) is not None
     level = max(coloured.density, np.finfo(float).tiny)
     spread = spread_of(bodies, pi if inside else prior.centre, data.factor / np.sqrt(level), kappa)
+    weights = weights_from(noise(rest, lib, phi.size), samples.tau)
+    contradictions = contradictions_of(lib, samples, weights, data, prior, kappa, level, pi)
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
@@ -223,6 +230,7 @@ def uncertainty_of(
         rank=rank,
         determined=spread.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
+        contradictions=contradictions,
     )
 
 

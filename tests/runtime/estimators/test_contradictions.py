@@ -1,0 +1,91 @@
+"""Contradictions of data, prior and result are named before any statement of trust.
+
+Oracle: simulated logs whose fault is known; clean ones have none.
+"""
+
+import numpy as np
+import pytest
+
+from runtime import identify
+from runtime.estimators.convex import bodies_of
+from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.uncertainty import uncertainty_of
+from runtime.excitation import Trajectory
+from runtime.library import Library
+from runtime.recording import Friction, Preparation, Recording
+from runtime.simulation import Plant, ideal
+
+TERMS = Friction(("viscous", "coulomb", "offset"), 0.03)
+FILTERED = Preparation(filter="butterworth", cutoff_hz=8.0)
+TRUST = "predicted torques of similar motions hold"
+
+
+def body(lib: Library, mass: float, centre: np.ndarray) -> np.ndarray:
+    """π of a ball of 5 cm with its centre in the frame of a link."""
+    moments = np.zeros((4, 4))
+    moments[:3, :3] = 0.2 * mass * 0.05**2 * np.eye(3) + mass * np.outer(centre, centre)
+    moments[:3, 3] = moments[3, :3] = mass * centre
+    moments[3, 3] = mass
+    basis = bodies_of(lib).basis.reshape(10, 16)
+    return np.linalg.lstsq(basis.T, moments.ravel(), rcond=None)[0]
+
+
+def logged(lib: Library, motion: Trajectory, seed: int, payload: float = 0.0) -> Recording:
+    """A log of the robot of the URDF with friction and 0.05 N·m of noise."""
+    rng, pi = np.random.default_rng(seed), lib.pi0.copy()
+    if payload:
+        pi[-10:] += body(lib, payload, np.array([0.0, 0.0, 0.157]) + 0.02 * rng.normal(size=3))
+    plant = Plant(pi, viscous=0.5, coulomb=0.3, torque_noise=0.05)
+    return ideal(lib, motion, plant, rng=rng)
+
+
+def advice(recording: Recording, lib: Library, method: str = "map") -> str:
+    result = identify(recording, lib, method, friction_columns=TERMS, preparation=FILTERED)
+    assert result.uncertainty is not None
+    return result.uncertainty.advice()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_clean_logs_raise_no_alarm(lib, trajectories, seed):
+    """Property: of a right prior and right torques nothing is doubted; 10 of 10 were clean."""
+    assert "do not trust" not in advice(logged(lib, trajectories[seed % 3], seed), lib)
+
+
+@pytest.mark.parametrize("payload", [0.5, 3.0])
+@pytest.mark.parametrize("method", ["map", "pc-ols"])
+def test_an_unknown_payload_is_named(lib, trajectories, payload, method):
+    """Oracle: a body in the hand that the URDF lacks; the link, and that the URDF is wrong."""
+    words = advice(logged(lib, trajectories[0], 1, payload), lib, method)
+    assert TRUST not in words
+    assert "contradict the inertia of" in words
+    # A body on the axis of joint 7 has the same base parameters on link 6.
+    assert "contradict the inertia of fr3_link7" in words or "of fr3_link6" in words
+    assert "the URDF is wrong rather than the log" in words
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_wrong_unit_of_torque_is_named(lib, trajectories, factor):
+    """Oracle: torque in mN·m, or a thousandth; the torque is wrong, not the URDF."""
+    log = logged(lib, trajectories[0], 0)
+    words = advice(log.replace(tau=factor * log.tau), lib)
+    assert TRUST not in words
+    assert "the unit or sign of the torque is wrong rather than the URDF" in words
+
+
+def test_a_wrong_torque_gain_is_named(lib, trajectories):
+    """Oracle: joint 6 reads 10 % too much; the gain is known to 2 % of 480 filtered samples."""
+    log = logged(lib, trajectories[0], 0)
+    words = advice(log.replace(tau=log.tau * np.where(np.arange(7) == 5, 1.1, 1.0)), lib)
+    assert TRUST not in words
+    assert "at fr3_joint6" in words
+    assert 1.07 < float(words.split("torque gain of ")[1].split()[0]) < 1.13
+
+
+def test_a_result_short_of_the_data_is_named(lib, trajectories):
+    """Property: the misfit of the result itself counts; here all its masses are 20 % too large."""
+    log = logged(lib, trajectories[0], 0)
+    right = identify(log, lib, friction_columns=TERMS, preparation=FILTERED)
+    train = samples_of(right.train, lib)
+    u = uncertainty_of(lib, train, 1.2 * right.pi, right.phi, first_guess=lib.pi0)
+    assert TRUST not in u.advice()
+    assert "the method stopped short of the data" in u.advice()

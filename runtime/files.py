@@ -8,6 +8,7 @@ check the values.
 import errno
 import json
 import os
+import secrets
 import stat
 import tomllib
 from collections.abc import Iterator
@@ -105,17 +106,21 @@ def values_of(tree: Any) -> Iterator[Any]:
 def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A binary file that takes the place of `path` when the block ends without an error.
 
-    Missing folders are made. On any error the old file stays unchanged.
+    Missing folders are made. On any error the old file stays unchanged. A link in the place of
+    `path` is replaced, not followed.
 
     Raises:
         RuntimeFault: the place cannot be written.
     """
     if not path.name:
         raise RuntimeFault(f"cannot write '{path}': it names no file")
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    draft = path.with_name(f".symgen.{secrets.token_hex(8)}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with draft.open("wb") as file:
+        # In a folder that others write, a name that they can guess may be a link of theirs: O_EXCL
+        # follows none. The mode is that of open(), less the user's mask.
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+        with os.fdopen(os.open(draft, flags, 0o666), "wb") as file:
             yield file
             file.flush()
             os.fsync(file.fileno())

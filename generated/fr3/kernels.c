@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 580d3f27bd388788961114acb604c34a2838a869a9405b7efd8fc30e78ceabd5.
+ * Model 74223245f8361bc89694e99e33cf55b09c43215470f5fc147272637dce69e678.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "580d3f27bd388788961114acb604c34a2838a869a9405b7efd8fc30e78ceabd5";
+    return "74223245f8361bc89694e99e33cf55b09c43215470f5fc147272637dce69e678";
 }
 
 const char *fr3_level(void)

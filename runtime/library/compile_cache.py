@@ -28,6 +28,7 @@ from runtime.errors import LibraryError
 from runtime.files import json_of
 from runtime.library.compile_recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
 from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
+from runtime.library.own_builds import is_own
 
 KEPT = 3
 """Number of libraries per robot that are kept regardless of their age."""
@@ -82,6 +83,7 @@ def compiled_library(folder: Path, robot: str, level: str | None = None) -> Path
             with _new_folder(root / name) as made_in:
                 library = made_in / f"lib{robot}.so"
                 commands = compile_folder(folder, recipe, levels, compiler, library)
+                library.chmod(0o755)  # whatever the mask: what others can write is not opened
                 record = {
                     "sha256": _sha256(library),
                     "sources": recipe.files,
@@ -127,18 +129,19 @@ def _used(entry: Path) -> Path:
 
 
 def is_whole(entry: Path, robot: str) -> bool:
-    """Whether the bytes of a library are those that were compiled.
+    """Whether the bytes of a library are those that this user has compiled.
 
     Args:
         entry: folder with the library and build.json.
         robot: its name.
 
     Returns:
-        False also where a file is missing or damaged.
+        False also where a file is missing or damaged, or where others can write it.
     """
     try:
+        library = entry / f"lib{robot}.so"
         record = json_of(entry / "build.json")
-        return bool(record["sha256"] == _sha256(entry / f"lib{robot}.so"))
+        return is_own(entry) and is_own(library) and bool(record["sha256"] == _sha256(library))
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -156,10 +159,21 @@ def _wanted(recipe: CompileRecipe, level: str | None) -> tuple[str, ...]:
 
 
 def _roots() -> list[Path]:
-    """Cache folders, the preferred one first."""
+    """Cache folders, the preferred one first.
+
+    Raises:
+        LibraryError: others can write $SYMGEN_CACHE, so that a library in it may be theirs.
+    """
     requested = os.environ.get("SYMGEN_CACHE", "")
     if requested:
-        return [Path(requested)]
+        root = Path(requested).expanduser().resolve()
+        if root.exists() and not is_own(root):
+            raise LibraryError(
+                f"expected SYMGEN_CACHE to be a folder that only you can write, got '{root}', "
+                "which others own or can write; name another folder, or make it yours (chown, "
+                "chmod go-w)"
+            )
+        return [root]
     private = Path(tempfile.gettempdir()) / f"symgen-{os.getuid()}"
     return [platformdirs.user_cache_path("symgen"), *([private] if _is_private(private) else [])]
 
@@ -201,7 +215,8 @@ def _lock(folder: Path) -> Iterator[None]:
     """One process per entry at a time; the kernel drops the lock of a killed one."""
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        with (folder / ".lock").open("w") as handle:
+        mode = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW
+        with os.fdopen(os.open(folder / ".lock", mode, 0o600), "r+") as handle:
             with suppress(OSError):  # a file system without locks: both compile, one rename wins
                 fcntl.flock(handle, fcntl.LOCK_EX)
                 for stale in folder.glob(".new.*/"):

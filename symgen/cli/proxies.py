@@ -69,6 +69,7 @@ def proxies_command(
     from symgen.collision.coverage import coverage
     from symgen.collision.geometry import read_geometry
     from symgen.collision.selection import select_pairs
+    from symgen.inspect.rewrite import write_text
 
     if packages:
         raise BuildError("'proxies' has no option --packages any more; give --package-dir DIR")
@@ -94,12 +95,8 @@ def proxies_command(
             f"{1e3 * worst.outside:.3g} mm; nothing was written, please report the URDF"
         )
     header = f"# Capsules around the collision geometry of {chain.name} and pairs to check; m.\n"
-    try:
-        out.write_text(
-            header + toml_from_collision(CollisionModel(fitted, chosen.pairs)), encoding="utf-8"
-        )
-    except OSError as error:
-        raise BuildError(f"cannot write '{out}': {error.strerror}") from None
+    text = header + toml_from_collision(CollisionModel(fitted, chosen.pairs))
+    write_text(out, text, overwrite=False)
     say(f"{out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import jinja2
 
+from symgen.emit.escape import in_code, in_comment, in_markdown
 from symgen.emit.forms import forms_of
 from symgen.emit.programs import programs
 from symgen.emit.reference import reference_code
@@ -147,6 +148,8 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
         keep_trailing_newline=True,
         autoescape=False,  # noqa: S701  C and Markdown, not HTML
     )
+    escapes = {"in_comment": in_comment, "in_markdown": in_markdown, "in_code": in_code}
+    environment.filters.update(escapes)
     environment.tests["idle_in"] = lambda name, lines: (
         not any(re.search(rf"\b{name}\b", line) for line in lines)
     )

@@ -5,6 +5,7 @@ comments, white space and the order of attributes.
 """
 
 import os
+import secrets
 from contextlib import suppress
 from pathlib import Path
 from xml.parsers import expat
@@ -99,11 +100,13 @@ def write_text(path: Path, text: str, overwrite: bool) -> None:
     Raises:
         BuildError: the file exists and may not be overwritten, or cannot be written.
     """
-    draft = path.with_name(f".{path.name}.{os.getpid()}")
+    draft = path.with_name(f".symgen.{secrets.token_hex(8)}")
     try:
         if path.exists() and not overwrite:
             raise BuildError(f"'{path}' exists; choose another file, or give --overwrite")
-        with draft.open("w", encoding="utf-8", newline="") as file:
+        # O_EXCL follows no link that others have put there; the mode is that of open().
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+        with os.fdopen(os.open(draft, flags, 0o666), "w", encoding="utf-8", newline="") as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())

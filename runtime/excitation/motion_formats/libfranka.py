@@ -1,5 +1,6 @@
 """q, dq, ddq for every millisecond of libfranka's 1 kHz control cycle, as CSV."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +24,11 @@ def _write(motion: CertifiedMotion, rate: float, path: Path) -> None:
     t = np.arange(steps + 1) / CONTROL_RATE
     q, dq, ddq, _ = motion.trajectory.at(lib, np.minimum(t, duration))
     units = [joint.unit for joint in lib.manifest.joints]
+    names = [re.sub(r'[^ -~]|[,"#]', "_", name) for name in lib.joint_names]  # of a URDF
     titles = ["t [s]"]
     for signal, per in (("q", ""), ("dq", "/s"), ("ddq", "/s^2")):
         titles += [
-            f"{signal} {name} [{unit}{per}]"
-            for name, unit in zip(lib.joint_names, units, strict=True)
+            f"{signal} {name} [{unit}{per}]" for name, unit in zip(names, units, strict=True)
         ]
     with replacing(path) as file:
         write_comments(
@@ -36,7 +37,7 @@ def _write(motion: CertifiedMotion, rate: float, path: Path) -> None:
                 *motion.header(),
                 f"{steps + 1} rows, one per ms of the 1 kHz loop, {steps} ms; start at rest in "
                 "row 0, the robot must stand there",
-                "joint order: " + ", ".join(lib.joint_names),
+                "joint order: " + ", ".join(names),
             ),
         )
         table = np.hstack([t[:, None], q, dq, ddq])

@@ -3,7 +3,9 @@
 Only the times differ between runs on the same data.
 """
 
+import html
 import json
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -176,8 +178,9 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _markdown(facts: Mapping[str, Any]) -> str:
     joints, units, rows = facts["joints"], facts["units"], facts["rows"]
-    lines = [f"# {facts['robot']}, {facts['recording']['name']}: every method on the same data", ""]
-    lines += [f"- {sentence}" for sentence in facts["advice"]["sentences"]]
+    name = _plain(facts["recording"]["name"])
+    lines = [f"# {facts['robot']}, {name}: every method on the same data", ""]
+    lines += [f"- {_plain(sentence)}" for sentence in facts["advice"]["sentences"]]
     lines += ["", _line(HEAD), "|---" * len(HEAD) + "|"]
     lines += [_line(cells(row)) for row in rows]
     lines += [
@@ -191,13 +194,22 @@ def _markdown(facts: Mapping[str, Any]) -> str:
     lines += [
         _line((row["method"], *(f"{x:.4f}" for x in row["rms"]))) for row in rows if "rms" in row
     ]
-    lines += ["", *(f"- {row['method']}: {row['status']}" for row in rows)]
-    lines += ["", *(f"- {note}" for note in facts["notes"])]
+    lines += ["", *(f"- {row['method']}: {_plain(row['status'])}" for row in rows)]
+    lines += ["", *(f"- {_plain(note)}" for note in facts["notes"])]
     return "\n".join(lines) + "\n"
 
 
 def _line(words: tuple[str, ...]) -> str:
-    return "| " + " | ".join(word.replace("|", "/") for word in words) + " |"
+    return "| " + " | ".join(_plain(word.replace("|", "/")) for word in words) + " |"
+
+
+def _plain(text: str) -> str:
+    """Text in one line whose characters mean nothing to Markdown or HTML.
+
+    Names of joints and logs are part of it, and they come from elsewhere.
+    """
+    flat = "".join(c if c.isprintable() else "_" for c in text)
+    return re.sub(r"([\\`*\[\]|])", r"\\\1", html.escape(flat, quote=False))
 
 
 def _finite(value: float) -> float | None:

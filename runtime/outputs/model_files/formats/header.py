@@ -115,8 +115,8 @@ def _rows(values: Array) -> str:
 
 
 def _safe(line: str) -> str:
-    """ASCII text that cannot end a comment."""
-    return re.sub(r"\*/|/\*", "* /", line).encode("ascii", "replace").decode()
+    """ASCII text that cannot end a comment, not by a trigraph or a line splice either."""
+    return re.sub(r"[*?\\]|[^ -~]", "_", line)
 
 
 HEADER = ExportFormat(

@@ -19,18 +19,22 @@ if (
 ):
     del sys.path[0]
 
-from runtime.estimators.descent.adam import Preset
-from runtime.estimators.descent.fit import PRESETS
-from runtime.estimators.methods import METHODS
-from runtime.identification.identified import Identification
-from runtime.identification.online import OnlineEstimate, OnlineEstimator
-from runtime.identification.payload import Payload, identify_payload
-from runtime.identification.sensor_gains import Gains, identify_gains
-from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify
-from runtime.inspection.friction_choice import choose_friction
-from runtime.library import Library, load, to_pinocchio_order
-from runtime.recording import Recording, read_recording, write_recording
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from runtime.estimators.descent.adam import Preset
+    from runtime.estimators.descent.fit import PRESETS
+    from runtime.estimators.methods import METHODS
+    from runtime.identification.identified import Identification
+    from runtime.identification.online import OnlineEstimate, OnlineEstimator
+    from runtime.identification.payload import Payload, identify_payload
+    from runtime.identification.sensor_gains import Gains, identify_gains
+    from runtime.identification.settings import Settings
+    from runtime.identification.single_log import identify
+    from runtime.inspection.friction_choice import choose_friction
+    from runtime.library import Library, load, to_pinocchio_order
+    from runtime.recording import Recording, read_recording, write_recording
 
 __all__ = [
     "METHODS",
@@ -53,3 +57,43 @@ __all__ = [
     "to_pinocchio_order",
     "write_recording",
 ]
+
+_MODULES = {
+    "Gains": "runtime.identification.sensor_gains",
+    "Identification": "runtime.identification.identified",
+    "Library": "runtime.library",
+    "METHODS": "runtime.estimators.methods",
+    "OnlineEstimate": "runtime.identification.online",
+    "OnlineEstimator": "runtime.identification.online",
+    "PRESETS": "runtime.estimators.descent.fit",
+    "Payload": "runtime.identification.payload",
+    "Preset": "runtime.estimators.descent.adam",
+    "Recording": "runtime.recording",
+    "Settings": "runtime.identification.settings",
+    "choose_friction": "runtime.inspection.friction_choice",
+    "identify": "runtime.identification.single_log",
+    "identify_gains": "runtime.identification.sensor_gains",
+    "identify_payload": "runtime.identification.payload",
+    "load": "runtime.library",
+    "read_recording": "runtime.recording",
+    "to_pinocchio_order": "runtime.library",
+    "write_recording": "runtime.recording",
+}
+"""Module of every name: imported at the first use, since scipy takes most of a second."""
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name of `__all__` at its first use.
+
+    Raises:
+        AttributeError: the package has no such name.
+    """
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

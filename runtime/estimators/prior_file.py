@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, GRIPPER, NONE
@@ -158,6 +157,8 @@ class _Rows:
             link: name of the link.
             given: points, (≥ 4, 3) m.
         """
+        from scipy.spatial import ConvexHull, QhullError
+
         name, wanted = f"{link}.com_hull", "at least four points [x, y, z] in m, not in one plane"
         points = self._numbers(name, given, (-1, 3), wanted)
         try:

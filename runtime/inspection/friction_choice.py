@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import Statistics, compress
@@ -228,6 +227,8 @@ class _Trial:
         Returns:
             The terms with the best width.
         """
+        from scipy.optimize import minimize_scalar
+
         key, grid = WIDTHS[candidate]
 
         def score(log_width: float) -> float:

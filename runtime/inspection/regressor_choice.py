@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from math import comb
 
 import numpy as np
-from scipy import signal as scipy_signal
 
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
@@ -158,6 +157,8 @@ def _white_variance(t: Array, values: Array) -> Array:
 
 def _noise_gain(preparation: Preparation, step: float, derivatives: int) -> float:
     """Variance of unit white noise after the filter and central differences."""
+    from scipy import signal as scipy_signal
+
     if preparation.cutoff_hz is None:
         return float(comb(2 * derivatives, derivatives)) / (2 * step) ** (2 * derivatives)
     sections = scipy_signal.butter(

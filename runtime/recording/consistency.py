@@ -6,7 +6,6 @@ seconds. Nothing is corrected: units are stated in a recipe and never guessed.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from runtime.errors import RecordingError
 from runtime.recording.recording import FloatArray, Recording
@@ -73,7 +72,10 @@ def unwrap(q: FloatArray) -> tuple[FloatArray, NDArray[np.int64]]:
 
 def slopes_of(recording: Recording) -> FloatArray:
     """Robust ratio of Δq and ∫dq dt over 5 samples (n,); NaN for joints that hardly move."""
-    integral = cumulative_trapezoid(recording.dq, recording.t, axis=0, initial=0.0)
+    # trapezoidal rule, ∫dq dt up to every sample
+    step, speed = np.diff(recording.t)[:, None], recording.required("dq")
+    areas = np.cumsum(step * (speed[1:] + speed[:-1]) / 2.0, axis=0)
+    integral = np.concatenate([np.zeros((1, speed.shape[1])), areas])
     moved = recording.q[STRIDE:] - recording.q[:-STRIDE]
     integrated = integral[STRIDE:] - integral[:-STRIDE]
     slopes = np.full(recording.n_joints, np.nan)

@@ -9,10 +9,10 @@ Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import clarabel
 import numpy as np
-from scipy import sparse
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.ols import counted_in_links
@@ -23,6 +23,9 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
@@ -171,6 +174,8 @@ class _Cones:
 
     def residual_cone(self) -> "_Block":
         """‖R x − r‖ ≤ the last unknown, in units of ‖r‖."""
+        from scipy import sparse
+
         matrix = self._factor * self._scale / self._unit
         top = np.zeros((1, self.width + 1))
         top[0, -1] = -1.0
@@ -180,6 +185,8 @@ class _Cones:
 
     def consistency(self, extra: int) -> "_Block":
         """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library."""
+        from scipy import sparse
+
         n, lib = self._lib.n_joints, self._lib
         size = N_PARAMETERS * n
         unit = np.tile(np.eye(N_PARAMETERS), (1, n))
@@ -199,12 +206,14 @@ class _Cones:
 class _Block:
     """Rows b − A x ∈ K."""
 
-    a: sparse.csc_matrix
+    a: "sparse.csc_matrix"
     b: Array
     cones: list[object]
 
 
 def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
+    from scipy import sparse
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
-from scipy import sparse
 from scipy.linalg import block_diag, null_space
 
 from runtime.errors import IdentificationError
@@ -100,6 +99,8 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     Unknowns are x of π = centre + W⁻¹ x in units of the prior, the distance t from all
     constraints, and d ≥ ‖x‖.
     """
+    from scipy import sparse
+
     size = prior.centre.size
     e, e_value = _stacked(constraints.equations, size)
     a, limit = _stacked(constraints.bounds, size)

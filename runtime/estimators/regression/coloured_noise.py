@@ -17,7 +17,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.fft import dct, next_fast_len
 
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.samples import Samples
@@ -139,6 +138,8 @@ def _noise_from_sums(
 
 def _spectral_sums(q: Array, rest: Array) -> tuple[float, float, float]:
     """Σ h r̂², Σ h (1 − h) and Σ h of one piece, q (N, n, p) and rest (N, n)."""
+    from scipy.fft import dct
+
     waves = dct(q, axis=0, norm="ortho")
     h = np.einsum("ijk,ijk->ij", waves, waves)
     power = dct(rest, axis=0, norm="ortho") ** 2
@@ -154,6 +155,8 @@ def _orthonormal(unit: Array) -> tuple[Array, Array]:
 
 def _pieces(count: int, parts: int) -> Iterator[slice]:
     """Evenly spread pieces of a length that is fast to transform, about MOST of all parts."""
+    from scipy.fft import next_fast_len
+
     number = min(max(1, MOST // parts), -(-count // PIECE))
     if not number:
         return

@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from runtime.excitation.motion.family import BasisFamily, in_time
 from runtime.library import Array, Library
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 DEGREE = 5
 """Degree of the splines: four derivatives are continuous, so that the jerk has a slope to bound."""
@@ -81,8 +84,10 @@ class Spline:
 
 
 @lru_cache(maxsize=32)
-def _spline(size: int, gone: int, order: int) -> BSpline:
+def _spline(size: int, gone: int, order: int) -> "BSpline":
     """Derivative d^k/ds^k of all splines but the outermost `gone` at each end."""
+    from scipy.interpolate import BSpline
+
     total = size + 2 * gone
     inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
     knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])

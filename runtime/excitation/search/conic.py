@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
-from scipy import sparse
 
 from runtime.library import Array
 
@@ -37,6 +36,8 @@ def solve(quadratic: Array, linear: Array, blocks: list[Block]) -> tuple[Array, 
     Returns:
         x (p,) and the duals block by block; None where the solver failed.
     """
+    from scipy import sparse
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.direct_solve_method = "qdldl"  # one thread: the same bits everywhere

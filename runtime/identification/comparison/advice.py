@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from runtime.estimators.methods import DEFAULT, METHODS
 from runtime.identification.comparison.row import NOT_RUN, RAN, Figures, Row
@@ -100,7 +100,7 @@ def better_beyond_chance(a: Array, b: Array) -> bool:
     spread = float(means.std(ddof=1)) / np.sqrt(count)
     if spread == 0:
         return bool(means.mean() > 0)
-    return bool(means.mean() / spread > student.ppf((1 + LEVEL) / 2, count - 1))
+    return bool(means.mean() / spread > stdtrit(count - 1, (1 + LEVEL) / 2))
 
 
 def _choice(sound: dict[str, Figures]) -> tuple[str, str]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_basis
@@ -209,7 +209,7 @@ def _common(g: Array, covariance: Array) -> float | None:
     mean = float(inverse.sum(axis=0) @ g) / total
     apart = float((g - mean) @ inverse @ (g - mean))
     clear = abs(mean - 1) > _CLEAR / np.sqrt(total)
-    return mean if clear and apart < chi2.ppf(0.95, len(g) - 1) else None
+    return mean if clear and apart < 2.0 * gammaincinv((len(g) - 1) / 2, 0.95) else None
 
 
 def _percent(share: float) -> str:

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from runtime.inspection.finding import INFO, WARNING, Finding, joint_list, numbers
 from runtime.library import Array, Library
@@ -36,6 +35,8 @@ def velocity_pairs(
         The recipe with corrected order and signs of the velocities; "velocity_order" and
         "velocity_sign" where they changed.
     """
+    from scipy.optimize import linear_sum_assignment
+
     if recording.dq is None or plan.velocity is None or len(recording) < 10:
         return plan, []
     slope = np.gradient(unwrap(recording.q)[0], recording.t, axis=0)

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import ERROR, WARNING, Finding, joint_list
@@ -44,6 +43,8 @@ def torque_order(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, list[Fi
     Returns:
         The recipe with the order of the torque, and "torque_order" where it changed.
     """
+    from scipy.optimize import linear_sum_assignment
+
     inertial, falls = torque_rows.model_torque()
     model = inertial + falls
     tau, n = torque_rows.samples.tau, torque_rows.lib.n_joints

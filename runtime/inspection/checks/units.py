@@ -7,7 +7,6 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from runtime.inspection.checks.order_scores import BEYOND, ROWS, beyond_limits, mismatches
 from runtime.inspection.finding import ERROR, WARNING, Finding, numbers
@@ -189,6 +188,8 @@ def _position_factor(q: Array, lib: Library) -> float | None:
 
 def _misplaced(q: Array, lib: Library) -> float:
     """Largest excess over a limit in the order of columns that minimises it [rad, m]."""
+    from scipy.optimize import linear_sum_assignment
+
     beyond = beyond_limits(q, lib)
     rows, order = linear_sum_assignment(beyond)
     return float(beyond[rows, order].max())

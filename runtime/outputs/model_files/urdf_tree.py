@@ -10,7 +10,6 @@ from xml.etree.ElementTree import Element, ParseError
 import numpy as np
 from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import fromstring
-from scipy.spatial.transform import Rotation
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
@@ -182,6 +181,8 @@ def _edge(joint: Element) -> Edge:
 
 
 def _placement(element: Element, owner: str) -> Array:
+    from scipy.spatial.transform import Rotation
+
     node, T = element.find("origin"), np.eye(4)
     if node is not None:
         rpy = _numbers(node.get("rpy", "0 0 0"), f"{owner}: rpy")

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal as scipy_signal
 
 from runtime.errors import RecordingError
 from runtime.recording import Recording
@@ -55,6 +54,8 @@ def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butte
     Raises:
         RecordingError: the clock is not uniform, or the cut-off is not below half the rate.
     """
+    from scipy import signal as scipy_signal
+
     step = uniform_step(recording, "low-pass")
     if not 0.0 < cutoff_hz * step < 0.499:
         raise RecordingError(
@@ -198,6 +199,8 @@ def savitzky_golay(
     step = uniform_step(recording, "fit polynomials")
 
     def smooth(values: FloatArray, derivative: int = 0) -> FloatArray:
+        from scipy import signal as scipy_signal
+
         return np.asarray(
             scipy_signal.savgol_filter(values, width, order, deriv=derivative, delta=step, axis=0)
         )

@@ -13,7 +13,6 @@ which is linear and the same at all times, so that its cut-off may lie in the mi
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from runtime.errors import RecordingError
 from runtime.library import Library
@@ -41,6 +40,8 @@ def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Rec
     Returns:
         The recording with q and dq.
     """
+    from scipy.interpolate import CubicSpline
+
     data = without_short(recording.replace(ddq=None), 4)
     uniform_step(data, "go without accelerations")
     data = smooth(data)

@@ -14,7 +14,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal as scipy_signal
 
 from runtime.recording.recording import FloatArray
 
@@ -47,6 +46,8 @@ def zero_phase(
         (M, m) each.
     """
     # Blocks whose length is a multiple of the period have the same pattern of needed rows.
+    from scipy import signal as scipy_signal
+
     length = DENSE if period == 1 else period * -(-LENGTH // period)
     count = len(signals[0]) // length
     if count < _FEW:
@@ -121,6 +122,8 @@ class _Cascade:
     """
 
     def __init__(self, sections: FloatArray) -> None:
+        from scipy import signal as scipy_signal
+
         self.sections = sections
         self.slowness = np.sqrt(1.0 + sections[:, 4] + sections[:, 5])[:, None]
         self.still = scipy_signal.sosfilt_zi(sections)[:, :, None]
@@ -151,6 +154,8 @@ class _Cascade:
 
     def _run(self, values: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter values (N, m); return the output and the state after them."""
+        from scipy import signal as scipy_signal
+
         out, end = scipy_signal.sosfilt(self.sections, values, axis=0, zi=start)
         state = np.stack([end[:, 0], (end[:, 0] + end[:, 1]) / self.slowness], axis=1)
         return out, state.reshape(-1, values.shape[1])

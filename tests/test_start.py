@@ -1,0 +1,64 @@
+"""Start-up: which libraries an import loads; heavy ones are imported where they are used."""
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.conftest import REPOSITORY
+
+HEAVY = (
+    *("scipy.signal", "scipy.stats", "scipy.integrate", "scipy.optimize", "scipy.interpolate"),
+    *("scipy.spatial", "scipy.fft", "scipy.sparse", "scipy.linalg", "numpy", "matplotlib"),
+    *(
+        "jinja2",
+        "pooch",
+        "pyarrow",
+        "mcap",
+        "rosbags",
+        "distributed",
+        "mujoco",
+        "viser",
+        "clarabel",
+    ),
+)
+ALLOWED = {
+    "import runtime": set(),
+    "import runtime.library": {"numpy"},
+    "import runtime.recording": {"numpy"},
+    "import runtime.identification.single_log": {"numpy", "scipy.linalg", "clarabel"},
+}
+"""Statement → heavy libraries that it may load: what its results need in every case."""
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Heavy libraries that a fresh interpreter holds after a statement."""
+    code = f"import sys\n{statement}\nprint(*(m for m in {HEAVY!r} if m in sys.modules))"
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    return set(run.stdout.split())
+
+
+@pytest.mark.parametrize("statement", ALLOWED)
+def test_import_budget(statement: str) -> None:
+    """Property: no library beyond those listed; scipy.signal alone takes half a second."""
+    brought = {"numpy", "scipy.linalg"}
+    # What scipy.linalg and clarabel import by themselves is not ours to choose.
+    by_itself = loaded_by("import numpy, scipy.linalg, clarabel")
+    allowed = ALLOWED[statement] | (by_itself if ALLOWED[statement] & brought else set())
+    assert loaded_by(statement) - allowed == set()
+
+
+def test_names_of_the_package_are_imported_at_their_first_use() -> None:
+    """Property: every public name exists; an unknown one is an AttributeError."""
+    code = (
+        "import runtime\n"
+        "assert all(getattr(runtime, name) is not None for name in runtime.__all__)\n"
+        "assert set(runtime.__all__) <= set(dir(runtime))\n"
+        "try:\n    runtime.nothing\nexcept AttributeError as error:\n    print(error)\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    assert run.stdout.strip() == "module 'runtime' has no attribute 'nothing'"

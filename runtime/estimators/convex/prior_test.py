@@ -11,7 +11,7 @@ Source: Box 1980 for the prior predictive test; the release of single links is t
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import Reduced
@@ -85,7 +85,7 @@ def prior_test(
     gamma = kappa * level / data.count
     sizes = np.linalg.svd(data.factor, compute_uv=False)
     rank = int(np.sum(sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)))
-    threshold = MARGIN * float(chi2.isf(SIGNIFICANCE, max(rank, 1)))
+    threshold = MARGIN * float(chdtri(max(rank, 1), SIGNIFICANCE))
 
     def cost(pi: Array, counted: Array) -> float:
         """T at π, with the priors of the counted links (n,) only."""

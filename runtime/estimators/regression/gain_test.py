@@ -12,7 +12,7 @@ Source: Gautier & Briot 2014 for the regression with gains; Breusch & Pagan 1980
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
 from runtime.estimators.regression.samples import Samples
@@ -97,7 +97,7 @@ def gain_test(lib: Library, samples: Samples, weights: Array) -> GainTest | None
     joint = int(np.argmax(deviation**2 * power))
     return GainTest(
         statistic=float(explained @ explained) / density,
-        threshold=MARGIN * float(chi2.isf(SIGNIFICANCE, gains.shape[1])),
+        threshold=MARGIN * float(chdtri(gains.shape[1], SIGNIFICANCE)),
         joint=joint,
         gain=1 + float(deviation[joint]),
         sigma=float(np.sqrt(density / power[joint])),

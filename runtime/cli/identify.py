@@ -34,6 +34,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.settings import Settings
 from runtime.identification.several_logs import LogAgreement
 from runtime.identification.single_log import identify
+from runtime.identification.without_prior import settings_for
 from runtime.library import Library
 from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
@@ -113,7 +114,7 @@ def identify_command(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
     )
     known = None if prior is None else read_prior(prior, lib)
-    settings = Settings(method=method, preset=preset, prior=known, seed=seed)
+    settings = settings_for(lib, Settings(method=method, preset=preset, prior=known, seed=seed))
     runs = runs_of(logs, run)
     if len(runs) > 1 or payload_of:
         if controller is not None:

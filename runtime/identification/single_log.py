@@ -23,6 +23,7 @@ from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, torque_of
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.identification.settings import Settings, settings_from
+from runtime.identification.without_prior import note_for, settings_for
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Recording
@@ -54,7 +55,7 @@ def identify(
     Raises:
         RuntimeFault: the data or settings do not make an identification problem.
     """
-    chosen = settings_from(settings, keywords)
+    chosen = settings_for(lib, settings_from(settings, keywords))
     chosen_method(chosen.method, chosen.preset, chosen.prior)  # before the recording is prepared
     return identify_assembled(assemble(recording, lib, chosen, progress=progress), chosen)
 
@@ -76,7 +77,7 @@ def identify_assembled(
     Raises:
         IdentificationError: the method is unknown, lacks what it needs, or failed.
     """
-    chosen = settings_from(settings, keywords)
+    chosen = settings_for(assembly.problem.lib, settings_from(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     problem, parts = assembly.problem, assembly.parts
     lib = problem.lib
@@ -110,7 +111,7 @@ def identify_assembled(
         test=parts[2],
         one_run=assembly.one_run,
         seed=problem.seed,
-        notes=fit.notes,
+        notes=(*fit.notes, *note_for(lib)),
         net=fit.net,
     )
 

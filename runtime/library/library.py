@@ -106,6 +106,11 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
             "tip_speed": np.array(inf if m.tip_speed is None else m.tip_speed),
         }
 
+    @property
+    def placeholders(self) -> tuple[str, ...]:
+        """Links whose π0 means nothing: the URDF has no <inertial>, and no mass was stated."""
+        return tuple(k for k, source in self.manifest.assumed.items() if source == "placeholder")
+
     def urdf(self) -> str:
         """The URDF that the kernels describe, as symgen normalised it."""
         path = self.folder / f"{self.name}.urdf"

@@ -114,7 +114,10 @@ class FrameFacts:
 
 @dataclass(frozen=True, slots=True)
 class Manifest:
-    """The facts of one robot, see the fields of `manifest.json`."""
+    """The facts of one robot, see the fields of `manifest.json`.
+
+    `assumed`: link → "given mass" or "placeholder", where the URDF states no <inertial>.
+    """
 
     robot: str
     model_hash: str
@@ -139,6 +142,7 @@ class Manifest:
     base_columns: tuple[int, ...]
     base_matrix: tuple[tuple[float, ...], ...]
     kernels: dict[str, KernelFacts]
+    assumed: dict[str, str]
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -185,6 +189,7 @@ def read_manifest(path: Path) -> Manifest:
             base_columns=tuple(raw["base_parameters"]["columns"]),
             base_matrix=tuple(tuple(row) for row in raw["base_parameters"]["matrix"]),
             kernels={entry["name"]: _kernel(entry) for entry in raw["kernels"]},
+            assumed={str(link): str(source) for link, source in raw.get("assumed", {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise LibraryError(f"'{path}' is damaged (no valid {error}); {again}") from None

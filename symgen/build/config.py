@@ -94,6 +94,24 @@ def read_config(*paths: Path) -> RobotConfig:
     return config_from_table(joined, " and ".join(f"'{path}'" for path in paths))
 
 
+def read_masses(path: Path) -> dict[str, float]:
+    """Masses of links from a TOML file, kg.
+
+    Raises:
+        BuildError: the file cannot be read, or an entry is not a number.
+    """
+    try:
+        table = tomllib.loads(text_of(path))
+    except (OSError, ValueError, RecursionError) as error:
+        raise BuildError(f"cannot read the masses '{path}': {error}") from None
+    for link, mass in table.items():
+        if not _is_number(mass):
+            raise BuildError(f"'{path}': expected link = mass in kg, got '{link}' = {mass!r}")
+    if not table:
+        raise BuildError(f"'{path}' states no mass; write lines such as link1 = 2.7")
+    return {link: float(mass) for link, mass in table.items()}
+
+
 def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
     """Return the configuration of a parsed TOML table.
 

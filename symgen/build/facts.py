@@ -80,7 +80,8 @@ def model_facts(
             )
     bodies = pi0.reshape(n, -1)
     lam0 = [np.asarray(ca.DM(inertia.lam_from_pi(ca.DM(pi)))).ravel() for pi in bodies]
-    return {
+    assumed = {"assumed": chain.assumed} if chain.assumed else {}
+    return assumed | {
         "base": chain.base,
         "tip": chain.tip.link,
         "tip_frame": {

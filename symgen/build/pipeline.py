@@ -26,6 +26,7 @@ from symgen.build.own_builds import is_recorded, record_build
 from symgen.build.request import BuildRequest
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, Joint, read_chain
+from symgen.chain.assumed_bodies import GIVEN, PLACEHOLDER, PLACEHOLDER_MASS
 from symgen.documents import json_of
 from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
@@ -166,6 +167,11 @@ def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
         f"link '{body.name}' ({body.mass:g} kg) is fixed to '{body.onto}' and counts into it"
         for body in chain.lumped
     ]
+    if chain.base_is_assumed:
+        notes.append(
+            f"no joint of the URDF attaches '{chain.base}' to the world; it is taken as fixed"
+        )
+    notes += _assumed(chain)
     if chain.removed:
         notes.append(f"cut off by --base/--tip: {', '.join(chain.removed)}")
     notes += [
@@ -181,6 +187,25 @@ def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
             "operations and spurious base parameters"
         )
     return tuple(notes)
+
+
+def _assumed(chain: Chain) -> list[str]:
+    """Sentences about bodies that the URDF does not state."""
+    given = [link for link, source in chain.assumed.items() if source == GIVEN]
+    placeholders = [link for link, source in chain.assumed.items() if source == PLACEHOLDER]
+    notes = []
+    if given:
+        notes.append(
+            f"mass of {', '.join(given)} as stated by --masses; centre of mass and inertia are "
+            "those of a solid rod between the joints"
+        )
+    if placeholders:
+        notes.append(
+            "no moving link has an <inertial>, so each is a placeholder of "
+            f"{PLACEHOLDER_MASS:g} kg: identification uses pc-ols, which needs no inertial prior; "
+            "for map, state masses by --masses FILE (TOML, link = kg) or a prior file"
+        )
+    return notes
 
 
 def _is_almost_square(joint: Joint) -> bool:

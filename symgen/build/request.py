@@ -89,6 +89,7 @@ def request_from_folder(folder: Path) -> BuildRequest:
             tip=manifest["options"]["tip"],
             gravity=tuple(manifest["gravity"]),
             removed=tuple(manifest["removed"]),
+            assumed=dict(manifest.get("assumed", {})),
         )
         table = {key: manifest[key] for key in CONFIG_KEYS if manifest[key] is not None}
         config = config_from_table(table, f"'{folder / 'manifest.json'}'")

@@ -118,6 +118,12 @@ class Document:
         for link in links:
             self.root.remove(self.links.pop(link))
 
+    def has_base_joint(self) -> bool:
+        """Whether a fixed joint attaches the robot to an empty root link such as "world"."""
+        root, joints = self.links[self.root_link], self.children(self.root_link)
+        empty = all(root.find(tag) is None for tag in ("inertial", "visual", "collision"))
+        return empty and any(self.kind(joint) == "fixed" for joint in joints)
+
     def require_link(self, link: str, option: str) -> None:
         """Check that a link exists.
 

@@ -4,11 +4,12 @@ The order of joints is pinocchio's. Rounded zeros such as cos(π/2) = 6e-17 are 
 here and nowhere else: every one that remains becomes code in all kernels.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio
 
+from symgen.chain.assumed_bodies import assume_bodies
 from symgen.chain.document import MOVING, Document, numbers
 from symgen.chain.normalise import ChainOptions, normalise
 from symgen.errors import UrdfError
@@ -99,6 +100,8 @@ class Chain:
         lumped: fixed bodies counted into moving links.
         removed: links cut off by --base and --tip.
         urdf: the normalised document that the chain describes.
+        assumed: link → origin of a body that the URDF does not state (`assumed_bodies`).
+        base_is_assumed: no fixed joint attaches the base to the world; it is taken as fixed.
     """
 
     name: str
@@ -109,6 +112,8 @@ class Chain:
     lumped: tuple[LumpedBody, ...]
     removed: tuple[str, ...]
     urdf: str
+    assumed: dict[str, str] = field(default_factory=dict)
+    base_is_assumed: bool = False
 
 
 def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
@@ -126,6 +131,7 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
     """
     options = options or ChainOptions()
     document, gravity, removed = normalise(text, options)
+    new = {} if options.masses is None else assume_bodies(document, options.masses)
     for name in document.links:
         _check_inertial(document, name)
     urdf = document.text()
@@ -146,6 +152,8 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         lumped=_lumped(document),
         removed=removed,
         urdf=urdf,
+        assumed=options.assumed | new,
+        base_is_assumed=options.base is None and not document.has_base_joint(),
     )
 
 
@@ -181,7 +189,8 @@ def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
     if not inertia.mass > 0:
         raise UrdfError(
             f"link '{link}' moves with joint '{name}' but has no mass, nor do links fixed to it; "
-            "give it an <inertial>, lock the joint with --lock or cut it off with --tip"
+            "give it an <inertial> or a mass with --masses, lock the joint with --lock or cut it "
+            "off with --tip"
         )
     lower, upper, velocity, effort = _limits(document, name)
     return Joint(

@@ -29,6 +29,9 @@ class ChainOptions:
         locks: joint name → value (rad, m) at which the joint becomes part of its parent.
         snap: rad; rpy angles within this of a multiple of π/2 are replaced by the multiple.
         removed: links that an earlier cut has taken from this URDF, to be reported with the rest.
+        masses: link → kg, for links without <inertial>; empty: placeholders where no moving link
+            has one (`assumed_bodies`); None: a moving link without mass is refused.
+        assumed: link → origin of a body that an earlier build has assumed, to be reported again.
     """
 
     base: str | None = None
@@ -37,6 +40,8 @@ class ChainOptions:
     locks: dict[str, float] = field(default_factory=dict)
     snap: float = 0.0
     removed: tuple[str, ...] = ()
+    masses: dict[str, float] | None = None
+    assumed: dict[str, str] = field(default_factory=dict)
 
 
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:

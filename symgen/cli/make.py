@@ -3,6 +3,7 @@
 import difflib
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -64,6 +65,15 @@ def build_command(
             help="Replace physically inconsistent inertias by the nearest consistent ones.",
         ),
     ] = False,
+    masses: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="TOML file of masses (link = kg) of links without <inertial>. Without it, a URDF "
+            "without any <inertial> gets placeholders, which are no prior.",
+            dir_okay=False,
+        ),
+    ] = None,
     config: ConfigOption = None,
     level: Annotated[
         list[str] | None,
@@ -89,19 +99,21 @@ def build_command(
     python -m symgen build --urdf my.urdf --name my    your robot
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
     """
+    from symgen.build.config import read_masses
     from symgen.build.pipeline import build
     from symgen.build.request import bundled_request
     from symgen.chain import ChainOptions
 
     options = ChainOptions(base, tip, _vector(gravity), read_locks(lock or []), snap)
     if urdf is None:
-        if options != ChainOptions() or name or project or config:
+        if options != ChainOptions() or name or project or config or masses:
             raise BuildError(
-                "the options --name, --base, --tip, --gravity, --lock, --snap, --project and "
-                "--config belong to your own robot; give its --urdf too"
+                "the options --name, --base, --tip, --gravity, --lock, --snap, --project, "
+                "--masses and --config belong to your own robot; give its --urdf too"
             )
         request = bundled_request(robot)
     else:
+        options = replace(options, masses=read_masses(masses) if masses else {})
         request = _request_from_urdf(urdf, name, options, project, config)
     with console.status(f"building {request.name}"):
         result = build(request, out, force, level or ())

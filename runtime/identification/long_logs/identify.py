@@ -30,6 +30,7 @@ from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import PARTS, Assembly, require_enough
 from runtime.identification.settings import Settings, settings_from
 from runtime.identification.single_log import identify_assembled
+from runtime.identification.without_prior import settings_for
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import (
@@ -142,7 +143,7 @@ def assemble_streamed(
     Raises:
         RuntimeFault: the data or settings do not make an identification problem.
     """
-    chosen = settings_from(settings, keywords)
+    chosen = settings_for(lib, settings_from(settings, keywords))
     chosen.require_default(WHOLE_ONLY, "a streamed log")
     report = progress or (lambda _: None)
     recipe = log.recipe
@@ -209,7 +210,7 @@ def identify_streamed(
     Raises:
         RuntimeFault: the data or settings do not make an identification problem.
     """
-    chosen = settings_from(settings, keywords)
+    chosen = settings_for(lib, settings_from(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     require_streamable(method, chosen.preset)
     whole = assemble_streamed(log, lib, chosen, progress=progress)

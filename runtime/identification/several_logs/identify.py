@@ -27,6 +27,7 @@ from runtime.identification.several_logs.joint_fit import (
     shared_terms,
 )
 from runtime.identification.single_log import identify_assembled
+from runtime.identification.without_prior import settings_for
 from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.parallel import one_blas_thread
@@ -64,7 +65,7 @@ def identify_logs(
     Raises:
         RuntimeFault: the logs or settings do not make an identification problem.
     """
-    chosen = settings_from(settings, keywords)
+    chosen = settings_for(lib, settings_from(settings, keywords))
     chosen.require_default(ONE_LOG_ONLY, "a fit of several logs")
     chosen = replace(chosen, method=chosen_method(chosen.method, chosen.preset, chosen.prior))
     names = _names(logs, chosen)

@@ -1,0 +1,94 @@
+"""Bodies of links without <inertial>: of a stated mass, or placeholders where no link has a mass.
+
+Shape: a solid rod between the link's origin o and the origin p of the farthest joint beyond it,
+thick enough not to be a line: c = p/2 and I = m |p|²/12 (1 − u uᵀ) + 2/5 m r² 1 with u = p/|p| and
+r = max(|p|/4, 0.05 m). The base parameters of such a body are a guess; those of a placeholder mean
+nothing.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+
+from symgen.chain.document import MOVING, Document, listing, origin
+from symgen.errors import UrdfError
+
+GIVEN = "given mass"
+"""Origin of a body whose mass was stated."""
+PLACEHOLDER = "placeholder"
+"""Origin of a body about which nothing is known."""
+PLACEHOLDER_MASS = 1.0
+"""Mass of a placeholder, kg."""
+_LEAST_RADIUS = 0.05
+"""Least radius of a body, m: about that of a robot's wrist."""
+
+
+def assume_bodies(document: Document, masses: Mapping[str, float]) -> dict[str, str]:
+    """Write <inertial> elements for links that have none.
+
+    Where no moving link has one and no mass is stated, every moving link becomes a placeholder. A
+    single link without mass among others stays as it is, and `read_chain` refuses it.
+
+    Args:
+        document: the URDF, which is changed.
+        masses: link → kg.
+
+    Returns:
+        Link → `GIVEN` or `PLACEHOLDER`.
+
+    Raises:
+        UrdfError: a mass is not positive, or its link does not exist or has an <inertial>.
+    """
+    for link, mass in masses.items():
+        if link not in document.links:
+            raise UrdfError(
+                f"--masses names the link '{link}', which the URDF does not define; its links are "
+                f"{listing(document.links)}"
+            )
+        if document.links[link].find("inertial") is not None:
+            raise UrdfError(
+                f"--masses names the link '{link}', which has an <inertial> in the URDF; leave it "
+                "out, or remove the <inertial>"
+            )
+        if not (math.isfinite(mass) and mass > 0):
+            raise UrdfError(f"--masses: expected a mass above 0 kg for '{link}', got {mass:g}")
+    moving = [document.child_link(j) for j in document.joints if document.kind(j) in MOVING]
+    origins = dict.fromkeys(masses, GIVEN)
+    bodies = [link for first in moving for link in (first, *_fixed_to(document, first))]
+    if not masses and all(document.links[link].find("inertial") is None for link in bodies):
+        origins = dict.fromkeys(moving, PLACEHOLDER)
+    for link in origins:
+        _write_body(document, link, masses.get(link, PLACEHOLDER_MASS))
+    return origins
+
+
+def _fixed_to(document: Document, link: str) -> Iterator[str]:
+    """Links that are fixed to a link, directly or not."""
+    for joint in document.children(link):
+        if document.kind(joint) == "fixed":
+            child = document.child_link(joint)
+            yield child
+            yield from _fixed_to(document, child)
+
+
+def _write_body(document: Document, link: str, mass: float) -> None:
+    beyond = [
+        origin(document.joints[joint], f"joint '{joint}'")[1] for joint in document.children(link)
+    ]
+    p = max(beyond, key=lambda point: float(np.linalg.norm(point)), default=np.zeros(3))
+    length = float(np.linalg.norm(p))
+    u = p / length if length else np.zeros(3)
+    radius = max(length / 4, _LEAST_RADIUS)
+    rod = length**2 / 12 * (np.eye(3) - np.outer(u, u))
+    inertia = mass * (rod + 0.4 * radius**2 * np.eye(3))
+    inertial = SubElement(document.links[link], "inertial")
+    inertial.append(Element("origin", {"xyz": " ".join(f"{x:.17g}" for x in p / 2)}))
+    inertial.append(Element("mass", {"value": f"{mass:.17g}"}))
+    entries = {
+        f"i{'xyz'[i]}{'xyz'[k]}": f"{inertia[i, k] + 0.0:.17g}"
+        for i in range(3)
+        for k in range(i, 3)
+    }
+    inertial.append(Element("inertia", entries))

@@ -65,7 +65,7 @@ child.SHARE = 0.0
 child.SECONDS, child.PATIENCE, child.RESIDENT = 1.0, 4.0, 10**8
 child.main()
 """
-TOLD = (
+OUTCOMES = (
     *("ZeroDivisionError", "MemoryError", "left", CANARY, "subprocess.Popen", "os.system"),
     *("hangs", "kills the process", "takes", "RuntimeWarning", "csv/out/page", "hangs"),
 )
@@ -80,12 +80,12 @@ def test_the_harness_finds_faults(tiny_built: Path, monkeypatch: pytest.MonkeyPa
         return start([sys.executable, "-c", BAD_DOOR, words[3], str(first)], **options)
 
     monkeypatch.setattr(run.subprocess, "Popen", bad)
-    heard = []
-    tallies = run.fuzz(["csv"], len(TOLD), 0, tiny_built, lambda *said: heard.append(said))
+    reported = []
+    tallies = run.fuzz(["csv"], len(OUTCOMES), 0, tiny_built, lambda *said: reported.append(said))
     faults = dict(tallies["csv"].faults)
-    for index, words in enumerate(TOLD):
+    for index, words in enumerate(OUTCOMES):
         assert words in faults[index], faults[index]
-    assert [fault for _, fault in heard] == tallies["csv"].faults
+    assert [fault for _, fault in reported] == tallies["csv"].faults
 
 
 def test_same_seed_same_files() -> None:
@@ -100,7 +100,7 @@ def test_same_seed_same_files() -> None:
 
 
 def test_a_bomb_is_refused_before_it_is_opened(tmp_path: Path) -> None:
-    """Property: 150 MB of zeros in 0.15 MB are told by the archive's own list."""
+    """Property: 150 MB of zeros in 0.15 MB are refused by the archive's own list."""
     path = tmp_path / "log.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("q.npy", bytes(150_000_000))
@@ -120,9 +120,9 @@ def test_empty_texts_of_an_archive_are_none(tmp_path: Path) -> None:
 def test_good_files_are_the_same_each_time(tiny_built: Path, tmp_path: Path, kind: str) -> None:
     """Property: what is damaged is the same file in every run, so that a fault comes back."""
     lib, door = load(tiny_built), DOORS[kind]
-    found = []
+    damaged = []
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         door.furnish(tmp_path / name, lib)
-        found.append((tmp_path / name / door.file).read_bytes())
-    assert found[0] == found[1]
+        damaged.append((tmp_path / name / door.file).read_bytes())
+    assert damaged[0] == damaged[1]

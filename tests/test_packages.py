@@ -38,14 +38,14 @@ def packages(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def closure(names: list[str]) -> set[str]:
     """Distributions that these need, themselves included, extras left out."""
-    found: set[str] = set()
+    distributions: set[str] = set()
     while names:
         name = re.sub(r"[-_.]+", "-", names.pop()).lower()
-        if name not in found:
-            found.add(name)
+        if name not in distributions:
+            distributions.add(name)
             needs = [Requirement(text) for text in distribution(name).requires or ()]
             names += [r.name for r in needs if not r.marker or r.marker.evaluate({"extra": ""})]
-    return found
+    return distributions
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_packages_hold_what_they_should(packages: Path) -> None:
 
 
 def test_faults_are_found(packages: Path, tmp_path: Path) -> None:
-    """Property: a library too many and a template too few are both told."""
+    """Property: a library too many and a template too few are both named."""
     for path in packages.glob("symgen*"):
         shutil.copy(path, tmp_path)
     (wheel,) = tmp_path.glob("*.whl")
@@ -106,6 +106,13 @@ lib = runtime.load("fr3")
 assert lib.folder.parts[-3:] == ("runtime", "generated", "fr3"), lib.folder
 M = lib.mass_matrix(lib.home, lib.pi0)
 print(lib.levels, float(M[0, 0]), runtime.__file__)
+"""
+
+
+CONSOLE = """
+from importlib.metadata import entry_points
+(command,) = entry_points(group="console_scripts", name="symgen")
+command.load()()
 """
 
 
@@ -137,12 +144,23 @@ def test_the_wheel_alone(installed: Path, tmp_path: Path) -> None:
     assert (again.returncode, again.stdout) == (2, "")
     assert again.stderr.startswith("runtime: there is no data set 'nothing'")
     words = ("identify", "fr3_simulated", "--robot", "fr3", "--out", tmp_path / "found")
-    found = run(installed, "-m", "runtime", *words, cwd=tmp_path, env=place)
-    assert found.returncode == 0, found.stderr
-    assert "compiling" not in found.stderr
+    identified = run(installed, "-m", "runtime", *words, cwd=tmp_path, env=place)
+    assert identified.returncode == 0, identified.stderr
+    assert "compiling" not in identified.stderr
     assert (tmp_path / "found" / "report.html").exists()
 
     build = run(installed, "-m", "symgen", "build", cwd=tmp_path, env=place)
     assert build.returncode == 2
     assert build.stderr.count("\n") == 1
     assert "pip install 'symgen[build]'" in build.stderr
+
+    script = tmp_path / "symgen"
+    script.write_text(CONSOLE)
+    overview = run(installed, script, cwd=tmp_path, env=place)
+    assert (overview.returncode, overview.stderr) == (0, "")
+    assert "identify" in overview.stdout
+    looked = run(installed, script, "inspect", "fr3_simulated", "--json", cwd=tmp_path, env=place)
+    assert looked.returncode in {0, 1}, looked.stderr
+    model = run(installed, script, "inspect", package / "generated/fr3/fr3.urdf", env=place)
+    assert (model.returncode, model.stderr.count("\n")) == (2, 1)
+    assert "inspecting a robot model needs the package" in model.stderr

@@ -23,7 +23,7 @@ from runtime.cli import (
     view,
 )
 from runtime.cli.common import INTERRUPTED, flowing, program
-from runtime.cli.renamed_options import Command
+from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
 
 app = typer.Typer(
@@ -35,21 +35,21 @@ app = typer.Typer(
     help="Identify the inertial parameters of robot arms from measured motion.",
     epilog="`symgen build` compiles the library of a robot, which these commands load.",
 )
-app.command("inspect", cls=Command)(inspect.inspect_command)
-app.command("identify", cls=Command)(identify.identify_command)
-app.command("compare", cls=Command)(compare.compare_command)
-app.command("payload", cls=Command)(payload.payload_command)
-app.command("gains", cls=Command)(gains.gains_command)
-app.command("evaluate", cls=Command)(evaluate.evaluate_command)
-app.command("export", cls=Command)(export.export_command)
-app.command("excite", cls=Command)(excite.excite_command)
-app.command("predict", cls=Command)(predict.predict_command)
-app.command("simulate", cls=Command)(simulate.simulate_command)
-app.command("reproduce", cls=Command)(reproduce.reproduce_command)
-app.command("report", cls=Command)(report.report_command)
-app.command("view", cls=Command)(view.view_command)
-app.command("locate", cls=Command)(locate.locate_command)
-app.command("tutorial", cls=Command)(tutorial.tutorial_command)
+app.command("inspect", cls=RefusingCommand)(inspect.inspect_command)
+app.command("identify", cls=RefusingCommand)(identify.identify_command)
+app.command("compare", cls=RefusingCommand)(compare.compare_command)
+app.command("payload", cls=RefusingCommand)(payload.payload_command)
+app.command("gains", cls=RefusingCommand)(gains.gains_command)
+app.command("evaluate", cls=RefusingCommand)(evaluate.evaluate_command)
+app.command("export", cls=RefusingCommand)(export.export_command)
+app.command("excite", cls=RefusingCommand)(excite.excite_command)
+app.command("predict", cls=RefusingCommand)(predict.predict_command)
+app.command("simulate", cls=RefusingCommand)(simulate.simulate_command)
+app.command("reproduce", cls=RefusingCommand)(reproduce.reproduce_command)
+app.command("report", cls=RefusingCommand)(report.report_command)
+app.command("view", cls=RefusingCommand)(view.view_command)
+app.command("locate", cls=RefusingCommand)(locate.locate_command)
+app.command("tutorial", cls=RefusingCommand)(tutorial.tutorial_command)
 for command in app.registered_commands:
     command.help = flowing(getdoc(command.callback) or "")
 

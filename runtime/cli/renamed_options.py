@@ -30,7 +30,7 @@ RENAMED = {
 """Command → old option → the option to give instead, and what the old name means now."""
 
 
-class Command(TyperCommand):
+class RefusingCommand(TyperCommand):
     """A command that refuses the option names of earlier versions."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

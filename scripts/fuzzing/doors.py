@@ -127,21 +127,23 @@ def _doctor(file: str) -> Door:
     def read(folder: Path, lib: Library) -> None:
         with contextlib.suppress(typer.Exit):
             inspect_command(
-                str(folder / file), str(lib.folder), recipe_out=folder / OUT / "recipe.toml"
+                str(folder / file),
+                robot=str(lib.folder),
+                recipe_out=folder / OUT / "recipe.toml",
             )
 
     return Door(file, goods.Log(file, 300), read)
 
 
 def _evaluated(folder: Path, lib: Library) -> None:
-    evaluate_command(folder, str(folder / "log.csv"), str(lib.folder), as_json=True)
+    evaluate_command(folder, str(folder / "log.csv"), robot=str(lib.folder), as_json=True)
 
 
 def _exported(form: str) -> Door:
     """Export one format; of several, complete ones would stay where another fails."""
 
     def read(folder: Path, lib: Library) -> None:
-        export_command(folder, form, folder / OUT, str(lib.folder), overwrite=True)
+        export_command(folder, to=form, out=folder / OUT, robot=str(lib.folder), overwrite=True)
 
     return Door("result.json", goods.result, read)
 
@@ -166,7 +168,7 @@ def _vouch(folder: Path) -> None:
 
 
 def _predicted(folder: Path, lib: Library) -> None:
-    predict_command(str(folder / "motion.json"), str(lib.folder), noise="0.05", as_json=True)
+    predict_command(str(folder / "motion.json"), robot=str(lib.folder), noise="0.05", as_json=True)
 
 
 def _simulated(folder: Path, lib: Library) -> None:
@@ -177,7 +179,13 @@ def _simulated(folder: Path, lib: Library) -> None:
             """No option is given."""
 
     out = folder / OUT / "log.csv"
-    simulate_command(Typed(), str(lib.folder), folder / "motion.json", out, keep_every=10)  # type: ignore[arg-type]
+    simulate_command(
+        Typed(),  # type: ignore[arg-type]
+        robot=str(lib.folder),
+        trajectory=folder / "motion.json",
+        out=out,
+        keep_every=10,
+    )
 
 
 def _looped(folder: Path, lib: Library) -> None:

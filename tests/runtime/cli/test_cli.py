@@ -48,14 +48,14 @@ def test_help(name: str | None) -> None:
 
 def test_help_on_a_narrow_terminal() -> None:
     """Property: no mark of the layout, no name cut off, extras in brackets, lines that flow."""
-    told = [
+    texts = [
         CliRunner().invoke(app, [name, "--help"], env={"COLUMNS": "80"}).output
         for name in ("identify", "excite")
     ]
-    assert "motor_rotor" in told[0]
-    assert "Every other layout is described by a recipe" in told[0]
-    assert "'symgen[cluster]'" in " ".join(told[1].replace("│", " ").split())
-    assert "\\b" not in "".join(told)
+    assert "motor_rotor" in texts[0]
+    assert "Every other layout is described by a recipe" in texts[0]
+    assert "'symgen[cluster]'" in " ".join(texts[1].replace("│", " ").split())
+    assert "\\b" not in "".join(texts)
 
 
 def test_no_arguments_are_a_question() -> None:
@@ -68,7 +68,7 @@ def test_no_arguments_are_a_question() -> None:
 def test_identify_writes_everything(
     command: Command, lib: Library, log: Path, tmp_path: Path
 ) -> None:
-    """Property: result.json with its promised keys, a URDF that loads, a report; a table told."""
+    """Property: result.json with its documented keys, a URDF that loads, a report, a table."""
     words = ("--friction", "viscous,coulomb", "--coulomb-speed", "0.03")
     ran = command("identify", log, "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
@@ -141,16 +141,16 @@ def test_identifying_twice_gives_the_same_bytes(
 
 
 def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path: Path) -> None:
-    """Property: evaluated on its own log, the model does what the result promises; JSON is JSON."""
+    """Property: evaluated on its own log, the error is that of result.json; the output is JSON."""
     words = ("--friction", "viscous,coulomb", "--coulomb-speed", "0.03")
     assert command("identify", log, "--robot", lib.folder, "--out", "out", *words).code == 0
-    promised = json.loads((tmp_path / "out" / "result.json").read_text())
+    written = json.loads((tmp_path / "out" / "result.json").read_text())
     ran = command("evaluate", "out", log, "--robot", lib.folder, "--json")
     assert ran.code == 0, ran.err
-    told = json.loads(ran.out)["torque_error_percent"]
+    printed = json.loads(ran.out)["torque_error_percent"]
     # The same motion in other parts: alike within a third.
-    assert told["after_overall"] == pytest.approx(
-        promised["torque_error_percent"]["after_overall"], rel=0.3
+    assert printed["after_overall"] == pytest.approx(
+        written["torque_error_percent"]["after_overall"], rel=0.3
     )
     ran = command("evaluate", "out", log, "--robot", lib.folder)
     assert (ran.code, "note" in ran.out) == (0, False)
@@ -165,23 +165,23 @@ def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path
 def test_evaluate_prepares_the_log_as_identify_did(
     command: Command, lib: Library, log: Path, tmp_path: Path
 ) -> None:
-    """Property: the same error by the same options and by none; without the filter one is told."""
+    """Property: the same error by the same options and by none; a note on a raw log."""
     words = ("--cutoff", "10", "--rate", "50")
     assert command("identify", log, "--robot", lib.folder, "--out", "out", *words).code == 0
-    promised = json.loads((tmp_path / "out" / "result.json").read_text())
-    asked = ("evaluate", "out", log, "--robot", lib.folder)
-    told = json.loads(command(*asked, "--json", *words).out)
+    written = json.loads((tmp_path / "out" / "result.json").read_text())
+    words_of_log = ("evaluate", "out", log, "--robot", lib.folder)
+    printed = json.loads(command(*words_of_log, "--json", *words).out)
     # The same motion in other parts: alike within a third.
-    assert told["torque_error_percent"]["after_overall"] == pytest.approx(
-        promised["torque_error_percent"]["after_overall"], rel=0.3
+    assert printed["torque_error_percent"]["after_overall"] == pytest.approx(
+        written["torque_error_percent"]["after_overall"], rel=0.3
     )
-    assert told["notes"] == []
-    bare = json.loads(command(*asked, "--json").out)
-    assert bare["torque_error_percent"] == told["torque_error_percent"]
+    assert printed["notes"] == []
+    bare = json.loads(command(*words_of_log, "--json").out)
+    assert bare["torque_error_percent"] == printed["torque_error_percent"]
     assert bare["notes"] == [
         "the log is prepared as the log of identify; --cutoff and --rate change that"
     ]
-    raw = command(*asked, "--rate", "50").out
+    raw = command(*words_of_log, "--rate", "50").out
     assert "note: the model was identified from a low-passed log, but this" in raw
 
 

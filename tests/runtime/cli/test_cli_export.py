@@ -19,7 +19,7 @@ from tests.runtime.conftest import Command
 def test_export_writes_what_others_load(
     command: Command, lib: Library, log: Path, tmp_path: Path
 ) -> None:
-    """Property: every format of a result, checked and told; nothing replaced without leave."""
+    """Property: every format of a result, checked; nothing is replaced without --overwrite."""
     words = ("--friction", "viscous,coulomb", "--method", "pc-ols", "--out", "out")
     assert command("identify", log, "--robot", lib.folder, *words).code == 0
     ran = command("export", "out", "--robot", lib.folder)
@@ -112,7 +112,7 @@ def test_inconsistent_models_get_no_urdf(
 
 
 def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_path: Path) -> None:
-    """Property: files per kind and stage, a table per stage; the CSV only where asked for."""
+    """Property: files per kind and stage, a table per stage; a CSV only if requested."""
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--export-rate", "100")
     stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
     ran = command("excite", "--robot", lib.folder, *words, *stages, "--pictures", "--out", "m.json")
@@ -135,10 +135,10 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     from runtime.cli import excite
 
     def wild(*words: object, **options: object) -> Design:
-        found = design(*words, **options)  # type: ignore[arg-type]
-        inside = 0.9 * found.trajectory.coefficients  # positions hold, too fast is what it is
-        faster = replace(found.trajectory, coefficients=inside, duration=2.5)
-        return replace(found, trajectory=faster)
+        optimum = design(*words, **options)  # type: ignore[arg-type]
+        inside = 0.9 * optimum.trajectory.coefficients  # positions hold, too fast is what it is
+        faster = replace(optimum.trajectory, coefficients=inside, duration=2.5)
+        return replace(optimum, trajectory=faster)
 
     monkeypatch.setattr(excite, "design", wild)
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")

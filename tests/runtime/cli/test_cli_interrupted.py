@@ -24,12 +24,12 @@ runtime.estimators.descent.adam.CHUNK = 50  # a look at Ctrl-C every 50 iteratio
 original = room.{function}
 
 def waiting(*args, progress, **options):
-    def told(done, *rest):
+    def report(done, *rest):
         progress(done, *rest)
         if done == {stop}:
             print("waiting", flush=True)
             time.sleep(100)
-    return original(*args, progress=told, **options)
+    return original(*args, progress=report, **options)
 
 room.{function} = waiting
 from runtime.cli import main

@@ -4,11 +4,14 @@ import numpy as np
 from rich.table import Column, Table
 
 from runtime.cli.common import numbers_option
+from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
 from runtime.excitation.limits.safety import FIT_PROXIES
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
 from runtime.library import Library
 
+NO_TABLE = "none"
+"""Value of --table where there is no table."""
 BOX = 6
 """Count of the numbers of --box."""
 
@@ -47,6 +50,29 @@ def safety_of(
         viscous=_per_joint(lib, viscous, "--viscous"),
         coulomb=_per_joint(lib, coulomb, "--coulomb"),
     )
+
+
+def table_height(text: str | None) -> tuple[float | None, bool]:
+    """Height of the option --table.
+
+    Args:
+        text: a number, none, or None where the option is not given.
+
+    Returns:
+        Height in the base frame, m, or None; and whether the user states that there is no table.
+
+    Raises:
+        RuntimeFault: another word.
+    """
+    if text is None or text == NO_TABLE:
+        return None, text == NO_TABLE
+    try:
+        return float(text), False
+    except ValueError:
+        raise RuntimeFault(
+            f"--table needs a height in m in the base frame, or none where there is no table, got "
+            f"'{text}'"
+        ) from None
 
 
 def _per_joint(lib: Library, text: str | None, option: str) -> tuple[float, ...]:

@@ -13,6 +13,7 @@ from runtime.cli.certificate_table import (
     certificate_table,
     design_notes,
     safety_of,
+    table_height,
 )
 from runtime.cli.common import Robot, Seed, console, say, sentences_of
 from runtime.cli.motion_output import (
@@ -34,6 +35,8 @@ from runtime.excitation import (
     predict,
 )
 from runtime.excitation.limits.safety import TABLE_MARGIN
+from runtime.excitation.limits.unchecked import TABLE, require_consent
+from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside, require_speed
@@ -130,9 +133,20 @@ def excite_command(
     earlier_log: EarlierLogs = None,
     payload_only: PayloadOnly = False,
     table: Annotated[
-        float | None,
+        str | None,
         typer.Option(
-            metavar="Z", help="Height of a table that the arm stays above, m in the base frame."
+            metavar="Z",
+            help="Height of a table that the arm stays above, m in the base frame; none where "
+            "there is no table. --export needs one of both.",
+        ),
+    ] = None,
+    unchecked: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LIMIT",
+            help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
+            "carried-body; with --document torque, position-dependent-velocity, torque-rate and "
+            "tip-speed too; all for every one.",
         ),
     ] = None,
     box: Annotated[
@@ -209,7 +223,8 @@ def excite_command(
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     if not export:
         require_no_log(path.with_suffix(".csv"))
-    options = clearance, table, box, viscous, coulomb, carry
+    height, has_no_table = table_height(table)
+    options = clearance, height, box, viscous, coulomb, carry
     if document and any(option is not None for option in options):
         raise RuntimeFault(
             "--document excludes --table, --box, --clearance, --viscous, --coulomb and --carry; "
@@ -219,6 +234,9 @@ def excite_command(
     if not document:
         limits = safety_of(lib, torque_fraction, *options[:-1])
         safety = replace(limits, carried=carried_body(lib, carry))
+    accepted = [*(unchecked or ()), *([TABLE] if has_no_table else [])]
+    if formats:
+        require_consent(unchecked_limits(lib, safety), accepted)  # before the search, too
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     with Progress(console=console, transient=True) as progress:
@@ -266,4 +284,4 @@ def excite_command(
         console.print(certificate_table(stage.certificate))
     say(f"trajectory: {', '.join(map(str, written))}")
     if export:
-        export_stages(stages, path.with_suffix(""), formats, export_rate)
+        export_stages(stages, path.with_suffix(""), formats, export_rate, accepted)

@@ -1,6 +1,6 @@
 """Files that `symgen excite` writes: the sampled motion and its exports at several speeds."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from runtime.cli.common import say
@@ -70,7 +70,11 @@ def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
 
 
 def export_stages(
-    stages: Mapping[float, CertifiedMotion], base: Path, kinds: Sequence[str], rate: float
+    stages: Mapping[float, CertifiedMotion],
+    base: Path,
+    kinds: Sequence[str],
+    rate: float,
+    unchecked: Collection[str],
 ) -> None:
     """Write every stage as files for a robot, or none unless the certificates of all hold.
 
@@ -79,6 +83,7 @@ def export_stages(
         base: path of the files without suffix.
         kinds: formats, names of `MOTION_FORMATS`.
         rate: of the rows, Hz.
+        unchecked: kinds of limits that may stay unchecked.
 
     Raises:
         ExportError: a limit is exceeded.
@@ -87,7 +92,7 @@ def export_stages(
         stage.require_limits()
     for percent, stage in stages.items():
         stem = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
-        files = [str(export_trajectory(stage, stem, kind, rate)) for kind in kinds]
+        files = [str(export_trajectory(stage, stem, kind, rate, unchecked)) for kind in kinds]
         say(f"exported: {', '.join(files)}, {stem}.certificate.json")
 
 

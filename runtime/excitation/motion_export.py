@@ -11,9 +11,11 @@ package adds a format by an entry point of the group "symgen.motion_formats".
 """
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 
 from runtime.errors import ExportError
+from runtime.excitation.limits.unchecked import require_consent
 from runtime.excitation.motion_formats.format import MotionFormat
 from runtime.excitation.proof.certificate import Use
 from runtime.excitation.proof.certified_motion import CertifiedMotion
@@ -35,7 +37,13 @@ MOTION_FORMATS = Registry(
 """File formats of a motion by name."""
 
 
-def export_trajectory(motion: CertifiedMotion, base: Path, kind: str, rate: float = 1000.0) -> Path:
+def export_trajectory(
+    motion: CertifiedMotion,
+    base: Path,
+    kind: str,
+    rate: float = 1000.0,
+    unchecked: Collection[str] = (),
+) -> Path:
     """Write one kind of file, and the certificate as `base`.certificate.json; atomically.
 
     Args:
@@ -43,16 +51,20 @@ def export_trajectory(motion: CertifiedMotion, base: Path, kind: str, rate: floa
         base: path without suffix.
         kind: one of `MOTION_FORMATS`.
         rate: sampling rate of csv, npz and ros, Hz.
+        unchecked: kinds of limits that may stay unchecked, of
+            `runtime.excitation.limits.unchecked.UNCHECKED`, or "all".
 
     Returns:
         The path of the file.
 
     Raises:
-        ExportError: another kind, or a limit that is not proven to be kept; nothing is written.
+        ExportError: another kind, a limit that is not proven to be kept, or one that is not
+            checked and not accepted as such; nothing is written.
     """
     if kind not in MOTION_FORMATS:
         raise ExportError(f"expected one of {', '.join(MOTION_FORMATS)} to export, got '{kind}'")
     motion.require_limits()
+    require_consent(motion.certificate.unchecked, unchecked)
     chosen = MOTION_FORMATS[kind]
     path = base.with_name(base.name + chosen.suffix)
     chosen.write(motion, rate, path)

@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.excitation.limits.nonlinear_limits import Constraint
 from runtime.excitation.limits.sampled_motion import SampledMotion, times
 from runtime.library import Array, Library
 
@@ -207,3 +208,18 @@ class TableClearance:
             Height and margin [m] and their unit.
         """
         return self.margin - g * LENGTH, self.margin, "m"
+
+
+def use_of(constraint: Constraint, g: float) -> float:
+    """Use of a limit, 1 on the limit: 1 + g, and v / v_max for the speed, whose g is in squares.
+
+    Args:
+        constraint: kind of the limit.
+        g: value of the constraint.
+
+    Returns:
+        The use.
+    """
+    if isinstance(constraint, TipSpeed):
+        return constraint.measured(0, g)[0] / constraint.limit
+    return 1 + g

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.carried_body import EMPTY_HAND
+from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import constraints
-from runtime.excitation.limits.unchecked import unchecked
+from runtime.excitation.limits.unchecked import unchecked, unstated
 from runtime.excitation.proof.joint_bounds import KINDS, joint_bounds, rooms
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
@@ -139,11 +140,13 @@ def certificate_of(
             limit = _room(float(up[order, worst]), float(down[order, worst]), float(way))
             what = lib.joint_names[worst], time, bound * limit, limit, UNITS[order]
             uses.append(Use(kind, bound, *what))
+    if safety is not None:
+        unlimited += unstated(lib)
     rows = [
         Use(
             *(
                 bound.constraint.kind,
-                1 + bound.bound,
+                use_of(bound.constraint, bound.bound),
                 bound.constraint.labels[bound.row],
                 bound.time,
             ),

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.joint_limits import Limits, inside
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.single_start import Search
@@ -102,7 +103,7 @@ def _with_use(search: Search, fine: Limits, a: Array, duration: float) -> Finish
     use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
     by_constraint = search.limit_rows(STEP, duration=duration).by_constraint(a)
     for constraint, values in zip(search.constraints, by_constraint, strict=True):
-        largest = 1 + float(values.max())
+        largest = use_of(constraint, float(values.max()))
         use[constraint.kind] = max(largest, use.get(constraint.kind, largest))
     home = search.problem.home
     return Finished(Trajectory(home, a, duration, search.basis), use)

@@ -115,6 +115,7 @@ def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_pa
     """Property: files per kind and stage, a table per stage; a CSV only if requested."""
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--export-rate", "100")
     stages = ("--speed", "10", "--speed", "100", "--export", "ros", "--export", "libfranka")
+    stages = (*stages, "--table", "none")
     ran = command("excite", "--robot", lib.folder, *words, *stages, "--pictures", "--out", "m.json")
     assert ran.code == 0, ran.err
     assert "certificate at 10 % speed: holds at every instant" in ran.out
@@ -144,7 +145,9 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")
     # The slow stage would hold, the fast one does not: neither is written.
     stages = ("--speed", "10", "--speed", "100")
-    ran = command("excite", "--robot", lib.folder, *words, *stages, "--export", "ros")
+    ran = command(
+        "excite", "--robot", lib.folder, *words, *stages, "--table", "none", "--export", "ros"
+    )
     assert ran.code == 2
     assert "does NOT hold" in ran.out
     assert ran.err.startswith("runtime: nothing is exported, the motion exceeds limits: ")
@@ -187,7 +190,16 @@ def test_excite_certifies_a_motion_once(
 
     monkeypatch.setattr(certified_motion, "certificate_of", counted)
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--pictures")
-    exports = ("--export", "ros", "--export", "libfranka", "--export-rate", "100")
+    exports = (
+        "--table",
+        "none",
+        "--export",
+        "ros",
+        "--export",
+        "libfranka",
+        "--export-rate",
+        "100",
+    )
     ran = command("excite", "--out", "m.json", "--robot", lib.folder, *words, *exports)
     assert ran.code == 0, ran.err
     assert durations == [4.0]

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from runtime import read_recording
-from runtime.errors import ExportError, RuntimeFault
-from runtime.excitation import Trajectory
+from runtime.errors import ExportError, IdentificationError, RuntimeFault
+from runtime.excitation import Safety, Trajectory
 from runtime.excitation.motion_export import MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certificate import certificate_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside, slowed
 from runtime.library import Library
+from tests.runtime.conftest import Command
+
+ALL = ("all",)
 
 
 @pytest.fixture
@@ -40,7 +43,9 @@ def test_tables_are_the_motion(
     lib: Library, motion: Trajectory, tmp_path: Path, kind: str, rate: float
 ) -> None:
     """Oracle: read back by the reader of logs, against the trajectory itself."""
-    path = export_trajectory(certified(lib, motion), tmp_path / "new" / "m", kind, rate)
+    path = export_trajectory(
+        certified(lib, motion), tmp_path / "new" / "m", kind, rate, unchecked=ALL
+    )
     assert path.name == f"m.{kind}"
     log = read_recording(path)
     assert log.t == pytest.approx(np.arange(round(10 * rate) + 1) / rate, abs=1e-15)
@@ -55,7 +60,7 @@ def test_tables_are_the_motion(
 
 def test_ros_message(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
     """Oracle: fields of trajectory_msgs/JointTrajectory; numbers of the motion at the stamps."""
-    path = export_trajectory(certified(lib, motion), tmp_path / "m", "ros", 300.0)
+    path = export_trajectory(certified(lib, motion), tmp_path / "m", "ros", 300.0, unchecked=ALL)
     message = loaded_message(path)
     assert message["names"] == list(lib.joint_names)
     stamps = np.array(message["t"])
@@ -77,7 +82,9 @@ def test_ros_message(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
 def test_libfranka_table(lib: Library, motion: Trajectory, tmp_path: Path, duration: float) -> None:
     """Oracle: one row per millisecond, from rest at home to rest at home, whole ms upwards."""
     motion = slowed(Trajectory(lib.home, 0.9 * motion.coefficients, duration), 1.0)
-    path = export_trajectory(certified(lib, motion), tmp_path / "m", "libfranka", rate=7.0)
+    path = export_trajectory(
+        certified(lib, motion), tmp_path / "m", "libfranka", rate=7.0, unchecked=ALL
+    )
     lines = path.read_text().splitlines()
     comments = [line for line in lines if line.startswith("# ")]
     table = np.loadtxt(lines[len(comments) + 1 :], delimiter=",")
@@ -103,7 +110,7 @@ def test_the_certificate_lies_beside(
     lib: Library, motion: Trajectory, tmp_path: Path, kind: str
 ) -> None:
     """Property: two files and no draft; the JSON is what `certificate` says."""
-    path = export_trajectory(certified(lib, motion), tmp_path / "a.b", kind, 100.0)
+    path = export_trajectory(certified(lib, motion), tmp_path / "a.b", kind, 100.0, unchecked=ALL)
     assert {p.name for p in tmp_path.iterdir()} == {path.name, "a.b.certificate.json"}
     facts = json.loads((tmp_path / "a.b.certificate.json").read_text())
     proof = certificate_of(lib, motion)
@@ -132,20 +139,82 @@ def test_nothing_unproven_is_written(
     """Property: one sentence with limit, joint, time and remedy; no file; the remedy helps."""
     bad = Trajectory(lib.home, scale * motion.coefficients, duration)
     with pytest.raises(ExportError, match=match) as caught:
-        export_trajectory(certified(lib, bad), tmp_path / "m", kind)
+        export_trajectory(certified(lib, bad), tmp_path / "m", kind, unchecked=ALL)
     assert list(tmp_path.iterdir()) == []
     if advice := re.search(r"--speed (\d+)", str(caught.value)):
         slow = slowed(bad, int(advice[1]) / 100)
-        export_trajectory(certified(lib, slow), tmp_path / "m", kind, 100.0)
+        export_trajectory(certified(lib, slow), tmp_path / "m", kind, 100.0, unchecked=ALL)
 
 
 def test_wrong_words(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
     """Property: an unknown kind, a rate without meaning, a place that cannot be written."""
     with pytest.raises(ExportError, match="one of csv, npz, ros, libfranka to export, got 'xml'"):
-        export_trajectory(certified(lib, motion), tmp_path / "m", "xml")
+        export_trajectory(certified(lib, motion), tmp_path / "m", "xml", unchecked=ALL)
     for rate in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(RuntimeFault, match="sampling rate"):
-            export_trajectory(certified(lib, motion), tmp_path / "m", "ros", rate)
+            export_trajectory(certified(lib, motion), tmp_path / "m", "ros", rate, unchecked=ALL)
     (tmp_path / "file").write_text("mine")
     with pytest.raises(RuntimeFault, match="cannot write"):
-        export_trajectory(certified(lib, motion), tmp_path / "file" / "m", "ros", 10.0)
+        export_trajectory(
+            certified(lib, motion), tmp_path / "file" / "m", "ros", 10.0, unchecked=ALL
+        )
+
+
+def test_an_export_needs_consent_for_what_is_not_checked(
+    lib: Library, motion: Trajectory, tmp_path: Path
+) -> None:
+    """Property: one sentence with every unchecked limit; with consent the file lists them."""
+    document = certified(lib, motion)
+    kinds = ("torque", "position-dependent velocity", "torque rate", "tip speed")
+    kinds = (*kinds, "self-collision", "table")
+    assert document.certificate.unchecked == kinds
+    with pytest.raises(ExportError, match=f"not checked: {', '.join(kinds)}; give --criterion"):
+        export_trajectory(document, tmp_path / "m", "ros", 100.0)
+    some = [kind for kind in kinds if kind != "tip speed"]
+    with pytest.raises(ExportError, match=r"not checked: tip speed; .* --unchecked tip-speed$"):
+        export_trajectory(document, tmp_path / "m", "ros", 100.0, unchecked=some)
+    with pytest.raises(ExportError, match=r"--unchecked takes .*, got 'everything'"):
+        export_trajectory(document, tmp_path / "m", "ros", 100.0, unchecked=["everything"])
+    assert list(tmp_path.iterdir()) == []
+    words = [kind.replace(" ", "-") for kind in kinds]
+    text = export_trajectory(document, tmp_path / "m", "ros", 100.0, unchecked=words).read_text()
+    assert [f"# NOT checked: {kind}" in text for kind in kinds] == [True] * len(kinds)
+
+
+def test_excite_asks_before_the_search(
+    command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: exit code 2 and one sentence before a search, --table none is an answer."""
+    from runtime.cli import excite
+
+    def searching(*_: object, **__: object) -> None:
+        raise IdentificationError("the search has begun")
+
+    monkeypatch.setattr(excite, "design", searching)
+    words = ("excite", "--robot", lib.folder, "--out", "m.json", "--export", "ros")
+    for options, sentence in (
+        ((), "not checked: table; give --table Z for a table at this height or --table none, or "),
+        (("--document",), "not checked: torque, position-dependent velocity, torque rate"),
+        (("--table", "none"), "the search has begun"),
+        (("--table", "0"), "the search has begun"),
+        (("--unchecked", "table"), "the search has begun"),
+        (("--document", "--unchecked", "all"), "the search has begun"),
+        (("--table", "low"), "--table needs a height in m in the base frame, or none"),
+        (("--table", "none", "--carry", "1,0,0,0.1"), "not checked: carried body; give a box"),
+    ):
+        ran = command(*words, *options)
+        assert (ran.code, ran.err.count("\n")) == (2, 1), options
+        assert sentence in ran.err, options
+
+
+def test_tip_speed_is_its_share(lib: Library, motion: Trajectory) -> None:
+    """Property: the use of the tip's speed is v / v_max, as with all other limits."""
+    slow = slowed(motion, 0.5)
+    uses = certificate_of(lib, slow, Safety()).uses
+    use = next(use for use in uses if use.kind == "tip speed")
+    t = np.linspace(0, slow.duration, 20_001)
+    q, dq, *_ = slow.at(lib, t)
+    fastest = np.linalg.norm(lib.tip_motion(q, dq)[1], axis=1).max()
+    assert use.bound == pytest.approx(use.value / use.limit, rel=1e-12)
+    # The bound between samples of a millisecond.
+    assert use.bound == pytest.approx(fastest / lib.limits()["tip_speed"], rel=1e-3)

@@ -69,10 +69,10 @@ def _read(text: str) -> tuple[KnownPayload, Array | None]:
             return read_known_payload(text), None
         except RecordingError:
             raise _no_body(text) from None
-    body = read_known_payload(",".join(words[:4]))
     try:
         edges = np.array([float(word) for word in words[4:]])
-    except ValueError:
+        body = read_known_payload(",".join(words[:4]))
+    except (ValueError, RecordingError):
         raise _no_body(text) from None
     return body, np.array([body.com - edges / 2, body.com + edges / 2])
 

@@ -50,7 +50,7 @@ class Identification:
         loss: L on the training samples.
         optimum: smallest loss of any physically consistent model on the same samples; NaN when
             not computed.
-        silent: L of τ̂ = 0 on the same samples.
+        zero_loss: L of τ̂ = 0 on the same samples.
         uncertainty: posterior of the parameters; None when not computed.
         seconds: time of the method alone, s.
         iterations: iterations of the method; None for closed forms.
@@ -77,7 +77,7 @@ class Identification:
     status: str
     loss: float
     optimum: float
-    silent: float
+    zero_loss: float
     uncertainty: Uncertainty | None
     seconds: float
     iterations: int | None
@@ -174,7 +174,7 @@ class Identification:
 
         Where the data are explained to rounding, L* is replaced by 1e-9 of the loss of τ̂ = 0.
         """
-        return (self.loss - self.optimum) / max(self.optimum, 1e-9 * self.silent)
+        return (self.loss - self.optimum) / max(self.optimum, 1e-9 * self.zero_loss)
 
     @property
     def relative_eigenvalues(self) -> Array:

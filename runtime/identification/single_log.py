@@ -101,7 +101,7 @@ def identify_assembled(
         status=fit.status,
         loss=_loss(problem, fit, statistics),
         optimum=optimum,
-        silent=float(np.mean(problem.train.tau**2 @ weights) / 2),
+        zero_loss=float(np.mean(problem.train.tau**2 @ weights) / 2),
         uncertainty=_uncertainty(assembly, fit, chosen) if chosen.certify else None,
         seconds=seconds,
         iterations=fit.iterations,

@@ -1,4 +1,4 @@
-"""What the doctor has told about a log, for its tests."""
+"""Findings of an inspection, for its tests."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from runtime.library import Library
 EXAMPLE = Path(__file__).parents[2] / "runtime" / "examples" / "fr3_simulated.npz"
 
 
-def told(inspection: Inspection) -> dict[str, str]:
+def sentences(inspection: Inspection) -> dict[str, str]:
     """Kinds of warnings and errors → their sentences."""
     return {f.kind: f.sentence for f in inspection.of_level(ERROR, WARNING)}
 
@@ -17,8 +17,8 @@ def trap_of(inspection: Inspection, kind: str) -> int:
     return next(f.trap for f in inspection.findings if f.kind == kind)
 
 
-def settles(inspection: Inspection, log: Path, lib: Library, tmp_path: Path) -> None:
-    """Read with the proposed recipe, the log raises no alarm."""
+def require_no_warning(inspection: Inspection, log: Path, lib: Library, tmp_path: Path) -> None:
+    """Read with the proposed recipe, the log causes no warning or error."""
     recipe = tmp_path / "proposed.toml"
     recipe.write_text(recipe_text(inspection), encoding="utf-8")
-    assert told(inspect_log(log, lib, recipe)) == {}
+    assert sentences(inspect_log(log, lib, recipe)) == {}

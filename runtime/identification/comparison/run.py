@@ -158,7 +158,7 @@ def _figures(
         smallest_eigenvalue=float(smallest.min()),
         is_consistent=result.is_consistent,
         is_boundary=result.is_consistent and bool(np.abs(smallest).min() < BOUNDARY),
-        gap=(loss(training.power) - optimum) / max(optimum, TINY * loss(training.silent)),
+        gap=(loss(training.power) - optimum) / max(optimum, TINY * loss(training.total)),
         excited=posterior.rank,
         determined=posterior.determined,
     )
@@ -170,12 +170,12 @@ class _Misfit:
 
     Attributes:
         power: Σ (τ − τ̂)² per joint, (n,).
-        silent: Σ τ² per joint, (n,).
+        total: Σ τ² per joint, (n,).
         squares: Σ_j (τ_j − τ̂_j)² of every sample, (N,).
     """
 
     power: Array
-    silent: Array
+    total: Array
     squares: Array
 
     @property
@@ -184,18 +184,18 @@ class _Misfit:
 
     @property
     def error(self) -> metrics.TorqueError:
-        return metrics.torque_error_of(np.sqrt(self.power), np.sqrt(self.silent), self.count)
+        return metrics.torque_error_of(np.sqrt(self.power), np.sqrt(self.total), self.count)
 
 
 def _misfit(parts: Iterable[Samples], predict: Callable[[Samples], Array]) -> _Misfit:
     """Sums over all rows, one piece at a time."""
-    power, silent = np.zeros((2, 1))
+    power, total = np.zeros((2, 1))
     squares = []
     for samples in parts:
         rest = (samples.tau - predict(samples)) ** 2
-        power, silent = power + rest.sum(axis=0), silent + np.sum(samples.tau**2, axis=0)
+        power, total = power + rest.sum(axis=0), total + np.sum(samples.tau**2, axis=0)
         squares.append(rest.sum(axis=1))
-    return _Misfit(power, silent, np.concatenate(squares))
+    return _Misfit(power, total, np.concatenate(squares))
 
 
 def _test(assembly: Assembly) -> Iterator[Samples]:

@@ -2,7 +2,11 @@
 
 from runtime.identification.payload.body import Body, body_of, pi_of_body
 from runtime.identification.payload.estimate import Payload, identify_payload
-from runtime.identification.payload.known import KnownPayload, read_known_payload
+from runtime.identification.payload.known import (
+    KnownPayload,
+    read_known_payload,
+    read_payload_facts,
+)
 from runtime.identification.payload.mount import Mount, mount_of
 from runtime.identification.payload.output import load_facts, write_payload
 from runtime.identification.payload.reading import ArmModel, arm_model, read_arm_model
@@ -21,5 +25,6 @@ __all__ = [
     "pi_of_body",
     "read_arm_model",
     "read_known_payload",
+    "read_payload_facts",
     "write_payload",
 ]

@@ -7,6 +7,7 @@ mount.
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from runtime.files import json_of
 from runtime.identification.payload.body import inertia_from_entries
 from runtime.library import Array
 
+FORMAT = 1
+"""Number of the format of payload.json; it is raised by a change that readers would misread."""
 _ROUNDING = 1e-9
 """Negative part of a principal moment, over the trace, that counts as rounding."""
 
@@ -76,9 +79,27 @@ def read_known_payload(text: str) -> KnownPayload:
     return KnownPayload(float(values[0]), values[1:4], inertia)
 
 
+def read_payload_facts(path: Path) -> dict[str, Any]:
+    """Facts of a payload.json, or of a JSON in its form that is written by hand.
+
+    Raises:
+        OSError: the file cannot be read.
+        ValueError: the file is no JSON table.
+        RecordingError: the file is of a later format.
+    """
+    facts = dict(json_of(path))
+    number = facts.get("format", FORMAT)
+    if isinstance(number, int) and number > FORMAT:
+        raise RecordingError(
+            f"'{path}' has the format {number}, expected {FORMAT}; update symgen, or identify the "
+            "payload again with this version"
+        )
+    return facts
+
+
 def _from_json(path: Path) -> KnownPayload:
     try:
-        facts = dict(json_of(path))
+        facts = read_payload_facts(path)
         inertia = facts.get("inertia")
         return KnownPayload(
             mass=float(facts["mass"]),

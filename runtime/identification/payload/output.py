@@ -16,6 +16,7 @@ import numpy as np
 from runtime.files import replacing
 from runtime.identification.payload.body import NAMES, Body
 from runtime.identification.payload.estimate import Payload
+from runtime.identification.payload.known import FORMAT
 from runtime.library import Array, Library
 
 NORMAL_95 = 1.959964
@@ -64,7 +65,7 @@ def load_facts(payload: Payload, lib: Library) -> dict[str, Any]:
     """
     body, mount = payload.body, payload.mount
     return {
-        "format": 1,
+        "format": FORMAT,
         "robot": lib.name,
         "link": mount.link,
         "frame": mount.frame,

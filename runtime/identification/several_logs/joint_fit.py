@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.regression.samples import samples_of
-from runtime.files import json_of
+from runtime.identification.payload import read_payload_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording
@@ -60,7 +60,7 @@ def read_carried(path: Path, lib: Library) -> Array:
         RecordingError: the file is missing or damaged, or names a link that the robot lacks.
     """
     try:
-        facts = json_of(path)
+        facts = read_payload_facts(path)
         link, values = str(facts["link"]), np.array(facts["pi_in_link"], dtype=float)
         if values.shape != (N_PARAMETERS,) or not np.isfinite(values).all():
             raise ValueError

@@ -195,15 +195,15 @@ def test_places_that_cannot_be_written(
     monkeypatch.setenv("XDG_CACHE_HOME", str(wall))
     monkeypatch.setattr(compile_cache.platformdirs, "user_cache_path", lambda name: wall / name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    own = tmp_path / f"symgen-{os.getuid()}"
+    single = tmp_path / f"symgen-{os.getuid()}"
     assert works(compiled_library(toy, "toy"))
-    assert f"so {own} serves; to keep it, set SYMGEN_CACHE" in capfd.readouterr().err
-    assert own.stat().st_mode & 0o077 == 0
+    assert f"so {single} serves; to keep it, set SYMGEN_CACHE" in capfd.readouterr().err
+    assert single.stat().st_mode & 0o077 == 0
     compiled_library(toy, "toy")
     assert capfd.readouterr().err == ""
-    own.chmod(0o777)  # anybody may have put a library there
+    single.chmod(0o777)  # anybody may have put a library there
     compiled_library(toy, "toy")
-    assert str(own) + " " not in capfd.readouterr().err
+    assert str(single) + " " not in capfd.readouterr().err
     assert len(libraries(tmp_path)) == 2
 
 

@@ -37,8 +37,8 @@ def _most_probable(lib, statistics):
     """The batch answer by NumPy's Newton."""
     data, eliminated = reduce(statistics, lib.n_joints)
     gamma = CAD * data.variance / data.count
-    found = minimise(convex_problem(data, prior_of(lib), gamma))
-    return found, eliminated.phi(found.pi)
+    result = minimise(convex_problem(data, prior_of(lib), gamma))
+    return result, eliminated.phi(result.pi)
 
 
 def _same_torque(lib, s, a, b, tolerance):
@@ -67,11 +67,11 @@ def test_a_replay_gives_what_the_batch_gives(friction, forgetting, lib, samples)
         online.statistics.triangle(), batch.triangle(), rtol=0, atol=1e-12 * scale
     )
     assert online.statistics.n_samples == pytest.approx(ages.sum(), rel=1e-12)
-    now, (found, phi) = online.estimate(), _most_probable(lib, batch)
+    now, (result, phi) = online.estimate(), _most_probable(lib, batch)
     assert last is not None
     assert now.converged
     # Newton ends within 1e-5 σ of the minimum at the latest, some 1e-7 N·m of torque.
-    _same_torque(lib, s, now.pi, found.pi, 1e-6)
+    _same_torque(lib, s, now.pi, result.pi, 1e-6)
     np.testing.assert_allclose(now.phi.ravel(), phi, rtol=0, atol=1e-6)
     assert (lib.relative_eigenvalues(now.pi) > 0).all()
 
@@ -152,7 +152,7 @@ def test_the_plain_c_gives_the_same(lib, samples):
     assert start(here, lib.pi0.ctypes.data, 1.5, CAD) == 0
 
 
-def test_what_cannot_be_used_is_told(lib, samples):
+def test_what_cannot_be_used_is_reported(lib, samples):
     """Property: samples that are not finite are left out and counted; wrong shapes are named."""
     s = _bare(samples)
     online = OnlineEstimator(lib, every=50)
@@ -161,10 +161,10 @@ def test_what_cannot_be_used_is_told(lib, samples):
     np.testing.assert_array_equal(nothing.pi, prior_of(lib).centre)
     tau = s.tau.copy()
     tau[3, 2], tau[5, 0] = np.nan, np.inf
-    found = online.add(s.q, s.dq, s.ddq, tau)
-    assert found.rejected == 2
-    assert "2 samples were not finite and were left out" in found.status
-    assert np.isfinite(found.pi).all()
+    result = online.add(s.q, s.dq, s.ddq, tau)
+    assert result.rejected == 2
+    assert "2 samples were not finite and were left out" in result.status
+    assert np.isfinite(result.pi).all()
     clean = OnlineEstimator(lib, every=10_000)
     keep = np.isfinite(tau).all(axis=1)
     clean.add(*(a[keep] for a in (s.q, s.dq, s.ddq, tau)))

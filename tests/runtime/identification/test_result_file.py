@@ -70,7 +70,7 @@ def test_links_are_bodies_with_names(panda_adam: Identification, folder: Path) -
         assert link["min_relative_eigenvalue"] > 0
 
 
-def test_provenance_tells_where_it_comes_from(panda_adam: Identification, folder: Path) -> None:
+def test_provenance_names_its_sources(panda_adam: Identification, folder: Path) -> None:
     """Property: command, hashes of the raw files, hash of the model, versions and seed."""
     facts = json.loads((folder / "result.json").read_text())["provenance"]
     assert facts["command"] == "python -m runtime identify panda_gaz"
@@ -116,7 +116,7 @@ def test_perfect_fits_are_doubted(
     assert any("one run" in text for text in ordinary)
 
 
-def test_inconsistent_models_are_told(lib: Library, panda: Recording) -> None:
+def test_inconsistent_models_are_reported(lib: Library, panda: Recording) -> None:
     """Property, real data: least squares gives bodies that cannot exist, and the file says so."""
     facts = result_facts(identify(panda, lib, "ols"), "")
     assert facts["consistent"] is False

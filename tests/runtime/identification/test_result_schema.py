@@ -28,15 +28,15 @@ OLD = Path(__file__).parents[2] / "data" / "result_format_1.json"
 def paths_of(value: object, path: str = "") -> set[str]:
     """Dotted paths of all keys down to the depth of the schema."""
     parents = {key.path.rpartition(".")[0] for key in KEYS} - {""}
-    found: set[str] = set()
+    identified: set[str] = set()
     for key, inner in value.items() if isinstance(value, dict) else ():
         full = f"{path}.{key}" if path else key
-        found.add(full)
+        identified.add(full)
         for each in inner if isinstance(inner, list) else [inner]:
             below = f"{full}[]" if isinstance(inner, list) else full
             if below in parents:
-                found |= paths_of(each, below)
-    return found
+                identified |= paths_of(each, below)
+    return identified
 
 
 def test_what_is_written_is_what_the_schema_names(

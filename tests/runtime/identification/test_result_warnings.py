@@ -28,11 +28,11 @@ def test_an_answer_worse_than_the_urdf(
 def test_torque_that_nothing_explains(panda_adam: Identification) -> None:
     """Property: the next command is named, and only what was not asked for already."""
     assert "unexplained" not in said(panda_adam, 30.0, 19.0)
-    asked = said(panda_adam, 30.0, 21.0)  # low-passed, with three columns of friction
-    assert "21 % of the test torque is unexplained" in asked
-    assert "python -m runtime inspect LOG" in asked
-    assert "--cutoff" not in asked
-    assert "--friction" not in asked
+    requested = said(panda_adam, 30.0, 21.0)  # low-passed, with three columns of friction
+    assert "21 % of the test torque is unexplained" in requested
+    assert "python -m runtime inspect LOG" in requested
+    assert "--cutoff" not in requested
+    assert "--friction" not in requested
     train = panda_adam.train.replace(history=("Read 9 rows.",))
     bare = replace(panda_adam, train=train, phi=np.zeros((7, 0)))
     assert "--cutoff auto; no friction was modelled: --friction auto; check units" in said(

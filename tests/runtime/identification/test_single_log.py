@@ -206,7 +206,7 @@ def test_a_split_recording_is_cut_in_order(lib: Library, ideal_runs: Runs) -> No
     assert [len(p) for p in (half.train, half.validation, half.test)] == [500, 400, 101]
 
 
-def test_friction_is_found(lib: Library, noisy: Recording) -> None:
+def test_friction_is_identified(lib: Library, noisy: Recording) -> None:
     """Oracle: 0.5 N·m·s/rad and 0.3 N·m behind 0.05 N·m of noise on 480 samples."""
     terms = Friction(("viscous", "coulomb"), 0.03)
     result = identify(noisy, lib, "ols", friction_columns=terms)

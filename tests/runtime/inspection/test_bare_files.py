@@ -50,10 +50,10 @@ def bare(shared_data: Path, tmp_path: Path):
 def in_band(folder: Path, log: Path, recipe: Path, lib: Library, f_c: float, span) -> float:
     """Overall error, in percent, of a result on the rows of a span of time, low-passed at f_c."""
     saved, recording = read_result(folder), read_recording(log, recipe)
-    own = recording.recipe.preparation
+    single = recording.recipe.preparation
     plan = Preparation(
-        clock_tick=own.clock_tick,
-        max_gap_s=own.max_gap_s,
+        clock_tick=single.clock_tick,
+        max_gap_s=single.max_gap_s,
         filter="butterworth",
         cutoff_hz=f_c,
         rate_hz=10 * f_c,
@@ -83,8 +83,8 @@ def test_panda(command: Command, lib: Library, bare, tmp_path: Path) -> None:
     )
     assert ran.code == 0, ran.err
     # In the published band and split, the last 40 % of 21 s: the narrower own band flatters.
-    found = in_band(tmp_path / "auto", raw, tmp_path / "r.toml", lib, 10.0, (12.6, 20.9))
-    assert found <= 1.32
+    result = in_band(tmp_path / "auto", raw, tmp_path / "r.toml", lib, 10.0, (12.6, 20.9))
+    assert result <= 1.32
 
 
 def test_tx40(command: Command, robot, bare, tmp_path: Path) -> None:
@@ -108,13 +108,13 @@ def test_tx40(command: Command, robot, bare, tmp_path: Path) -> None:
     facts = facts_of(tmp_path / "out")
     assert "train 0.1" in facts["recording"]["split"]
     assert facts["torque_error_percent"]["after_overall"] <= 7.3
-    found = in_band(tmp_path / "out", raw, tmp_path / "r.toml", lib, 20.0, (4.6, 7.4))
-    assert found <= 7.3
+    result = in_band(tmp_path / "out", raw, tmp_path / "r.toml", lib, 20.0, (4.6, 7.4))
+    assert result <= 7.3
     # More of the noise of τ in a wider band: the same model, another percentage.
     errors = []
     for f_c in (5, 50):
-        asked = ("--recipe", "r.toml", "--cutoff", f_c, "--rate", 10 * f_c, "--json")
-        ran = command("evaluate", "out", raw, *by, *asked)
+        requested = ("--recipe", "r.toml", "--cutoff", f_c, "--rate", 10 * f_c, "--json")
+        ran = command("evaluate", "out", raw, *by, *requested)
         errors.append(json.loads(ran.out)["torque_error_percent"]["after_overall"])
     assert errors[0] < errors[1]
 
@@ -126,9 +126,9 @@ def test_lwr4(command: Command, robot, bare, tmp_path: Path) -> None:
     assert command("inspect", raw, *by, "--recipe-out", "r.toml").code == 0
     ran = command("identify", raw, *by, "--recipe", "r.toml", "--run", "1,2,3", "--out", "out")
     assert ran.code == 0, ran.err
-    held = facts_of(tmp_path / "out")["sessions"]["leave_one_out"][2]
-    assert held["name"] == "run 3"
-    assert held["after_overall"] <= 8.8
+    left_out = facts_of(tmp_path / "out")["sessions"]["leave_one_out"][2]
+    assert left_out["name"] == "run 3"
+    assert left_out["after_overall"] <= 8.8
     # Friction alone, on the URDF, takes it to 8.8; the bodies have to do the rest (5.1 found).
-    assert held["after_overall"] <= 0.5 * held["before_overall"]
-    assert np.isclose(held["before_overall"], 11.6, atol=0.1)
+    assert left_out["after_overall"] <= 0.5 * left_out["before_overall"]
+    assert np.isclose(left_out["before_overall"], 11.6, atol=0.1)

@@ -23,10 +23,10 @@ def _noisy(recording: Recording, noise: float) -> Recording:
 
 def test_cutoff_follows_the_noise(lib: Library, noisy: Recording) -> None:
     """Property: ten times more noise in q asks for a lower cut-off, none for the highest scores."""
-    found = [choose_cutoff(_noisy(noisy, s), lib, friction=TERMS) for s in (1e-5, 1e-3)]
-    low, high = (choice.chosen.cutoff_hz for choice in reversed(found))
+    result = [choose_cutoff(_noisy(noisy, s), lib, friction=TERMS) for s in (1e-5, 1e-3)]
+    low, high = (choice.chosen.cutoff_hz for choice in reversed(result))
     assert low < high
-    for choice in found:
+    for choice in result:
         assert choice.chosen.excess <= 0.005 * min(c.score for c in choice.candidates)
         assert choice.preparation.cutoff_hz == choice.chosen.cutoff_hz
         assert choice.preparation.trim_s == 1.0 / choice.chosen.cutoff_hz

@@ -77,7 +77,7 @@ def test_a_real_log_gets_below_the_bar_with_the_chosen_model(panda, lib):
     from runtime import identify
 
     choice = choose_friction(panda, lib, names=("viscous", "coulomb", "dahl"))
-    found = identify(
+    result = identify(
         panda,
         lib,
         "ols",
@@ -85,8 +85,8 @@ def test_a_real_log_gets_below_the_bar_with_the_chosen_model(panda, lib):
         splitting=Split((0.0, 0.59), (0.59, 0.6), (0.6, 1.0)),
         certify=False,
     )
-    tau = found.test.tau
-    error = np.linalg.norm(tau - found.predict_recording(found.test)) / np.linalg.norm(tau)
+    tau = result.test.tau
+    error = np.linalg.norm(tau - result.predict_recording(result.test)) / np.linalg.norm(tau)
     assert choice.chosen.name == "dahl"
     assert 100 * error < 1.25
 
@@ -130,12 +130,12 @@ def test_a_rotor_that_a_link_can_replace_is_the_links_without_a_prior(lib, ideal
     np.testing.assert_allclose(kept.phi[2:, 0], rotors[2:], atol=1e-6)
     # The prior widens links thinner than matter is, here by 2.5 and 1.3 g·m².
     np.testing.assert_allclose(kept.phi[:2, 0], rotors[:2], atol=4e-3)
-    for found in (free, kept):
-        tau = found.predict(run.q, run.dq, run.ddq)
+    for result in (free, kept):
+        tau = result.predict(run.q, run.dq, run.ddq)
         np.testing.assert_allclose(tau, geared.tau, atol=1e-5)
 
 
-def test_bad_questions_are_told(lib, ideal_runs):
+def test_bad_questions_are_reported(lib, ideal_runs):
     """Property: one sentence with the valid answers."""
     run = ideal_runs[0]
     with pytest.raises(IdentificationError, match="'sticky'; choose from auto, none, offset"):

@@ -11,14 +11,14 @@ from runtime.errors import RecordingError
 from runtime.inspection import inspect_log, recipe_text
 from runtime.library import Library
 from runtime.recording import load_recipe
-from tests.runtime.diagnosis import EXAMPLE, told
+from tests.runtime.diagnosis import EXAMPLE, sentences
 
 
 def test_the_clean_log_is_clean(lib: Library) -> None:
     """Property: nothing to do; one run and joints of little torque are told as information."""
-    found = inspect_log(EXAMPLE, lib)
-    assert told(found) == {}
-    assert {f.kind: f.trap for f in found.findings} == {"one_run": 12, "little_torque": 13}
+    result = inspect_log(EXAMPLE, lib)
+    assert sentences(result) == {}
+    assert {f.kind: f.trap for f in result.findings} == {"one_run": 12, "little_torque": 13}
 
 
 @pytest.mark.parametrize(
@@ -27,8 +27,8 @@ def test_the_clean_log_is_clean(lib: Library) -> None:
 )
 def test_real_logs_with_their_recipes_are_clean(robot, shared_data: Path, name, model) -> None:
     """Real data: what a bundled recipe settles is no alarm."""
-    found = inspect_log(shared_data / "data" / name, robot(model), name)
-    assert told(found) == {}
+    result = inspect_log(shared_data / "data" / name, robot(model), name)
+    assert sentences(result) == {}
 
 
 @pytest.mark.parametrize(
@@ -46,9 +46,9 @@ def test_absurd_logs_are_sentences(lib, clean, saved, tmp_path, changed) -> None
     rows = slice(changed.pop("rows", None))
     arrays = {key: getattr(clean, key)[rows] for key in ("t", "q", "dq", "tau")}
     arrays |= {key: factor * arrays[key] for key, factor in changed.items()}
-    found = inspect_log(saved(clean, **arrays), lib)
-    assert told(found)
-    (tmp_path / "r.toml").write_text(recipe_text(found), encoding="utf-8")
+    result = inspect_log(saved(clean, **arrays), lib)
+    assert sentences(result)
+    (tmp_path / "r.toml").write_text(recipe_text(result), encoding="utf-8")
     load_recipe(tmp_path / "r.toml")
 
 
@@ -66,7 +66,7 @@ def test_files_of_another_kind_are_sentences(lib: Library, tmp_path: Path) -> No
 def test_a_torque_of_something_else(lib: Library, clean: Recording, saved) -> None:
     """Property: noise in place of τ is explained by nothing, and no tool is made of it."""
     tau = np.random.default_rng(0).normal(0, 5, clean.tau.shape)
-    assert set(told(inspect_log(saved(clean, tau=tau), lib))) == {"unexplained"}
+    assert set(sentences(inspect_log(saved(clean, tau=tau), lib))) == {"unexplained"}
 
 
 def test_command(command, lib: Library, clean: Recording, saved, tmp_path: Path) -> None:

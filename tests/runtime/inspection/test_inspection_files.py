@@ -12,26 +12,26 @@ import pytest
 from runtime import Recording, write_recording
 from runtime.inspection import inspect_log, recipe_text
 from runtime.library import Library
-from tests.runtime.diagnosis import EXAMPLE, settles, told, trap_of
+from tests.runtime.diagnosis import EXAMPLE, require_no_warning, sentences, trap_of
 
 
 def test_2_repeated_rows_and_a_jittering_clock(lib: Library, shared_data: Path) -> None:
     """Real data: 6 % stale rows; the proposed clock is that of the bundled recipe."""
-    found = inspect_log(shared_data / "data" / "panda_gaz", lib, bare=True)
-    assert set(told(found)) == {"repeated_rows"}
-    assert trap_of(found, "repeated_rows") == 2
-    assert found.plan.preparation.clock_tick == 1e-3
-    assert found.plan.preparation.max_gap_s == 0.02
+    result = inspect_log(shared_data / "data" / "panda_gaz", lib, bare=True)
+    assert set(sentences(result)) == {"repeated_rows"}
+    assert trap_of(result, "repeated_rows") == 2
+    assert result.plan.preparation.clock_tick == 1e-3
+    assert result.plan.preparation.max_gap_s == 0.02
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6)])
 def test_2_time_in_another_unit(lib, clean, saved, tmp_path, unit, factor) -> None:
     """Property: told from dq, and settled by the recipe."""
     log = saved(clean, t=clean.t * factor)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"time_unit"}
-    assert found.plan.time.unit == unit
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"time_unit"}
+    assert result.plan.time.unit == unit
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_2_irregular_stamps(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
@@ -39,10 +39,10 @@ def test_2_irregular_stamps(lib: Library, clean: Recording, saved, tmp_path: Pat
     keep = np.ones(len(clean), dtype=bool)
     t = clean.t + 1e-3 * (np.arange(len(clean)) % 2)
     log = saved(clean, t=t[keep])
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"jitter"}
-    assert found.plan.preparation.max_gap_s is not None
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"jitter"}
+    assert result.plan.preparation.max_gap_s is not None
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_2_holes_and_dropped_ticks(lib: Library, clean: Recording, saved) -> None:
@@ -51,9 +51,9 @@ def test_2_holes_and_dropped_ticks(lib: Library, clean: Recording, saved) -> Non
     keep[400:500] = False
     keep[[50, 150, 250]] = False
     arrays = {key: getattr(clean, key)[keep] for key in ("t", "q", "dq", "tau")}
-    found = inspect_log(saved(clean, **arrays), lib)
-    assert {"holes", "dropped_ticks"} <= set(told(found))
-    evidence = {f.kind: f.evidence for f in found.findings}
+    result = inspect_log(saved(clean, **arrays), lib)
+    assert {"holes", "dropped_ticks"} <= set(sentences(result))
+    evidence = {f.kind: f.evidence for f in result.findings}
     assert evidence["holes"]["count"] == 1
     assert evidence["holes"]["longest_s"] == pytest.approx(1.01)
     assert evidence["dropped_ticks"]["count"] == 3
@@ -62,20 +62,20 @@ def test_2_holes_and_dropped_ticks(lib: Library, clean: Recording, saved) -> Non
 def test_2_no_clock_at_all(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
     """Property: the rate follows from Δq = dq Δt; without dq it has to be given."""
     log = saved(clean, t=None)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"missing_clock"}
-    assert found.plan.time.rate_hz == pytest.approx(100.0, rel=0.02)
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"missing_clock"}
+    assert result.plan.time.rate_hz == pytest.approx(100.0, rel=0.02)
+    require_no_warning(result, log, lib, tmp_path)
     silent = inspect_log(saved(clean, t=None, dq=None), lib)
-    assert "--log-rate" in told(silent)["missing_clock"]
+    assert "--log-rate" in sentences(silent)["missing_clock"]
     assert "# rate_hz" in recipe_text(silent)
-    assert told(inspect_log(saved(clean, t=None, dq=None), lib, rate_hz=100.0)) == {}
+    assert sentences(inspect_log(saved(clean, t=None, dq=None), lib, rate_hz=100.0)) == {}
 
 
 def test_2_time_runs_backwards(lib: Library, clean: Recording, saved) -> None:
     """Property: two runs in one file are an error that names the row."""
     t = np.concatenate([clean.t[:500], clean.t[:501]])
-    assert "at row 500" in told(inspect_log(saved(clean, t=t), lib))["time_backwards"]
+    assert "at row 500" in sentences(inspect_log(saved(clean, t=t), lib))["time_backwards"]
 
 
 @pytest.mark.parametrize("delay", [0.004, -0.023])
@@ -83,10 +83,10 @@ def test_2_torque_is_late(lib: Library, clean: Recording, saved, tmp_path: Path,
     """Property: a delay of 0.4 and of 2.3 samples, to a tenth of a sample."""
     tau = np.stack([np.interp(clean.t - delay, clean.t, row) for row in clean.tau.T], axis=1)
     log = saved(clean, tau=tau)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"time_shift"}
-    assert found.plan.preparation.torque_delay_s == pytest.approx(delay, abs=1e-3)
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"time_shift"}
+    assert result.plan.preparation.torque_delay_s == pytest.approx(delay, abs=1e-3)
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_9_corrupt_rows(lib: Library, clean: Recording, tmp_path: Path) -> None:
@@ -97,10 +97,10 @@ def test_9_corrupt_rows(lib: Library, clean: Recording, tmp_path: Path) -> None:
     lines.insert(300, lines[0])
     lines[-1] = lines[-1][:40]
     (tmp_path / "log.csv").write_text("\n".join(["logger v2", *lines]))
-    found = inspect_log(tmp_path / "log.csv", lib)
-    assert "Dropped 2 of 1001 rows" in told(found)["corrupt_rows"]
-    assert trap_of(found, "corrupt_rows") == 9
-    remarks = " ".join(f.sentence for f in found.findings if f.kind == "file_form")
+    result = inspect_log(tmp_path / "log.csv", lib)
+    assert "Dropped 2 of 1001 rows" in sentences(result)["corrupt_rows"]
+    assert trap_of(result, "corrupt_rows") == 9
+    remarks = " ".join(f.sentence for f in result.findings if f.kind == "file_form")
     assert "repeated headers" in remarks
     assert "lines before the header" in remarks
 
@@ -116,25 +116,25 @@ def test_9_semicolons_and_foreign_titles(lib: Library, clean: Recording, tmp_pat
     rows = [";".join(f"{x:.9g}" for x in row) for row in np.column_stack(moved)]
     log = tmp_path / "log.csv"
     log.write_text("\n".join([";".join(titles), *rows]).replace(".", ","))
-    found = inspect_log(log, lib)
-    assert told(found) == {}  # titles tell everything
-    assert found.plan.time.unit == "ms"
-    np.testing.assert_allclose(found.recording.q, clean.q, atol=1e-6)
+    result = inspect_log(log, lib)
+    assert sentences(result) == {}  # titles tell everything
+    assert result.plan.time.unit == "ms"
+    np.testing.assert_allclose(result.recording.q, clean.q, atol=1e-6)
     bare = "\n".join([";".join(t.split(" [")[0] for t in titles), *rows]).replace(".", ",")
     log.write_text(bare)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"position_unit", "velocity_unit", "time_unit"}
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"position_unit", "velocity_unit", "time_unit"}
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_9_joints_in_another_order(lib, clean, saved, tmp_path) -> None:
     """Property: every signal in the order 1, 2, 3, 0, 4, 5, 6."""
     order = [1, 2, 3, 0, 4, 5, 6]
     log = saved(clean, **{key: getattr(clean, key)[:, order] for key in ("q", "dq", "tau")})
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"joint_order"}
-    np.testing.assert_array_equal(found.recording.q, clean.q)
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"joint_order"}
+    np.testing.assert_array_equal(result.recording.q, clean.q)
+    require_no_warning(result, log, lib, tmp_path)
 
 
 @pytest.mark.parametrize(("key", "kind"), [("dq", "velocity_order"), ("tau", "torque_order")])
@@ -142,10 +142,10 @@ def test_9_one_signal_in_another_order(lib, clean, saved, tmp_path, key, kind) -
     """Property: dq and τ are each held against q."""
     order = [1, 2, 3, 0, 4, 5, 6]
     log = saved(clean, **{key: getattr(clean, key)[:, order]})
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {kind}
-    np.testing.assert_array_equal(getattr(found.recording, key), getattr(clean, key))
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {kind}
+    np.testing.assert_array_equal(getattr(result.recording, key), getattr(clean, key))
+    require_no_warning(result, log, lib, tmp_path)
 
 
 @pytest.mark.parametrize("rivals", [0, 1])
@@ -159,11 +159,11 @@ def test_a_signal_of_too_few_joints_is_named(lib, clean, tmp_path, rivals) -> No
         columns += [*clean.tau.T]
     log = tmp_path / "six.csv"
     np.savetxt(log, np.column_stack(columns), delimiter=",", header=",".join(titles), comments="")
-    found = inspect_log(log, lib)
-    said = [f.sentence for f in found.findings if f.kind == "incomplete_signal"]
+    result = inspect_log(log, lib)
+    said = [f.sentence for f in result.findings if f.kind == "incomplete_signal"]
     assert len(said) == 1 - rivals
     assert all(f"{n - 1} columns (effort_1 … effort_{n - 1}) for {n} joints" in s for s in said)
-    assert ("no_torque" in told(found)) == (not rivals)
+    assert ("no_torque" in sentences(result)) == (not rivals)
 
 
 def test_an_edited_recipe_is_not_overwritten(command, lib: Library, tmp_path: Path) -> None:

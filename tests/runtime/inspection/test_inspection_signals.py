@@ -17,7 +17,7 @@ from runtime.library import Library
 from runtime.recording import Friction, load_recipe
 from runtime.recording.preprocessing import differentiate
 from tests.oracle import pinocchio_model
-from tests.runtime.diagnosis import settles, told, trap_of
+from tests.runtime.diagnosis import require_no_warning, sentences, trap_of
 
 
 def gravity_of(lib: Library, q: np.ndarray, pi: np.ndarray) -> np.ndarray:
@@ -29,10 +29,10 @@ def test_1_a_tool_that_the_model_lacks(lib: Library, clean: Recording, saved) ->
     full = differentiate(clean)
     tool = np.array([0.8, 0.02, 0, 0.12, 0.02, 0.02, 0.001, 0, 0, 0])
     Y = lib.regressor(full.q, full.dq, full.ddq)[:, :, -10:]
-    found = inspect_log(saved(clean, tau=clean.tau + Y @ tool), lib)
-    assert set(told(found)) == {"tool"}
-    assert trap_of(found, "tool") == 1
-    mass = next(f for f in found.findings if f.kind == "tool").evidence["mass_kg"]
+    result = inspect_log(saved(clean, tau=clean.tau + Y @ tool), lib)
+    assert set(sentences(result)) == {"tool"}
+    assert trap_of(result, "tool") == 1
+    mass = next(f for f in result.findings if f.kind == "tool").evidence["mass_kg"]
     assert mass == pytest.approx(0.8, abs=0.15)
 
 
@@ -41,39 +41,39 @@ def test_1_a_hand_that_is_not_mounted(lib: Library, shared_data: Path) -> None:
     armed = copy.copy(lib)
     hand = np.array([0.73, -0.0073, 0, 0.095, 0.0155, 0.0139, 0.0026, 0, 0, 0])
     armed.pi0 = lib.pi0 + np.concatenate([np.zeros(60), hand])
-    found = inspect_log(shared_data / "data" / "panda_gaz", armed, "panda_gaz")
-    assert set(told(found)) == {"tool"}
-    assert "not mounted" in told(found)["tool"]
+    result = inspect_log(shared_data / "data" / "panda_gaz", armed, "panda_gaz")
+    assert set(sentences(result)) == {"tool"}
+    assert "not mounted" in sentences(result)["tool"]
 
 
 def test_3_torque_counts_the_other_way(lib, clean, saved, tmp_path) -> None:
     """Property: told as a sign and not as gravity, and proposed, not done."""
     log = saved(clean, tau=-clean.tau)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"torque_sign"}
-    assert trap_of(found, "torque_sign") == 3
-    assert found.plan.torque.sign == -1.0
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"torque_sign"}
+    assert trap_of(result, "torque_sign") == 3
+    assert result.plan.torque.sign == -1.0
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_3_one_joint_counts_the_other_way(lib, clean, saved, tmp_path) -> None:
     """Property: the joint is named."""
     sign = np.array([1.0, 1, 1, -1, 1, 1, 1])
     log = saved(clean, tau=clean.tau * sign)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"torque_sign"}
-    assert "fr3_joint4" in told(found)["torque_sign"]
-    assert found.plan.torque.sign == tuple(sign)
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"torque_sign"}
+    assert "fr3_joint4" in sentences(result)["torque_sign"]
+    assert result.plan.torque.sign == tuple(sign)
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_3_velocity_of_one_joint_is_turned(lib, clean, saved, tmp_path) -> None:
     """Property: dq against the derivative of q."""
     sign = np.array([1.0, 1, -1, 1, 1, 1, 1])
     log = saved(clean, dq=clean.dq * sign)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"velocity_sign"}
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"velocity_sign"}
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_4_a_torque_that_no_sensor_has_measured(lib: Library, clean: Recording, saved) -> None:
@@ -81,9 +81,9 @@ def test_4_a_torque_that_no_sensor_has_measured(lib: Library, clean: Recording, 
     full = differentiate(clean.replace(dq=None))
     pi = lib.pi0 * 1.05
     tau = lib.inverse_dynamics(full.q, full.dq, full.ddq, pi) + 0.5 * full.dq
-    found = inspect_log(saved(clean, dq=None, tau=tau), lib)
-    assert set(told(found)) == {"not_measured"}
-    assert trap_of(found, "not_measured") == 4
+    result = inspect_log(saved(clean, dq=None, tau=tau), lib)
+    assert set(sentences(result)) == {"not_measured"}
+    assert trap_of(result, "not_measured") == 4
 
 
 def test_4_a_name_that_says_command(lib: Library, clean: Recording, tmp_path: Path) -> None:
@@ -92,13 +92,13 @@ def test_4_a_name_that_says_command(lib: Library, clean: Recording, tmp_path: Pa
     rows = np.column_stack([clean.t, clean.q, clean.tau])
     log = tmp_path / "log.csv"
     np.savetxt(log, rows, delimiter=",", header=",".join(["time", *titles]), comments="")
-    assert "tau_des_1" in told(inspect_log(log, lib))["not_measured"]
+    assert "tau_des_1" in sentences(inspect_log(log, lib))["not_measured"]
     titles += [f"tau_{j}" for j in range(1, 8)]
     rows = np.column_stack([rows, clean.tau])
     np.savetxt(log, rows, delimiter=",", header=",".join(["time", *titles]), comments="")
-    found = inspect_log(log, lib)
-    assert found.plan.torque.columns[0] == "tau_1"
-    assert "not_measured" not in told(found)
+    result = inspect_log(log, lib)
+    assert result.plan.torque.columns[0] == "tau_1"
+    assert "not_measured" not in sentences(result)
 
 
 @pytest.mark.parametrize(
@@ -111,10 +111,10 @@ def test_4_a_name_that_says_command(lib: Library, clean: Recording, tmp_path: Pa
 def test_5_gravity_the_other_way_round(lib, clean, saved, scale, said, build) -> None:
     """Property: only bodies that can exist tell the sign; a free fit is as good either way."""
     tau = clean.tau + (scale - 1.0) * gravity_of(lib, clean.q, lib.pi0)
-    found = inspect_log(saved(clean, tau=tau), lib)
-    assert said in told(found)["gravity"]
-    assert f"symgen build --urdf {lib.folder / 'fr3.urdf'} {build}" in told(found)["gravity"]
-    assert trap_of(found, "gravity") == 5
+    result = inspect_log(saved(clean, tau=tau), lib)
+    assert said in sentences(result)["gravity"]
+    assert f"symgen build --urdf {lib.folder / 'fr3.urdf'} {build}" in sentences(result)["gravity"]
+    assert trap_of(result, "gravity") == 5
 
 
 def test_5_an_arm_on_the_wall(lib: Library, clean: Recording, saved) -> None:
@@ -125,8 +125,8 @@ def test_5_an_arm_on_the_wall(lib: Library, clean: Recording, saved) -> None:
         [pinocchio.rnea(model, data, *row) for row in zip(full.q, full.dq, full.ddq, strict=True)]
     )
     noise = np.random.default_rng(0).normal(0, 0.05, tau.shape)
-    found = inspect_log(saved(clean, tau=tau + noise), lib)
-    said = told(found)["gravity"]
+    result = inspect_log(saved(clean, tau=tau + noise), lib)
+    said = sentences(result)["gravity"]
     assert f"--urdf {lib.folder / 'fr3.urdf'} --name fr3_wall --gravity 9.81,0,0 " in said
     assert (lib.folder / "fr3.urdf").exists()
     assert "once more with gravity along -x" in said
@@ -136,17 +136,17 @@ def test_6_coupled_gears(robot, shared_data: Path) -> None:
     """Real data: the wrist of a TX40, its friction fitted joint by joint."""
     recipe = load_recipe("tx40_figaroh")
     plain = recipe.replace(friction=Friction(("viscous", "coulomb", "offset", "rotor")))
-    found = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), plain)
-    assert set(told(found)) == {"gear_coupling"}
-    assert "joint_6" in told(found)["gear_coupling"]
-    assert trap_of(found, "gear_coupling") == 6
+    result = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), plain)
+    assert set(sentences(result)) == {"gear_coupling"}
+    assert "joint_6" in sentences(result)["gear_coupling"]
+    assert trap_of(result, "gear_coupling") == 6
 
 
 def test_6_motor_angles(robot, shared_data: Path) -> None:
     """Real data: what only the manufacturer knows is asked for, as a block to fill in."""
-    found = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), bare=True)
-    assert set(told(found)) == {"missing_clock", "position_range"}
-    assert "# [gear]" in recipe_text(found)
+    result = inspect_log(shared_data / "data" / "tx40_figaroh", robot("tx40"), bare=True)
+    assert set(sentences(result)) == {"missing_clock", "position_range"}
+    assert "# [gear]" in recipe_text(result)
 
 
 def test_7_rest(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
@@ -159,22 +159,22 @@ def test_7_rest(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
         key: np.concatenate([still[key] + noise * 1e-3, getattr(clean, key)]) for key in still
     }
     log = saved(clean, t=t, dq=np.concatenate([noise, clean.dq]), **arrays)
-    found = inspect_log(log, lib, propose=True)
-    assert set(told(found)) == {"rest"}
-    assert trap_of(found, "rest") == 7
-    assert found.rest[0] == pytest.approx((-2.0, 0.0), abs=0.2)
-    assert found.plan.preparation.rest_speed == 0.02
-    settles(found, log, lib, tmp_path)
+    result = inspect_log(log, lib, propose=True)
+    assert set(sentences(result)) == {"rest"}
+    assert trap_of(result, "rest") == 7
+    assert result.rest[0] == pytest.approx((-2.0, 0.0), abs=0.2)
+    assert result.plan.preparation.rest_speed == 0.02
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_10_degrees(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
     """Property: told by the limits, with dq in rad/s beside it or without dq."""
     log = saved(clean, q=clean.q * 180 / np.pi)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"position_unit"}
-    assert trap_of(found, "position_unit") == 10
-    settles(found, log, lib, tmp_path)
-    assert set(told(inspect_log(saved(clean, q=clean.q * 180 / np.pi, dq=None), lib))) == {
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"position_unit"}
+    assert trap_of(result, "position_unit") == 10
+    require_no_warning(result, log, lib, tmp_path)
+    assert set(sentences(inspect_log(saved(clean, q=clean.q * 180 / np.pi, dq=None), lib))) == {
         "position_unit"
     }
 
@@ -184,24 +184,24 @@ def test_10_wrap(lib: Library, clean: Recording, saved) -> None:
     q = clean.q.copy()
     middle = np.median(q[:, 0])
     q[:, 0] = (q[:, 0] - middle) % (2 * np.pi) + middle
-    found = inspect_log(saved(clean, q=q), lib)
-    assert trap_of(found, "wrap") == 10
+    result = inspect_log(saved(clean, q=q), lib)
+    assert trap_of(result, "wrap") == 10
 
 
 @pytest.mark.parametrize("gain", [1e3, np.array([10.0, 9, 11, 10, 40, 45, 38])])
 def test_11_effort_is_no_torque(lib, clean, saved, tmp_path, gain) -> None:
     """Property: one factor of 1000 is a unit; one for each joint are gains, to 30 % by the URDF."""
     log = saved(clean, tau=clean.tau * gain)
-    found = inspect_log(log, lib)
-    assert set(told(found)) == {"torque_unit"}
-    assert trap_of(found, "torque_unit") == 11
+    result = inspect_log(log, lib)
+    assert set(sentences(result)) == {"torque_unit"}
+    assert trap_of(result, "torque_unit") == 11
     if np.ndim(gain):
-        assert "not a calibration" in told(found)["torque_unit"]
+        assert "not a calibration" in sentences(result)["torque_unit"]
         # The example's links are up to 10 % off the URDF's, those of the wrist more by leverage.
-        np.testing.assert_allclose(found.plan.torque.gain[1:4], 1 / gain[1:4], rtol=0.3)
+        np.testing.assert_allclose(result.plan.torque.gain[1:4], 1 / gain[1:4], rtol=0.3)
     else:
-        assert found.plan.torque.unit == "mN*m"
-    settles(found, log, lib, tmp_path)
+        assert result.plan.torque.unit == "mN*m"
+    require_no_warning(result, log, lib, tmp_path)
 
 
 def test_saturation(lib: Library, clean: Recording, saved) -> None:
@@ -210,16 +210,16 @@ def test_saturation(lib: Library, clean: Recording, saved) -> None:
     tau[:, 1] = np.clip(tau[:, 1], -25.0, 25.0)
     clipped = int(np.sum(np.abs(tau[:, 1]) == 25.0))
     assert clipped > 20
-    found = inspect_log(saved(clean, tau=tau), lib)
-    assert "fr3_joint2" in told(found)["saturation"]
+    result = inspect_log(saved(clean, tau=tau), lib)
+    assert "fr3_joint2" in sentences(result)["saturation"]
 
 
-def test_8_rounding_is_told_by_symgen(shared_data: Path) -> None:
+def test_8_rounding_is_reported_by_symgen(shared_data: Path) -> None:
     """Published model: four-digit angles; `symgen inspect` says so and finds the 43 that remain."""
     from symgen.inspect import inspect_file
 
-    found = inspect_file(shared_data / "models" / "kinova_gen3" / "kinova.urdf")
-    assert any("angles are rounded" in note for note in found.notes)
-    assert found.base is not None
-    assert len(found.base.names) == 43
-    assert found.base.condition < 1e4  # with the rounding taken at its word it is 1e7
+    result = inspect_file(shared_data / "models" / "kinova_gen3" / "kinova.urdf")
+    assert any("angles are rounded" in note for note in result.notes)
+    assert result.base is not None
+    assert len(result.base.names) == 43
+    assert result.base.condition < 1e4  # with the rounding taken at its word it is 1e7

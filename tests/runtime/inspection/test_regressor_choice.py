@@ -43,10 +43,10 @@ def test_the_share_of_noise(lib: Library, clean: Recording, derivative, noise, c
     form = "butterworth" if cutoff else "none"
     usual = replace(QUIET, filter=form, cutoff_hz=cutoff, derivative=derivative)
     loud = shaken(clean, **noise)
-    found = differentiation_of(loud, lib, usual)
+    result = differentiation_of(loud, lib, usual)
     with_noise, without = (prepare(each, usual).ddq for each in (loud, clean))
     share = np.mean((with_noise - without) ** 2, axis=0) / np.mean(with_noise**2, axis=0)
-    assert np.mean(found.noise / share) == pytest.approx(1.0, abs=0.15)
+    assert np.mean(result.noise / share) == pytest.approx(1.0, abs=0.15)
     assert differentiation_of(clean, lib, usual).noise.max() < 1e-4
 
 
@@ -57,9 +57,9 @@ def test_holes_and_joints_at_rest_are_no_noise(lib: Library, clean: Recording):
     loud = shaken(clean, dq=2e-2)
     q, dq = loud.q.copy(), loud.dq.copy()
     q[:, 3], dq[:, 3] = q[0, 3], np.random.default_rng(1).normal(0, 2e-2, len(dq))
-    found = differentiation_of(loud.replace(q=q, dq=dq), lib, replace(QUIET, cutoff_hz=20.0))
-    assert found.noise[3] == 0.0
-    assert (np.delete(found.noise, 3) > 0.01).any()
+    result = differentiation_of(loud.replace(q=q, dq=dq), lib, replace(QUIET, cutoff_hz=20.0))
+    assert result.noise[3] == 0.0
+    assert (np.delete(result.noise, 3) > 0.01).any()
 
 
 def test_the_bend(lib: Library, clean: Recording):
@@ -73,9 +73,9 @@ def test_the_bend(lib: Library, clean: Recording):
         done = prepare(model, usual)
         rigid = lib.inverse_dynamics(done.q, done.dq, done.ddq, lib.pi0)
         bend = np.linalg.norm(rigid - done.tau) / np.linalg.norm(done.tau)
-        found = differentiation_of(clean, lib, usual)
-        assert found.distortion == pytest.approx(bend, rel=0.1, abs=3e-4)
-        assert (found.distortion > BENT) == found.fails == expected
+        result = differentiation_of(clean, lib, usual)
+        assert result.distortion == pytest.approx(bend, rel=0.1, abs=3e-4)
+        assert (result.distortion > BENT) == result.fails == expected
 
 
 def acceleration(log: Recording) -> np.ndarray:
@@ -132,6 +132,6 @@ def test_commands(lib: Library, noisy: Recording, tmp_path, command: Command):
         (notes[form],) = (w for w in facts["warnings"] if "differentiation fails" in w)
     assert "needs no accelerations" in notes["acceleration"]
     assert "was taken" in notes["auto"]
-    found = inspect_log(tmp_path / "log.csv", lib)
-    kinds = [f.kind for f in found.findings]
+    result = inspect_log(tmp_path / "log.csv", lib)
+    kinds = [f.kind for f in result.findings]
     assert "differentiation" in kinds

@@ -37,7 +37,7 @@ def ran(method: str, percent: float = 1.4, **changes: object) -> Row:
     return Row(method, RAN, "a status", figures(percent, **changes))
 
 
-def told(*rows: Row) -> Advice:
+def advice_on(*rows: Row) -> Advice:
     return advise(rows, 43)
 
 
@@ -47,95 +47,97 @@ def says(advice: Advice, words: str) -> bool:
 
 def test_the_default_is_taken() -> None:
     """Property: MAP, unless a consistent answer off the boundary is better beyond chance."""
-    plain = told(ran("map"), ran("adam", 1.39), ran("pc-ols", 1.41))
+    plain = advice_on(ran("map"), ran("adam", 1.39), ran("pc-ols", 1.41))
     assert plain.take == "map"
     assert plain.sentences[0].startswith("Take map: the default;")
     assert says(plain, "Every result is physically consistent")
-    better = told(ran("map"), ran("adam", 1.2))
+    better = advice_on(ran("map"), ran("adam", 1.2))
     assert better.take == "adam"
     assert "its test error, 1.2 %, is significantly below the 1.4 % of map" in better.sentences[0]
-    nets = told(ran("map"), ran("nn", 1.2), ran("adam", 1.39))
+    nets = advice_on(ran("map"), ran("nn", 1.2), ran("adam", 1.39))
     assert nets.take == "nn"
     assert "--friction auto" in nets.sentences[0]
-    edge = told(ran("map"), ran("adam", 1.2, is_boundary=True))
+    edge = advice_on(ran("map"), ran("adam", 1.2, is_boundary=True))
     assert edge.take == "map"
     # The same mean, but all of the gain in one block: chance.
     lucky = NOISE * 1.4**2
     lucky[:40] *= 0.1
-    assert told(ran("map"), ran("adam", 1.2, squares=lucky)).take == "map"
+    assert advice_on(ran("map"), ran("adam", 1.2, squares=lucky)).take == "map"
 
 
 def test_without_the_default() -> None:
     """Property: the best consistent answer off the boundary; none at all without one."""
-    others = told(
+    others = advice_on(
         ran("adam", 1.2, is_boundary=True), ran("lm", 1.5), ran("ols", 1.0, is_consistent=False)
     )
     assert others.take == "lm"
     assert "(map has none)" in others.sentences[0]
-    assert told(ran("adam", is_boundary=True)).take == "adam"
-    impossible = told(ran("ols", 1.0, is_consistent=False), ran("map", 1.2, is_consistent=False))
+    assert advice_on(ran("adam", is_boundary=True)).take == "adam"
+    impossible = advice_on(
+        ran("ols", 1.0, is_consistent=False), ran("map", 1.2, is_consistent=False)
+    )
     assert impossible.take is None
     assert impossible.sentences == (
         "No method that ran is physically consistent (ols, map); ols predicts torques best, but "
         "use none of them in a simulator or a controller: run map",
     )
-    nothing = told(Row("map", FAILED, "too bad"), Row("iv", NOT_RUN, "no loop"))
+    nothing = advice_on(Row("map", FAILED, "too bad"), Row("iv", NOT_RUN, "no loop"))
     assert nothing.take is None
     assert says(nothing, "No method has a result")
 
 
 def test_what_inconsistency_buys() -> None:
     """Property: the best inconsistent answer is named, and judged by chance, not by digits."""
-    better = told(ran("map"), ran("ols", 1.2, is_consistent=False))
+    better = advice_on(ran("map"), ran("ols", 1.2, is_consistent=False))
     assert says(better, "Physically consistent: map; not consistent: ols")
     assert says(better, "ols, predicts significantly better (1.2 % against 1.4 %)")
-    same = told(ran("map"), ran("ols", 1.395, is_consistent=False))
+    same = advice_on(ran("map"), ran("ols", 1.395, is_consistent=False))
     assert says(same, "Inconsistency brings no gain: ols")
-    consistent = told(ran("map"), ran("ols", 1.2))
+    consistent = advice_on(ran("map"), ran("ols", 1.2))
     assert not says(consistent, "nconsistent")
 
 
-def test_the_boundary_is_told() -> None:
+def test_the_boundary_is_reported() -> None:
     """Property: answers at the edge are named."""
-    edge = told(ran("map"), ran("pc-ols", is_boundary=True), ran("lm"))
+    edge = advice_on(ran("map"), ran("pc-ols", is_boundary=True), ran("lm"))
     assert says(edge, "On the boundary of consistency: pc-ols;")
-    assert not says(told(ran("map"), ran("pc-ols")), "boundary")
+    assert not says(advice_on(ran("map"), ran("pc-ols")), "boundary")
 
 
 def test_what_the_prior_tells() -> None:
     """Property: the motion's silence, the prior's dominance, and neither."""
-    assert says(told(ran("map", excited=40)), "excites 40 of 43 base parameters")
-    weak = told(ran("map", determined=21))
+    assert says(advice_on(ran("map", excited=40)), "excites 40 of 43 base parameters")
+    weak = advice_on(ran("map", determined=21))
     assert says(weak, "The data determine 21 of 43 independent combinations")
     assert says(weak, "the data contain little information")
-    strong = told(ran("map", determined=22))
+    strong = advice_on(ran("map", determined=22))
     assert says(strong, "The data determine 22 of 43 independent combinations")
     assert not says(strong, "the data contain little information")
 
 
 def test_over_fitting() -> None:
     """Property: OLS is judged by its growth from train to test against the chosen answer's."""
-    bad = told(ran("map", 1.4), ran("ols", 1.4, train_percent=1.1))
+    bad = advice_on(ran("map", 1.4), ran("ols", 1.4, train_percent=1.1))
     assert says(bad, "over-fits: the error of ols grows from 1.1 to 1.4 % between training")
-    good = told(ran("map", 1.4), ran("ols", 1.4, train_percent=1.25))
+    good = advice_on(ran("map", 1.4), ran("ols", 1.4, train_percent=1.25))
     assert says(good, "does not over-fit")
-    assert not says(told(ran("map"), ran("wls")), "over-fit")
+    assert not says(advice_on(ran("map"), ran("wls")), "over-fit")
 
 
 def test_the_truth_where_it_is_known() -> None:
     """Property: the nearest base parameters, and those of the chosen one beside them."""
-    both = told(ran("map", base_error=0.5), ran("ols", base_error=0.3))
+    both = advice_on(ran("map", base_error=0.5), ran("ols", base_error=0.3))
     assert says(both, "base parameters of ols have the smallest error, 0.3 %, those of map 0.5 %")
-    own = told(ran("map", base_error=0.2), ran("ols", base_error=0.3))
-    assert says(own, "base parameters of map have the smallest error, 0.2 %")
-    assert not says(told(ran("map")), "true parameters")
+    single = advice_on(ran("map", base_error=0.2), ran("ols", base_error=0.3))
+    assert says(single, "base parameters of map have the smallest error, 0.2 %")
+    assert not says(advice_on(ran("map")), "true parameters")
 
 
 def test_the_absent_are_named() -> None:
     """Property: what lacks something and what failed, apart."""
-    advice = told(ran("map"), Row("iv", NOT_RUN, "no loop"), Row("ekf", FAILED, "diverged"))
+    advice = advice_on(ran("map"), Row("iv", NOT_RUN, "no loop"), Row("ekf", FAILED, "diverged"))
     assert advice.sentences[-1] == "Not run: iv; failed: ekf, each for the reason in its row"
-    assert not says(told(ran("map")), "reason in its row")
+    assert not says(advice_on(ran("map")), "reason in its row")
 
 
 def test_chance() -> None:
@@ -145,12 +147,12 @@ def test_chance() -> None:
     """
     rng = np.random.default_rng(1)
     kernel = np.ones(20) / 20
-    found = 0
+    result = 0
     for _ in range(400):
         a, b = (np.convolve(rng.normal(size=1019), kernel, "valid") ** 2 for _ in range(2))
-        found += better_beyond_chance(a, b)
+        result += better_beyond_chance(a, b)
     # 400 draws of 2.5 %: 10 ± 3.1; blocks of 100 samples are not quite independent.
-    assert 2 <= found <= 20
+    assert 2 <= result <= 20
     assert better_beyond_chance(np.ones(100), np.full(100, 2.0))
     assert not better_beyond_chance(np.ones(100), np.ones(100))
     assert not better_beyond_chance(np.zeros(5), np.ones(5))

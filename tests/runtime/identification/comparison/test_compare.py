@@ -157,10 +157,10 @@ def test_without_an_optimum_there_is_no_gap(lib: Library, monkeypatch: pytest.Mo
         raise IdentificationError("no optimum")
 
     monkeypatch.setattr("runtime.identification.comparison.run.convex_optimum", unsolved)
-    found = compare(assemble(read_recording(EXAMPLE), lib), ("map",))
-    assert found.rows[0].figures is not None
-    assert np.isnan(found.rows[0].figures.gap)
-    assert np.isnan(found.optimum)
+    result = compare(assemble(read_recording(EXAMPLE), lib), ("map",))
+    assert result.rows[0].figures is not None
+    assert np.isnan(result.rows[0].figures.gap)
+    assert np.isnan(result.optimum)
 
 
 def test_interrupted_rows_are_kept(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -51,37 +51,37 @@ def test_base_parameters_by_monte_carlo(
     lib: Library, moved: MotionSamples, rows: np.ndarray
 ) -> None:
     """Oracle: 200 fits by numpy's least squares to Pinocchio's regressor, friction estimated."""
-    found = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib))
-    assert found.base is not None
+    result = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib))
+    assert result.base is not None
     dq = moved.samples.dq
     missed = errors(with_friction(rows[:, :, lib.base_columns], dq, FRICTION), SIGMA, 0)[:, :43]
     for k in range(43):
-        assert_variance(missed[:, k] ** 2, found.base[k] ** 2, 1)
+        assert_variance(missed[:, k] ** 2, result.base[k] ** 2, 1)
     # All of them together: 200 trials of 43 numbers, less than 43 of which are independent.
-    ratio = np.mean(missed**2 / found.base**2)
+    ratio = np.mean(missed**2 / result.base**2)
     assert abs(ratio - 1) < 5 * np.sqrt(2 / TRIALS / 10)
-    assert (found.base_map < found.base * (1 + 1e-9)).all()  # the prior knows something more
+    assert (result.base_map < result.base * (1 + 1e-9)).all()  # the prior knows something more
 
 
 def test_a_payload_by_monte_carlo(lib: Library, moved: MotionSamples, rows: np.ndarray) -> None:
     """Oracle: 200 fits of ten parameters and seven offsets to Pinocchio's last ten columns."""
-    found = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
-    assert found.payload is not None
-    assert found.payload_com is not None
+    result = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
+    assert result.payload is not None
+    assert result.payload_com is not None
     missed = errors(with_friction(rows[:, :, -10:], moved.samples.dq, ("offset",)), SIGMA, 1)
     for k in range(10):
-        assert_variance(missed[:, k] ** 2, found.payload[k] ** 2, 1)
+        assert_variance(missed[:, k] ** 2, result.payload[k] ** 2, 1)
     com = np.array([0, 0, 0.1])
     drift = (com + missed[:, 1:4]) / (1 + missed[:, :1]) - com
     for k in range(3):
-        assert_variance(drift[:, k] ** 2, found.payload_com[k] ** 2, 1)
+        assert_variance(drift[:, k] ** 2, result.payload_com[k] ** 2, 1)
     # 200 trials do not see the sign of the share of the mass: dense algebra does.
     whole = with_friction(rows[:, :, -10:], moved.samples.dq, ("offset",))
     whole = whole / np.tile(SIGMA, 1001)[:, None]
-    own = np.linalg.inv(whole.T @ whole)[:4, :4]
+    single = np.linalg.inv(whole.T @ whole)[:4, :4]
     slope = np.hstack([-com[:, None], np.eye(3)])
-    sigma = np.sqrt(np.diag(slope @ own @ slope.T))
-    assert found.payload_com == pytest.approx(sigma, rel=1e-8)  # rounding × cond²
+    sigma = np.sqrt(np.diag(slope @ single @ slope.T))
+    assert result.payload_com == pytest.approx(sigma, rel=1e-8)  # rounding × cond²
 
 
 def test_payload_prediction_is_what_the_command_payload_says_later(
@@ -95,11 +95,11 @@ def test_payload_prediction_is_what_the_command_payload_says_later(
     log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(3))
     arm = ArmModel(pi_true, Friction(()), np.zeros((7, 0)), "the truth")
     reported = identify_payload(log, lib, arm=arm)
-    found = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
-    assert found.payload is not None
+    result = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
+    assert result.payload is not None
     # The noise of 1001 residuals per joint is known to 2 %; the ball as prior counts for nothing.
-    assert found.payload[0] == pytest.approx(reported.white.sigma[0], rel=0.05)
-    assert abs(reported.body.mass - 1) < 5 * found.payload[0]
+    assert result.payload[0] == pytest.approx(reported.white.sigma[0], rel=0.05)
+    assert abs(reported.body.mass - 1) < 5 * result.payload[0]
 
 
 def test_links_by_dense_algebra(lib: Library, moved: MotionSamples, rows: np.ndarray) -> None:
@@ -108,7 +108,7 @@ def test_links_by_dense_algebra(lib: Library, moved: MotionSamples, rows: np.nda
     The curvature is that of −log det P by its dense formula, whose inverse nobody takes in runtime.
     """
     known = Knowledge.of(lib)
-    found = expected(lib, moved.statistics(lib, SIGMA), known, 4.0)
+    result = expected(lib, moved.statistics(lib, SIGMA), known, 4.0)
     whole = with_friction(rows, moved.samples.dq, FRICTION) / np.tile(SIGMA, 1001)[:, None]
     gram = whole.T @ whole / 4.0
     curvature = block_diag(*known.prior.bodies.curvature(known.pi)[1])
@@ -117,16 +117,16 @@ def test_links_by_dense_algebra(lib: Library, moved: MotionSamples, rows: np.nda
     inverse = scale[:, None] * np.linalg.inv(gram * np.outer(scale, scale)) * scale
     sigma = np.sqrt(np.diag(inverse))[:70]
     # Rounding × cond of the scaled information (1e9).
-    assert found.pi == pytest.approx(sigma, rel=1e-5)
+    assert result.pi == pytest.approx(sigma, rel=1e-5)
     com = known.pi.reshape(7, 10)
     for k in range(7):
-        own = inverse[10 * k : 10 * k + 4, 10 * k : 10 * k + 4]
+        single = inverse[10 * k : 10 * k + 4, 10 * k : 10 * k + 4]
         slope = np.hstack([-com[k, 1:4, None] / com[k, 0], np.eye(3)]) / com[k, 0]
-        assert found.com[k] == pytest.approx(np.sqrt(np.diag(slope @ own @ slope.T)), rel=1e-5)
+        assert result.com[k] == pytest.approx(np.sqrt(np.diag(slope @ single @ slope.T)), rel=1e-5)
     unseen = unseen_rows(lib, lib.home)
     spread = lib.base_matrix @ inverse[:70, :70] @ lib.base_matrix.T
     band = np.sqrt(np.einsum("tjk,kl,tjl->j", unseen, spread, unseen) / len(unseen))
-    assert found.torque(lib, unseen_joints(lib, lib.home)) == pytest.approx(band, rel=1e-5)
+    assert result.torque(lib, unseen_joints(lib, lib.home)) == pytest.approx(band, rel=1e-5)
 
 
 def joined(*parts: Recording) -> Recording:
@@ -153,9 +153,9 @@ def test_more_is_what_the_longer_log_says(
     rest = following.take(slice(0, 2370 - 2002), "Cut.")
     longer = motion_samples_of(joined(motions[0], following, following, rest), lib, None, TERMS)
     further = motion_samples_of(following, lib, None, TERMS)
-    told = moved.statistics(lib, SIGMA).merged(further.statistics(lib, SIGMA, 23.7))
+    facts = moved.statistics(lib, SIGMA).merged(further.statistics(lib, SIGMA, 23.7))
     known = Knowledge.of(lib)
-    one = expected(lib, told, known, 1.0, FRICTION)
+    one = expected(lib, facts, known, 1.0, FRICTION)
     two = expected(lib, longer.statistics(lib, SIGMA), known, 1.0, FRICTION)
     for key in ("base", "base_map", "pi", "payload", "payload_com"):
         # Reflections in another order, times cond of the raw columns.
@@ -192,25 +192,25 @@ def test_correlated_residuals_count_as_fewer(
     lap = ideal(lib, trajectories[0], plant)
     assert lap.tau is not None
     logs = [lap.replace(tau=lap.tau + SIGMA * coloured((len(lap), 7))) for _ in range(16)]
-    told = [noise_of(lib, motion_samples_of(log, lib, None, TERMS)) for log in logs]
-    units = [noise.inflation for noise in told if noise is not None]
+    facts = [noise_of(lib, motion_samples_of(log, lib, None, TERMS)) for log in logs]
+    units = [noise.inflation for noise in facts if noise is not None]
     # 5 at rest, 4.8 at the 2 Hz where the motion ends; one log knows it to 12 %.
     assert np.mean(units) == pytest.approx(4.9, rel=4 * 0.12 / 4)
-    sigma = np.mean([noise.sigma for noise in told if noise is not None], axis=0)
+    sigma = np.mean([noise.sigma for noise in facts if noise is not None], axis=0)
     assert sigma == pytest.approx(SIGMA, rel=0.06)  # 4 times 1/√(2·16·200), of which five are one
     known = Knowledge.of(lib)
     once = motion_samples_of(lap, lib, None, TERMS).statistics(lib, SIGMA)
-    found = expected(lib, once, known, float(np.mean(units)), FRICTION)
-    assert found.payload is not None
+    result = expected(lib, once, known, float(np.mean(units)), FRICTION)
+    assert result.payload is not None
     columns = with_friction(rows[:, :, -10:], lap.dq, ("offset",))
     whitened = columns / np.tile(SIGMA, 1001)[:, None]
     trials = coloured((1001, 7, TRIALS)).reshape(7007, TRIALS)
     missed = np.linalg.lstsq(whitened, trials, rcond=None)[0][0]
     # 200 trials leave 5 %, four times; the inflation half of 3 %.
-    assert np.sqrt(np.mean(missed**2)) == pytest.approx(found.payload[0], rel=0.21)
+    assert np.sqrt(np.mean(missed**2)) == pytest.approx(result.payload[0], rel=0.21)
 
 
-def test_a_running_estimator_knows_when_to_stop(lib: Library, noisy: Recording) -> None:
+def test_a_running_estimator_advises_when_to_stop(lib: Library, noisy: Recording) -> None:
     """Oracle: statistics with the same samples taken in once more; long logs gain nothing."""
     samples = motion_samples_of(noisy, lib, None, TERMS).samples
     arrays = (samples.q, samples.dq, samples.ddq, samples.tau, samples.columns)
@@ -230,9 +230,9 @@ def test_a_running_estimator_knows_when_to_stop(lib: Library, noisy: Recording) 
     for _ in range(25):
         online.add(*arrays)
     # 260 s: 60 s more gain 1 − √(26/32) = 10 % of all; 30 s 5 %.
-    told = online.advice(100.0, (10.0, 30.0))
+    facts = online.advice(100.0, (10.0, 30.0))
     assert re.fullmatch(
-        r"30 s more of the same motion improve nothing by 10 % \(.*5 %\): stop", told
+        r"30 s more of the same motion improve nothing by 10 % \(.*5 %\): stop", facts
     )
     fading = OnlineEstimator(lib, columns=3, forgetting=0.99, every=10**9)
     fading.add(*arrays)
@@ -262,17 +262,17 @@ def test_growth_ends_where_the_prediction_is(lib: Library, moved: MotionSamples)
     """Property: σ only falls, and at the end it is that of the whole motion and of what follows."""
     known = Knowledge.of(lib)
     names = tuple(map(str, range(43)))
-    found = growth(lib, moved, SIGMA, known, 1.0, names, until=10.01)
+    result = growth(lib, moved, SIGMA, known, 1.0, names, until=10.01)
     whole = moved.statistics(lib, SIGMA)
-    last = int(np.flatnonzero(found.seconds == moved.seconds)[0])
-    for index, told in ((last, whole), (-1, whole.merged(whole))):
-        one = expected(lib, told, known, 1.0, FRICTION)
+    last = int(np.flatnonzero(result.seconds == moved.seconds)[0])
+    for index, facts in ((last, whole), (-1, whole.merged(whole))):
+        one = expected(lib, facts, known, 1.0, FRICTION)
         assert one.payload is not None
-        assert found.masses[index] == pytest.approx(one.pi[::10], rel=1e-9)
-        assert found.worst[index] == pytest.approx(one.relative.max(), rel=1e-9)
-        assert found.payload[index] == pytest.approx(one.payload[0], rel=1e-6)
-    assert (np.diff(found.masses, axis=0) <= 1e-9 * found.masses[:-1]).all()
-    assert not np.isnan(found.payload).any()
+        assert result.masses[index] == pytest.approx(one.pi[::10], rel=1e-9)
+        assert result.worst[index] == pytest.approx(one.relative.max(), rel=1e-9)
+        assert result.payload[index] == pytest.approx(one.payload[0], rel=1e-6)
+    assert (np.diff(result.masses, axis=0) <= 1e-9 * result.masses[:-1]).all()
+    assert not np.isnan(result.payload).any()
 
 
 def test_motions_with_other_friction_are_not_joined(moved: MotionSamples) -> None:

@@ -37,12 +37,12 @@ def test_predict(
     robot = ("--robot", lib.folder)
     ran = command("predict", motion, *robot, "--noise", ",".join(map(str, SIGMA)), "--json")
     assert ran.code == 0, ran.err
-    told = json.loads(ran.out)
+    reported = json.loads(ran.out)
     one = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
-    assert told["base_parameters"]["least_squares"] == pytest.approx(list(one.base), rel=1e-9)
-    assert told["links"][lib.link_names[6]]["mass"] == pytest.approx(one.pi[60], rel=1e-9)
-    assert told["payload"]["mass"] == pytest.approx(one.payload[0], rel=1e-9)
-    assert (told["n_eff"], told["noise_from_residuals"]) == (1001, False)
+    assert reported["base_parameters"]["least_squares"] == pytest.approx(list(one.base), rel=1e-9)
+    assert reported["links"][lib.link_names[6]]["mass"] == pytest.approx(one.pi[60], rel=1e-9)
+    assert reported["payload"]["mass"] == pytest.approx(one.payload[0], rel=1e-9)
+    assert (reported["n_eff"], reported["noise_from_residuals"]) == (1001, False)
     faster = command("predict", motion, *robot, "--log-rate", "400", "--friction", "none", "--json")
     other = json.loads(faster.out)
     assert (other["n_samples"], other["friction"]) == (4001, [])
@@ -55,13 +55,15 @@ def test_predict(
     assert re.search(r"^10 s more of motion improve payload mass by \d+ %.*: go on$", ran.out, re.M)
     assert (tmp_path / "sigma.png").read_bytes()[:4] == b"\x89PNG"
     ran = command("predict", "log.npz", *robot, "--more", "same", "--payload-only", "--json")
-    told = json.loads(ran.out)
-    assert [entry["seconds"] for entry in told["more"]] == [10, 30, 60]
-    assert told["more"][0]["gains"].keys() == {"payload mass", "payload CoM", "payload inertia"}
+    reported = json.loads(ran.out)
+    assert [entry["seconds"] for entry in reported["more"]] == [10, 30, 60]
+    assert reported["more"][0]["gains"].keys() == {"payload mass", "payload CoM", "payload inertia"}
     # As often as there are samples: √(1001/2001).
-    assert told["more"][0]["gains"]["payload mass"] == pytest.approx(1 - np.sqrt(1001 / 2001), 0.01)
-    assert "base_parameters" not in told
-    assert told["torque_noise"] == pytest.approx([0.05] * 7, rel=0.1)
+    assert reported["more"][0]["gains"]["payload mass"] == pytest.approx(
+        1 - np.sqrt(1001 / 2001), 0.01
+    )
+    assert "base_parameters" not in reported
+    assert reported["torque_noise"] == pytest.approx([0.05] * 7, rel=0.1)
 
 
 def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -> None:
@@ -72,11 +74,11 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -
     inverse = np.linalg.inv(np.linalg.inv(whitened.T @ whitened)[:43, :43])
     known = Knowledge.of(lib)
     earlier = replace(known, earlier=inverse)
-    told = expected(lib, moved.statistics(lib, SIGMA), earlier)
+    reported = expected(lib, moved.statistics(lib, SIGMA), earlier)
     alone = expected(lib, moved.statistics(lib, SIGMA), known)
     assert alone.base is not None
     # As much information again: √2; rounding × cond² of raw columns.
-    assert told.base == pytest.approx(alone.base / np.sqrt(2), rel=1e-5)
+    assert reported.base == pytest.approx(alone.base / np.sqrt(2), rel=1e-5)
 
 
 @pytest.mark.parametrize(

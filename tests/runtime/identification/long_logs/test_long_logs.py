@@ -46,9 +46,9 @@ def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics:
-    told = blocks_of(open_streamed(path), lib, PREPARATION, FRICTION)
-    assert len(told) > 5
-    train = told.parts(*passes._spans(told, Split())["train"])
+    facts = blocks_of(open_streamed(path), lib, PREPARATION, FRICTION)
+    assert len(facts) > 5
+    train = facts.parts(*passes._spans(facts, Split())["train"])
     return compress_all(lib, (samples_of(part, lib) for part in train), weights)
 
 
@@ -63,10 +63,10 @@ def test_the_factor_is_that_of_the_whole_log(lib, log, tmp_path, suffix):
     train = split(prepare(log, PREPARATION, FRICTION, lib=lib), Split())[0]
     whole = compress(lib, samples_of(train, lib), weights)
     write_recording(log, tmp_path / f"x.{suffix}")
-    found = streamed_factor(tmp_path / f"x.{suffix}", lib, weights)
-    a, b = (s.triangle().T @ s.triangle() for s in (whole, found))
+    result = streamed_factor(tmp_path / f"x.{suffix}", lib, weights)
+    a, b = (s.triangle().T @ s.triangle() for s in (whole, result))
     size = np.sqrt(np.diag(a))
-    assert found.n_samples == whole.n_samples
+    assert result.n_samples == whole.n_samples
     assert np.abs(a - b) / np.outer(size, size) == pytest.approx(0.0, abs=1e-9)
 
 
@@ -77,23 +77,23 @@ def test_the_answer_is_that_of_the_whole_log(lib, log, tmp_path):
     """
     write_recording(log, tmp_path / "x.parquet")
     whole = identify(log, lib, preparation=PREPARATION, friction_columns=FRICTION)
-    found = identify_streamed(
+    result = identify_streamed(
         open_streamed(tmp_path / "x.parquet"),
         lib,
         preparation=PREPARATION,
         friction_columns=FRICTION,
     )
-    (before, after), (before_, after_) = torque_errors(whole), torque_errors(found)
+    (before, after), (before_, after_) = torque_errors(whole), torque_errors(result)
     assert before_.percent == pytest.approx(before.percent, rel=1e-9)
     assert after_.percent == pytest.approx(after.percent, rel=0.02)
-    shift = (found.beta - whole.beta) / whole.uncertainty.beta_sigma
+    shift = (result.beta - whole.beta) / whole.uncertainty.beta_sigma
     assert np.abs(shift).max() < 0.3
-    assert found.streamed.samples["train"] == len(whole.train)
-    assert found.streamed.samples["test"] == len(whole.test)
-    assert found.streamed.spans["test"][0] == pytest.approx(whole.test.t[0], abs=0.01)
+    assert result.streamed.samples["train"] == len(whole.train)
+    assert result.streamed.samples["test"] == len(whole.test)
+    assert result.streamed.spans["test"][0] == pytest.approx(whole.test.t[0], abs=0.01)
 
 
-def test_corrupt_rows_and_units_are_settled_in_every_block(lib, log, tmp_path):
+def test_corrupt_rows_and_units_are_corrected_in_every_block(lib, log, tmp_path):
     """Oracle: NaN rows, milliseconds and degrees: the same samples as the reader of whole logs."""
     q = np.degrees(log.q)
     q[[7, 2047, 2048, 9000]] = np.nan
@@ -107,15 +107,15 @@ def test_corrupt_rows_and_units_are_settled_in_every_block(lib, log, tmp_path):
             "torque": {"key": "tau", "unit": "N*m", "sign": -1},
         }
     )
-    told = blocks_of(open_streamed(tmp_path / "x.npz", recipe), lib, PREPARATION, FRICTION)
-    parts = list(told.parts(*told.span()))
+    facts = blocks_of(open_streamed(tmp_path / "x.npz", recipe), lib, PREPARATION, FRICTION)
+    parts = list(facts.parts(*facts.span()))
     whole = prepare(log, PREPARATION, FRICTION, lib=lib)
     t = np.concatenate([part.t for part in parts])
     # The last instant is outside: parts are half open.
     assert t == pytest.approx(whole.t[:-1], abs=1e-9)
     # A row of gap is interpolated linearly: (Δt)² q̈ / 8 of 4 ms and 2 rad/s².
-    found = np.concatenate([part.q for part in parts])
-    assert np.abs(found - whole.q[:-1]).max() < 1e-5
+    result = np.concatenate([part.q for part in parts])
+    assert np.abs(result - whole.q[:-1]).max() < 1e-5
     tau = np.concatenate([part.tau for part in parts])
     assert np.abs(tau - whole.tau[:-1]).max() < 0.1
 
@@ -194,16 +194,16 @@ def test_text_is_parsed_in_pieces(log, tmp_path, monkeypatch):
     monkeypatch.setattr(text_rows, "PIECE", 5000)
     streamed = open_streamed(tmp_path / "x.csv")
     assert streamed.rows == 300
-    found = streamed.block(0, 300)
+    result = streamed.block(0, 300)
     good = np.delete(np.arange(300), [99, 299])
-    assert np.array_equal(found.t, few.t[good])
-    assert np.array_equal(found.tau, few.tau[good])
+    assert np.array_equal(result.t, few.t[good])
+    assert np.array_equal(result.tau, few.tau[good])
     monkeypatch.setattr(text_rows, "PIECE", 100)
     with pytest.raises(RecordingError, match="UTF-8 text in lines"):
         open_streamed(tmp_path / "x.csv")
 
 
-def test_bench_tells_time_and_memory(lib, tmp_path):
+def test_bench_reports_time_and_memory(lib, tmp_path):
     """Property: the script of the README's table runs on a small log and counts all of it."""
     folder = REPOSITORY
     words = ("--json", "--robot", str(lib.folder), "--megabytes", "3", "--kinds", "npz")

@@ -61,18 +61,18 @@ def test_answers_are_those_of_the_whole_log(lib, log, tmp_path, monkeypatch, met
     whole = identify(log, lib, method, **options)
     monkeypatch.setattr(passes, "thesis_weights", lambda _: thesis_weights(whole.train.tau))
     write_recording(log, tmp_path / "x.npz")
-    found = identify_streamed(open_streamed(tmp_path / "x.npz"), lib, method, **options)
-    assert len(found.train) < 0.8 * len(whole.train)
+    result = identify_streamed(open_streamed(tmp_path / "x.npz"), lib, method, **options)
+    assert len(result.train) < 0.8 * len(whole.train)
     far, more = BARS[method]
-    shift = (found.beta - whole.beta) / whole.uncertainty.beta_sigma
+    shift = (result.beta - whole.beta) / whole.uncertainty.beta_sigma
     assert np.abs(shift).max() < far
-    assert found.loss == pytest.approx(whole.loss, rel=more)
-    assert found.optimum == pytest.approx(whole.optimum, rel=1e-5)
-    assert found.uncertainty.n_samples == len(whole.train)
-    error, expected = found.streamed.after, torque_errors(whole)[1]
+    assert result.loss == pytest.approx(whole.loss, rel=more)
+    assert result.optimum == pytest.approx(whole.optimum, rel=1e-5)
+    assert result.uncertainty.n_samples == len(whole.train)
+    error, expected = result.streamed.after, torque_errors(whole)[1]
     assert error.overall == pytest.approx(expected.overall, rel=more)
     if method == "wls":
-        assert found.notes[0] == whole.notes[0]
+        assert result.notes[0] == whole.notes[0]
 
 
 def test_variance_of_pieces():
@@ -86,11 +86,11 @@ def test_variance_of_pieces():
 def test_a_block_is_prepared_once(lib, log, tmp_path, monkeypatch):
     """Property: what comes back from the temporary file is what was prepared, in every field."""
     write_recording(log, tmp_path / "x.npz")
-    told = blocks.blocks_of(open_streamed(tmp_path / "x.npz"), lib, PREPARATION, FRICTION)
-    first = list(told.parts(-np.inf, np.inf))
+    reported = blocks.blocks_of(open_streamed(tmp_path / "x.npz"), lib, PREPARATION, FRICTION)
+    first = list(reported.parts(-np.inf, np.inf))
     monkeypatch.setattr(blocks, "prepare", None)
-    again = list(told.parts(-np.inf, np.inf))
-    assert len(first) == len(told) > 4
+    again = list(reported.parts(-np.inf, np.inf))
+    assert len(first) == len(reported) > 4
     for one, two in zip(first, again, strict=True):
         for field in dataclasses.fields(one):
             a, b = getattr(one, field.name), getattr(two, field.name)
@@ -115,17 +115,17 @@ def test_comparison_of_a_streamed_log(lib, log, tmp_path, command: Command, monk
         ran = command("compare", *words, way, "--methods", "map,ols,pc-ols", "--out", way)
         assert ran.code == 0, ran.err
         facts.append(json.loads((tmp_path / way / "compare.json").read_text()))
-    found, whole = facts
-    assert found["recording"]["samples"] == whole["recording"]["samples"]
-    assert found["before_percent"] == pytest.approx(whole["before_percent"], rel=1e-6)
-    for one, two in zip(found["rows"], whole["rows"], strict=True):
+    result, whole = facts
+    assert result["recording"]["samples"] == whole["recording"]["samples"]
+    assert result["before_percent"] == pytest.approx(whole["before_percent"], rel=1e-6)
+    for one, two in zip(result["rows"], whole["rows"], strict=True):
         assert one["method"] == two["method"]
         # First weights are from windows, which leave some rows out.
         for key in ("test_percent", "train_percent"):
             assert one[key] == pytest.approx(two[key], rel=0.01)
         # The noise of windows is known to a tenth; one entry lies that near to its verdict.
         assert one["told_by_data"] == pytest.approx(two["told_by_data"], abs=1)
-    assert "streamed 12000 rows" in " ".join(found["notes"])
+    assert "streamed 12000 rows" in " ".join(result["notes"])
     ran = command("compare", *words, "--stream", "--methods", "map,nn")
     assert ran.code == 2
     assert "the method nn needs the samples one by one" in ran.err

@@ -73,10 +73,10 @@ def test_exact_data_give_the_exact_payload_whatever_friction_and_bias(
     assert mount.frame == lib.manifest.tip == direct.mount.frame
     bias = 0.7 * np.tanh(loaded[1].dq / 0.01) + np.arange(7.0) - 2.0
     both = [_noisy(run, bias) for run in loaded]
-    found = identify_payload(both[0], lib, empty=both[1])  # with the URDF, whose link 7 is wrong
-    np.testing.assert_allclose(found.body.values, TRUTH, atol=1e-7)
-    assert found.differential
-    assert "identified 1.0000 kg" in found.status
+    result = identify_payload(both[0], lib, empty=both[1])  # with the URDF, whose link 7 is wrong
+    np.testing.assert_allclose(result.body.values, TRUTH, atol=1e-7)
+    assert result.differential
+    assert "identified 1.0000 kg" in result.status
 
 
 @pytest.mark.parametrize("filtered", [False, True])
@@ -88,11 +88,11 @@ def test_intervals_cover_and_errors_keep_their_bars(filtered, loaded, lib, arm):
     for _ in range(TRIALS):
         noise = NOISE * rng.normal(size=loaded[0].tau.shape)
         noise = signal.filtfilt(b, a, noise, axis=0) if filtered else noise
-        found = identify_payload(_noisy(loaded[0], noise), lib, "fr3_link7", arm=arm)
-        error = found.body.values - TRUTH
+        result = identify_payload(_noisy(loaded[0], noise), lib, "fr3_link7", arm=arm)
+        error = result.body.values - TRUTH
         errors.append(error)
-        white.append(np.abs(error) < NORMAL_95 * found.white.sigma)
-        corrected.append(np.abs(error) < NORMAL_95 * found.body.sigma)
+        white.append(np.abs(error) < NORMAL_95 * result.white.sigma)
+        corrected.append(np.abs(error) < NORMAL_95 * result.body.sigma)
     size = np.array(errors)
     # The specification's bars: 0.5 g and 0.25 mm RMS.
     assert np.sqrt(np.mean(size[:, 0] ** 2)) <= 0.5e-3
@@ -130,11 +130,11 @@ def test_covariance_of_the_body_is_the_delta_method(mount, payload_pi):
     np.testing.assert_allclose(covariance, slope @ C @ slope.T, rtol=1e-14)
 
 
-def test_files_say_what_was_found(loaded, lib, command, tmp_path):
+def test_files_say_what_was_identified(loaded, lib, command, tmp_path):
     """Oracle: the URDF reloaded by Pinocchio; setLoad's and Desk's fields column by column."""
     noise = NOISE * np.random.default_rng(1).normal(size=(2, *loaded[0].tau.shape))
-    for name, run, own in zip(("loaded", "empty"), loaded, noise, strict=True):
-        write_recording(_noisy(run, own), tmp_path / f"{name}.csv")
+    for name, run, single in zip(("loaded", "empty"), loaded, noise, strict=True):
+        write_recording(_noisy(run, single), tmp_path / f"{name}.csv")
     ran = command("payload", "loaded.csv", "--robot", lib.folder, "--empty", "empty.csv")
     assert ran.code == 0, ran.err
     assert "status: identified" in ran.out
@@ -176,7 +176,7 @@ def test_a_frozen_model_from_identify_carries_its_friction(panda_adam, lib, tmp_
         read_arm_model(tmp_path / "other.json", lib)
 
 
-def test_what_the_motion_does_not_show_is_told(loaded, lib, arm):
+def test_what_the_motion_does_not_show_is_reported(loaded, lib, arm):
     """Property: at rest gravity alone speaks: no inertia; without payload there is none."""
     rng = np.random.default_rng(2)
     full, bare = loaded

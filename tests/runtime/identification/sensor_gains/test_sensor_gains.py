@@ -66,14 +66,14 @@ def measured(runs, noise=None, gains=GAINS, bias=BIAS):
 def test_exact_data_give_exact_gains_and_biases(payload, scale, runs, lib):
     """Oracle: the sensors; Pinocchio moves the payload. Currents are gains far from 1."""
     gains = scale * GAINS
-    found = identify_gains(*measured(runs, gains=gains), lib, payload, friction=TERMS)
+    result = identify_gains(*measured(runs, gains=gains), lib, payload, friction=TERMS)
     # Rounding 1e-16 of 80 N·m times the condition 1e3 of the scaled columns, over 0.1 N·m that the
     # payload moves at the last joint: 1e-10.
-    np.testing.assert_allclose(found.estimate / gains, 1.0, atol=1e-10)
-    np.testing.assert_allclose(found.bias, BIAS, atol=1e-9)
-    assert found.is_determined.all()
-    assert found.status.startswith("identified the gains of all fr3_joint1, ")
-    assert ("inertia of the payload was not given" in " ".join(found.notes)) == (payload is POINT)
+    np.testing.assert_allclose(result.estimate / gains, 1.0, atol=1e-10)
+    np.testing.assert_allclose(result.bias, BIAS, atol=1e-9)
+    assert result.is_determined.all()
+    assert result.status.startswith("identified the gains of all fr3_joint1, ")
+    assert ("inertia of the payload was not given" in " ".join(result.notes)) == (payload is POINT)
 
 
 @pytest.mark.parametrize("filtered", [False, True])
@@ -85,19 +85,19 @@ def test_unbiased_and_intervals_cover(filtered, runs, dense, lib):
     true = dense if filtered else runs
     rng = np.random.default_rng(11)
     b, a = signal.butter(4, 10.0 / 50.0)
-    found, bent = [], []
+    result, bent = [], []
     for trial in range(TRIALS // (1 + filtered)):
         noise = NOISE * rng.normal(size=(2, *true[0].tau.shape))
         noise = signal.filtfilt(b, a, noise, axis=1) if filtered else noise
         pair = measured(true, noise)
-        found.append(identify_gains(*pair, lib, BODY, friction=TERMS))
+        result.append(identify_gains(*pair, lib, BODY, friction=TERMS))
         if not filtered and trial % 4 == 0:
             rows = reduced(problem_of(*pair, lib, BODY, None, TERMS, None).blocks())
             bent.append(linear(rows[:, 2:, 2:])[1])
-    errors = np.array([each.estimate for each in found]) - GAINS
-    sigma = np.array([each.sigma for each in found])
-    off = np.array([each.bias for each in found]) - BIAS
-    off_sigma = np.array([each.bias_sigma for each in found])
+    errors = np.array([each.estimate for each in result]) - GAINS
+    sigma = np.array([each.sigma for each in result])
+    off = np.array([each.bias for each in result]) - BIAS
+    off_sigma = np.array([each.bias_sigma for each in result])
     cover = np.mean(np.abs(errors) < 1.96 * sigma)
     cover_bias = np.mean(np.abs(off) < 1.96 * off_sigma)
     # Seven joints within what one would be at two standard errors: 2.7 by Šidák.
@@ -114,7 +114,7 @@ def _standard(errors):
     return errors.mean(axis=0) / (errors.std(axis=0, ddof=1) / np.sqrt(len(errors)))
 
 
-def test_joints_that_cannot_be_told_are_named_and_left_alone(runs, lib, payload_pi):
+def test_joints_without_a_determined_gain_are_named_and_left_alone(runs, lib, payload_pi):
     """Property: 300 g move joint 7 by 0.06 N·m, far below its noise of 1 N·m; its gain stays 1."""
     empty, full = runs
     Y = lib.regressor(full.q, full.dq, full.ddq)[:, :, mount_of(lib).columns]
@@ -123,21 +123,21 @@ def test_joints_that_cannot_be_told_are_named_and_left_alone(runs, lib, payload_
     noise[..., 6] *= 20
     pair = measured((empty, light), noise)
     terms = Friction((*TERMS.columns, "offset"), coulomb_speed=WIDTH)
-    found = identify_gains(*pair, lib, KnownPayload(0.3, COM, 0.1 * INERTIA), friction=terms)
-    assert not found.is_determined[6]
-    assert found.gain[6] == 1.0
-    assert found.is_determined[:4].all()
-    named = " ".join(found.notes)
+    result = identify_gains(*pair, lib, KnownPayload(0.3, COM, 0.1 * INERTIA), friction=terms)
+    assert not result.is_determined[6]
+    assert result.gain[6] == 1.0
+    assert result.is_determined[:4].all()
+    named = " ".join(result.notes)
     assert "fr3_joint7 (± " in named
     assert "which stays at 1" in named
-    assert "fr3_joint7" not in found.status
+    assert "fr3_joint7" not in result.status
     # Whatever is not told is still free in the fit, so that the others are not bent by it.
-    np.testing.assert_array_less(np.abs(found.estimate - GAINS), 4 * found.sigma)
+    np.testing.assert_array_less(np.abs(result.estimate - GAINS), 4 * result.sigma)
     loud = measured((empty, light), 40 * noise)
     with pytest.raises(RuntimeFault, match="is not visible enough in these runs"):
         identify_gains(*loud, lib, KnownPayload(0.3, COM, 0.1 * INERTIA), friction=terms)
     # An offset asked for is the bias of the runs already, and leaves it as sure as it was.
-    assert (found.bias_sigma[:, :6] < 0.1).all()
+    assert (result.bias_sigma[:, :6] < 0.1).all()
 
 
 def test_coupled_motors_have_gains_of_their_own(runs, lib):
@@ -148,9 +148,9 @@ def test_coupled_motors_have_gains_of_their_own(runs, lib):
     pair = tuple(
         run.replace(tau=(GAINS * (run.tau @ np.linalg.inv(R))) @ R, recipe=recipe) for run in runs
     )
-    found = identify_gains(*pair, lib, BODY, friction=TERMS)
-    np.testing.assert_allclose(found.estimate, GAINS, atol=1e-10)
-    assert found.channels[6] == "motor 7"
+    result = identify_gains(*pair, lib, BODY, friction=TERMS)
+    np.testing.assert_allclose(result.estimate, GAINS, atol=1e-10)
+    assert result.channels[6] == "motor 7"
 
 
 def test_a_wrong_weight_and_a_circular_payload_are_pointed_at(runs, lib):
@@ -232,7 +232,7 @@ def test_bad_runs_are_one_sentence_of_advice(case, runs, lib):
         identify_gains(*change(*runs), lib, **{"payload": BODY, "friction": TERMS, **options})
 
 
-def test_a_search_that_has_not_settled_is_no_answer(runs, lib, monkeypatch):
+def test_a_search_that_has_not_converged_is_no_answer(runs, lib, monkeypatch):
     """Property: one step from the linear answer is not the optimum, however small its σ."""
     noise = NOISE * np.random.default_rng(6).normal(size=(2, *runs[0].tau.shape))
     monkeypatch.setattr("runtime.identification.sensor_gains.solve._ITERATIONS", 1)

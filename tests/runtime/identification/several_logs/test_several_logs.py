@@ -7,6 +7,7 @@ import pytest
 
 from runtime import identify
 from runtime.errors import IdentificationError, RecordingError
+from runtime.identification.payload import read_known_payload
 from runtime.identification.result_file import write_result
 from runtime.identification.several_logs import NamedLog, identify_logs, read_carried
 from runtime.identification.several_logs.joint_fit import joined
@@ -25,8 +26,8 @@ FRICTION = Friction()
 
 def load_of(lib: Library, mass: float = 1.5) -> np.ndarray:
     """A ball of 5 cm, 12 cm from the last link's origin, as what it adds to π."""
-    com, own = np.array([0.02, 0.0, 0.12]), 0.4 * mass * 0.05**2
-    inertia = own * np.eye(3) + mass * (com @ com * np.eye(3) - np.outer(com, com))
+    com, single = np.array([0.02, 0.0, 0.12]), 0.4 * mass * 0.05**2
+    inertia = single * np.eye(3) + mass * (com @ com * np.eye(3) - np.outer(com, com))
     pi = np.zeros((lib.n_joints, 10))
     entries = (inertia[0, 0], inertia[1, 1], inertia[2, 2], *inertia[[0, 0, 1], [1, 2, 2]])
     pi[-1] = (mass, *(mass * com), *entries)
@@ -36,13 +37,13 @@ def load_of(lib: Library, mass: float = 1.5) -> np.ndarray:
 @pytest.fixture(scope="module")
 def sessions(lib: Library) -> list[NamedLog]:
     """Three stretches of a motion with offsets of their own; the second carries a payload."""
-    found = []
+    identified = []
     for k in range(3):
         carried = load_of(lib) if k == 1 else None
         log = moving(lib, 9000, payload=carried).take(slice(k * 3000, k * 3000 + 3000), "cut")
         log = log.replace(tau=log.tau + OFFSETS[k])
-        found.append(NamedLog(f"run {k}", log, PREPARATION, carried))
-    return found
+        identified.append(NamedLog(f"run {k}", log, PREPARATION, carried))
+    return identified
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +51,7 @@ def answer(lib: Library, sessions: list[NamedLog]):
     return identify_logs(sessions, lib, friction_columns=FRICTION)
 
 
-def test_offsets_friction_and_payload_are_told_apart(lib, answer):
+def test_offsets_friction_and_payload_are_separated(lib, answer):
     """Oracle: the offsets that were put on, the friction and the arm without its payload.
 
     0.05 N·m of noise, 1440 rows at 100 Hz: 2 mN·m on a mean; beside gravity ten times that.
@@ -65,17 +66,17 @@ def test_offsets_friction_and_payload_are_told_apart(lib, answer):
     assert np.abs((result.beta - truth) / result.uncertainty.beta_sigma).max() < 5
     q, dq, ddq = np.random.default_rng(0).uniform(-1, 1, (3, 4, 7))
     rigid = lib.inverse_dynamics(q, dq, ddq, result.pi)
-    told = columns(JointMotion(dq, q, ddq, lib), FRICTION)
-    extra = np.einsum("ijk,jk->ij", told, result.usual_phi)
+    reported = columns(JointMotion(dq, q, ddq, lib), FRICTION)
+    extra = np.einsum("ijk,jk->ij", reported, result.usual_phi)
     assert result.predict(q, dq, ddq) == pytest.approx(rigid + extra)
 
 
-def test_a_payload_that_nobody_tells_shows(lib, sessions):
+def test_a_payload_that_is_not_given_shows(lib, sessions):
     """Property: without its payload the odd log stands out in both tables."""
-    untold = [NamedLog(s.name, s.recording, s.preparation) for s in sessions]
-    _, agreement = identify_logs(untold, lib, friction_columns=FRICTION)
-    own = [log.with_offset.overall for log in agreement.left_out]
-    assert own[1] > 10.0
+    unknown = [NamedLog(s.name, s.recording, s.preparation) for s in sessions]
+    _, agreement = identify_logs(unknown, lib, friction_columns=FRICTION)
+    single = [log.with_offset.overall for log in agreement.left_out]
+    assert single[1] > 10.0
     assert agreement.ratio > 5.0
     assert "differ by more than noise" in agreement.sentence()
 
@@ -141,8 +142,8 @@ def test_command_with_several_logs(lib, sessions, tmp_path, command: Command):
     ran = command(*logs, *words, "--payload-of", "1.npz=payload.json")
     assert ran.code == 0, ran.err
     assert "repeatability: the base parameters" in ran.out
-    told = json.loads((tmp_path / "out" / "result.json").read_text())["sessions"]
-    assert told["payload_kg"] == pytest.approx([0.0, 1.5, 0.0])
+    reported = json.loads((tmp_path / "out" / "result.json").read_text())["sessions"]
+    assert reported["payload_kg"] == pytest.approx([0.0, 1.5, 0.0])
     ran = command("evaluate", "out", "2.npz", "--robot", lib.folder)
     assert ran.code == 0, ran.err
     for extra, message in {
@@ -168,6 +169,10 @@ def test_wrong_payloads_and_names(lib, sessions, tmp_path):
     path.write_text(json.dumps({"link": lib.link_names[-1], "pi_in_link": [1.0] * 9}))
     with pytest.raises(RecordingError, match="holds no payload"):
         read_carried(path, lib)
+    path.write_text(json.dumps({"format": 2, "link": "hand", "pi_in_link": [1.0] * 10}))
+    for reader in (lambda: read_carried(path, lib), lambda: read_known_payload(str(path))):
+        with pytest.raises(RecordingError, match="has the format 2, expected 1; update symgen"):
+            reader()
     with pytest.raises(IdentificationError, match="two logs or more with different names"):
         identify_logs([sessions[0], sessions[0]], lib)
     with pytest.raises(IdentificationError, match="two logs or more"):

@@ -239,3 +239,30 @@ def test_impossible_bodies_are_named(pi: list[float], message: str) -> None:
     with pytest.raises(InertiaError, match=message) as caught:
         consistency.require_realisable(ca.DM(pi), "elbow")
     assert "'elbow'" in str(caught.value)
+
+
+def test_a_point_becomes_a_millimetre_wide() -> None:
+    """Oracle: the promise itself, 1 mm of standard deviation along every axis; no constant of ours.
+
+    A point of 2 kg: Σ_com = 2 · (1e-3)² 1, so that I_com = 2 Σ_com = 4e-6 kg·m² about each axis.
+    """
+    point = np.array([2.0, 0.2, 0.0, -0.4, *(2.0 * np.array([0.04, 0.05, 0.01, 0.0, 0.02, 0.0]))])
+    found = call(NEAREST, point, 0.0)
+    np.testing.assert_allclose(found[:4], point[:4], rtol=0, atol=1e-15)
+    c = point[1:4] / 2.0
+    com = 2.0 * (c @ c * np.eye(3) - np.outer(c, c)) + 4e-6 * np.eye(3)
+    wanted = com[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    # Rounding of m|c|² = 0.1 kg·m².
+    np.testing.assert_allclose(found[4:], wanted, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(("excess", "is_body"), [(3e-13, True), (1e-11, False)])
+def test_rounding_is_forgiven_and_no_more(excess: float, is_body: bool) -> None:
+    """Property: a triangle inequality broken by less than 1e-12 is rounding, by 1e-11 not."""
+    j = np.array([0.5, 0.5, 1.0])  # a plate: the third moment is the sum of the others
+    trace = j.sum()
+    pi = np.array([1.0, 0, 0, 0, j[0], j[1], j[2] + 2 * excess * trace, 0, 0, 0])
+    found = call(LAM, pi)
+    assert np.isfinite(found).all() == is_body
+    if is_body:
+        assert found[9] == 0.0

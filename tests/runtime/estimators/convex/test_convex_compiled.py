@@ -149,3 +149,21 @@ def test_log_cholesky_is_the_factor_of_p(fr3):
     flat = fr3.pi0.copy()
     flat[4:7] = 0.0
     assert np.isnan(fr3.cholesky_from_pi(flat)).any()
+
+
+def test_bodies_of_little_weight_are_solved_as_exactly(fr3):
+    """Property: with γ of 1e-6 for one body Newton ends by the smallest weight, not the largest.
+
+    The gradient of that body then vanishes in units of its own γ: a decrement of 1e-3 γ_min leaves
+    √(2e-3) of its prior's deviation at most, where one of 1e-3 γ_max could leave 45 of them.
+    """
+    p = problem(fr3, 4)
+    gamma = np.full(7, p.gamma)
+    gamma[3] *= 1e-6
+    weighted = convex_problem(p.data, p.prior, gamma)
+    ours, theirs = solve(fr3, weighted), minimise(weighted)
+    assert ours.converged
+    assert ours.decrement <= 1e-3 * gamma.min() or ours.decrement <= 4e-16 * ours.loss
+    assert ours.steps == theirs.steps
+    size = np.abs(theirs.pi).max()
+    np.testing.assert_allclose(ours.pi, theirs.pi, atol=1e-6 * size)

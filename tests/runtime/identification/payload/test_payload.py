@@ -244,3 +244,27 @@ def test_the_command_refuses_with_one_sentence(loaded, lib, command, tmp_path):
     assert len(ran.err.splitlines()) == 1
     assert "no moving link 'hand'; choose one of fr3_link1" in ran.err
     assert not (tmp_path / "results").exists()
+
+
+def test_noise_of_short_coloured_runs_is_neither_flattered_nor_counted_twice(loaded, lib, arm):
+    """Monte Carlo: AR(1) noise of ρ = 0.8 and σ = 0.05 N·m in 201 samples; σ_j is unbiased.
+
+    The unknowns take up S/σ² = 3.8 times their number of it, 5 %, where white noise counts 1 %.
+    60 trials of 7 joints of 201/4.6 independent squares know σ² to √(2/18000) = 1 %: three of it.
+    """
+    rng = np.random.default_rng(8)
+    run = loaded[0].take(slice(0, None, 5), "Every fifth row.")
+    ratios, shares = [], []
+    for _ in range(60):
+        noise = NOISE * rng.normal(size=run.tau.shape)
+        for k in range(1, len(noise)):
+            noise[k] = 0.8 * noise[k - 1] + 0.6 * noise[k]
+        found = identify_payload(_noisy(run, noise), lib, "fr3_link7", arm=arm)
+        ratios.append(found.noise**2 / NOISE**2)
+        shares.append(found.n_samples / found.n_effective)
+        # N_eff is the factor by which coloured noise is worse than white noise, in σ² alike.
+        np.testing.assert_allclose(
+            found.body.covariance, found.white.covariance * shares[-1], rtol=1e-9, atol=1e-20
+        )
+    assert 2 < np.mean(shares) < 9.0  # (1 + ρ)/(1 − ρ) at frequency zero, less above
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.03)

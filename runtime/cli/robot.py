@@ -1,4 +1,4 @@
-"""The robot of a command: found by name or path, with a question before foreign code runs."""
+"""Robot of a command by name or path, with a confirmation before the code of others runs."""
 
 import sys
 from pathlib import Path
@@ -31,15 +31,15 @@ def open_robot(robot: str, yes: bool) -> Library:
         LibraryError: it cannot be loaded.
     """
     try:
-        found = find(robot)
+        place = find(robot)
     except ForeignRobotError as error:
         if not (yes or _agreed(error)):
             raise
         _say(robot, "the working directory", error.folder)
         return load(error.folder)
-    if found.folder.name == robot:
-        _say(robot, found.origin, found.folder)
-    return load(found.folder)
+    if place.folder.name == robot:
+        _say(robot, place.origin, place.folder)
+    return load(place.folder)
 
 
 def _say(robot: str, origin: str, folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 import importlib.util
 import itertools
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,11 +13,17 @@ import pytest
 import runtime.library.compiler as at_run_time
 import symgen.build.compiler as at_build_time
 from runtime.errors import LibraryError
+from runtime.library import load
 from symgen.errors import CompilerError
 
 ON_PATH = ("cc", "gcc", "clang")
 PATHS = [names for count in range(4) for names in itertools.combinations(ON_PATH, count)]
 ASKED = ("", "gcc", "clang -m64", "no-such-cc")
+V2 = {"pni", "ssse3", "cx16", "sse4_1", "sse4_2", "popcnt", "lahf_lm"}
+V3 = V2 | {"fma", "movbe", "avx", "f16c", "bmi1", "avx2", "bmi2", "abm"}
+V4 = V3 | {"avx512f", "avx512dq", "avx512cd", "avx512bw", "avx512vl"}
+LEVEL_FLAGS = (("v4", V4), ("v3", V3), ("v2", V2))
+"""Level → flags of /proc/cpuinfo that the x86-64 ABI requires for it."""
 MARCHES = ("x86-64-v4", "x86-64-v2", "no-such-set")
 
 
@@ -76,3 +83,25 @@ def test_machine_and_version_are_told_alike(monkeypatch: pytest.MonkeyPatch) -> 
         assert at_build_time.machine() == at_run_time.machine()
     words = at_build_time.find_compiler()
     assert at_build_time.compiler_version(words) == at_run_time.version_of(words)
+
+
+def test_every_compiler_chooses_the_same_level(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: the level of the processor is that of /proc/cpuinfo, whoever compiled the library."""
+    compilers = [name for name in ("gcc", "clang") if shutil.which(name)]
+    if importlib.util.find_spec("ziglang"):
+        compilers.append(f"{sys.executable} -P -m ziglang cc")
+    if len(compilers) < 2:
+        pytest.skip("one compiler only; the others are gcc, clang and: pip install 'symgen[zig]'")
+    (tiny / "libtiny.so").unlink()
+    levels = {}
+    for number, compiler in enumerate(compilers):
+        monkeypatch.setenv("CC", compiler)
+        monkeypatch.setenv("SYMGEN_CACHE", str(tiny.parent / f"cache{number}"))
+        levels[compiler] = load(tiny).level
+    assert set(levels.values()) == {levels[compilers[0]]}, levels
+    facts = Path("/proc/cpuinfo")
+    if at_run_time.machine() == "x86_64" and facts.exists():
+        (line,) = {x for x in facts.read_text().splitlines() if x.startswith("flags")}
+        flags = set(line.partition(":")[2].split())
+        expected = next((level for level, needs in LEVEL_FLAGS if needs <= flags), "portable")
+        assert levels[compilers[0]] == expected

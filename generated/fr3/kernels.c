@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 74223245f8361bc89694e99e33cf55b09c43215470f5fc147272637dce69e678.
+ * Model fe48db8811375b17c0129e06ed55ed6f03e10a1f8db2eb2c3fd688337a878b2c.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,21 +7,59 @@
 
 const char *fr3_model_hash(void)
 {
-    return "74223245f8361bc89694e99e33cf55b09c43215470f5fc147272637dce69e678";
+    return "fe48db8811375b17c0129e06ed55ed6f03e10a1f8db2eb2c3fd688337a878b2c";
 }
+
+#if defined(__x86_64__)
+/* Words eax, ebx, ecx, edx of cpuid. A compiler's __builtin_cpu_supports needs a run-time library
+ * of its own that not every compiler links, so the instruction itself is asked. */
+static void cpuid(unsigned leaf, unsigned part, unsigned word[4])
+{
+    __asm__("cpuid" : "=a"(word[0]), "=b"(word[1]), "=c"(word[2]), "=d"(word[3]) : "a"(leaf), "c"(part));
+}
+
+static int has(unsigned word, unsigned bits)
+{
+    return (word & bits) == bits;
+}
+
+/* Level of the x86-64 ABI. Every feature of a level is required, since the compiler may use any. */
+static const char *processor_level(void)
+{
+    unsigned most[4], one[4], seven[4] = {0, 0, 0, 0}, extended[4] = {0, 0, 0, 0}, states = 0, high;
+    cpuid(0, 0, most);
+    cpuid(1, 0, one);
+    if (most[0] >= 7) {
+        cpuid(7, 0, seven);
+    }
+    cpuid(0x80000000u, 0, most);
+    if (most[0] >= 0x80000001u) {
+        cpuid(0x80000001u, 0, extended);
+    }
+    /* ecx of leaf 1: SSE3, SSSE3, CMPXCHG16B, SSE4.1, SSE4.2, POPCNT; of 0x80000001: LAHF */
+    if (!has(one[2], 1u << 0 | 1u << 9 | 1u << 13 | 1u << 19 | 1u << 20 | 1u << 23) || !has(extended[2], 1u << 0)) {
+        return "portable";
+    }
+    /* ecx of leaf 1: FMA, MOVBE, OSXSAVE, AVX, F16C; ebx of leaf 7: BMI1, AVX2, BMI2; LZCNT */
+    if (!has(one[2], 1u << 12 | 1u << 22 | 1u << 27 | 1u << 28 | 1u << 29) ||
+        !has(seven[1], 1u << 3 | 1u << 5 | 1u << 8) || !has(extended[2], 1u << 5)) {
+        return "v2";
+    }
+    /* Registers that the operating system saves: xmm and ymm; masks and zmm. */
+    __asm__("xgetbv" : "=a"(states), "=d"(high) : "c"(0));
+    (void)high;
+    if (!has(states, 0x06u)) {
+        return "v2";
+    }
+    /* ebx of leaf 7: AVX512F, DQ, CD, BW, VL */
+    return has(states, 0xe6u) && has(seven[1], 1u << 16 | 1u << 17 | 1u << 28 | 1u << 30 | 1u << 31) ? "v4" : "v3";
+}
+#endif
 
 const char *fr3_level(void)
 {
 #if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512bw")) {
-        return "v4";
-    }
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
-        return "v3";
-    }
-    return __builtin_cpu_supports("sse4.2") ? "v2" : "portable";
+    return processor_level();
 #elif defined(__aarch64__)
     return "neon";
 #else

@@ -113,14 +113,11 @@ def test_objects_have_no_state_and_import_maths_only(objects: Path) -> None:
     assert {"kernels.o", "reference.o"} <= {p.name for p in paths}
     assert any(p.name.startswith("tiles_") for p in paths)
     defined = {name for path in paths for kind, name in symbols(path) if kind == "T"}
-    # the instruction sets of the processor, read once by <robot>_level
-    processor = {"__cpu_model", "__cpu_indicator_init", "__cpu_features2"}
     for path in paths:
         for kind, name in symbols(path):
             assert kind not in set("bBdDcCsSgG"), (path.name, kind, name)
             if kind == "U":
                 allowed = MATHS | defined | {"memcpy", "memset", "_GLOBAL_OFFSET_TABLE_"}
-                allowed |= processor if path.name == "kernels.o" else set()
                 assert name in allowed, (path.name, name)
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.progress import Progress
 
@@ -15,7 +16,7 @@ from runtime.cli.certificate_table import (
     safety_of,
     table_height,
 )
-from runtime.cli.common import Robot, Seed, console, say, sentences_of
+from runtime.cli.common import Robot, Seed, console, numbers_option, say, sentences_of
 from runtime.cli.motion_output import (
     at_speed,
     export_stages,
@@ -132,6 +133,14 @@ def excite_command(
     ] = 100.0,
     earlier_log: EarlierLogs = None,
     payload_only: PayloadOnly = False,
+    home: Annotated[
+        str | None,
+        typer.Option(
+            metavar="Q",
+            help="Start and end position, one number per joint with commas, rad or m; default the "
+            "home of the robot.",
+        ),
+    ] = None,
     table: Annotated[
         str | None,
         typer.Option(
@@ -197,7 +206,7 @@ def excite_command(
 
     \b
     symgen excite --robot fr3 --duration 10 --starts 10
-    symgen excite --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0 --harmonics 8 --duration 20
+    symgen excite --home 0,-0.785,0,-2.356,0,1.571,0.785 --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
     symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
 
@@ -224,6 +233,7 @@ def excite_command(
     if not export:
         require_no_log(path.with_suffix(".csv"))
     height, has_no_table = table_height(table)
+    rest = None if home is None else np.array(numbers_option(home, lib.n_joints, "--home"))
     options = clearance, height, box, viscous, coulomb, carry
     if document and any(option is not None for option in options):
         raise RuntimeFault(
@@ -258,6 +268,7 @@ def excite_command(
                 basis=basis_of(basis, zero_jerk),
                 information=planned if is_informed else None,
                 safety=safety,
+                home=rest,
             ),
             progress=report,
             processes=processes if processes is not None else side_by_side,

@@ -39,7 +39,7 @@ class Limits:
             j = int(np.argmax(outside))
             raise IdentificationError(
                 f"the home position {home[j]:.4g} of joint '{lib.joint_names[j]}' is not inside "
-                f"its limits {lower[j]:.4g} to {upper[j]:.4g}; choose another home"
+                f"its limits {lower[j]:.4g} to {upper[j]:.4g}; choose another --home"
             )
         end = duration / 2 if basis.is_symmetric else duration
         t = np.linspace(0, end, int(np.ceil(end / step)) + 1)
@@ -96,12 +96,22 @@ def whitening(matrix: Array, n: int) -> Array:
 
     Returns:
         S, (n M, n M), with one block per joint.
+
+    Raises:
+        IdentificationError: the samples of the limits do not determine the coefficients.
     """
     width = matrix.shape[1] // n
     result = np.zeros((matrix.shape[1], matrix.shape[1]))
     for j in range(n):
         part = slice(j * width, (j + 1) * width)
-        lower = np.linalg.cholesky(matrix[:, part].T @ matrix[:, part])
+        try:
+            lower = np.linalg.cholesky(matrix[:, part].T @ matrix[:, part])
+        except np.linalg.LinAlgError:
+            # Between samples such functions move without any limit.
+            raise IdentificationError(
+                f"the limits are sampled every {LIMIT_STEP:g} s, too seldom for {width} functions "
+                "per joint in this duration; lower --harmonics or raise --duration"
+            ) from None
         result[part, part] = np.linalg.inv(lower).T
     return result
 

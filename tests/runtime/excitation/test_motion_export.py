@@ -218,3 +218,39 @@ def test_tip_speed_is_its_share(lib: Library, motion: Trajectory) -> None:
     assert use.bound == pytest.approx(use.value / use.limit, rel=1e-12)
     # The bound between samples of a millisecond.
     assert use.bound == pytest.approx(fastest / lib.limits()["tip_speed"], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--harmonics", 8, "--duration", 0.3), "too seldom for 8 functions per joint"),
+        (("--harmonics", 400, "--duration", 5), "too seldom for 400 functions per joint"),
+        (("--home", "0,1"), "--home needs 7 numbers with commas, got '0,1'"),
+        (("--home", "9,0,0,-2,0,2,0"), "is not inside its limits .* choose another --home"),
+        (("--home", "nan,0,0,-2,0,2,0"), "home"),
+        (("--table", 0, "--box", "0.2,0.8,-0.5,0.5,0.1,1.0"), "choose another --home or limit"),
+    ],
+)
+def test_options_without_a_motion_are_one_sentence(
+    command: Command, lib: Library, words: tuple[object, ...], sentence: str
+) -> None:
+    """Property: exit code 2, no traceback, no file."""
+    ran = command("excite", "--robot", lib.folder, "--starts", 1, "--out", "m.json", *words)
+    assert (ran.code, ran.err.count("\n")) == (2, 1), ran.err
+    assert re.search(sentence, ran.err), ran.err
+    assert not Path("m.json").exists()
+
+
+def test_the_example_of_the_help(command: Command, lib: Library) -> None:
+    """Property: table, box and home of the help give a motion from that home."""
+    page = " ".join(command("excite", "--help").out.split())
+    example = re.search(r"--home (\S+) --table (\S+) --box (\S+)", page)
+    assert example is not None
+    home, table, box = example.groups()
+    words = ("--duration", 4, "--harmonics", 2, "--starts", 1, "--out", "m.json")
+    words = (*words, "--home", home, "--table", table, "--box", box)
+    ran = command("excite", "--robot", lib.folder, *words)
+    assert ran.code == 0, ran.err
+    facts = json.loads(Path("m.json").read_text())
+    assert facts["home"] == [float(q) for q in home.split(",")]
+    assert "holds at every instant" in ran.out

@@ -126,11 +126,23 @@ def _show(inspection: Inspection) -> None:
         table.add_row(name, *cells)
     console.print(table)
     for finding in inspection.findings:
+        if finding.kind == "columns_by_content":
+            console.print(_columns_table(finding.evidence["table"]))
         style = _STYLES[finding.level]
         console.print(f"[{style}]{finding.level}[/] {finding.kind}: ", end="", highlight=False)
         say(finding.sentence)
     count = {level: len(inspection.of_level(level)) for level in (ERROR, WARNING)}
     say(f"{count[ERROR]} error(s), {count[WARNING]} warning(s)")
+
+
+def _columns_table(rows: list[dict[str, Any]]) -> Table:
+    """Columns of a file without header: numbers, signal and reason."""
+    table = Table("columns", "signal", "reason", title="columns by content, counted from 0")
+    for row in rows:
+        first, last = row["columns"][0], row["columns"][-1]
+        span = str(first) if first == last else f"{first}–{last}"
+        table.add_row(span, row["signal"] or "not used", row["reason"])
+    return table
 
 
 def _facts(inspection: Inspection) -> dict[str, Any]:

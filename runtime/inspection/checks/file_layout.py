@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from runtime.errors import RecordingError
+from runtime.inspection.checks.column_content import Block, blocks_by_content
 from runtime.inspection.checks.column_names import SI, Meaning, meaning
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Recipe
@@ -116,7 +117,27 @@ def _texts(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str
             _part(file, file_name, path.name, layout="csv", columns=tuple(range(width))),
         )
     else:
-        yield from _untitled(width, file_name, path.name, joints)
+        table = reader.table(
+            "position", Signal(unit="rad", layout="csv", columns=tuple(range(width)))
+        )
+        blocks = blocks_by_content(table.values, joints)
+        if blocks:
+            yield from _recognised(blocks, file_name, path.name)
+        else:
+            yield from _untitled(width, file_name, path.name, joints)
+
+
+def _recognised(blocks: tuple[Block, ...], file_name: str, name: str) -> Iterable[tuple[str, dict]]:
+    """Signals of columns without titles, by their content."""
+    for block in blocks:
+        first = block.columns[0]
+        where: dict = {"columns": block.columns}
+        if block.kind == "time":
+            where = {"column": first}
+        if block.kind:
+            what = Meaning("", -1, True, block.unit)
+            part = _part(what, file_name, f"{name}: column {first}", layout="csv", **where)
+            yield block.kind, part | {"blocks": blocks}
 
 
 def _titled(
@@ -156,6 +177,27 @@ def _untitled(width: int, file_name: str, name: str, joints: int) -> Iterable[tu
         yield kind, _part(unnamed, file_name, f"{name}: {first}…", layout="csv", columns=columns)
 
 
+def _by_content(blocks: tuple[Block, ...]) -> Finding:
+    """What every column of a file without header was taken for; `inspect` shows it as a table."""
+    rows = [
+        {"columns": list(each.columns), "signal": each.kind or None, "reason": each.reason}
+        for each in blocks
+    ]
+    spans = ", ".join(
+        f"{each.kind} {each.columns[0]}" + (f"–{each.columns[-1]}" if each.columns[1:] else "")
+        for each in blocks
+        if each.kind
+    )
+    return Finding(
+        "columns_by_content",
+        WARNING,
+        f"the file has no header; its columns, counted from 0, were assigned by their content: "
+        f"{spans}; check them, then write the recipe with --recipe-out, or correct its columns",
+        {"table": rows},
+        trap=9,
+    )
+
+
 def _incomplete(kind: str, part: dict, joints: int) -> Finding:
     first, *others = part["where"]["columns"]
     count = f"{len(others) + 1} columns ({first} … {others[-1]})" if others else "one column"
@@ -191,6 +233,8 @@ def _recipe(
             f"expected columns, arrays or files of {joints} joint positions in {place.name}, named "
             "like q1 …, position or angle, got none; describe the files in a recipe"
         )
+    if "blocks" in signals["position"][0]:
+        findings.append(_by_content(signals["position"][0]["blocks"]))
     chosen: dict[str, Signal] = {}
     run = ""
     for kind, parts in signals.items():

@@ -1,0 +1,182 @@
+"""Columns without titles: which signal each is, by its numbers.
+
+A clock increases by nearly constant steps. Positions, velocities and torques are blocks of n
+neighbouring columns: the derivative of the positions correlates with the velocities, that of the
+velocities with the accelerations, positions are the smoothest, and what is left is torque. A
+commanded copy of a signal correlates with it and is smoother than the measurement.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+MOST_ROWS = 20_000
+"""Rows that are compared; more change no correlation."""
+FEWEST_ROWS = 20
+"""Rows below which nothing is concluded."""
+STEADY = 0.5
+"""Largest standard deviation of a clock's steps, relative to their median."""
+DERIVATIVE = 0.9
+"""Least correlation, median over joints, of a derivative with the signal that it is."""
+ACCELERATION = 0.95
+"""The same for accelerations: a torque that only accelerates a mass comes close to them."""
+COPY = 0.98
+"""Least correlation of two copies of one signal."""
+_SMOOTHING = 9
+"""Rows of the moving average before the derivative, against rounding of positions."""
+_UNITS = ((0.2, "s"), (2e2, "ms"), (2e5, "us"), (np.inf, "ns"))
+"""Largest median step of a clock in each unit, for rates of 5 Hz and above."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Neighbouring columns of one signal.
+
+    Attributes:
+        kind: of signal; "" where the columns are not used.
+        columns: their numbers, from 0.
+        unit: of a clock; "" otherwise.
+        reason: why, half a sentence.
+    """
+
+    kind: str
+    columns: tuple[int, ...]
+    unit: str
+    reason: str
+
+
+def blocks_by_content(values: FloatArray, joints: int) -> tuple[Block, ...]:
+    """Assign the columns of a table to signals.
+
+    Args:
+        values: (N, w) numbers of a file; rows that are not finite are left out.
+        joints: n, number of joints of the robot.
+
+    Returns:
+        Every column in one block, in the order of the file; empty where no positions were
+        recognised.
+    """
+    rows = values[np.isfinite(values).all(axis=1)][:MOST_ROWS]
+    if len(rows) < FEWEST_ROWS:
+        return ()
+    single = _clock_and_counters(rows)
+    starts = _starts(rows, joints, set(single))
+    if len(starts) < 2:
+        return ()
+    named = _signals([rows[:, s : s + joints] for s in starts])
+    blocks = [
+        Block(kind, tuple(range(s, s + joints)), "", reason)
+        for s, (kind, reason) in zip(starts, named, strict=True)
+    ]
+    inside = {column for block in blocks for column in block.columns}
+    for column in set(range(rows.shape[1])) - inside - set(single):
+        single[column] = Block("", (column,), "", "constant")
+    return tuple(sorted((*blocks, *single.values()), key=lambda block: block.columns))
+
+
+def _clock_and_counters(rows: FloatArray) -> dict[int, Block]:
+    """The clock, and increasing columns that are not used, by their number."""
+    steps = np.diff(rows, axis=0)
+    spread = {}
+    for column, step in enumerate(steps.T):
+        middle = float(np.median(step))
+        if (step > 0).all() and step.std() < STEADY * middle:
+            spread[column] = float(step.std() / middle)
+    counters = [k for k in spread if (steps[:, k] == 1.0).all()]
+    clocks = sorted((k for k in spread if k not in counters), key=lambda k: (spread[k], k))
+    blocks = {k: Block("", (k,), "", "row counter") for k in counters}
+    for place, k in enumerate(clocks):
+        middle = float(np.median(steps[:, k]))
+        unit = next(unit for largest, unit in _UNITS if middle <= largest)
+        reason = f"increases by {middle:.4g} per row"
+        blocks[k] = Block("" if place else "time", (k,), "" if place else unit, reason)
+    return blocks
+
+
+def _starts(rows: FloatArray, joints: int, taken: set[int]) -> list[int]:
+    """First columns of the blocks; constant columns lie between blocks, or else inside them."""
+    constant = set(np.flatnonzero(np.ptp(rows, axis=0) == 0).tolist())
+    for apart in (taken | constant, taken):
+        runs: list[list[int]] = [[]]
+        for column in range(rows.shape[1]):
+            if column in apart:
+                runs.append([])
+            else:
+                runs[-1].append(column)
+        lengths = [len(run) for run in runs]
+        if any(lengths) and all(length % joints == 0 for length in lengths):
+            return [run[k] for run in runs for k in range(0, len(run), joints)]
+    return []
+
+
+def _signals(blocks: list[FloatArray]) -> list[tuple[str, str]]:
+    """Kind and reason of every block."""
+    named: dict[int, tuple[str, str]] = {}
+    count = range(len(blocks))
+    rates = [_derivative(block) for block in blocks]
+    level = [_averaged(block)[1:-1] for block in blocks]
+    # (a, b): correlation of the derivative of block a with block b.
+    by = np.array([[_correlation(x, y) for y in level] for x in rates])
+    np.fill_diagonal(by, 0.0)
+    a, b = (int(k) for k in np.unravel_index(np.argmax(by), by.shape))
+    if by[a, b] >= DERIVATIVE:
+        # d(dq)/dt = ddq correlates as well: the pair that begins with a derivative is (dq, ddq).
+        before = int(np.argmax(by[:, a]))
+        if by[before, a] >= DERIVATIVE and before != b:
+            a, b = before, a
+        said = f"(correlation {by[a, b]:.3f})"
+        named[a] = ("position", f"its derivative is the velocity {said}")
+        named[b] = ("velocity", f"derivative of the position {said}")
+    else:
+        a = min(count, key=lambda k: _roughness(blocks[k]))
+        named[a] = ("position", "the smoothest columns")
+    for k in count:
+        if k in named:
+            continue
+        copied = next((j for j in named if _correlation(level[k], level[j]) > COPY), None)
+        if copied is not None:
+            kind, reason = named[copied]
+            if _roughness(blocks[k]) > _roughness(blocks[copied]) and kind:
+                named[k], named[copied] = (kind, reason), ("", f"smoother copy of the {kind}")
+            else:
+                named[k] = ("", f"smoother copy of the {kind}" if kind else "copy")
+        elif b in named and by[b, k] >= ACCELERATION and len(blocks) > len(named) + 1:
+            named[k] = ("acceleration", f"derivative of the velocity (correlation {by[b, k]:.3f})")
+    rest = [k for k in count if k not in named]
+    for place, k in enumerate(rest):
+        named[k] = ("", "not recognised") if place else ("torque", "no derivative of the others")
+    return [named[k] for k in count]
+
+
+def _averaged(block: FloatArray) -> FloatArray:
+    """Moving average over `_SMOOTHING` rows, (N − 8, n)."""
+    total = np.cumsum(np.vstack([np.zeros(block.shape[1]), block - block.mean(axis=0)]), axis=0)
+    return np.asarray((total[_SMOOTHING:] - total[:-_SMOOTHING]) / _SMOOTHING, dtype=float)
+
+
+def _derivative(block: FloatArray) -> FloatArray:
+    """Central difference of the moving average per row, (N − 10, n)."""
+    smooth = _averaged(block)
+    return smooth[2:] - smooth[:-2]
+
+
+def _correlation(a: FloatArray, b: FloatArray) -> float:
+    """Correlation of two blocks, median over the joints in which both vary."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    size = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0)
+    varies = size > 0
+    if not varies.any():
+        return 0.0
+    return float(np.median((a * b).sum(axis=0)[varies] / size[varies]))
+
+
+def _roughness(block: FloatArray) -> float:
+    """RMS of second differences over the standard deviation, median over the joints."""
+    deviation = block.std(axis=0)
+    varies = deviation > 0
+    second = np.diff(block[:, varies], n=2, axis=0)
+    ratio = np.sqrt(np.mean(second**2, axis=0)) / deviation[varies]
+    return float(np.median(ratio)) if varies.any() else np.inf

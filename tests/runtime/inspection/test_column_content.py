@@ -1,0 +1,81 @@
+"""Files without a header: columns are assigned by their content and shown by number."""
+
+import numpy as np
+import pytest
+
+from runtime.inspection import inspect_log
+from runtime.inspection.checks.column_content import blocks_by_content
+
+ORDERS = {
+    "usual": ("t", "q", "dq", "tau"),
+    "torque first": ("tau", "q", "dq", "counter", "t"),
+    "milliseconds": ("counter", "ms", "q", "constant", "tau"),
+    "velocity first": ("dq", "q", "tau", "t"),
+    "accelerations": ("t", "tau", "ddq", "q", "dq"),
+    "commands": ("t", "command", "q", "dq", "tau"),
+}
+KINDS = {"t": "time", "ms": "time", "q": "position", "dq": "velocity", "tau": "torque"}
+KINDS |= {"ddq": "acceleration"}
+
+
+@pytest.fixture(scope="module")
+def signals(clean):
+    """Signals of a log of seven joints, with the noise of encoders on the positions."""
+    noise = np.random.default_rng(3).normal(0, 1e-5, clean.q.shape)
+    dq = np.gradient(clean.q, clean.t, axis=0)
+    return {
+        "t": clean.t[:, None],
+        "ms": 1e3 * clean.t[:, None],
+        "counter": np.arange(len(clean))[:, None],
+        "constant": np.full((len(clean), 1), 3.0),
+        "q": clean.q + noise,
+        "command": clean.q,
+        "dq": dq,
+        "ddq": np.gradient(dq, clean.t, axis=0),
+        "tau": clean.tau,
+    }
+
+
+@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
+def test_columns_are_recognised_by_content(order, signals) -> None:
+    """Oracle: the order in which the columns were written; commands and counters are not used."""
+    n = signals["q"].shape[1]
+    blocks = blocks_by_content(np.column_stack([signals[name] for name in order]), n)
+    assert [block.kind for block in blocks] == [KINDS.get(name, "") for name in order]
+    assert [k for block in blocks for k in block.columns] == list(
+        range(sum(signals[name].shape[1] for name in order))
+    )
+    units = [block.unit for block in blocks if block.kind == "time"]
+    assert units == ["ms" if "ms" in order else "s"]
+
+
+def test_short_and_odd_files_are_left_to_the_order(signals) -> None:
+    """Property: nothing is concluded from few rows or from columns that are no blocks of n."""
+    table = np.column_stack([signals["q"], signals["tau"]])
+    assert blocks_by_content(table[:10], 7) == ()
+    assert blocks_by_content(table, 6) == ()
+
+
+def test_the_recipe_names_the_columns_by_number(lib, signals, clean, tmp_path) -> None:
+    """Oracle: the log itself; the finding holds the table."""
+    order = ORDERS["torque first"]
+    log = tmp_path / "bare.csv"
+    np.savetxt(log, np.column_stack([signals[name] for name in order]), delimiter=",")
+    inspection = inspect_log(log, lib)
+    assert inspection.plan.position.columns == tuple(range(7, 14))
+    assert inspection.plan.torque.columns == tuple(range(7))
+    np.testing.assert_array_equal(inspection.recording.tau, clean.tau)  # written with 18 digits
+    (finding,) = [f for f in inspection.findings if f.kind == "columns_by_content"]
+    rows = finding.evidence["table"]
+    assert [row["signal"] for row in rows] == ["torque", "position", "velocity", None, "time"]
+    assert "torque 0–6, position 7–13, velocity 14–20, time 22" in finding.sentence
+
+
+def test_the_table_is_printed(command, lib, signals, tmp_path) -> None:
+    """Property: numbers, signal and reason of every column, and what to do."""
+    table = np.column_stack([signals[name] for name in ORDERS["milliseconds"]])
+    np.savetxt(tmp_path / "bare.csv", table, delimiter=" ")
+    ran = command("inspect", "bare.csv", "--robot", lib.folder)
+    assert ran.code == 1
+    assert "columns by content, counted from 0" in ran.out
+    assert "row counter" in ran.out

@@ -53,6 +53,8 @@ STARTS_FOR_PROCESSES = {True: 10, False: 4}
 A process takes two seconds to begin, as long as one start with all limits; a start in document mode
 takes a third of that.
 """
+ROWS = 1000.0
+"""Default rate of the sampled motion, Hz."""
 
 
 def excite_command(
@@ -78,9 +80,12 @@ def excite_command(
         ),
     ] = None,
     export_rate: Annotated[
-        float,
-        typer.Option(help="Rate of the rows of exported files, Hz; libfranka has 1000 Hz always."),
-    ] = 1000.0,
+        float | None,
+        typer.Option(
+            help="Rate of the rows of files, Hz; default 1000, for ros 25. libfranka has 1000 Hz "
+            "always."
+        ),
+    ] = None,
     seed: Seed = 0,
     out: Annotated[
         Path | None,
@@ -228,7 +233,8 @@ def excite_command(
     planned = information_of(lib, noise, log_rate, earlier_log, payload_only)
     # The document's criterion is a function of the regressor alone.
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or payload_only
-    sample_times(duration, export_rate)  # before the search: they may be too many
+    rate = ROWS if export_rate is None else export_rate
+    sample_times(duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     if not export:
         require_no_log(path.with_suffix(".csv"))
@@ -279,7 +285,7 @@ def excite_command(
     write_trajectory(optimum, lib, path, expected)
     written = [path]
     if not export:
-        written.append(write_motion_log(optimum, lib, export_rate, path.with_suffix(".csv")))
+        written.append(write_motion_log(optimum, lib, rate, path.with_suffix(".csv")))
     motion = certified(lib, optimum.trajectory, safety)
     if pictures:
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly

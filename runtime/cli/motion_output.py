@@ -73,7 +73,7 @@ def export_stages(
     stages: Mapping[float, CertifiedMotion],
     base: Path,
     kinds: Sequence[str],
-    rate: float,
+    rate: float | None,
     unchecked: Collection[str],
 ) -> None:
     """Write every stage as files for a robot, or none unless the certificates of all hold.
@@ -82,7 +82,7 @@ def export_stages(
         stages: motion per speed in % of the designed one.
         base: path of the files without suffix.
         kinds: formats, names of `MOTION_FORMATS`.
-        rate: of the rows, Hz.
+        rate: of the rows, Hz; None is the default of every format.
         unchecked: kinds of limits that may stay unchecked.
 
     Raises:

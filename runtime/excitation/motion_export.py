@@ -41,7 +41,7 @@ def export_trajectory(
     motion: CertifiedMotion,
     base: Path,
     kind: str,
-    rate: float = 1000.0,
+    rate: float | None = None,
     unchecked: Collection[str] = (),
 ) -> Path:
     """Write one kind of file, and the certificate as `base`.certificate.json; atomically.
@@ -50,7 +50,7 @@ def export_trajectory(
         motion: a robot's motion with its certificate, which must hold.
         base: path without suffix.
         kind: one of `MOTION_FORMATS`.
-        rate: sampling rate of csv, npz and ros, Hz.
+        rate: sampling rate of csv, npz and ros, Hz; None is the default of the format.
         unchecked: kinds of limits that may stay unchecked, of
             `runtime.excitation.limits.unchecked.UNCHECKED`, or "all".
 
@@ -67,7 +67,7 @@ def export_trajectory(
     require_consent(motion.certificate.unchecked, unchecked)
     chosen = MOTION_FORMATS[kind]
     path = base.with_name(base.name + chosen.suffix)
-    chosen.write(motion, rate, path)
+    chosen.write(motion, chosen.rate if rate is None else rate, path)
     _write_certificate(motion, base.with_name(base.name + ".certificate.json"))
     return path
 

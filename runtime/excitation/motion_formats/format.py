@@ -17,12 +17,14 @@ class MotionFormat:
         suffix: end of the file name, with its dot.
         sentence: what the file holds, for help texts.
         write: writes the motion at a sampling rate [Hz] to a path, atomically.
+        rate: sampling rate where the user states none, Hz.
     """
 
     name: str
     suffix: str
     sentence: str
     write: Callable[[CertifiedMotion, float, Path], None]
+    rate: float = 1000.0
 
 
 def write_comments(file: IO[bytes], lines: tuple[str, ...]) -> None:

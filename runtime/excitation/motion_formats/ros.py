@@ -12,6 +12,13 @@ from runtime.excitation.proof.certified_motion import CertifiedMotion
 from runtime.files import replacing
 from runtime.library import Array
 
+RATE = 25.0
+"""Default rate, Hz.
+
+Controllers join points by quintic polynomials through position, velocity and acceleration. Their
+error h⁶/46080 max|q⁽⁶⁾| is below 1e-6 rad for h = 40 ms. A YAML parser takes 2 s for 1000 points.
+"""
+
 
 def _write(motion: CertifiedMotion, rate: float, path: Path) -> None:
     """Write one message for `ros2 topic pub` and YAML loaders; the stamps are whole ns."""
@@ -41,4 +48,6 @@ def _flow(row: Array) -> str:
     return "[" + ", ".join(f"{x:.16e}" for x in row) + "]"
 
 
-ROS = MotionFormat("ros", ".ros.yaml", "a JointTrajectory message of ROS 2 at the rate", _write)
+ROS = MotionFormat(
+    "ros", ".ros.yaml", "a JointTrajectory message of ROS 2, by default at 25 Hz", _write, RATE
+)

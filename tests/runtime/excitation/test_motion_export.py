@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import BPoly
 
 from runtime import read_recording
 from runtime.errors import ExportError, IdentificationError, RuntimeFault
@@ -254,3 +255,19 @@ def test_the_example_of_the_help(command: Command, lib: Library) -> None:
     facts = json.loads(Path("m.json").read_text())
     assert facts["home"] == [float(q) for q in home.split(",")]
     assert "holds at every instant" in ran.out
+
+
+def test_ros_files_load_in_a_second(lib: Library, motion: Trajectory, tmp_path: Path) -> None:
+    """Property: few points by default, and quintic polynomials through them are the motion.
+
+    A parser of YAML in Python takes 0.1 ms per number: 1e4 numbers are a second.
+    """
+    path = export_trajectory(certified(lib, motion), tmp_path / "m", "ros", unchecked=ALL)
+    message = loaded_message(path)
+    knots = np.array(message["t"]) @ [1.0, 1e-9]
+    orders = [np.array(message[key]) for key in ("positions", "velocities", "accelerations")]
+    assert sum(rows.size for rows in orders) < 1e4
+    spline = BPoly.from_derivatives(knots, np.stack(orders, axis=1))
+    t = np.linspace(0.0, 10.0, 5001)
+    # h⁶/46080 · max|q⁽⁶⁾| with h = 40 ms and five harmonics of 0.1 to 0.5 Hz with up to 2.5 rad.
+    assert spline(t) == pytest.approx(motion.at(lib, t)[0], abs=1e-6)

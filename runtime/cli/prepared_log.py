@@ -24,6 +24,7 @@ from runtime.recording import (
     open_streamed,
     read_recording,
 )
+from runtime.recording.preprocessing import before_test
 
 _ANY_HZ = 1.0
 """Placeholder of a cut-off that cross-validation replaces, Hz."""
@@ -117,7 +118,8 @@ def read_prepared_log(lib: Library, log: str, options: LogOptions) -> PreparedLo
         console.print(cutoff_table(cutoff))
         prepared, notes = cutoff.preparation, (cutoff.sentence,)
     with console.status("checking the accelerations"):
-        prepared, sentences = choose_regressor(recording, lib, prepared, chooses_regressor)
+        seen = before_test(recording, parts)
+        prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)
     notes += sentences
     if terms is None or not chooses_friction:
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)

@@ -31,7 +31,7 @@ from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing import before_test, prepare
 
 CANDIDATES = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 50.0, 80.0)
 """Cut-offs that are tried where the rate allows it, Hz."""
@@ -95,6 +95,8 @@ def choose_cutoff(
 ) -> CutoffChoice:
     """Choose a cut-off on the training and validation parts of a recording.
 
+    The test part is cut off before any filter, so that no sample of it has an effect.
+
     Measured velocities are kept unless velocities from q predict clearly better. Where the
     preparation trims no edges, 1 / f_c is trimmed from both.
 
@@ -115,7 +117,8 @@ def choose_cutoff(
     base = preparation or recording.preparation
     parts = splitting or (recipe.split if recipe else None) or Split()
     terms = friction or (recipe.friction if recipe else None) or Friction()
-    trials = _Trials(recording.replace(columns=None, column_names=()), lib, base, parts, terms)
+    seen = before_test(recording, parts).replace(columns=None, column_names=())
+    trials = _Trials(seen, lib, base, terms)
     fits = {(f_c, base.derivative): trials.fitted(f_c, base.derivative) for f_c in trials.cutoffs}
     if base.derivative == "measured" and recording.dq is not None:
         f_c, _ = _best({key: fit.errors for key, fit in fits.items()})
@@ -196,7 +199,7 @@ class _Trials:
     """Fits of the candidates to one recording, on the same rows and the same logged torque."""
 
     def __init__(
-        self, recording: Recording, lib: Library, base: Preparation, parts: Split, terms: Friction
+        self, recording: Recording, lib: Library, base: Preparation, terms: Friction
     ) -> None:
         self._recording, self._lib, self._base, self._terms = recording, lib, base, terms
         bare = {"filter": "none", "cutoff_hz": None, "trim_s": None, "rest_speed": None}
@@ -211,8 +214,7 @@ class _Trials:
             )
         self._trim = max(base.trim_s or 0.0, min(1.0, EDGE * recording.duration))
         middle = self._prepared(self.cutoffs[len(self.cutoffs) // 2], base.derivative)
-        share = (middle.t - middle.t[0]) / (middle.duration or 1.0)
-        rows = share < parts.validation[1]
+        rows = np.ones(len(middle), dtype=bool)
         if base.rest_speed is not None and middle.dq is not None:
             rows &= np.any(np.abs(middle.dq) >= base.rest_speed, axis=1)
         self._blocks = np.array_split(np.flatnonzero(rows), BLOCKS)

@@ -27,7 +27,7 @@ from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing import before_test, prepare
 
 _BASE = ("offset", "viscous", "coulomb")
 FRICTION_MODELS: dict[str, tuple[str, ...]] = {
@@ -105,7 +105,8 @@ def choose_friction(
 ) -> FrictionChoice:
     """Choose the simplest friction model within one standard error of the best score.
 
-    The training and validation parts of the recording are used, the test part is not.
+    The training and validation parts of the recording are used. The test part is cut off before
+    any filter, so that no sample of it has an effect.
 
     Args:
         recording: as read; friction columns that it holds are not used.
@@ -129,7 +130,7 @@ def choose_friction(
             f"auto, {', '.join(FRICTION_MODELS)}"
         )
     parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
-    bare = recording.replace(columns=None, column_names=())
+    bare = before_test(recording, parts).replace(columns=None, column_names=())
 
     made: Array | None = None  # rows without accelerations are by far the dearest part: kept
 
@@ -137,9 +138,7 @@ def choose_friction(
         nonlocal made
         done = prepare(bare, preparation, *terms, lib=lib, rows=made)
         made = done.rows
-        share = (done.t - done.t[0]) / (done.duration or 1.0)
-        rows = np.flatnonzero(share < parts.validation[1])
-        cuts = np.array_split(rows, BLOCKS)
+        cuts = np.array_split(np.arange(len(done)), BLOCKS)
         whole = samples_of(done, lib)
         return [whole.rows(slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]
 

@@ -1,10 +1,12 @@
 """Advice on the choice of a method, by fixed rules.
 
 MAP is recommended unless it has no consistent result, or another strictly consistent method
-predicts the test part significantly better. Significance is computed on contiguous blocks of the
-test part, whose means are nearly independent although neighbouring residuals are not: t =
-mean(d)/(std(d)/√B) of the block means of d, the difference of squared errors. Source: Diebold &
-Mariano 1995 for testing d; Law & Kelton for means of batches.
+predicts the validation part significantly better. The test part has no share in the choice, so that
+the test error of the recommended method is that of data that nothing was fitted or chosen on.
+Significance is computed on contiguous blocks of the validation part, whose means are nearly
+independent although neighbouring residuals are not: t = mean(d)/(std(d)/√B) of the block means of
+d, the difference of squared errors. Source: Diebold & Mariano 1995 for testing d; Law & Kelton for
+means of batches.
 """
 
 from collections.abc import Sequence
@@ -20,7 +22,7 @@ from runtime.library import Array
 UNCONSTRAINED = "ols"
 """Method whose growth of the error from training to test shows over-fitting."""
 BLOCKS = 10
-"""Contiguous blocks of the test part."""
+"""Contiguous blocks of the validation part."""
 LEVEL = 0.95
 """Confidence level of the t-test."""
 WORTHWHILE = 0.01
@@ -119,8 +121,8 @@ def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
         )
     take = _best(rivals)
     reason = (
-        f"its links are physically consistent and its test error, {_percent(sound[take])}, is "
-        f"significantly below the {_percent(sound[DEFAULT])} of {DEFAULT}"
+        f"its links are physically consistent and its validation error, {_held(sound[take])}, is "
+        f"significantly below the {_held(sound[DEFAULT])} of {DEFAULT}"
     )
     if more := METHODS[take].when_recommended:
         reason += f"; {more}"
@@ -142,7 +144,7 @@ def _inconsistent(ran: dict[str, Figures], take: str) -> str:
     if not bad:
         return ""
     best = _best(bad)
-    figures = f"{_percent(bad[best])} against {_percent(ran[take])}"
+    figures = f"{_held(bad[best])} against {_held(ran[take])} on the validation part"
     if _beats(bad[best], ran[take]):
         return (
             f"the best inconsistent result, {best}, predicts significantly better ({figures}): "
@@ -218,12 +220,12 @@ def _absent(rows: Sequence[Row]) -> str:
 
 def _beats(a: Figures, b: Figures) -> bool:
     """Whether the torque error is smaller by `WORTHWHILE` and the difference is significant."""
-    is_smaller = a.test_percent < (1 - WORTHWHILE) * b.test_percent
+    is_smaller = a.validation_percent < (1 - WORTHWHILE) * b.validation_percent
     return is_smaller and better_beyond_chance(a.squares, b.squares)
 
 
 def _best(ran: dict[str, Figures]) -> str:
-    return min(ran, key=lambda name: ran[name].test_percent)
+    return min(ran, key=lambda name: ran[name].validation_percent)
 
 
 def _growth(f: Figures) -> float:
@@ -232,6 +234,10 @@ def _growth(f: Figures) -> float:
 
 def _percent(f: Figures) -> str:
     return f"{f.test_percent:.3g} %"
+
+
+def _held(f: Figures) -> str:
+    return f"{f.validation_percent:.3g} %"
 
 
 def _capital(sentence: str) -> str:

@@ -120,6 +120,7 @@ def row_facts(row: Row) -> dict[str, Any]:
 def _figure_facts(f: Figures) -> dict[str, Any]:
     return {
         "test_percent": f.test_percent,
+        "validation_percent": f.validation_percent,
         "train_percent": f.train_percent,
         "rms": f.rms.tolist(),
         "base_error_percent": f.base_error,

@@ -9,12 +9,12 @@ RAN, NOT_RUN, FAILED = "ran", "not run", "failed"
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Figures of one result; training and test samples are the same for every method.
+    """Figures of one result; the samples of every part are the same for every method.
 
     Attributes:
-        train_percent, test_percent: torque error over all joints, Eq. 5.1.
+        train_percent, validation_percent, test_percent: torque error over all joints, Eq. 5.1.
         rms: of τ − τ̂ on test, (n,), N·m or N.
-        squares: Σ_j (τ_j − τ̂_j)² per test sample, (N,), (N·m)².
+        squares: Σ_j (τ_j − τ̂_j)² per validation sample, (N,), (N·m)², for the choice.
         base_error: 100 ‖β̂ − β‖/‖β‖ where the truth is known, else None.
         seconds: time of the method alone, s.
         iterations: None for closed forms.
@@ -27,6 +27,7 @@ class Figures:
     """
 
     train_percent: float
+    validation_percent: float
     test_percent: float
     rms: Array
     squares: Array

@@ -104,7 +104,7 @@ def compare(
         pass
     rows += [Row(method, NOT_RUN, UNTOUCHED) for method in methods[len(rows) :]]
     start = partial(Samples.rigid, lib=problem.lib, pi=problem.lib.pi0)
-    before = _misfit(_test(assembly), start).error.overall
+    before = _misfit(_part(assembly, "test"), start).error.overall
     return Comparison(assembly, tuple(rows), before, optimum, truth)
 
 
@@ -118,7 +118,8 @@ def _row(assembly: Assembly, method: str, optimum: float, truth: Truth | None) -
         return Row(method, FAILED, str(error))
     except np.linalg.LinAlgError as error:
         return Row(method, FAILED, f"its linear algebra failed on these data ({error})")
-    if not np.isfinite([figures.test_percent, figures.train_percent, *figures.rms]).all():
+    errors = (figures.test_percent, figures.validation_percent, figures.train_percent)
+    if not np.isfinite([*errors, *figures.rms]).all():
         return Row(method, FAILED, "its result predicts torques that are not finite; do not use it")
     return Row(method, RAN, result.status, figures)
 
@@ -129,7 +130,8 @@ def _figures(
     """Errors, consistency, gap and determined parameters of one result."""
     problem, lib = assembly.problem, result.lib
     training = _misfit(problem.samples("train"), result.predict_samples)
-    unseen = _misfit(_test(assembly), result.predict_samples)
+    held = _misfit(_part(assembly, "validation"), result.predict_samples)
+    unseen = _misfit(_part(assembly, "test"), result.predict_samples)
 
     def loss(power: Array) -> float:
         return float(power @ problem.weights / (2 * training.count))
@@ -149,9 +151,10 @@ def _figures(
         wrong = 100 * float(distance)
     return Figures(
         train_percent=training.error.overall,
+        validation_percent=held.error.overall,
         test_percent=unseen.error.overall,
         rms=unseen.error.rms,
-        squares=unseen.squares,
+        squares=held.squares,
         base_error=wrong,
         seconds=result.seconds,
         iterations=result.iterations,
@@ -198,5 +201,5 @@ def _misfit(parts: Iterable[Samples], predict: Callable[[Samples], Array]) -> _M
     return _Misfit(power, total, np.concatenate(squares))
 
 
-def _test(assembly: Assembly) -> Iterator[Samples]:
-    return (samples_of(part, assembly.problem.lib) for part in assembly.recordings("test"))
+def _part(assembly: Assembly, name: str) -> Iterator[Samples]:
+    return (samples_of(part, assembly.problem.lib) for part in assembly.recordings(name))

@@ -17,6 +17,7 @@ from runtime.recording.preprocessing.pipeline import (
 )
 from runtime.recording.preprocessing.segments import (
     advance_torque,
+    before_test,
     decimate,
     drop_rest,
     resample,
@@ -30,6 +31,7 @@ __all__ = [
     "Preparation",
     "Split",
     "advance_torque",
+    "before_test",
     "check_consistency",
     "decimate",
     "differentiate",

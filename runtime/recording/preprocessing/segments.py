@@ -261,6 +261,28 @@ def split(recording: Recording, parts: Split) -> tuple[Recording, Recording, Rec
     return part("train"), part("validation"), part("test")
 
 
+def before_test(recording: Recording, parts: Split | None = None) -> Recording:
+    """Rows of the training and validation parts, on which settings may be chosen.
+
+    Taken before any filter, so that no sample of the test part has an effect on a choice.
+
+    Args:
+        recording: as read.
+        parts: fractions; None is the recipe's, else the default.
+
+    Returns:
+        The rows before the end of the validation part.
+    """
+    recipe = recording.recipe
+    shares = parts or (recipe.split if recipe else None) or Split()
+    last = shares.validation[1]
+    if last == 1.0:
+        return recording
+    share = (recording.t - recording.t[0]) / (recording.duration or 1.0)
+    rows = share < last
+    return recording.take(rows, f"Took the rows before the test part ({rows.sum()} rows).")
+
+
 def _between(hole: NDArray[np.bool_]) -> list[slice]:
     """Parts between the holes of N − 1 steps."""
     edges = [0, *map(int, np.flatnonzero(hole) + 1), len(hole) + 1]

@@ -121,3 +121,15 @@ def test_advanced_torque(noisy: Recording) -> None:
         advance_torque(late.replace(tau=None), 0.01)
     with pytest.raises(RecordingError, match="torque_delay_s expects a number"):
         Recipe(preparation=Preparation(torque_delay_s=float("nan")))
+
+
+def test_the_test_part_has_no_effect(lib: Library, noisy: Recording) -> None:
+    """Property: garbage in the last 40 % changes no figure of the choice, to the bit."""
+    tau = noisy.tau.copy()
+    first = int(np.flatnonzero(noisy.t - noisy.t[0] >= 0.6 * noisy.duration)[0])
+    tau[first:] = 20.0 * np.random.default_rng(0).normal(size=tau[first:].shape)
+    whole, damaged = (
+        choose_cutoff(each.replace(dq=None, ddq=None), lib, friction=TERMS)
+        for each in (noisy, noisy.replace(tau=tau))
+    )
+    assert whole == damaged

@@ -9,7 +9,7 @@ from runtime import Recording, identify, write_recording
 from runtime.errors import IdentificationError
 from runtime.inspection.friction_choice import FRICTION_MODELS, choose_friction
 from runtime.library import Library
-from runtime.recording import Friction, Split
+from runtime.recording import Friction, Preparation, Split
 from runtime.recording.friction import JointMotion, columns, gravity_load, torque
 
 NOISE = 0.02
@@ -155,3 +155,16 @@ def test_auto_on_the_command_line_says_what_it_chose(lib, ideal_runs, command, t
     assert "note: friction model 'viscous' (offset, viscous) chosen by cross-validation" in ran.out
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["friction"]["columns"] == ["offset", "viscous"]
+
+
+def test_the_test_part_has_no_effect(lib, noisy):
+    """Property: garbage in the last 40 % changes no figure of the choice, to the bit."""
+    tau = noisy.tau.copy()
+    first = int(np.flatnonzero(noisy.t - noisy.t[0] >= 0.6 * noisy.duration)[0])
+    tau[first:] = 20.0 * np.random.default_rng(0).normal(size=tau[first:].shape)
+    filtered = Preparation(filter="butterworth", cutoff_hz=5.0)
+    whole, damaged = (
+        choose_friction(each, lib, filtered, names=("viscous", "coulomb"))
+        for each in (noisy, noisy.replace(tau=tau))
+    )
+    assert whole == damaged

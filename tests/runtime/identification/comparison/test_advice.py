@@ -10,13 +10,14 @@ from runtime.identification.comparison.advice import better_beyond_chance
 
 RNG = np.random.default_rng(0)
 NOISE = RNG.chisquare(7, 400)
-"""Squared errors of 400 test samples of seven joints."""
+"""Squared errors of 400 validation samples of seven joints."""
 
 
 def figures(percent: float = 1.4, **changes: object) -> Figures:
     """Of a consistent answer in the interior, whose squares go with its error."""
     base = Figures(
         train_percent=1.3,
+        validation_percent=percent,
         test_percent=percent,
         rms=np.full(7, percent / 10),
         squares=NOISE * percent**2,
@@ -53,7 +54,10 @@ def test_the_default_is_taken() -> None:
     assert says(plain, "Every result is physically consistent")
     better = advice_on(ran("map"), ran("adam", 1.2))
     assert better.take == "adam"
-    assert "its test error, 1.2 %, is significantly below the 1.4 % of map" in better.sentences[0]
+    assert (
+        "its validation error, 1.2 %, is significantly below the 1.4 % of map"
+        in better.sentences[0]
+    )
     nets = advice_on(ran("map"), ran("nn", 1.2), ran("adam", 1.39))
     assert nets.take == "nn"
     assert "--friction auto" in nets.sentences[0]
@@ -63,6 +67,16 @@ def test_the_default_is_taken() -> None:
     lucky = NOISE * 1.4**2
     lucky[:40] *= 0.1
     assert advice_on(ran("map"), ran("adam", 1.2, squares=lucky)).take == "map"
+
+
+def test_the_test_part_has_no_share_in_the_choice() -> None:
+    """Property: a method that is best on the test part alone is not taken, and no other reason
+    names it.
+    """
+    lucky = advice_on(ran("map"), ran("adam", test_percent=0.1))
+    assert lucky.take == "map"
+    worse = advice_on(ran("map"), ran("adam", 1.2, test_percent=9.0))
+    assert worse.take == "adam"
 
 
 def test_without_the_default() -> None:
@@ -90,7 +104,7 @@ def test_what_inconsistency_buys() -> None:
     """Property: the best inconsistent answer is named, and judged by chance, not by digits."""
     better = advice_on(ran("map"), ran("ols", 1.2, is_consistent=False))
     assert says(better, "Physically consistent: map; not consistent: ols")
-    assert says(better, "ols, predicts significantly better (1.2 % against 1.4 %)")
+    assert says(better, "ols, predicts significantly better (1.2 % against 1.4 % on the")
     same = advice_on(ran("map"), ran("ols", 1.395, is_consistent=False))
     assert says(same, "Inconsistency brings no gain: ols")
     consistent = advice_on(ran("map"), ran("ols", 1.2))

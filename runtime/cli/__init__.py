@@ -1,64 +1,61 @@
 """Commands that use the library of a robot: `python -m runtime COMMAND` or `symgen COMMAND`."""
 
 import sys
+from collections.abc import Iterable
+from importlib import import_module
 from inspect import getdoc
+from typing import Any
 
 import typer
 
-from runtime.cli import (
-    compare,
-    evaluate,
-    excite,
-    export,
-    gains,
-    identify,
-    inspect,
-    locate,
-    payload,
-    predict,
-    report,
-    reproduce,
-    simulate,
-    tutorial,
-    view,
-)
 from runtime.cli.common import INTERRUPTED, flowing, program
 from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
 
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Identify the inertial parameters of robot arms from measured motion.",
-    epilog="`symgen build` compiles the library of a robot, which these commands load.",
+COMMANDS = (
+    *("inspect", "identify", "compare", "payload", "gains", "evaluate", "export", "excite"),
+    *("predict", "simulate", "reproduce", "report", "view", "locate", "tutorial"),
 )
-app.command("inspect", cls=RefusingCommand)(inspect.inspect_command)
-app.command("identify", cls=RefusingCommand)(identify.identify_command)
-app.command("compare", cls=RefusingCommand)(compare.compare_command)
-app.command("payload", cls=RefusingCommand)(payload.payload_command)
-app.command("gains", cls=RefusingCommand)(gains.gains_command)
-app.command("evaluate", cls=RefusingCommand)(evaluate.evaluate_command)
-app.command("export", cls=RefusingCommand)(export.export_command)
-app.command("excite", cls=RefusingCommand)(excite.excite_command)
-app.command("predict", cls=RefusingCommand)(predict.predict_command)
-app.command("simulate", cls=RefusingCommand)(simulate.simulate_command)
-app.command("reproduce", cls=RefusingCommand)(reproduce.reproduce_command)
-app.command("report", cls=RefusingCommand)(report.report_command)
-app.command("view", cls=RefusingCommand)(view.view_command)
-app.command("locate", cls=RefusingCommand)(locate.locate_command)
-app.command("tutorial", cls=RefusingCommand)(tutorial.tutorial_command)
-for command in app.registered_commands:
-    command.help = flowing(getdoc(command.callback) or "")
+"""Every command: function NAME_command of the module NAME of this package."""
+app: typer.Typer
+
+
+def app_of(names: Iterable[str]) -> typer.Typer:
+    """An application with some of the commands; only their modules are imported."""
+    chosen = typer.Typer(
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="rich",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        help="Identify the inertial parameters of robot arms from measured motion.",
+        epilog="`symgen build` compiles the library of a robot, which these commands load.",
+    )
+    chosen.callback()(_command_comes_first)
+    for name in names:
+        function = getattr(import_module(f"runtime.cli.{name}"), f"{name}_command")
+        chosen.command(name, cls=RefusingCommand, help=flowing(getdoc(function) or ""))(function)
+    return chosen
+
+
+def _command_comes_first() -> None:
+    # Without a callback Typer takes the only command of an application for the application.
+    return
+
+
+def __getattr__(name: str) -> Any:
+    if name != "app":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()["app"] = app_of(COMMANDS)
+    return globals()["app"]
 
 
 def main() -> None:
     """Run the command line; a `RuntimeFault` becomes one sentence and exit code 2."""
+    wanted = sys.argv[1:2]
     name = program().split()[-1]
     try:
-        app()
+        app_of(wanted if set(wanted) & set(COMMANDS) else COMMANDS)()
     except RuntimeFault as error:
         print(f"{name}: {error}", file=sys.stderr)
         raise SystemExit(2) from None

@@ -105,7 +105,7 @@ def test_condition_number_against_numpy(panda_adam: Identification) -> None:
 def test_perfect_fits_are_doubted(
     lib: Library, ideal_runs: tuple[Recording, ...], noisy: Recording
 ) -> None:
-    """Property: noise-free torque is told to be no measurement; noisy torque is not."""
+    """Property: noise-free torque is reported not to be a measurement; noisy torque is not."""
     train, validation, test = ideal_runs
     perfect = identify(train, lib, "ols", validation=validation, test=test)
     warnings = result_facts(perfect, "")["warnings"]
@@ -141,7 +141,7 @@ def test_a_silent_joint_is_still_json(lib: Library, noisy: Recording, tmp_path: 
 
 
 def test_a_place_that_cannot_be_written(panda_adam: Identification, tmp_path: Path) -> None:
-    """Property: a file in the way is told, and nothing is left behind."""
+    """Property: a file in the way is reported, and nothing is left behind."""
     (tmp_path / "file").write_text("mine")
     for place in (tmp_path / "file", tmp_path / "file" / "below"):
         with pytest.raises(RuntimeFault, match="cannot write"):

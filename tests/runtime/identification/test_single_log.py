@@ -216,7 +216,7 @@ def test_friction_is_identified(lib: Library, noisy: Recording) -> None:
 
 
 def test_preparation_can_be_given(lib: Library, noisy: Recording) -> None:
-    """Property: the preparation asked for is what the history tells."""
+    """Property: the requested preparation is the one in the history."""
     result = identify(noisy, lib, "ols", preparation=Preparation(rate_hz=50.0))
     assert result.train.rate_hz == pytest.approx(50.0, rel=1e-9)
     assert any("50 Hz" in step for step in result.train.history)
@@ -250,7 +250,7 @@ def test_too_few_samples_are_refused(lib: Library, ideal_runs: Runs) -> None:
 
 
 def test_unknown_friction_is_refused(lib: Library, ideal_runs: Runs) -> None:
-    """Property: unknown and repeated columns are told."""
+    """Property: unknown and repeated columns are reported."""
     for names, match in ((("stiction",), "no friction column"), (("offset",) * 2, "twice")):
         with pytest.raises(RecordingError, match=match):
             identify(ideal_runs[0], lib, friction_columns=Friction(names))

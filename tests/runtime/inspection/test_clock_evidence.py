@@ -21,8 +21,8 @@ def test_constant_acceleration_fits_the_rebuilt_clock_exactly(lib: Library, save
     q = lib.home + start * way + acceleration * way**2 / 2
     dq = start + acceleration * way
     tau = lib.inverse_dynamics(q, dq, np.broadcast_to(acceleration, q.shape), lib.pi0)
-    found = inspect_log(saved(clean, t=t, q=q, dq=dq, tau=tau), lib)
-    (evidence,) = (f.evidence for f in found.findings if f.kind == "repeated_rows")
+    result = inspect_log(saved(clean, t=t, q=q, dq=dq, tau=tau), lib)
+    (evidence,) = (f.evidence for f in result.findings if f.kind == "repeated_rows")
     assert evidence["count"] == 150
     assert evidence["tick_s"] == 1e-3
     assert evidence["misfit_logged"] > 0.1

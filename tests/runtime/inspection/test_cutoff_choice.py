@@ -50,7 +50,7 @@ def test_a_wide_band_wins_nothing_by_itself(lib: Library, noisy: Recording) -> N
     """Property: where parameters are equally good, the band of the prediction decides nothing.
 
     With exact positions 5 Hz find the parameters that 30 Hz find, and repeat less of the
-    torque's Coulomb steps: judged each by its own motion, 5 Hz would score 40 % worse.
+    torque's Coulomb steps: scored each with its own motion, 5 Hz would score 40 % worse.
     """
     choice = choose_cutoff(noisy.replace(dq=None, ddq=None), lib, friction=TERMS)
     scores = {c.cutoff_hz: c.score for c in choice.candidates}

@@ -26,7 +26,7 @@ def test_the_clean_log_is_clean(lib: Library) -> None:
     [("panda_gaz", "fr3"), ("tx40_figaroh", "tx40"), ("lwr4_flobaroid", "kuka_lwr4")],
 )
 def test_real_logs_with_their_recipes_are_clean(robot, shared_data: Path, name, model) -> None:
-    """Real data: what a bundled recipe settles is no alarm."""
+    """Real data: what a bundled recipe handles is no warning."""
     result = inspect_log(shared_data / "data" / name, robot(model), name)
     assert sentences(result) == {}
 

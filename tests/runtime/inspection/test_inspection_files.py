@@ -26,7 +26,7 @@ def test_2_repeated_rows_and_a_jittering_clock(lib: Library, shared_data: Path) 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6)])
 def test_2_time_in_another_unit(lib, clean, saved, tmp_path, unit, factor) -> None:
-    """Property: told from dq, and settled by the recipe."""
+    """Property: computed from dq, and handled by the recipe."""
     log = saved(clean, t=clean.t * factor)
     result = inspect_log(log, lib)
     assert set(sentences(result)) == {"time_unit"}

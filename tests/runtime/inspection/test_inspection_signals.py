@@ -47,7 +47,7 @@ def test_1_a_hand_that_is_not_mounted(lib: Library, shared_data: Path) -> None:
 
 
 def test_3_torque_counts_the_other_way(lib, clean, saved, tmp_path) -> None:
-    """Property: told as a sign and not as gravity, and proposed, not done."""
+    """Property: reported as a sign and not as gravity, and proposed, not done."""
     log = saved(clean, tau=-clean.tau)
     result = inspect_log(log, lib)
     assert set(sentences(result)) == {"torque_sign"}
@@ -109,7 +109,7 @@ def test_4_a_name_that_says_command(lib: Library, clean: Recording, tmp_path: Pa
     ],
 )
 def test_5_gravity_the_other_way_round(lib, clean, saved, scale, said, build) -> None:
-    """Property: only bodies that can exist tell the sign; a free fit is as good either way."""
+    """Property: only consistent bodies determine the sign; a free fit is as good either way."""
     tau = clean.tau + (scale - 1.0) * gravity_of(lib, clean.q, lib.pi0)
     result = inspect_log(saved(clean, tau=tau), lib)
     assert said in sentences(result)["gravity"]
@@ -168,7 +168,7 @@ def test_7_rest(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
 
 
 def test_10_degrees(lib: Library, clean: Recording, saved, tmp_path: Path) -> None:
-    """Property: told by the limits, with dq in rad/s beside it or without dq."""
+    """Property: determined by the limits, with dq in rad/s beside it or without dq."""
     log = saved(clean, q=clean.q * 180 / np.pi)
     result = inspect_log(log, lib)
     assert set(sentences(result)) == {"position_unit"}

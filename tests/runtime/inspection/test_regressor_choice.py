@@ -1,4 +1,4 @@
-"""When accelerations fail: the noise and the bend that are told are those that are there."""
+"""When accelerations fail: the reported noise and distortion are the true ones."""
 
 import json
 from dataclasses import replace
@@ -51,7 +51,7 @@ def test_the_share_of_noise(lib: Library, clean: Recording, derivative, noise, c
 
 
 def test_holes_and_joints_at_rest_are_no_noise(lib: Library, clean: Recording):
-    """Property: ν of a log with a hole stays rounding, and a still joint is not judged at all."""
+    """Property: ν of a log with a hole stays rounding, and a still joint is not evaluated."""
     holed = clean.take(np.r_[0:400, 500:1001], "A hole.")
     assert differentiation_of(holed, lib, QUIET).noise.max() < 1e-4
     loud = shaken(clean, dq=2e-2)

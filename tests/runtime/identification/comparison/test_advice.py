@@ -101,7 +101,7 @@ def test_without_the_default() -> None:
 
 
 def test_what_inconsistency_buys() -> None:
-    """Property: the best inconsistent answer is named, and judged by chance, not by digits."""
+    """Property: the best inconsistent answer is named, and compared by a t-test, not by digits."""
     better = advice_on(ran("map"), ran("ols", 1.2, is_consistent=False))
     assert says(better, "Physically consistent: map; not consistent: ols")
     assert says(better, "ols, predicts significantly better (1.2 % against 1.4 % on the")
@@ -130,7 +130,7 @@ def test_what_the_prior_tells() -> None:
 
 
 def test_over_fitting() -> None:
-    """Property: OLS is judged by its growth from train to test against the chosen answer's."""
+    """Property: OLS is compared by its growth from train to test against the chosen answer's."""
     bad = advice_on(ran("map", 1.4), ran("ols", 1.4, train_percent=1.1))
     assert says(bad, "over-fits: the error of ols grows from 1.1 to 1.4 % between training")
     good = advice_on(ran("map", 1.4), ran("ols", 1.4, train_percent=1.25))
@@ -157,7 +157,7 @@ def test_the_absent_are_named() -> None:
 def test_chance() -> None:
     """Oracle: of equal errors, correlated over 20 samples, 5 % differ by a two-sided test at 95 %.
 
-    One side is asked for, so 2.5 %; t over every sample alone would find 30 %.
+    One side is requested, so 2.5 %; t over every sample alone would find 30 %.
     """
     rng = np.random.default_rng(1)
     kernel = np.ones(20) / 20

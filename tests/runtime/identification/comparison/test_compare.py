@@ -94,10 +94,10 @@ def test_rows_say_what_identify_says(lib: Library) -> None:
         assert figures is not None
         np.testing.assert_array_equal(figures.rms, error.rms)
         assert figures.test_percent == error.overall
-        held = alone.validation
-        unused = torque_error(held.tau, alone.predict_recording(held))
+        left_out = alone.validation
+        unused = torque_error(left_out.tau, alone.predict_recording(left_out))
         assert figures.validation_percent == unused.overall
-        assert figures.squares.sum() == pytest.approx(len(held) * np.sum(unused.rms**2))
+        assert figures.squares.sum() == pytest.approx(len(left_out) * np.sum(unused.rms**2))
         assert figures.smallest_eigenvalue == alone.relative_eigenvalues.min()
         assert figures.base_error is None
         if method != "map":  # whose own weights differ from the common ones

@@ -60,7 +60,7 @@ def test_base_parameters_by_monte_carlo(
     # All of them together: 200 trials of 43 numbers, less than 43 of which are independent.
     ratio = np.mean(missed**2 / result.base**2)
     assert abs(ratio - 1) < 5 * np.sqrt(2 / TRIALS / 10)
-    assert (result.base_map < result.base * (1 + 1e-9)).all()  # the prior knows something more
+    assert (result.base_map < result.base * (1 + 1e-9)).all()  # the prior adds information
 
 
 def test_a_payload_by_monte_carlo(lib: Library, moved: MotionSamples, rows: np.ndarray) -> None:
@@ -194,7 +194,7 @@ def test_correlated_residuals_count_as_fewer(
     logs = [lap.replace(tau=lap.tau + SIGMA * coloured((len(lap), 7))) for _ in range(16)]
     facts = [noise_of(lib, motion_samples_of(log, lib, None, TERMS)) for log in logs]
     units = [noise.inflation for noise in facts if noise is not None]
-    # 5 at rest, 4.8 at the 2 Hz where the motion ends; one log knows it to 12 %.
+    # 5 at rest, 4.8 at the 2 Hz where the motion ends; one log determines it to 12 %.
     assert np.mean(units) == pytest.approx(4.9, rel=4 * 0.12 / 4)
     sigma = np.mean([noise.sigma for noise in facts if noise is not None], axis=0)
     assert sigma == pytest.approx(SIGMA, rel=0.06)  # 4 times 1/√(2·16·200), of which five are one

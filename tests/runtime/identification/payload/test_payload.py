@@ -259,12 +259,15 @@ def test_noise_of_short_coloured_runs_is_neither_flattered_nor_counted_twice(loa
         noise = NOISE * rng.normal(size=run.tau.shape)
         for k in range(1, len(noise)):
             noise[k] = 0.8 * noise[k - 1] + 0.6 * noise[k]
-        found = identify_payload(_noisy(run, noise), lib, "fr3_link7", arm=arm)
-        ratios.append(found.noise**2 / NOISE**2)
-        shares.append(found.n_samples / found.n_effective)
+        identified = identify_payload(_noisy(run, noise), lib, "fr3_link7", arm=arm)
+        ratios.append(identified.noise**2 / NOISE**2)
+        shares.append(identified.n_samples / identified.n_effective)
         # N_eff is the factor by which coloured noise is worse than white noise, in σ² alike.
         np.testing.assert_allclose(
-            found.body.covariance, found.white.covariance * shares[-1], rtol=1e-9, atol=1e-20
+            identified.body.covariance,
+            identified.white.covariance * shares[-1],
+            rtol=1e-9,
+            atol=1e-20,
         )
     assert 2 < np.mean(shares) < 9.0  # (1 + ρ)/(1 − ρ) at frequency zero, less above
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.03)

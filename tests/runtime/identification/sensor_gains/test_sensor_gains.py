@@ -131,16 +131,16 @@ def test_joints_without_a_determined_gain_are_named_and_left_alone(runs, lib, pa
     assert "fr3_joint7 (± " in named
     assert "which stays at 1" in named
     assert "fr3_joint7" not in result.status
-    # Whatever is not told is still free in the fit, so that the others are not bent by it.
+    # Whatever is not determined is still free in the fit, so that the others are not bent by it.
     np.testing.assert_array_less(np.abs(result.estimate - GAINS), 4 * result.sigma)
     loud = measured((empty, light), 40 * noise)
     with pytest.raises(RuntimeFault, match="is not visible enough in these runs"):
         identify_gains(*loud, lib, KnownPayload(0.3, COM, 0.1 * INERTIA), friction=terms)
-    # An offset asked for is the bias of the runs already, and leaves it as sure as it was.
+    # A requested offset is the bias of the runs already, and leaves it as sure as it was.
     assert (result.bias_sigma[:, :6] < 0.1).all()
 
 
-def test_coupled_motors_have_gains_of_their_own(runs, lib):
+def test_coupled_motors_have_separate_gains(runs, lib):
     """Oracle: τ_m = R⁻ᵀ τ scaled motor by motor; no gain of a joint does that."""
     R = np.diag([100.0, 100, 100, 100, 50, 50, 50])
     R[6, 5] = 50.0
@@ -154,7 +154,7 @@ def test_coupled_motors_have_gains_of_their_own(runs, lib):
 
 
 def test_a_wrong_weight_and_a_circular_payload_are_pointed_at(runs, lib):
-    """Property: true sensors and 3 kg told as 2.7 kg look like gains that are all 3/2.7 alike."""
+    """Property: true sensors and 3 kg given as 2.7 kg look like gains that are all 3/2.7 alike."""
     noise = NOISE * np.random.default_rng(4).normal(size=(2, *runs[0].tau.shape))
     pair = measured(runs, noise, gains=np.ones(7))
     wrong = identify_gains(*pair, lib, KnownPayload(2.7, COM, 0.9 * INERTIA), friction=TERMS)
@@ -334,11 +334,11 @@ def test_a_large_bias_is_as_unsure_as_its_gain(runs, lib):
     rng = np.random.default_rng(2)
     means = [run.tau.mean(axis=0) for run in runs]
     bias = np.array([-means[0], 2 * means[1]])
-    found = []
+    outcome = []
     for _ in range(40):
         noise = NOISE * rng.normal(size=(2, *runs[0].tau.shape))
-        found.append(identify_gains(*measured(runs, noise, bias=bias), lib, BODY, friction=TERMS))
-    spread = np.std([each.bias for each in found], axis=0, ddof=1)
-    sigma = np.mean([each.bias_sigma for each in found], axis=0)
+        outcome.append(identify_gains(*measured(runs, noise, bias=bias), lib, BODY, friction=TERMS))
+    spread = np.std([each.bias for each in outcome], axis=0, ddof=1)
+    sigma = np.mean([each.bias_sigma for each in outcome], axis=0)
     ratio = np.exp(np.mean(np.log(spread / sigma), axis=1))
     np.testing.assert_allclose(ratio, 1.0, atol=0.2)

@@ -36,6 +36,9 @@ if TYPE_CHECKING:
     from runtime.library import Library, load, to_pinocchio_order
     from runtime.recording import Recording, read_recording, write_recording
 
+__version__ = "0.1.0"
+"""Version of the package, that of symgen."""
+
 __all__ = [
     "METHODS",
     "PRESETS",

@@ -86,6 +86,11 @@ def options_of(package: str, name: str) -> tuple[set[str], set[str]]:
     return flags, valued
 
 
+def test_both_packages_state_the_version() -> None:
+    """Property: one distribution, one version, whichever package is imported."""
+    assert runtime.__version__ == __version__
+
+
 def test_entry_point() -> None:
     """Property: pip makes the command from this function."""
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))

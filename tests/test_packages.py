@@ -102,6 +102,7 @@ import importlib.util, sys
 import runtime
 for name in ("casadi", "pinocchio", "mujoco", "tests", "generated"):
     assert importlib.util.find_spec(name) is None, name
+assert runtime.load("ur5e").n_joints == 6
 lib = runtime.load("fr3")
 assert lib.folder.parts[-3:] == ("runtime", "generated", "fr3"), lib.folder
 M = lib.mass_matrix(lib.home, lib.pi0)

@@ -201,6 +201,12 @@ def _finish(result: Identification, folder: Path, agreement: LogAgreement | None
     console.print(torque_table(facts))
     if agreement is not None:
         print_agreement(agreement)
+    if result.uncertainty is not None:
+        unknowns = len(result.uncertainty.beta_sigma)
+        say(
+            f"data: they determine {result.uncertainty.determined} of {unknowns} independent "
+            "combinations of parameters better than the prior does"
+        )
     say(f"status: {result.status}")
     verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
     smallest = float(result.relative_eigenvalues.min())

@@ -22,8 +22,8 @@ FORMATS = Registry(
 
 def format_of_suffix(name: str) -> LogFormat | None:
     """Format of a file by its suffix, None where no format has it."""
-    suffix = Path(name).suffix.lower()
-    return next((each for each in FORMATS.records() if suffix in each.suffixes), None)
+    name = name.lower()
+    return next((f for f in FORMATS.records() if f.suffixes and name.endswith(f.suffixes)), None)
 
 
 def format_of_folder(place: Path) -> LogFormat | None:

@@ -36,6 +36,11 @@ class TextReader(LogReader):
 
     def text(self) -> str:
         """Text of the file, or the head of one that stays in its file."""
+        if self.raw.in_place and self.raw.name.lower().endswith(".gz"):
+            raise RecordingError(
+                f"a log is streamed from uncompressed text, got {self.raw.name!r}; expand it, or "
+                "read it as a whole with --no-stream"
+            )
         if self.raw.in_place:
             return head_of_text(self.raw.hashed())
         return decode(self.raw.data(), self.raw.name)
@@ -123,7 +128,7 @@ def _write(recording: Recording, file: IO[bytes]) -> None:
 CSV = LogFormat(
     name="csv",
     sentence="text in columns with a header, separated by comma, semicolon, tab or blanks",
-    suffixes=(".csv", ".txt", ".tsv"),
+    suffixes=(".csv", ".txt", ".tsv", ".csv.gz", ".txt.gz", ".tsv.gz"),
     reader=TextReader,
     write=_write,
     has_titles=True,

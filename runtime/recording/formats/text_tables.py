@@ -4,15 +4,18 @@ A corrupt row stays in its place as NaN, so that files which belong together by 
 aligned; the reader drops it. Units, signs and order are left to `reader`.
 """
 
+import zlib
 from collections import Counter
 
 import numpy as np
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.tables import MAX_CORRUPT, Columns, LogTable
+from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK, Columns, LogTable
 
 SHOWN = 60
 """Largest number of characters of a line in a message."""
+GZIP = b"\x1f\x8b"
+"""First bytes of gzip data."""
 
 
 def decode(data: bytes, name: str) -> str:
@@ -28,6 +31,8 @@ def decode(data: bytes, name: str) -> str:
     Raises:
         RecordingError: it is empty, or not UTF-8 text.
     """
+    if data.startswith(GZIP):
+        data = _expanded(data, name)
     if not data.strip():
         raise RecordingError(f"{name} is empty; expected rows of numbers, so export the log again")
     try:
@@ -40,6 +45,37 @@ def decode(data: bytes, name: str) -> str:
             "export it as UTF-8 CSV, or as NPZ with the suffix .npz"
         )
     return text
+
+
+def _expanded(data: bytes, name: str) -> bytes:
+    """Content of gzip data; a small file may expand to gigabytes, so its size is limited.
+
+    Args:
+        data: compressed bytes.
+        name: of the file, for messages.
+
+    Returns:
+        The first member's content.
+
+    Raises:
+        RecordingError: the data are cut short or damaged, or exceed the decompression limit.
+    """
+    most = EXPANSION * len(data) + SLACK
+    stream = zlib.decompressobj(wbits=zlib.MAX_WBITS | 16)  # 16: a gzip header
+    try:
+        content = stream.decompress(data, most + 1)
+    except zlib.error as error:
+        raise RecordingError(f"{name} is damaged ({error}); compress the log again") from None
+    if len(content) > most:
+        raise RecordingError(
+            f"{name} expands to more than {most >> 20} MiB, the decompression limit for its size; "
+            "give the uncompressed file"
+        )
+    if not stream.eof:
+        raise RecordingError(f"{name} is cut short; copy or compress the log again")
+    if stream.unused_data.startswith(GZIP):
+        raise RecordingError(f"{name} holds several gzip members; compress the log as one file")
+    return content
 
 
 def cells_of(line: str) -> tuple[list[str], str | None]:

@@ -1,0 +1,313 @@
+/* ur5e: kernels written by symgen 0.1.0. Arrays are dense and row-major, units SI, outputs
+ * overlap no inputs. No function allocates, locks or remembers: any thread may call any of them.
+ *
+ * joints, the order of q, dq [rad/s or m/s], ddq and tau:
+ *     shoulder_pan_joint, shoulder_lift_joint, elbow_joint, wrist_1_joint, wrist_2_joint, wrist_3_joint
+ * pi, of shoulder_link, upper_arm_link, forearm_link, wrist_1_link, wrist_2_link, wrist_3_link in turn:
+ *     m, mX, mY, mZ, XX, YY, ZZ, XY, XZ, YZ [kg, kg m, kg m^2], inertia about the link's origin
+ * lam, likewise: mu, x, y, z, omega1, omega2, omega3, a, b, c [ln kg, m, rad, kg^(1/2) m]
+ * gravity: 0.0, 0.0, -9.81 m/s^2 in the frame of base
+ * beta: the 36 combinations of pi that ur5e_base_parameters makes
+ * Shapes, limits and the many-sample functions: README.md. */
+#ifndef SYMGEN_UR5E_H
+#define SYMGEN_UR5E_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Ties this code to the manifest.json beside it. */
+const char *ur5e_model_hash(void);
+
+/* Instruction set whose functions on many samples, declared in tiles.h, are the fastest here. */
+const char *ur5e_level(void);
+
+/* tau = Y_b(q, dq, ddq) beta, Eq. 3.11. 524 operations, at most 8376 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], beta [SI] -> tau [N*m] */
+void ur5e_base_inverse_dynamics(const double q[6], const double dq[6], const double ddq[6], const double beta[36], double tau[6]);
+
+/* tau = Y(q, dq, ddq) pi, Eq. 4.3. 602 operations, at most 12784 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m] */
+void ur5e_inverse_dynamics(const double q[6], const double dq[6], const double ddq[6], const double pi[60], double tau[6]);
+
+/* tau = Y(q, dq, ddq) pi(lam), Eq. 4.3. 1214 operations, at most 13296 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> tau [N*m] */
+void ur5e_torque(const double q[6], const double dq[6], const double ddq[6], const double lam[60], double tau[6]);
+
+/* Y with tau = Y pi, Eq. 3.1. 833 operations, at most 13672 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2] -> Y 6 x 60 [d tau / d pi] */
+void ur5e_regressor(const double q[6], const double dq[6], const double ddq[6], double Y[360]);
+
+/* d tau / d lam = Y blockdiag(d pi / d lam), Eqs. 4.34-4.36. 5113 operations, at most 21536 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], lam [lambda] -> jacobian 6 x 60 [d tau / d lam] */
+void ur5e_torque_jacobian(const double q[6], const double dq[6], const double ddq[6], const double lam[60], double jacobian[360]);
+
+/* Y_b with tau = Y_b beta, Eq. 3.11. 656 operations, at most 11104 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2] -> Y_b 6 x 36 [d tau / d beta] */
+void ur5e_base_regressor(const double q[6], const double dq[6], const double ddq[6], double Y_b[216]);
+
+/* tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta. 1160 operations, at most 16864 bytes of stack.
+ * q [rad], dq [rad/s] -> P_b 6 x 36 [d p / d beta], R_b 6 x 36 [d r / d beta] */
+void ur5e_momentum_regressor(const double q[6], const double dq[6], double P_b[216], double R_b[216]);
+
+/* dq.tau = d(E_b beta)/dt, T + U = E_b beta + const. 208 operations, at most 6072 bytes of stack.
+ * q [rad], dq [rad/s] -> E_b [d (T + U) / d beta] */
+void ur5e_energy_regressor(const double q[6], const double dq[6], double E_b[36]);
+
+/* beta = K pi, Eq. 3.11. 104 operations, at most 5232 bytes of stack.
+ * pi [SI] -> beta [SI] */
+void ur5e_base_parameters(const double pi[60], double beta[36]);
+
+/* K' slope, the adjoint of beta = K pi. 53 operations, at most 5016 bytes of stack.
+ * slope [d cost / d beta] -> gradient [d cost / d pi] */
+void ur5e_base_adjoint(const double slope[36], double gradient[60]);
+
+/* M(q), Eq. 2.34. 419 operations, at most 7760 bytes of stack.
+ * q [rad], pi [SI] -> M 6 x 6 [d tau / d ddq] */
+void ur5e_mass_matrix(const double q[6], const double pi[60], double M[36]);
+
+/* h = C(q, dq) dq - tau_grav, Eq. 2.34. 571 operations, at most 16888 bytes of stack.
+ * q [rad], dq [rad/s], pi [SI] -> h [N*m] */
+void ur5e_bias_forces(const double q[6], const double dq[6], const double pi[60], double h[6]);
+
+/* ddq = (M + diag(J))^-1 (tau - h), J of the rotors. 1067 operations, at most 12728 bytes of stack.
+ * q [rad], dq [rad/s], tau [N*m], pi [SI], rotor [kg*m^2] -> ddq [rad/s^2] */
+void ur5e_forward_dynamics(const double q[6], const double dq[6], const double tau[6], const double pi[60], const double rotor[6], double ddq[6]);
+
+/* pose of the tip in the base frame, Eq. 2.15. 115 operations, at most 5160 bytes of stack.
+ * q [rad] -> H 4 x 4 [1, m] */
+void ur5e_end_effector(const double q[6], double H[16]);
+
+/* poses of the links in the base frame, one below the other, Eq. 2.15. 123 operations, at most 5864 bytes of stack.
+ * q [rad] -> H 24 x 4 [1, m] */
+void ur5e_link_poses(const double q[6], double H[96]);
+
+/* sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32. 812 operations, at most 11008 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], tau [N*m], weight [1], beta [SI] -> loss [1], gradient [d loss / d beta], residual [N*m] */
+void ur5e_loss_gradient(const double q[6], const double dq[6], const double ddq[6], const double tau[6], const double weight[6], const double beta[36], double loss[1], double gradient[36], double residual[6]);
+
+/* Eqs. 4.25-4.31. 108 operations, at most 5056 bytes of stack.
+ * lam [lambda] -> pi [SI] */
+void ur5e_pi_from_lam(const double lam[10], double pi[10]);
+
+/* pi and d pi / d lam of one link. 551 operations, at most 9408 bytes of stack.
+ * lam [lambda] -> pi [SI], jacobian 10 x 10 [d pi / d lam] */
+void ur5e_pi_jacobian(const double lam[10], double pi[10], double jacobian[100]);
+
+/* pi of one link, and its m, R, B, C for pi_adjoint. 111 operations, at most 5184 bytes of stack.
+ * lam [lambda] -> pi [SI], frame [m, R by columns, B, C] */
+void ur5e_pi_frame(const double lam[10], double pi[10], double frame[12]);
+
+/* (d pi / d lam)' slope of one link, Eq. 4.32. 171 operations, at most 5576 bytes of stack.
+ * lam [lambda], frame [m, R by columns, B, C], slope [d cost / d pi] -> gradient [d cost / d lam] */
+void ur5e_pi_adjoint(const double lam[10], const double frame[12], const double slope[10], double gradient[10]);
+
+/* pi and d pi / d theta of one link, P = U(theta) U(theta)'. 98 operations, at most 5784 bytes of stack.
+ * theta [log-Cholesky] -> pi [SI], jacobian 10 x 10 [d pi / d theta] */
+void ur5e_cholesky_jacobian(const double theta[10], double pi[10], double jacobian[100]);
+
+/* smallest pivot and log det of P, tr(P^-1 B_i), tr(P^-1 B_i P^-1 B_j), B_i = dP/dpi_i. 558 operations, at most 9496 bytes of stack.
+ * pi [SI] -> pivot [SI], log_det [1], traces [1/SI], curvature 10 x 10 [1/SI^2] */
+void ur5e_barrier(const double pi[10], double pivot[1], double log_det[1], double traces[10], double curvature[100]);
+
+/* theta with U(theta) U(theta)' = P; NaN unless P is positive definite. 58 operations, at most 4656 bytes of stack.
+ * pi [SI] -> theta [log-Cholesky] */
+void ur5e_cholesky_from_pi(const double pi[10], double theta[10]);
+
+/* Eqs. 4.18-4.23. 1491 operations, at most 16120 bytes of stack.
+ * pi [SI] -> lam [lambda] */
+void ur5e_lam_from_pi(const double pi[10], double lam[10]);
+
+/* pi with the eigenvalues of Sigma_com raised to floor * trace + m (1 mm)^2. 1396 operations, at most 15368 bytes of stack.
+ * pi [SI], floor [1] -> realisable [SI] */
+void ur5e_nearest_realisable(const double pi[10], const double floor[1], double realisable[10]);
+
+/* M(lam), Eq. 4.14 (linear part first). 111 operations, at most 5288 bytes of stack.
+ * lam [lambda] -> M 6 x 6 [SI] */
+void ur5e_inertia_matrix(const double lam[10], double M[36]);
+
+/* P(pi), Eqs. 3.9, 3.10. 9 operations, at most 4312 bytes of stack.
+ * pi [SI] -> P 4 x 4 [SI] */
+void ur5e_pseudo_inertia(const double pi[10], double P[16]);
+
+/* cos(2 pi m s) - 1 + 2 pi^2 m^2 s^2 (1-s)^2, s = t/t_f, Eqs. 3.24-3.27. 54 operations, at most 4592 bytes of stack.
+ * m [1], t [s], t_f [s] -> phi [1, 1/s, 1/s^2, 1/s^3] */
+void ur5e_harmonic_basis(const double m[1], const double t[1], const double t_f[1], double phi[4]);
+
+/* 10 s^3 - 15 s^4 + 6 s^5, s = t/t_f, Eqs. 3.25, 3.27. 46 operations, at most 4520 bytes of stack.
+ * t [s], t_f [s] -> S [1, 1/s, 1/s^2, 1/s^3] */
+void ur5e_transfer_basis(const double t[1], const double t_f[1], double S[4]);
+
+/* d <seed, Y_b> / d (q, dq, ddq), the adjoint of Eq. 3.29. 1988 operations, at most 20184 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], seed 6 x 36 [d cost / d Y_b] -> gradient 3 x 6 [d cost / d (q, dq, ddq)] */
+void ur5e_regressor_adjoint(const double q[6], const double dq[6], const double ddq[6], const double seed[216], double gradient[18]);
+
+/* tau of Eq. 4.3 and its derivatives by q, dq and ddq, the last one M(q). 3278 operations, at most 31296 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], pi [SI] -> tau [N*m], dtau_dq 6 x 6 [d tau / d q], dtau_dv 6 x 6 [d tau / d dq], dtau_da 6 x 6 [d tau / d ddq] */
+void ur5e_torque_derivatives(const double q[6], const double dq[6], const double ddq[6], const double pi[60], double tau[6], double dtau_dq[36], double dtau_dv[36], double dtau_da[36]);
+
+/* d tau / d t = dtau_dq dq + dtau_dv ddq + dtau_da dddq. 1280 operations, at most 14432 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI] -> tau_rate [(N*m)/s] */
+void ur5e_torque_rate(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double pi[60], double tau_rate[6]);
+
+/* d (seed . d tau / d t) / d (q, dq, ddq, dddq). 3429 operations, at most 31776 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], pi [SI], seed [d cost / d tau_rate] -> gradient 4 x 6 [d cost / d (q, dq, ddq, dddq)] */
+void ur5e_torque_rate_adjoint(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double pi[60], const double seed[6], double gradient[24]);
+
+/* tau of Eq. 4.3 and its two first derivatives in time along a motion. 2556 operations, at most 24760 bytes of stack.
+ * q [rad], dq [rad/s], ddq [rad/s^2], dddq [rad/s^3], ddddq [rad/s^4], pi [SI] -> tau [N*m], dtau [(N*m)/s], ddtau [(N*m)/s^2] */
+void ur5e_torque_course(const double q[6], const double dq[6], const double ddq[6], const double dddq[6], const double ddddq[6], const double pi[60], double tau[6], double dtau[6], double ddtau[6]);
+
+/* place and velocity v = dp_dq dq of the tip in the base frame; d v / d dq is dp_dq. 355 operations, at most 7320 bytes of stack.
+ * q [rad], dq [rad/s] -> p [m], v [m/s], dp_dq 3 x 6 [d p / d q], dv_dq 3 x 6 [d v / d q] */
+void ur5e_tip_motion(const double q[6], const double dq[6], double p[3], double v[3], double dp_dq[18], double dv_dq[18]);
+
+/* distance of the capsules of each pair, negative where they overlap. 1562 operations, at most 17400 bytes of stack.
+ * q [rad] -> distance [m], jacobian 14 x 6 [d distance / d q] */
+void ur5e_clearance(const double q[6], double distance[14], double jacobian[84]);
+
+/* least n.x - d over each moving capsule, plane = (n, d) with a unit normal n. 527 operations, at most 8680 bytes of stack.
+ * q [rad], plane [1, m] -> distance [m], jacobian 6 x 6 [d distance / d q] */
+void ur5e_plane_clearance(const double q[6], const double plane[4], double distance[6], double jacobian[36]);
+
+/* Length of beta, and the side of the statistics' factor, whose last column is that of tau. */
+enum { UR5E_BASE = 36, UR5E_STATISTICS = 37 };
+
+/* One more sample: factor'factor becomes forgetting factor'factor + [Y_b tau]' W [Y_b tau]. The
+ * factor is upper triangular, row-major, begins as zeros, and keeps its diagonal nonnegative;
+ * forgetting lies in (0, 1], weight is the diagonal of W. The solution of least squares is that of
+ * the triangular system factor[0..BASE)[0..BASE) beta = factor[0..BASE)[BASE]. See update.c. */
+void ur5e_statistics_update(double factor[1369], double forgetting, const double q[6], const double dq[6], const double ddq[6], const double tau[6], const double weight[6]);
+
+/* L = (||R y - r||^2 + rest) scale, y = [K pi; psi]; R is upper triangular, column after column. */
+typedef struct {
+    const double *factor, *target;
+    double rest, scale;
+} ur5e_least_squares;
+
+enum {
+    UR5E_PATIENCE = 1,
+    UR5E_DIVERGED,
+    UR5E_CONVERGED,
+    UR5E_STALLED
+};
+
+/* Adam in x = [lambda; psi], see descent.c. x, m, v, best_x are `padded` long, a multiple of 8, and
+ * zero beyond `size`; factors have `equations` rows and columns, a multiple of 8 too. batch = 0
+ * descends on `training`, else on mini-batches: rows names batch samples per iteration,
+ * each sin q1, cos q1, sin q2 ..., dq, ddq, tau, n columns_per_joint columns and q, filled up to a
+ * multiple of 8, `width`. work holds 8 (width + size) + (4 + equations) equations + padded numbers.
+ * Arrays that begin at a multiple of 64 bytes are read faster. */
+typedef struct {
+    long size, padded, equations;
+    ur5e_least_squares training, held;
+    double rate, beta1, beta2, epsilon, threshold;
+    long validate_every, patience;
+    double *x, *m, *v, *best_x;
+    double best, power1, power2;
+    long step, improved_at, finished, traced;
+    double *training_trace, *held_trace;
+    long batch, columns_per_joint;
+    const long *rows;
+    const double *samples, *weight;
+    double *work;
+} ur5e_adam_job;
+
+/* Levenberg-Marquardt in x = [lambda; psi], or [theta; psi] with the log-Cholesky coordinates theta
+ * where `cholesky` is set, see descent.c; damping = 0 at the start, growth = 2.
+ * work holds equations (size + 2 equations + 3) + 2 size numbers. */
+typedef struct {
+    long size, equations, cholesky;
+    ur5e_least_squares training;
+    double first_damping, step_tolerance, decrease_tolerance;
+    double *x, *trace;
+    double loss, damping, growth;
+    long step, finished, traced;
+    double *work;
+} ur5e_levenberg_job;
+
+/* The cost (||A pi - b||^2 + rest) / 2 count + gamma sum_k share_k (slope_k.pi_k - log det P_k) of
+ * `links` bodies, minimised for one gamma after the other, each from the answer to the last; see
+ * convex.c. pi is where the first begins, P > 0. A is stored row after row, 10 numbers per
+ * body and each row filled with zeros to a multiple of 8, `width`; slope and points likewise. Of every gamma: the
+ * minimiser, the loss there, the Newton decrement and the steps; `converged` counts those whose decrement fell below
+ * `tolerance` gamma; the first that does not within `most_steps` is the last. work holds UR5E_CONVEX_WORK(rows, width) numbers. */
+typedef struct {
+    long links, width, rows;
+    const double *factor, *target;
+    double rest, count;
+    const double *slope, *share, *gamma;
+    long gammas, most_steps;
+    double tolerance;
+    double *pi, *points, *losses, *decrements;
+    long *steps;
+    long converged;
+    double *work;
+} ur5e_convex_job;
+
+#define UR5E_CONVEX_WORK(rows, width) (2 * (width) * (width) + 5 * (width) + 2 * (rows))
+
+/* Identification while the robot moves, see online.c. `pi` are the parameters found last, `count` the
+ * samples that are not forgotten, `rejected` those that were not finite, `variance` the weighted
+ * residual's, `steps` Newton's last ones. */
+typedef struct {
+    double forgetting, trust, count, variance;
+    long steps, rejected;
+    double factor[1369];
+    double pi[64], point[64], slope[64], share[6];
+    double rows[2304], target[36];
+    double work[UR5E_CONVEX_WORK(36, 64)];
+} ur5e_online;
+
+/* An empty state around a first guess, whose thin axes are thickened; trust is 16 for a model from CAD,
+ * 1 for none. 0 if a body of pi0 cannot exist, or forgetting lies outside (0, 1]. */
+int ur5e_online_start(ur5e_online *state, const double pi0[60], double forgetting, double trust);
+
+/* One more sample; 0 if it was not finite and left out. */
+int ur5e_online_sample(ur5e_online *state, const double q[6], const double dq[6], const double ddq[6], const double tau[6], const double weight[6]);
+
+/* New `pi` by ur5e_<level>_convex of convex.c in at most `most_steps` steps of Newton; 1 when it
+ * converged, else pi is the best so far (0 also with too few samples, pi is then as it was). */
+int ur5e_online_solve(ur5e_online *state, void (*convex)(ur5e_convex_job *jobs, long count), long most_steps);
+
+/* A trajectory's cost, see excitation.c. `basis` holds phi, phi' and phi'' of every harmonic at the
+ * samples, by tiles of 8 samples: tile, derivative, harmonic, sample; samples beyond the last are 0.
+ * `work`: as many numbers as <level>_excitation_work says, zeros before the first call. One job
+ * serves one thread at a time. `deficient`: the regressor has no full rank, to rounding. */
+typedef struct {
+    long samples, harmonics;
+    const double *basis, *home;
+    double *work;
+    double value, lowest, highest;
+    long deficient;
+} ur5e_excitation_job;
+
+enum {
+    UR5E_NOT_POSITIVE = 1, /* M + J has no positive pivots: no body moves like that */
+    UR5E_RAN_AWAY
+};
+
+/* The robot under computed torque, see closed_loop.c. n joints; per period `reference` holds q_d,
+ * dq_d, ddq_d, `noise` what the controller sees too much of q and dq (0: nothing), and `log`
+ * receives q, dq, ddq, the torque of the motors and that behind the rotors, tau - J ddq.
+ * `state` is q, dq at the beginning and goes on; done = status = 0 at the start. Stops with a
+ * status before the period that fails. rotor: J of the plant; model and model_rotor: what the
+ * controller believes. */
+typedef struct {
+    long substeps;
+    double period, coulomb_speed;
+    const double *reference, *noise;
+    const double *pi, *rotor, *viscous, *coulomb, *offset;
+    const double *model, *model_rotor, *stiffness, *damping;
+    double *state, *log;
+    long done, status;
+} ur5e_closed_loop_job;
+
+/* Goes on for so many periods. */
+void ur5e_closed_loop(ur5e_closed_loop_job *job, long periods);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

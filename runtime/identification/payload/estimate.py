@@ -9,7 +9,7 @@ Correlated residuals count as N_eff samples (`coloured_noise`), in the weight of
 Source: Lee, Wensing & Park 2019 (prior); Swevers et al. 2002 (payload).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise, prior_from
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification.payload.arm_error import arm_covariance
 from runtime.identification.payload.body import NAMES, Body, body_of
 from runtime.identification.payload.differential import empty_residual
 from runtime.identification.payload.mount import Mount, mount_of
@@ -134,6 +135,12 @@ def identify_payload(
         bare, residual0, _ = _rows(empty, lib, mount, model, preparation)
         residual = residual - empty_residual(run, bare, residual0, lib.joint_names)
     solution = _solved(mount, columns, residual, kappa)
+    if empty is None and not model.is_exact:
+        parts = (columns, solution.noise, solution.errors, solution.white)
+        extra = arm_covariance(lib, model, run, *parts)
+        solution = replace(
+            solution, covariance=solution.covariance + extra, white=solution.white + extra
+        )
     return _payload(solution, mount, columns, model, empty is not None)
 
 
@@ -218,9 +225,11 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         power = np.sum(errors**2, axis=0) / max(count - used * coloured.inflation, 1.0)
         noise = np.sqrt(np.maximum(power, (_PERFECT * spread) ** 2 + 1e-300))
     shape = np.linalg.inv(count * minimum.hessian())
+    # (κ B)⁻¹ by its root: an inverse of B has negative variances next to the boundary.
+    root = mount.bodies.spread(pi)[0]
     return _Solution(
         pi=pi,
-        prior=np.asarray(np.linalg.inv(kappa * _curvature(mount, pi))),
+        prior=np.asarray(root @ root.T / kappa),
         noise=noise,
         errors=errors,
         offsets=level - means @ pi,
@@ -229,11 +238,6 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         n_effective=count / coloured.inflation,
         converged=minimum.converged,
     )
-
-
-def _curvature(mount: Mount, pi: Array) -> Array:
-    """Curvature of the entropic prior at π, (10, 10)."""
-    return np.asarray(mount.bodies.curvature(pi)[1][0])
 
 
 def _ball(mount: Mount) -> Array:
@@ -297,6 +301,11 @@ def _notes(
         notes.append(
             f"the prior rather than the data determines {', '.join(weak)}; record a motion with "
             "faster rotations about all axes of the payload"
+        )
+    if not (differential or model.is_exact):
+        notes.append(
+            "the intervals include the error of the arm's model, estimated from the residual; "
+            "against a run without the payload it cancels, and they are far narrower"
         )
     if share > _MODEL_ERROR and not differential:
         notes.append(

@@ -19,12 +19,14 @@ class ArmModel:
         friction: friction columns and widths.
         phi: friction coefficients, (n, k).
         origin: source of the model, for the report.
+        is_exact: no error of the model enters the intervals of a payload; for simulated arms.
     """
 
     pi: Array
     friction: Friction
     phi: Array
     origin: str
+    is_exact: bool = False
 
 
 def arm_model(lib: Library) -> ArmModel:

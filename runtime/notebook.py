@@ -1,7 +1,11 @@
-"""Small HTML tables by which results show themselves in a notebook; every text is escaped."""
+"""Results in a notebook: small HTML tables, whose texts are escaped, and data frames."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
+from importlib import import_module
+from typing import Any
+
+from runtime.errors import RuntimeFault
 
 Cells = Sequence[object]
 
@@ -26,6 +30,47 @@ def html_table(title: str, rows: Iterable[Cells], head: Cells = ()) -> str:
         cells = "".join(f"<td>{_text(cell)}</td>" for cell in others)
         lines.append(f'<tr><th scope="row">{_text(first)}</th>{cells}</tr>')
     return "\n".join([*lines, "</tbody>", "</table>"])
+
+
+def frame(columns: Mapping[str, Any], package: str) -> Any:
+    """Data frame of a package that is installed by the user.
+
+    Args:
+        columns: title → values, all of one length.
+        package: "pandas" or "polars".
+
+    Returns:
+        Its `DataFrame`.
+
+    Raises:
+        RuntimeFault: the package is not installed.
+    """
+    try:
+        module = import_module(package)
+    except ModuleNotFoundError:
+        raise RuntimeFault(
+            f"a data frame of {package} needs that package, which is not installed; run: "
+            f"pip install {package}"
+        ) from None
+    return module.DataFrame(dict(columns))
+
+
+class Framed:
+    """Conversion to data frames, for classes with `columns_of_frame`."""
+
+    __slots__ = ()
+
+    def columns_of_frame(self) -> Mapping[str, Any]:
+        """Title → values of the table."""
+        raise NotImplementedError
+
+    def to_pandas(self) -> Any:
+        """The table as a `pandas.DataFrame`."""
+        return frame(self.columns_of_frame(), "pandas")
+
+    def to_polars(self) -> Any:
+        """The table as a `polars.DataFrame`."""
+        return frame(self.columns_of_frame(), "polars")
 
 
 def _text(value: object) -> str:

@@ -1,6 +1,7 @@
 """The result of an identification: parameters, their certificates and the data they come from."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +12,8 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
 from runtime.library import Array, Library
-from runtime.library.parameters import first_moment, links, mass
-from runtime.notebook import html_table
+from runtime.library.parameters import PI_NAMES, first_moment, links, mass
+from runtime.notebook import Framed, html_table
 from runtime.recording import Friction, Recording, friction
 
 
@@ -34,7 +35,7 @@ class WholeLog:
 
 
 @dataclass(frozen=True, slots=True)
-class Identification:
+class Identification(Framed):
     """Identified parameters with their certificates.
 
     Attributes:
@@ -123,6 +124,19 @@ class Identification:
         errors = html_table(title, torque, ("joint", "error of URDF", "error", "RMS error"))
         head = ("link", "mass of URDF [kg]", "mass [kg]", "centre of mass [m]")
         return errors + html_table("links", bodies, head)
+
+    def columns_of_frame(self) -> dict[str, list[Any]]:
+        """Link, parameter, URDF's value, identified value and σ [SI], one row per entry of π."""
+        rows = [(link, name) for link in self.lib.link_names for name in PI_NAMES]
+        columns: dict[str, list[Any]] = {
+            "link": [link for link, _ in rows],
+            "parameter": [name for _, name in rows],
+            "urdf": self.lib.pi0.tolist(),
+            "value": self.pi.tolist(),
+        }
+        if self.uncertainty is not None:
+            columns["sigma"] = self.uncertainty.sigma.tolist()
+        return columns
 
     @property
     def usual_phi(self) -> Array:

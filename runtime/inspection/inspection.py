@@ -27,7 +27,7 @@ from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choo
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
-from runtime.notebook import html_table
+from runtime.notebook import Framed, html_table
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
 from runtime.recording.friction import ROTOR, names_where
@@ -39,7 +39,7 @@ _STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
 
 
 @dataclass(frozen=True, slots=True)
-class Inspection:
+class Inspection(Framed):
     """Result of an inspection.
 
     Attributes:
@@ -61,6 +61,12 @@ class Inspection:
         rows = [(f.level, f.kind, f.sentence) for f in self.findings]
         title = f"{self.recording.name or 'log'} of {self.robot}: {len(rows)} findings"
         return html_table(title, rows, ("level", "finding", "what was measured, and what to do"))
+
+    def columns_of_frame(self) -> dict[str, list[str]]:
+        """Level, kind and sentence of the findings, one row each."""
+        return {
+            key: [getattr(f, key) for f in self.findings] for key in ("level", "kind", "sentence")
+        }
 
     def of_level(self, *levels: str) -> tuple[Finding, ...]:
         """The findings of these levels."""

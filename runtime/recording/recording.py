@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
-from runtime.notebook import html_table
+from runtime.notebook import Framed, html_table
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.settings import Preparation
 
@@ -25,7 +25,7 @@ ALL = (*SIGNALS, "columns", "rows")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class Recording(Framed):
     """Motion and torque of n joints at N instants; the arrays are read-only.
 
     Attributes:
@@ -175,6 +175,11 @@ class Recording:
                 titles += [f"{key}{joint}" for joint in range(1, self.n_joints + 1)]
                 blocks.append(values)
         return titles, np.hstack(blocks)
+
+    def columns_of_frame(self) -> dict[str, FloatArray]:
+        """Columns t, q1 … qn, … of a data frame, SI units."""
+        titles, values = self.titled()
+        return dict(zip(titles, values.T, strict=True))
 
     def replace(self, **changes: Any) -> Self:
         """The same recording with some fields exchanged."""

@@ -1,11 +1,14 @@
 """Results in a notebook: small HTML tables, well formed and escaped."""
 
 import dataclasses
+import sys
+import types
 from typing import Any
 
 import pytest
 
 from runtime import Identification, Recording, identify_payload
+from runtime.errors import RuntimeFault
 from runtime.identification.comparison import compare
 from runtime.identification.problem_setup import assemble
 from runtime.inspection import Finding, Inspection
@@ -65,3 +68,19 @@ def test_an_inspection_shows_its_findings(level: str, noisy: Recording) -> None:
     assert "rows 3" in page.text
     page = shown(Inspection("fr3", (finding,), Recipe(), noisy, ()))
     assert f"{level} clock {EVIL}" in page.text
+
+
+@pytest.mark.parametrize("package", ["pandas", "polars"])
+def test_results_convert_to_data_frames(package, noisy, panda_adam, monkeypatch) -> None:
+    """Property: columns of one length reach DataFrame; a missing package is one sentence."""
+    monkeypatch.setitem(sys.modules, package, None)  # import_module then raises
+    with pytest.raises(RuntimeFault, match=f"run: pip install {package}"):
+        getattr(noisy, f"to_{package}")()
+    monkeypatch.setitem(sys.modules, package, types.SimpleNamespace(DataFrame=dict))
+    table = getattr(noisy, f"to_{package}")()
+    assert list(table)[:2] == ["t", "q1"]
+    assert (table["tau7"] == noisy.tau[:, 6]).all()
+    bodies = getattr(panda_adam, f"to_{package}")()
+    assert {len(values) for values in bodies.values()} == {70}
+    assert bodies["value"] == panda_adam.pi.tolist()
+    assert bodies["parameter"][:2] == ["m", "mX"]

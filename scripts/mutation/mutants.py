@@ -128,6 +128,8 @@ def _python(data: bytes) -> Iterator[Piece]:
 def _alive(node: ast.AST) -> Iterator[ast.AST]:
     """Nodes whose change can matter: no annotations, messages, decorators and imports."""
     for name, value in ast.iter_fields(node):
+        if isinstance(node, ast.keyword) and node.arg == "strict":  # of zip: a check, no result
+            continue
         if name in {"annotation", "returns", "decorator_list"}:
             continue
         for child in value if isinstance(value, list) else [value]:

@@ -25,7 +25,10 @@ class Room:
 
 ROOMS = {
     "convex": Room((f"{_E}/convex",), (f"{_T}/estimators/convex",)),
-    "descent": Room((f"{_E}/descent",), (f"{_T}/estimators/descent",)),
+    "descent": Room(
+        (f"{_E}/descent",),
+        (f"{_T}/estimators/descent", f"{_T}/identification/test_single_log.py"),
+    ),
     "uncertainty": Room(
         (f"{_E}/uncertainty.py",),
         (

@@ -28,6 +28,9 @@ def test_a_plate_is_thickened_and_named(fr3: Library, thin: tuple[int, ...]) -> 
     assert bool(fit.notes) == bool(thin)
     for k, name in enumerate(fr3.link_names):
         assert any(name in note for note in fit.notes) == (k in thin)
+    if thin:  # the note states the change, to its two digits
+        change = np.abs(fit.pi.reshape(7, 10) - given).max()
+        assert f"largest change {change:.1e} kg·m²" in fit.notes[0]
     assert fit.lam is not None
     np.testing.assert_allclose(fr3.pi_from_lam(fit.lam), fit.pi, atol=1e-9)
 

@@ -60,24 +60,30 @@ def torques(
         return svg(figure, "torques")
 
 
-def mass_change(links: Sequence[str], before: Array, after: Array) -> Markup:
-    """Bars of m_after − m_before per link, labelled with the two masses.
+def mass_change(
+    links: Sequence[str], before: Array, after: Array, sigma: Array | None = None
+) -> Markup:
+    """Bars of m_after − m_before per link, labelled with the two masses and σ of the second.
 
     Args:
         links: n names.
         before: (n,) masses of the URDF [kg].
         after: (n,) identified masses [kg].
+        sigma: (n,) standard deviations of the identified masses [kg]; None where unknown.
 
     Returns:
         The <svg> element.
     """
     n = len(links)
     change = after - before
+    spread = [""] * n if sigma is None else [f" ± {s:.2g}" for s in sigma]
     with page_figure(height=0.7 + 0.28 * n) as figure:
         axis = figure.subplots()
         bars = axis.barh(range(n), np.nan_to_num(change), color=AFTER, height=0.6)
-        labels = [f"{b:.3g} → {a:.3g}" for b, a in zip(before, after, strict=True)]
-        axis.bar_label(bars, labels, padding=4, color=INK)
+        triples = zip(before, after, spread, strict=True)
+        axis.bar_label(bars, [f"{b:.3g} → {a:.3g}{s}" for b, a, s in triples], padding=4, color=INK)
+        if sigma is not None:
+            axis.errorbar(change, range(n), xerr=sigma, fmt="none", ecolor=INK, capsize=2)
         axis.axvline(0, color=INK, linewidth=0.8)
         axis.set_yticks(range(n), list(links))
         axis.invert_yaxis()

@@ -169,10 +169,12 @@ def _consistency(result: Result) -> Section:
 def _masses(result: Result) -> Section | None:
     if not result.links:
         return None
+    known = result.uncertainty
     drawn = figures.mass_change(
         [link.name for link in result.links],
         np.array([link.mass_before for link in result.links]),
         np.array([link.mass for link in result.links]),
+        None if known is None else np.array([link.mass_sigma for link in known.links]),
     )
     return Section("Change of mass", figure=drawn)
 

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import html
 import re
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
-from runtime.outputs.report import write_report
+from runtime.outputs.report import figures, write_report
 from runtime.outputs.report.figures import thinned
 from runtime.outputs.report.result import read_result
 from tests.runtime.pages import Change, Reader, predictions, read, write
@@ -263,3 +264,12 @@ def test_missing_and_damaged_files_are_named(tmp_path: Path) -> None:
     path.unlink()
     with pytest.raises(RuntimeFault, match=r"cannot read '.*predictions.npz'"):
         write_report(folder)
+
+
+def test_masses_are_drawn_with_their_sigma() -> None:
+    """Property: σ stands beside the identified mass, and nothing where it is unknown."""
+    before, after = np.array([1.0, 2.0]), np.array([1.5, 2.25])
+    drawn = html.unescape(figures.mass_change(["a", "b"], before, after, np.array([0.1, 0.02])))
+    assert "1 → 1.5 ± 0.1" in drawn
+    assert "2 → 2.25 ± 0.02" in drawn
+    assert "±" not in html.unescape(figures.mass_change(["a", "b"], before, after))

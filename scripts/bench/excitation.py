@@ -23,6 +23,7 @@ DOCUMENT_SECONDS = 9 * 3600.0
 """Least time of one run of 50 iterations in the document."""
 OPTIMISERS = (
     ("ours", "D-opt → Schatten → semidefinite polish", peers.ours),
+    ("staged", "SLSQP, our stages and exact gradient", peers.slsqp_staged),
     ("slsqp", "SLSQP, our exact gradient", peers.slsqp_exact),
     ("differences", "SLSQP, differences on Pinocchio", peers.slsqp_differences),
 )

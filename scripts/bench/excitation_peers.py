@@ -1,4 +1,4 @@
-"""One start of the document's problem by three optimisers, timed alike.
+"""One start of the document's problem by four optimisers, timed alike.
 
 min log cond of the column-normalised base regressor at 80 samples (Eq. 3.29) under position,
 velocity and acceleration limits on a grid of 0.1 s. Every optimiser sets out from the same random
@@ -6,8 +6,9 @@ motions, in the same whitened unknowns, and ends with the motion pulled inside t
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import minimize
@@ -16,11 +17,14 @@ from bench.accuracy import parameter_order
 from bench.peers.pinocchio_model import pinocchio_model
 from runtime.excitation import COST_SAMPLES, START, ConditionCost, Limits, fourier_basis, whitening
 from runtime.excitation.limits.joint_limits import inside
+from runtime.excitation.search.measures import Measure
 from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.library import Array, Library
 
+Cost = Callable[[Array], tuple[float, Array | None]]
+"""Objective of the coefficients (n, M) and its gradient, where there is one."""
 ITERATIONS = 200
-"""Largest number of iterations of SLSQP; it stops at a relative change of 1e-6."""
+"""Largest number of iterations of SLSQP on one objective; it stops at a relative change of 1e-6."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,28 +53,42 @@ def ours(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
 def slsqp_exact(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
     """SciPy's SLSQP with our compiled value and gradient."""
     cost = ConditionCost(lib, problem.home, problem.harmonics, problem.duration)
-    return _slsqp(lib, problem, cost.value_gradient)
+    return _slsqp(lib, problem, [(cost.value_gradient, ITERATIONS)])
+
+
+def slsqp_staged(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
+    """SciPy's SLSQP through the smooth stages of our search, then on the kinked objective."""
+    search = Search(lib, problem)
+    stages: list[tuple[Cost, int]] = [
+        (partial(_measured, search, measure), ITERATIONS) for measure, _ in search.goal.stages
+    ]
+    return _slsqp(lib, problem, [*stages, (search.cost.value_gradient, ITERATIONS)])
+
+
+def _measured(search: Search, measure: Measure, a: Array) -> tuple[float, Array]:
+    return search.cost.measure(a, measure)
 
 
 def slsqp_differences(lib: Library, problem: SearchProblem) -> Callable[[int], float]:
     """SciPy's SLSQP with Pinocchio's regressor, NumPy's SVD and forward differences."""
     condition = _pinocchio_condition(lib, problem)
-    return _slsqp(lib, problem, lambda a: (condition(a), None))
+    return _slsqp(lib, problem, [(lambda a: (condition(a), None), ITERATIONS)])
 
 
 def _slsqp(
-    lib: Library, problem: SearchProblem, cost: Callable[[Array], tuple[float, Array | None]]
+    lib: Library, problem: SearchProblem, stages: Sequence[tuple[Cost, int]]
 ) -> Callable[[int], float]:
+    """One start of SLSQP on objectives in turn, each from the end of the one before it."""
     matrix, bound = Limits(lib, problem.home, problem.harmonics, problem.duration).inequalities()
     spread = whitening(matrix, lib.n_joints)
     spread *= np.sqrt(len(matrix) / (3.0 * len(spread)))
     rows, shape = matrix @ spread, (lib.n_joints, problem.harmonics)
     finish = _finish(lib, problem)
 
-    def value(x: Array) -> float:
+    def value(cost: Cost, x: Array) -> float:
         return cost((spread @ x).reshape(shape))[0]
 
-    def both(x: Array) -> tuple[float, Array]:
+    def both(cost: Cost, x: Array) -> tuple[float, Array]:
         result, gradient = cost((spread @ x).reshape(shape))
         assert gradient is not None  # noqa: S101  requested only from a cost with a gradient
         return result, spread.T @ gradient.ravel()
@@ -79,18 +97,18 @@ def _slsqp(
         rng = np.random.default_rng((problem.seed, number))
         x = rng.normal(size=len(spread))
         x *= START / np.max(rows @ x)
-        exact = cost((spread @ x).reshape(shape))[1] is not None
         limits = {"type": "ineq", "fun": lambda x: bound - rows @ x, "jac": lambda _: -rows}
-        options = {"maxiter": ITERATIONS, "ftol": 1e-6}
-        result = minimize(
-            both if exact else value,
-            x,
-            jac=True if exact else None,
-            method="SLSQP",
-            constraints=[limits],
-            options=options,
-        )
-        return finish((spread @ result.x).reshape(shape))
+        for cost, iterations in stages:
+            exact = cost((spread @ x).reshape(shape))[1] is not None
+            x = minimize(
+                partial(both if exact else value, cost),
+                x,
+                jac=True if exact else None,
+                method="SLSQP",
+                constraints=[limits],
+                options={"maxiter": iterations, "ftol": 1e-6},
+            ).x
+        return finish((spread @ x).reshape(shape))
 
     return start
 

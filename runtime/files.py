@@ -8,6 +8,7 @@ check the values.
 import errno
 import json
 import os
+import re
 import secrets
 import stat
 import tomllib
@@ -22,6 +23,13 @@ LARGEST = 2**26
 """Largest size of a document [bytes]; the largest that is written here has a few million."""
 _DIGITS = 19
 """Largest number of digits of an integer that is read."""
+_KEY_PARTS = 32
+"""Largest number of parts of a dotted key; the time to read one grows with their square."""
+_KEY_LENGTH = 1000
+"""Largest length of a key [characters]."""
+_TOML_LITERAL = re.compile(
+    r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL
+)
 
 
 def require_file(path: Path) -> Path:
@@ -64,14 +72,37 @@ def json_of(document: Path | bytes) -> Any:
 
 def toml_of(path: Path) -> dict[str, Any]:
     """Tables of a TOML document; errors as for `bytes_of`."""
+    text = text_of(path)
+    require_short_keys(text)
     try:
-        tables = tomllib.loads(text_of(path))
+        tables = tomllib.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
     for value in values_of(tables):
         if isinstance(value, int) and abs(value) >= 10**_DIGITS:
             raise ValueError(f"an integer has more than {_DIGITS} digits")
     return tables
+
+
+def require_short_keys(text: str) -> None:
+    """Refuse a TOML text with long keys before it is parsed.
+
+    Args:
+        text: TOML.
+
+    Raises:
+        ValueError: a key is longer than `_KEY_LENGTH`, or has more than `_KEY_PARTS` parts.
+    """
+    # Texts become one letter and comments nothing; then only keys, numbers and dates are left.
+    plain = _TOML_LITERAL.sub(
+        lambda found: "" if found[0][0] == "#" else "s" * min(len(found[0]), _KEY_LENGTH), text
+    )
+    for word in re.findall(r"[A-Za-z0-9_\-. \t]+", plain):
+        if word.count(".") >= _KEY_PARTS:
+            raise ValueError(f"a key has more than {_KEY_PARTS} parts")
+    for name in re.findall(r"[A-Za-z0-9_\-]+", text):
+        if len(name) > _KEY_LENGTH:
+            raise ValueError(f"a key or number has more than {_KEY_LENGTH} characters")
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -2,12 +2,21 @@
 
 import errno
 import json
+import re
 import stat
+import tomllib
 from pathlib import Path
 from typing import Any
 
 LARGEST = 50 * 2**20
 """Largest file that is read, bytes. Robot descriptions have thousands of lines, not millions."""
+_KEY_PARTS = 32
+"""Largest number of parts of a dotted key; the time to read one grows with their square."""
+_KEY_LENGTH = 1000
+"""Largest length of a key [characters]."""
+_TOML_LITERAL = re.compile(
+    r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL
+)
 
 
 def text_of(path: Path) -> str:
@@ -38,3 +47,39 @@ def json_of(path: Path) -> Any:
         return json.loads(text_of(path))
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+
+
+def toml_of(path: Path) -> dict[str, Any]:
+    """Return the tables of a TOML file.
+
+    Raises:
+        OSError: as for `text_of`.
+        ValueError: as for `text_of`, or the text is not TOML, or has long keys.
+    """
+    text = text_of(path)
+    require_short_keys(text)
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def require_short_keys(text: str) -> None:
+    """Refuse a TOML text with long keys before it is parsed.
+
+    Args:
+        text: TOML.
+
+    Raises:
+        ValueError: a key is longer than `_KEY_LENGTH`, or has more than `_KEY_PARTS` parts.
+    """
+    # Texts become one letter and comments nothing; then only keys, numbers and dates are left.
+    plain = _TOML_LITERAL.sub(
+        lambda found: "" if found[0][0] == "#" else "s" * min(len(found[0]), _KEY_LENGTH), text
+    )
+    for word in re.findall(r"[A-Za-z0-9_\-. \t]+", plain):
+        if word.count(".") >= _KEY_PARTS:
+            raise ValueError(f"a key has more than {_KEY_PARTS} parts")
+    for name in re.findall(r"[A-Za-z0-9_\-]+", text):
+        if len(name) > _KEY_LENGTH:
+            raise ValueError(f"a key or number has more than {_KEY_LENGTH} characters")

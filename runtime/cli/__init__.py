@@ -59,6 +59,16 @@ def main() -> None:
     except RuntimeFault as error:
         print(f"{name}: {error}", file=sys.stderr)
         raise SystemExit(2) from None
+    except OSError as error:
+        if error.filename is None:
+            raise
+        place = str(error.filename)
+        short = place if len(place) <= 100 else place[:100] + "…"
+        print(
+            f"{name}: cannot use '{short}' ({error.strerror}); choose another path",
+            file=sys.stderr,
+        )
+        raise SystemExit(2) from None
     except SystemExit as end:
         if end.code == INTERRUPTED:
             print(

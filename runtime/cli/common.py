@@ -23,7 +23,7 @@ Robot = Annotated[
 ]
 Seed = Annotated[
     int,
-    typer.Option(help="Seed of the random numbers.", min=0),
+    typer.Option(help="Seed of the random numbers, below 2⁶³.", min=0, max=2**63 - 1),
 ]
 
 

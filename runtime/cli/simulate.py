@@ -91,7 +91,11 @@ def simulate_command(
     ] = None,
     truth_seed: Annotated[
         int,
-        typer.Option(help="mujoco: seed of the true robot; --seed is that of the noise.", min=0),
+        typer.Option(
+            help="mujoco: seed of the true robot; --seed is that of the noise.",
+            min=0,
+            max=2**63 - 1,
+        ),
     ] = 0,
     exact: Annotated[
         bool,

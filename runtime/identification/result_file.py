@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.errors import IdentificationError
 from runtime.estimators.classical.pc_ols import BOUNDARY
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
@@ -19,7 +20,7 @@ from runtime.identification import metrics
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
-from runtime.identification.saved_result import model_facts
+from runtime.identification.saved_result import LARGEST, model_facts
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, centre_of_mass, links, mass
 from runtime.recording import Preparation
@@ -115,8 +116,16 @@ def write_result(
         Facts of result.json, by the keys of `result_schema`.
 
     Raises:
+        IdentificationError: parameters beyond what `read_result` accepts.
         RuntimeFault: the folder cannot be written.
     """
+    largest = float(np.abs(np.concatenate([result.pi, np.ravel(result.usual_phi)])).max())
+    if not largest < LARGEST:
+        raise IdentificationError(
+            f"expected parameters and friction coefficients below {LARGEST:g} in SI units, got "
+            f"{largest:.3g}, so nothing was written; leave out friction columns that the motion "
+            "does not excite, or use a method with a prior (map)"
+        )
     facts = result_facts(result, command) | {"sessions": agreement}
     test = samples_of(result.test, result.lib)
     arrays = {

@@ -28,6 +28,9 @@ _WIDTHS = {
 }
 """Width of friction columns → symbol and unit."""
 
+SMALLEST = 1e-9
+"""Smallest setting, and the reciprocal of the largest [SI]: no filter, rate or width is beyond."""
+
 
 @dataclass(frozen=True, slots=True)
 class Preparation:
@@ -152,7 +155,7 @@ class Friction:
 
 
 def positive(what: str, value: float) -> None:
-    """Require a finite number above 0.
+    """Require a finite number above 0 whose products with a clock are finite, too.
 
     Args:
         what: name of the setting, for the message.
@@ -163,6 +166,11 @@ def positive(what: str, value: float) -> None:
     """
     if isinstance(value, bool) or not (isfinite(value) and value > 0):
         raise RecordingError(f"{what} expects a number above 0, got {value}; correct it")
+    if not SMALLEST <= value <= 1.0 / SMALLEST:
+        raise RecordingError(
+            f"{what} expects a number from {SMALLEST:g} to {1.0 / SMALLEST:g}, got {value}; "
+            "correct it"
+        )
 
 
 def one_of(what: str, value: str, valid: tuple[str, ...]) -> None:

@@ -121,6 +121,8 @@ def _time(
     if t.shape[1] != 1:
         raise RecordingError(f"expected one column of time, got {t.shape[1]}; correct the recipe")
     t = t[:, 0]
+    if not t.size:
+        raise RecordingError("the log is expected to hold samples, got none; record again")
     if plan.from_zero:
         start = float(t[0]) if origin is None else origin
         note = [f"Time is counted from the first sample, {start:.9g} {plan.unit}."]

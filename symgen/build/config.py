@@ -4,7 +4,6 @@ It is read from a TOML file beside the URDF and written into the manifest.
 """
 
 import sys
-import tomllib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 from symgen.chain import Chain, Joint
 from symgen.collision import CollisionModel
 from symgen.collision.tables import collision_from_tables
-from symgen.documents import text_of
+from symgen.documents import toml_of
 from symgen.errors import BuildError
 
 Vector = tuple[float, ...]
@@ -83,8 +82,8 @@ def read_config(*paths: Path) -> RobotConfig:
     joined: dict[str, Any] = {}
     for path in paths:
         try:
-            table = tomllib.loads(text_of(path))
-        except (OSError, ValueError, RecursionError) as error:
+            table = toml_of(path)
+        except (OSError, ValueError) as error:
             raise BuildError(f"cannot read the robot configuration '{path}': {error}") from None
         table.pop("source", None)
         twice = sorted(joined.keys() & table.keys())
@@ -101,8 +100,8 @@ def read_masses(path: Path) -> dict[str, float]:
         BuildError: the file cannot be read, or an entry is not a number.
     """
     try:
-        table = tomllib.loads(text_of(path))
-    except (OSError, ValueError, RecursionError) as error:
+        table = toml_of(path)
+    except (OSError, ValueError) as error:
         raise BuildError(f"cannot read the masses '{path}': {error}") from None
     for link, mass in table.items():
         if not _is_number(mass):

@@ -12,6 +12,7 @@ import pinocchio
 from symgen.chain.assumed_bodies import assume_bodies
 from symgen.chain.document import MOVING, Document, numbers
 from symgen.chain.normalise import ChainOptions, normalise
+from symgen.chain.parse import parse_with_pinocchio
 from symgen.errors import UrdfError
 
 Rows = tuple[tuple[float, ...], ...]
@@ -19,6 +20,9 @@ Vector = tuple[float, ...]
 
 ROUNDING = 1e-12
 """Distance from 0 or ±1 within which entries of rotations, axes and translations are snapped."""
+
+MOST_JOINTS = 100
+"""Largest number of moving joints; the C code grows with its square."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,12 +140,17 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         _check_inertial(document, name)
     urdf = document.text()
     moving = [name for name in document.joints if document.kind(name) in MOVING]
+    if len(moving) > MOST_JOINTS:
+        raise UrdfError(
+            f"expected at most {MOST_JOINTS} moving joints, got {len(moving)}; select a part of "
+            "the robot with --base and --tip, or fix joints with --lock"
+        )
     if not moving:
         raise UrdfError(
             "no joint of this URDF moves, so there is nothing to identify; "
             "check --base, --tip and --lock"
         )
-    model = _parse_with_pinocchio(document)
+    model = parse_with_pinocchio(document)
     joints = tuple(_joint(document, model, index) for index in range(1, model.njoints))
     return Chain(
         name=document.name,
@@ -155,31 +164,6 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         assumed=options.assumed | new,
         base_is_assumed=options.base is None and not document.has_base_joint(),
     )
-
-
-def _parse_with_pinocchio(document: Document) -> pinocchio.Model:
-    """Pinocchio's model; a continuous joint is passed as a revolute one, so that nq = nv."""
-    copy = Document(document.text())
-    for link in copy.links.values():  # shapes are not needed, and a faulty one stops the parser
-        for shape in [*link.findall("visual"), *link.findall("collision")]:
-            link.remove(shape)
-    for name, element in copy.joints.items():
-        for tag in ("dynamics", "safety_controller", "limit", "calibration"):
-            node = element.find(tag)
-            if node is not None:
-                element.remove(node)
-        if copy.kind(name) in MOVING:
-            axis = element.find("axis")
-            if axis is not None:
-                direction = numbers(axis.get("xyz", "1 0 0"), 3, f"joint '{name}': axis")
-                if not np.linalg.norm(direction) > 0:
-                    raise UrdfError(f"joint '{name}' has the axis 0 0 0; give it a direction")
-            element.set("type", "prismatic" if copy.kind(name) == "prismatic" else "revolute")
-            element.append(element.makeelement("limit", {"effort": "1", "velocity": "1"}))
-    try:
-        return pinocchio.buildModelFromXML(copy.text())
-    except (ValueError, RuntimeError) as error:
-        raise UrdfError(f"pinocchio cannot read the URDF: {' '.join(str(error).split())}") from None
 
 
 def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:

@@ -27,6 +27,16 @@ def main() -> None:
     except SymgenError as error:
         print(f"symgen: {error}", file=sys.stderr)
         raise SystemExit(2) from None
+    except OSError as error:
+        if error.filename is None:
+            raise
+        place = str(error.filename)
+        short = place if len(place) <= 100 else place[:100] + "…"
+        print(
+            f"symgen: cannot use '{short}' ({error.strerror}); choose another path",
+            file=sys.stderr,
+        )
+        raise SystemExit(2) from None
     except SystemExit as end:
         if end.code == INTERRUPTED:
             print(

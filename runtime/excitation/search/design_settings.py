@@ -13,6 +13,10 @@ from runtime.library import Array
 
 LONGEST = 3600.0
 """Longest duration of a motion, s; beyond it the grid of the limits exceeds the memory."""
+SHORTEST = 1e-3
+"""Shortest duration of a trajectory [s]: a controller has one period in it."""
+MOST_HARMONICS = 1000
+"""Largest number of harmonics; a search of as many takes hours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,10 +52,12 @@ class DesignSettings:
     safety: Safety | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.duration <= LONGEST or self.harmonics < 1 or self.starts < 1:
+        possible = SHORTEST <= self.duration <= LONGEST and 1 <= self.harmonics <= MOST_HARMONICS
+        if not possible or self.starts < 1:
             raise IdentificationError(
-                f"a trajectory needs a positive duration up to {LONGEST:g} s, at least one "
-                f"harmonic and one start, got {self.duration:g} s, {self.harmonics}, {self.starts}"
+                f"a trajectory needs a positive duration, {SHORTEST:g} to {LONGEST:g} s, 1 to "
+                f"{MOST_HARMONICS} harmonics and at least one start, got "
+                f"{self.duration:g} s, {self.harmonics}, {self.starts}"
             )
 
 

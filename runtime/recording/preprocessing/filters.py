@@ -19,6 +19,9 @@ from runtime.recording.recording import ALL, FloatArray
 FILTERED = ("Low-passed", "Averaged", "Smoothed")
 """First words of the sentences that these filters add to the history."""
 
+LOWEST = 1e-7
+"""Cut-off over rate at which the poles of a low-pass are 1 in double precision."""
+
 
 @dataclass(frozen=True, slots=True)
 class Butterworth:
@@ -61,6 +64,11 @@ def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butte
         raise RecordingError(
             f"cutoff_hz expects a value between 0 and {0.5 / step:.4g} Hz (half the rate), "
             f"got {cutoff_hz:g}; lower it"
+        )
+    if not cutoff_hz * step > LOWEST:
+        raise RecordingError(
+            f"cutoff_hz expects at least {LOWEST:g} of the rate, {1.0 / step:.4g} Hz, got "
+            f"{cutoff_hz:g} Hz; raise it, or state the unit of time"
         )
     sections = scipy_signal.butter(order, cutoff_hz * 2.0 * step, output="sos")
     minimum = 3 * (order + 1)

@@ -1,0 +1,147 @@
+"""Extreme files and options: refused in one sentence, within seconds, without a traceback."""
+
+import json
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from runtime.files import toml_of
+from symgen.build.config import read_config
+from symgen.chain import read_chain
+from symgen.errors import BuildError, UrdfError
+from tests.conftest import TINY_URDF
+from tests.runtime.conftest import Command
+from tests.runtime.desk import Desk
+
+LONG_KEYS = {
+    "dots": "a" + ".a" * 50_000 + " = 1",
+    "quoted dots": "'a'" + ".'a'" * 5_000 + " = 1",
+    "spaced dots": "a" + " . a" * 5_000 + " = 1",
+    "table": "[" + "a." * 50_000 + "a]",
+    "long name": "a" * 100_000 + " = 1",
+    "after a text": 'x = "# \\" \'"\n' + "a." * 500 + "a = 1",
+}
+
+
+@pytest.mark.parametrize("kind", LONG_KEYS)
+def test_long_keys_are_refused_before_they_are_read(kind: str, tmp_path: Path) -> None:
+    """Property: 50,000 dots took 51 s and 5.7 GB; now a tenth of a second suffices for them."""
+    path = tmp_path / "a.toml"
+    path.write_text(LONG_KEYS[kind])
+    start = time.process_time()
+    with pytest.raises(ValueError, match="a key "):
+        toml_of(path)
+    with pytest.raises(BuildError, match="a key "):
+        read_config(path)
+    assert time.process_time() - start < 2.0  # s; twenty times what it takes here
+
+
+def test_usual_keys_are_read(tmp_path: Path) -> None:
+    """Property: dots within texts, comments and numbers are no keys."""
+    path = tmp_path / "a.toml"
+    dots = "." * 100
+    path.write_text(
+        f'a.b.c = "{dots}"  # {dots}\nd = [{", ".join(["1.5"] * 100)}]\n"e.f" = \'{dots}\''
+    )
+    assert toml_of(path) == {"a": {"b": {"c": dots}}, "d": [1.5] * 100, "e.f": dots}
+
+
+LONG = "x" * 5000
+IDENTIFY = {
+    "cut-off": (("good.csv", "--cutoff", "1e-308"), "cutoff_hz expects a number from"),
+    "slow cut-off": (("good.csv", "--cutoff", "1e-6"), "cutoff_hz expects at least"),
+    "rate": (("good.csv", "--rate", "1e-308"), "expects a number from"),
+    "name of the log": ((LONG,), "cannot use 'xxx.*File name too long"),
+    "name of the recipe": (("good.csv", "--recipe", LONG), "File name too long|no recipe"),
+}
+
+
+@pytest.mark.parametrize("case", IDENTIFY)
+def test_identify(case: str, desk: Desk, command: Command) -> None:
+    """Property: exit 2 and one sentence."""
+    words, message = IDENTIFY[case]
+    ran = command(*desk.identify(*words))
+    assert ran.code == 2
+    assert len(ran.err.splitlines()) == 1
+    assert re.search(message, ran.err), ran.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("--duration", "1e-308"), ("--harmonics", "1" + "0" * 23), ("--harmonics", "100000")],
+    ids=str,
+)
+def test_excite(words: tuple[str, ...], desk: Desk, command: Command) -> None:
+    """Property: a motion has a duration and a number of harmonics that a computer can hold."""
+    ran = command(*desk.excite(*words))
+    assert ran.code == 2
+    assert "a trajectory needs" in ran.err
+
+
+@pytest.mark.parametrize("name", ["excite", "identify", "simulate"])
+def test_seeds_have_64_bits(name: str, desk: Desk, command: Command) -> None:
+    """Property: a seed that result.json cannot hold is refused before anything is computed."""
+    words = {"excite": desk.excite(), "simulate": desk.simulate()}.get(
+        name, desk.identify("good.csv")
+    )
+    ran = command(*words, "--seed", "9" * 23)
+    assert ran.code == 2
+    assert not (desk.folder / "out").exists()
+
+
+def test_logs_without_samples(desk: Desk, command: Command) -> None:
+    """Property: an NPZ of empty arrays, and a clock that is 1e12 too fast."""
+    arrays = {"t": np.zeros(0), "q": np.zeros((0, 7)), "tau": np.zeros((0, 7))}
+    np.savez(desk.folder / "empty.npz", **arrays)
+    np.savez(desk.folder / "nothing.npz")
+    with np.load(desk.folder / "good.npz") as good:
+        np.savez(desk.folder / "fast.npz", **dict(good) | {"t": good["t"] * 1e-12})
+    for name in ("empty", "nothing", "fast"):
+        for verb in ("identify", "inspect"):
+            ran = command(verb, f"{name}.npz", "--robot", desk.lib.folder)
+            # A log with measured dq and ddq needs its clock for nothing but the order of rows.
+            assert ran.code in ({0, 1, 2} if name == "fast" else {2}), (verb, name)
+            assert "Traceback" not in ran.err
+
+
+def test_axes_and_chains() -> None:
+    """Property: an axis whose square overflows, and a chain that no computer writes out."""
+    with pytest.raises(UrdfError, match=r"'swing' has an axis of length 1e\+200, expected about 1"):
+        read_chain(TINY_URDF.replace('xyz="0 1 0"', 'xyz="0 1e200 0"'))
+    body = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
+    links = "".join(f'<link name="l{k}">{body}</inertial></link>' for k in range(102))
+    joints = "".join(
+        f'<joint name="j{k}" type="continuous"><parent link="l{k}"/>'
+        f'<child link="l{k + 1}"/></joint>'
+        for k in range(101)
+    )
+    with pytest.raises(UrdfError, match="at most 100 moving joints, got 101"):
+        read_chain(f'<robot name="long">{links}{joints}</robot>')
+
+
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_what_identify_writes_evaluate_reads(
+    data: st.DataObject, desk: Desk, command: Command
+) -> None:
+    """Property: over random options, a result that was written is read again."""
+    columns = data.draw(
+        st.lists(st.sampled_from(["viscous", "coulomb", "offset", "load"]), unique=True)
+    )
+    words = ["--method", data.draw(st.sampled_from(["map", "ols", "wls", "pc-ols", "levenberg"]))]
+    words += ["--friction", ",".join(columns)] if columns else []
+    words += ["--seed", str(data.draw(st.integers(0, 2**63 - 1)))]
+    (desk.folder / "out" / "result.json").unlink(missing_ok=True)
+    ran = command(*desk.identify("good.csv", *words))
+    assert ran.code in {0, 2}, ran.err
+    written = desk.folder / "out" / "result.json"
+    assert written.exists() == (ran.code == 0)
+    if ran.code == 0:
+        assert json.loads(written.read_text())["format"] == 2
+        read = command("evaluate", "out", "good.csv", "--robot", desk.lib.folder)
+        assert read.code == 0, read.err

@@ -55,9 +55,9 @@ class DesignSettings:
         possible = SHORTEST <= self.duration <= LONGEST and 1 <= self.harmonics <= MOST_HARMONICS
         if not possible or self.starts < 1:
             raise IdentificationError(
-                f"a trajectory needs a positive duration, {SHORTEST:g} to {LONGEST:g} s, 1 to "
-                f"{MOST_HARMONICS} harmonics and at least one start, got "
-                f"{self.duration:g} s, {self.harmonics}, {self.starts}"
+                f"a trajectory needs a positive duration up to {LONGEST:g} s, of {SHORTEST:g} s or "
+                f"more, at least one harmonic and one start, at most {MOST_HARMONICS} harmonics, "
+                f"got {self.duration:g} s, {self.harmonics}, {self.starts}"
             )
 
 

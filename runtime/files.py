@@ -95,7 +95,7 @@ def require_short_keys(text: str) -> None:
     """
     # Texts become one letter and comments nothing; then only keys, numbers and dates are left.
     plain = _TOML_LITERAL.sub(
-        lambda found: "" if found[0][0] == "#" else "s" * min(len(found[0]), _KEY_LENGTH), text
+        lambda match: "" if match[0][0] == "#" else "s" * min(len(match[0]), _KEY_LENGTH), text
     )
     for word in re.findall(r"[A-Za-z0-9_\-. \t]+", plain):
         if word.count(".") >= _KEY_PARTS:

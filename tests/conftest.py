@@ -13,9 +13,9 @@ import pytest
 from hypothesis import settings
 
 from runtime.library import Library, load
-from symgen.build.own_builds import records_folder
 from symgen.build.pipeline import build, is_current
 from symgen.build.request import BuildRequest, bundled_request
+from symgen.build.user_builds import records_folder
 from tests.robots import CASES
 
 REPOSITORY = Path(__file__).parents[1]

@@ -15,8 +15,8 @@ from runtime.errors import RecordingError
 from runtime.estimators.friction_net import FrictionNet
 from runtime.identification.result_schema import read_facts
 from runtime.library import Array, Library
-from runtime.library.own_builds import NAME
 from runtime.library.parameters import N_PARAMETERS
+from runtime.library.user_builds import NAME
 from runtime.recording import Friction, Preparation
 
 LARGEST = 1e9

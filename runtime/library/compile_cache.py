@@ -28,7 +28,7 @@ from runtime.errors import LibraryError
 from runtime.files import json_of
 from runtime.library.compile_recipe import REFERENCE, CompileRecipe, read_recipe, require_intact
 from runtime.library.compiler import compile_folder, find_compiler, machine, version_of
-from runtime.library.own_builds import is_own
+from runtime.library.user_builds import is_safe_from_others
 
 KEPT = 3
 """Number of libraries per robot that are kept regardless of their age."""
@@ -141,7 +141,11 @@ def is_whole(entry: Path, robot: str) -> bool:
     try:
         library = entry / f"lib{robot}.so"
         record = json_of(entry / "build.json")
-        return is_own(entry) and is_own(library) and bool(record["sha256"] == _sha256(library))
+        return (
+            is_safe_from_others(entry)
+            and is_safe_from_others(library)
+            and bool(record["sha256"] == _sha256(library))
+        )
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -167,7 +171,7 @@ def _roots() -> list[Path]:
     requested = os.environ.get("SYMGEN_CACHE", "")
     if requested:
         root = Path(requested).expanduser().resolve()
-        if root.exists() and not is_own(root):
+        if root.exists() and not is_safe_from_others(root):
             raise LibraryError(
                 f"expected SYMGEN_CACHE to be a folder that only you can write, got '{root}', "
                 "which others own or can write; name another folder, or make it yours (chown, "

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import LibraryError
-from runtime.library.own_builds import NAME, built_folders, is_own_build
+from runtime.library.user_builds import NAME, built_folders, is_user_build
 
 
 class ForeignRobotError(LibraryError):
@@ -25,7 +25,7 @@ class ForeignRobotError(LibraryError):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class RobotFolder:
     """Generated folder of a robot.
 
     Attributes:
@@ -37,7 +37,7 @@ class Found:
     origin: str
 
 
-def find(robot: str | os.PathLike[str]) -> Found:
+def find(robot: str | os.PathLike[str]) -> RobotFolder:
     """Generated folder of a robot.
 
     A name, [a-z][a-z0-9_]*, is looked up in the package, then among the folders that this user has
@@ -54,17 +54,17 @@ def find(robot: str | os.PathLike[str]) -> Found:
         LibraryError: there is no robot of this name.
     """
     if isinstance(robot, os.PathLike) or not NAME.fullmatch(robot):
-        return Found(Path(robot), "the folder that was given")
+        return RobotFolder(Path(robot), "the folder that was given")
     package = Path(__file__).parents[1]  # generated/ lies in it if installed, else beside it
     roots = [folder / "generated" for folder in (package, package.parent)]
     for root in roots:
         if (root / robot / "manifest.json").exists():
-            return Found(root / robot, "the package")
+            return RobotFolder(root / robot, "the package")
     here = Path("generated") / robot
     if _is_built_here(here, robot):
-        return Found(here, "your build")
+        return RobotFolder(here, "your build")
     for folder in built_folders(robot):
-        return Found(folder, "your build")
+        return RobotFolder(folder, "your build")
     if (here / "manifest.json").exists():
         raise ForeignRobotError(robot, here)
     bundled = (package.parent / "symgen" / "robots" / f"{robot}.urdf").exists()
@@ -83,4 +83,4 @@ def _is_built_here(folder: Path, robot: str) -> bool:
         digest = hashlib.sha256(library.read_bytes()).hexdigest()
     except OSError:
         return False
-    return (folder / "manifest.json").is_file() and is_own_build(library, digest)
+    return (folder / "manifest.json").is_file() and is_user_build(library, digest)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from runtime.errors import LibraryError
 from runtime.files import json_of
-from runtime.library.own_builds import NAME
 from runtime.library.parameters import PI_NAMES
+from runtime.library.user_builds import NAME
 
 FORMAT = 4
 

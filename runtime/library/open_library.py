@@ -10,7 +10,7 @@ from runtime.errors import LibraryError
 from runtime.files import json_of
 from runtime.library.compile_cache import compiled_library
 from runtime.library.manifest import Manifest
-from runtime.library.own_builds import is_own_build
+from runtime.library.user_builds import is_user_build
 
 AGAIN = "run: python -m symgen build"
 
@@ -37,7 +37,7 @@ def open_library(folder: Path, manifest: Manifest, level: str | None = None) -> 
     if not (folder / name).exists():
         place = compiled_library(folder, manifest.robot, level)
     digest = _checked(place, folder, name)
-    if place == folder and not is_own_build(folder / name, digest):
+    if place == folder and not is_user_build(folder / name, digest):
         place = compiled_library(folder, manifest.robot, level)
         _checked(place, folder, name)
     path = place / name

@@ -22,8 +22,8 @@ from symgen import __version__
 from symgen.build.compiler import Compilation, Compiled, how_to_compile, sha256_of
 from symgen.build.exchange import replace_folder
 from symgen.build.facts import initial_parameters, model_facts
-from symgen.build.own_builds import is_recorded, record_build
 from symgen.build.request import BuildRequest
+from symgen.build.user_builds import is_recorded, record_build
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, Joint, read_chain
 from symgen.chain.assumed_bodies import GIVEN, PLACEHOLDER, PLACEHOLDER_MASS

@@ -82,9 +82,9 @@ def gain_test(lib: Library, samples: Samples, weights: Array) -> GainTest | None
     if np.linalg.norm(rest) <= RANK_TOLERANCE * np.linalg.norm(target):
         return None
     # Columns of ε: the predicted torque of one joint in its rows, less what β and φ take up.
-    own = np.zeros((count, n, n))
-    own[:, range(n), range(n)] = predicted.reshape(count, n)
-    columns = own.reshape(-1, n) - basis @ (basis.T @ own.reshape(-1, n))
+    diagonal = np.zeros((count, n, n))
+    diagonal[:, range(n), range(n)] = predicted.reshape(count, n)
+    columns = diagonal.reshape(-1, n) - basis @ (basis.T @ diagonal.reshape(-1, n))
     gains = _orthonormal(columns)
     explained = gains.T @ rest
     left = rest - gains @ explained

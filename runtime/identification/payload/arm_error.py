@@ -60,8 +60,8 @@ def arm_covariance(
         mean += arm.sum(axis=0)
     # The offsets take the means; the payload takes what its columns explain of the rest.
     gain = payload @ cross
-    own = rows.reshape(-1, N_PARAMETERS)
-    taken = np.linalg.pinv(own.T @ own, rcond=_RANK, hermitian=True) @ cross
+    arm_rows = rows.reshape(-1, N_PARAMETERS)
+    taken = np.linalg.pinv(arm_rows.T @ arm_rows, rcond=_RANK, hermitian=True) @ cross
     left = gram - mean.T @ mean / len(run) - cross.T @ taken
     # Energy of the residual in the span of the arm's columns, over that of the whole prior: noise
     # enters it by a few dozen of N n equations only.

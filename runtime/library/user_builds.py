@@ -20,7 +20,7 @@ NAME = re.compile(r"[a-z][a-z0-9_]*")
 """Name of a robot; any other word is the path of a folder."""
 
 
-def is_own(path: Path) -> bool:
+def is_safe_from_others(path: Path) -> bool:
     """Whether nobody but this user, the administrator and the user's own group can change a path.
 
     Args:
@@ -37,7 +37,7 @@ def is_own(path: Path) -> bool:
     return facts.st_uid in {os.getuid(), 0} and not (facts.st_mode & stat.S_IWOTH or of_group)
 
 
-def is_own_build(library: Path, sha256: str) -> bool:
+def is_user_build(library: Path, sha256: str) -> bool:
     """Whether this user compiled a library.
 
     Args:
@@ -49,7 +49,11 @@ def is_own_build(library: Path, sha256: str) -> bool:
     """
     records = records_folder()
     record = records / f"{sha256}.json"
-    return is_own(library.resolve()) and is_own(records) and is_own(record)
+    return (
+        is_safe_from_others(library.resolve())
+        and is_safe_from_others(records)
+        and is_safe_from_others(record)
+    )
 
 
 def built_folders(robot: str) -> list[Path]:
@@ -62,18 +66,18 @@ def built_folders(robot: str) -> list[Path]:
         Folders that still hold a manifest.
     """
     records = records_folder()
-    if not is_own(records):
+    if not is_safe_from_others(records):
         return []
     folders = []
     for path in records.glob("*.json"):
         try:
             facts, written = json_of(path), path.stat().st_mtime
-            if is_own(path) and facts["robot"] == robot:
+            if is_safe_from_others(path) and facts["robot"] == robot:
                 folders.append((written, Path(facts["folder"])))
         except (OSError, ValueError, KeyError, TypeError):
             continue  # a record that is being replaced, or a damaged one
-    found = dict.fromkeys(folder for _, folder in sorted(folders, reverse=True))
-    return [folder for folder in found if (folder / "manifest.json").is_file()]
+    newest_first = dict.fromkeys(folder for _, folder in sorted(folders, reverse=True))
+    return [folder for folder in newest_first if (folder / "manifest.json").is_file()]
 
 
 def records_folder() -> Path:

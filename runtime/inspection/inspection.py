@@ -27,10 +27,10 @@ from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choo
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
-from runtime.notebook import Framed, html_table
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
 from runtime.recording.friction import ROTOR, names_where
+from runtime.recording.notebook import Framed, html_table
 from runtime.recording.plausibility import require_joints
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
-from runtime.notebook import Framed, html_table
+from runtime.recording.notebook import Framed, html_table
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.settings import Preparation
 

@@ -11,6 +11,7 @@ e · d is piecewise linear with kinks where p_i = ±h_i: its zero is exact. The 
 is that of |P − Q| with both closest points fixed in their links. Source: Danskin's theorem.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -106,7 +107,7 @@ def _closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]
     return start + best[:, None] * direction, way(best[:, None])[:, 0]
 
 
-class _OfBox:
+class _OfBox(ABC):
     """Constraint (margin − distance) / 0.1 m of a carried box."""
 
     orders: ClassVar[int] = 1
@@ -144,9 +145,9 @@ class _OfBox:
         del row
         return self.margin - g * LENGTH, self.margin, "m"
 
+    @abstractmethod
     def _measured(self, q: Array) -> tuple[Array, Array]:
         """Distances (N, R) m and their slopes by q, (N, R, n)."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,8 +23,8 @@ from runtime.identification.identified import Identification
 from runtime.identification.problem_setup import Assembly
 from runtime.identification.single_log import identify_assembled
 from runtime.library import Array
-from runtime.notebook import html_table
 from runtime.parallel import one_blas_thread
+from runtime.recording.notebook import html_table
 
 UNTOUCHED = "interrupted by the user before its turn"
 TINY = 1e-9

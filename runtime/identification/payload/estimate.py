@@ -24,9 +24,9 @@ from runtime.identification.payload.mount import Mount, mount_of
 from runtime.identification.payload.reading import ArmModel, arm_model
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
-from runtime.notebook import html_table
 from runtime.parallel import one_blas_thread
 from runtime.recording import Preparation, Recording
+from runtime.recording.notebook import html_table
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
 

@@ -13,8 +13,8 @@ from runtime.identification.comparison import compare
 from runtime.identification.problem_setup import assemble
 from runtime.inspection import Finding, Inspection
 from runtime.library import Library
-from runtime.notebook import html_table
 from runtime.recording import Friction, Recipe
+from runtime.recording.notebook import html_table
 from tests.runtime.pages import Reader
 
 EVIL = "<script>&\"'"

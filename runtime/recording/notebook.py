@@ -1,5 +1,6 @@
 """Results in a notebook: small HTML tables, whose texts are escaped, and data frames."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import import_module
@@ -55,14 +56,14 @@ def frame(columns: Mapping[str, Any], package: str) -> Any:
     return module.DataFrame(dict(columns))
 
 
-class Framed:
+class Framed(ABC):
     """Conversion to data frames, for classes with `columns_of_frame`."""
 
     __slots__ = ()
 
+    @abstractmethod
     def columns_of_frame(self) -> Mapping[str, Any]:
         """Title → values of the table."""
-        raise NotImplementedError
 
     def to_pandas(self) -> Any:
         """The table as a `pandas.DataFrame`."""

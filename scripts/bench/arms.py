@@ -50,6 +50,7 @@ def build_arm(
     from symgen.build.facts import initial_parameters, model_facts
     from symgen.build.pipeline import ONCE, PER_LEVEL
     from symgen.build.request import BuildRequest
+    from symgen.build.user_builds import record_build
     from symgen.catalogue import make_catalogue
     from symgen.chain import read_chain
     from symgen.emit import emit
@@ -72,6 +73,7 @@ def build_arm(
         made = compile_library(once, folder / f"lib{name}.so", per_level)
     record = {"sha256": made.sha256, "sources": {f: sha256_of(folder / f) for f in files}}
     (folder / "build.json").write_text(json.dumps(record))
+    record_build(name, folder, made.sha256)
     operations = {kernel.name: facts_of(kernel).operations for kernel in kernels}
     return Arm(load(folder, level), operations, label)
 

@@ -129,7 +129,7 @@ def test_cc_with_arguments(monkeypatch: pytest.MonkeyPatch, source: Path) -> Non
 def test_order_of_search(no_compiler: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: cc before gcc before clang before the wheel."""
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name == "ziglang")
-    assert find_compiler() == (sys.executable, "-m", "ziglang", "cc")
+    assert find_compiler() == (sys.executable, "-P", "-m", "ziglang", "cc")
     for name in ("clang", "gcc", "cc"):
         program = no_compiler / name
         program.write_text("#!/bin/sh\n")
@@ -145,7 +145,7 @@ def test_zig_fallback(
         pytest.skip("the ziglang wheel is not installed: pip install symgen[zig]")
     monkeypatch.setenv("ZIG_GLOBAL_CACHE_DIR", os.fspath(tmp_path / "zig"))
     target = source.with_name("libtwice.so")
-    assert compile_library([source], target).commands[0][1:4] == ("-m", "ziglang", "cc")
+    assert compile_library([source], target).commands[0][1:5] == ("-P", "-m", "ziglang", "cc")
     assert works(target)
 
 

@@ -93,7 +93,7 @@ def test_payload_prediction_is_what_the_command_payload_says_later(
     loaded[-10:] += body
     plant = Plant(loaded, torque_noise=SIGMA)
     log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(3))
-    arm = ArmModel(pi_true, Friction(()), np.zeros((7, 0)), "the truth")
+    arm = ArmModel(pi_true, Friction(()), np.zeros((7, 0)), "the truth", is_exact=True)
     reported = identify_payload(log, lib, arm=arm)
     result = expected(lib, moved.statistics(lib, SIGMA), Knowledge.of(lib), 1.0, FRICTION)
     assert result.payload is not None

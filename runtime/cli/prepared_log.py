@@ -24,6 +24,7 @@ from runtime.recording import (
     open_streamed,
     read_recording,
 )
+from runtime.recording.friction import default_terms
 from runtime.recording.preprocessing import before_test
 
 _ANY_HZ = 1.0
@@ -142,11 +143,12 @@ def friction_of(recording: Recording, names: str | None, speed: float | None) ->
     Returns:
         The columns; None where neither the options nor the recipe name any.
     """
-    default = recording.recipe.friction if recording.recipe else None
+    default = default_terms(recording)
     if names is None and speed is None:
         return default
-    known = default or Friction(columns=())
-    columns, width = known.columns, known.coulomb_speed if speed is None else speed
+    written = recording.recipe.friction if recording.recipe else None
+    known = written or Friction(columns=())
+    columns, width = (default or known).columns, known.coulomb_speed if speed is None else speed
     if names is not None:
         columns = () if names == "none" else tuple(names.split(","))
     return dataclasses.replace(known, columns=columns, coulomb_speed=width)

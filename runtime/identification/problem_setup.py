@@ -16,7 +16,7 @@ from runtime.estimators.regression.samples import Samples, samples_of, thesis_we
 from runtime.identification.settings import Settings, settings_from
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction import geared
+from runtime.recording.friction import default_terms, geared
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepare_power, split
 
@@ -74,8 +74,8 @@ def assemble(
     """
     chosen = settings_from(settings, keywords)
     require_plausible(recording, lib)
-    recipe, preparation = recording.recipe, chosen.preparation
-    terms = chosen.friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
+    preparation = chosen.preparation
+    terms = chosen.friction_columns or default_terms(recording) or Friction(columns=())
     terms = geared(terms, recording)
     usual = preparation or recording.preparation
     parts = _parts(recording, lib, chosen, terms)

@@ -47,6 +47,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "joints": list(lib.joint_names),
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
         "recording": _recording_facts(result),
+        "torque_source": result.train.torque_source,
         **error_facts(before, after),
         "links": _link_facts(result),
         "consistent": result.is_consistent,

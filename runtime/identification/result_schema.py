@@ -91,6 +91,8 @@ KEYS: tuple[Key, ...] = (
     Key("recording.preparation", "table", "settings of the preparation that are not the default",
         older={}),
     Key("recording.split", "text", "instants of the parts, a phrase", unit="s", older=""),
+    Key("torque_source", "text", "measured, commanded (by a control law) or current (times a gain)",
+        is_optional=True),
     Key("torque_error_percent", "table", "100 ‖τ − τ̂‖/‖τ‖ on the test part"),
     Key("torque_error_percent.before", "list", "of the URDF without friction; null where τ = 0",
         "(n,)", "%"),

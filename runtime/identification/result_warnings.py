@@ -5,6 +5,7 @@ import numpy as np
 from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
+from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import is_filtered
 
 SUSPICIOUSLY_GOOD = 1e-4
@@ -32,6 +33,11 @@ def warnings_of(
         The notes of the result, then one sentence per warning.
     """
     warnings = list(result.notes)
+    if result.train.torque_source == COMMANDED:
+        warnings.append(
+            "the torque is commanded by a control law, not measured: errors are shares of the "
+            "commanded torque, and a wrong gain kp scales masses and friction alike"
+        )
     if after.overall > max(WORSE * before.overall, SUSPICIOUSLY_GOOD):
         warnings.append(
             f"on the test data this model is worse than the URDF ({before.overall:.3g} % became "

@@ -51,7 +51,7 @@ def _table(plan: Recipe, name: str) -> dict[str, str]:
     """Entries of one table that are not the default."""
     if name == "gear":
         return {"matrix": toml_value(plan.gear)} if plan.gear else {}
-    part = getattr(plan, name)
+    part = plan.law if name == "torque" and plan.law is not None else getattr(plan, name)
     if part is None:
         return {}
     entries = {}
@@ -59,7 +59,9 @@ def _table(plan: Recipe, name: str) -> dict[str, str]:
         value = getattr(part, item.name)
         default = item.default
         needed = item.name in {"unit", "columns"} and value not in ("", ())
-        if item.name != "gear" and (needed or value != default) and value is not None:
+        if name == "friction" and item.name == "gear":
+            continue
+        if value is not None and (needed or value != default):
             entries[item.name] = toml_value(value)
     return entries
 

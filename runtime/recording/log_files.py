@@ -4,14 +4,19 @@ Which columns of which file are read, the recipe states; without one, the defaul
 format does.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS, all_suffixes, format_of_folder, format_of_suffix
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile
 from runtime.recording.formats.tables import LogTable
+from runtime.recording.recipes.control_law import NUMBERS
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
+
+MOST_JOINTS = 64
+"""Length up to which an array with one axis holds one number per joint, not one per instant."""
 
 
 def parts_of(recipe: Recipe) -> dict[str, Signal | Time]:
@@ -19,7 +24,7 @@ def parts_of(recipe: Recipe) -> dict[str, Signal | Time]:
     parts: dict[str, Signal | Time] = {}
     if recipe.time is not None and recipe.time.rate_hz is None:
         parts["time"] = recipe.time
-    return {**parts, **recipe.signals()}
+    return {**parts, **recipe.signals(), **recipe.of_law()}
 
 
 @dataclass(slots=True)
@@ -45,14 +50,37 @@ class LogFiles:
     def plan(self) -> Recipe:
         """The recipe with its signals, or with those of the default convention."""
         if self.recipe.position is not None:
-            return self.recipe
+            return self._with_numbers(self.recipe)
         default = self.reader(self.file_of(""), "").convention()
-        return default.replace(
+        law = self.recipe.law or default.law
+        plan = default.replace(
             time=self.recipe.time or default.time,
             joints=self.recipe.joints or default.joints,
             name=self.recipe.name,
             gear=self.recipe.gear,
+            law=law,
+            torque=default.torque if law is None else None,
         )
+        return self._with_numbers(plan)
+
+    def _with_numbers(self, plan: Recipe) -> Recipe:
+        """The plan with the numbers of gains that a law takes from constant arrays of an NPZ."""
+        law = plan.law
+        if law is None:
+            return plan
+        numbers: dict[str, Any] = {}
+        for key, part in plan.of_law().items():
+            if key not in NUMBERS or part.columns:
+                continue
+            reader = self.reader(self.file_of(part.file), part.layout)
+            if self.in_place:
+                rows = reader.rows({key: part})
+                values = rows.read(0, min(rows.count, MOST_JOINTS + 1))[key]
+            else:
+                values = reader.table(key, part).values
+            if values.shape[1] == 1 and len(values) <= MOST_JOINTS:
+                numbers[key] = tuple(float(x) for x in values[:, 0])
+        return plan.replace(law=replace(law, **numbers))
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Numbers of one part of the recipe.

@@ -152,6 +152,7 @@ def recording_of(raw: Raw) -> Recording:
         joint_names=raw.plan.joints or raw.names.get("joint_names", ()),
         source=raw.source,
         recipe=raw.recipe,
+        torque_source=raw.plan.torque_source,
     )
     rate = f" at {recording.rate_hz:.6g} Hz (median)" if len(recording) > 1 else ""
     size = f"{len(recording)} rows of {recording.n_joints} joints{rate}"
@@ -177,7 +178,9 @@ def plan_of(
     """
     place, chosen = place_and_recipe(path, recipe, run)
     plan = LogFiles(place, chosen or Recipe()).plan()
-    return (chosen or Recipe()).replace(time=plan.time, run=plan.run, **plan.signals())
+    return (chosen or Recipe()).replace(
+        time=plan.time, run=plan.run, law=plan.law, **plan.signals()
+    )
 
 
 def place_and_recipe(

@@ -45,6 +45,7 @@ class Recording(Framed):
         source: file name → sha256 of the bytes that were read.
         recipe: the recipe it was read with; its defaults for preparation, split and friction.
         prepared: how it was prepared, None as read.
+        torque_source: "measured", "commanded" by a control law, or "current" of the motors.
     """
 
     t: FloatArray
@@ -62,6 +63,7 @@ class Recording(Framed):
     source: Mapping[str, str] = field(default_factory=dict)
     recipe: Recipe | None = None
     prepared: Preparation | None = None
+    torque_source: str = "measured"
 
     def __post_init__(self) -> None:
         def put(key: str, value: Any) -> None:

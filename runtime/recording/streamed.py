@@ -74,6 +74,7 @@ class StreamedRecording:
             joint_names=self.joint_names,
             source=self.source,
             recipe=self.recipe,
+            torque_source=self.plan.torque_source,
             history=(*self.remarks, *data.notes),
         )
 

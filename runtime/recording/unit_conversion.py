@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.recording.commanded_torque import commanded_torque
 from runtime.recording.consistency import unwrap
 from runtime.recording.formats.tables import MAX_CORRUPT, LogTable
 from runtime.recording.recipes.recipe import UNITS, Recipe, Signal, Time
 from runtime.recording.recording import FloatArray
 
 FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "tau"}
+_AS_MEASURED = {"desired_position": "position", "desired_velocity": "velocity"}
 HUGE = 1e9
 HUGE_TIME = 1e20  # nanoseconds since 1970 are 2e18
 
@@ -66,6 +68,15 @@ def converted(
         rows = values if len(keep) == len(values) else values[keep]
         signals[FIELDS[kind]], done = _joint_side(kind, signal, rows, plan)
         steps += done
+    if plan.law is not None:
+        parts = {}
+        for kind, signal in plan.of_law().items():
+            rows = raw[kind].values[keep]
+            if kind in _AS_MEASURED:
+                rows, _ = _joint_side(_AS_MEASURED[kind], signal, rows, plan)
+            parts[kind] = rows
+        signals["tau"], sentence = commanded_torque(plan.law, signals, parts)
+        steps.append(sentence)
     if "columns" in raw:
         signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, max(n_columns, 1))
     t, signals, repeated = _without_repeats(t, signals)

@@ -41,7 +41,7 @@ from runtime.recording import (
     StreamedRecording,
     check_consistency,
 )
-from runtime.recording.friction import geared
+from runtime.recording.friction import default_terms, geared
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.recording import ALL
 
@@ -153,8 +153,9 @@ def assemble_streamed(
             "rows of energy need the whole log in memory, but this one is streamed; use "
             "--regressor momentum or --no-stream"
         )
-    terms = chosen.friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
-    terms = geared(terms, _head(log, lib))
+    head = _head(log, lib)
+    terms = chosen.friction_columns or default_terms(head) or Friction(columns=())
+    terms = geared(terms, head)
     blocks = blocks_of(log, lib, preparation, terms)
     report(f"windows of {len(blocks)} blocks")
     spans = _spans(blocks, chosen.splitting or (recipe.split if recipe else None) or Split())

@@ -32,7 +32,7 @@ from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction import geared
+from runtime.recording.friction import default_terms, geared
 from runtime.recording.preprocessing import split
 
 ONE_LOG_ONLY = ("preparation", "validation", "test", "lam0", "controller", "certify")
@@ -71,7 +71,7 @@ def identify_logs(
     names = _names(logs, chosen)
     first = logs[0].recording
     recipe = first.recipe
-    terms = chosen.friction_columns or (recipe.friction if recipe else None) or Friction(columns=())
+    terms = chosen.friction_columns or default_terms(first) or Friction(columns=())
     terms = geared(terms, first)
     prepared = [prepared_of(log, lib, terms) for log in logs]
     # The joint fit: all training parts in one recording, likewise validation and test.

@@ -44,7 +44,7 @@ def draft(
     if place.is_file() and not _has_titles(place):
         return None, []
     plan = _by_convention(place)
-    if plan is not None and plan.torque is not None:
+    if plan is not None and (plan.torque is not None or plan.law is not None):
         return None, []
     described = _described(place, joints)
     if plan is not None and not described.get("torque"):  # no other title names a torque either

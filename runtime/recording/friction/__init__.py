@@ -9,6 +9,7 @@ from runtime.recording.friction.coupled_motors import (
     geared,
     spread,
 )
+from runtime.recording.friction.drive_columns import DRIVE, default_terms
 from runtime.recording.friction.model import (
     add_columns,
     columns,
@@ -25,6 +26,7 @@ from runtime.recording.friction_column import (
 
 __all__ = [
     "COLUMNS",
+    "DRIVE",
     "OFFSET",
     "ROTOR",
     "Coupling",
@@ -35,6 +37,7 @@ __all__ = [
     "completed",
     "coupling_of",
     "coupling_of_terms",
+    "default_terms",
     "directions",
     "geared",
     "gravity_load",

@@ -14,6 +14,7 @@ from math import pi
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS
+from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.settings import Friction, Preparation, Split, one_of, positive
 
 UNITS: dict[str, dict[str, float]] = {
@@ -130,7 +131,8 @@ class Recipe:
 
     Without `position` the files follow the default convention of `read_recording`, and only the
     defaults (and a rate) are taken from here. `{run}` in a file name is filled with `run`. In a
-    bag, `topic` is that of the joint states, and `joints` picks and orders them by name.
+    bag, `topic` is that of the joint states, and `joints` picks and orders them by name. `law` is
+    [torque] of a robot that measures no torque.
     """
 
     name: str = ""
@@ -145,6 +147,7 @@ class Recipe:
     velocity: Signal | None = None
     acceleration: Signal | None = None
     torque: Signal | None = None
+    law: ControlLaw | None = None
     gear: tuple[tuple[float, ...], ...] = ()
     preparation: Preparation = field(default_factory=Preparation)
     split: Split | None = None
@@ -165,6 +168,21 @@ class Recipe:
         """Signals of the recipe by kind."""
         kinds = {name: getattr(self, name) for name in UNITS if name != "time"}
         return {kind: signal for kind, signal in kinds.items() if signal is not None}
+
+    def of_law(self) -> dict[str, Signal]:
+        """Signals of the control law by kind; none without a law."""
+        if self.law is None or self.position is None:
+            return {}
+        return self.law.parts(self.position, self.velocity)
+
+    @property
+    def torque_source(self) -> str:
+        """Origin of the torque: "measured", "commanded" (a law) or "current" (unit A or mA)."""
+        if self.law is not None:
+            return "commanded"
+        unit = self.torque.unit if self.torque else ""
+        units = (unit,) if isinstance(unit, str) else unit
+        return "current" if {"A", "mA"} & set(units) else "measured"
 
     def replace(self, **changes: object) -> "Recipe":
         """The same recipe with some fields exchanged, e.g. another run."""

@@ -15,9 +15,13 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.files import toml_of
+from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.settings import Friction
 
 FOLDER = Path(__file__).resolve().parent
+_APART = ("gear", "law")
+"""Fields of a recipe that are tables of another form: [gear], and [torque] with a law."""
 
 
 def bundled_names() -> tuple[str, ...]:
@@ -61,7 +65,11 @@ def recipe_from_table(table: dict[str, Any]) -> Recipe:
     """
     table = dict(table)
     gear = table.pop("gear", None)
+    torque = table.get("torque")
+    is_law = isinstance(torque, dict) and "law" in torque
+    law = _build(ControlLaw, table.pop("torque"), "torque") if is_law else None
     recipe: Recipe = _build(Recipe, table, "")
+    recipe = recipe if law is None else recipe.replace(law=law)
     return recipe if gear is None else recipe.replace(gear=_gear_matrix(gear))
 
 
@@ -91,7 +99,8 @@ def _gear_matrix(table: Any) -> tuple[tuple[float, ...], ...]:
 def _build(cls: type, table: dict[str, Any], where: str) -> Any:
     """Frozen dataclass from a table; nested dataclasses from nested tables."""
     kinds = typing.get_type_hints(cls)
-    fields = [item for item in dataclasses.fields(cls) if item.name != "gear"]
+    fields = [item for item in dataclasses.fields(cls) if where or item.name not in _APART]
+    fields = [item for item in fields if cls is not Friction or item.name != "gear"]
     valid = tuple(item.name for item in fields)
     _check_keys(table, (*valid, "gear") if not where else valid, where)
     for item in fields:

@@ -5,7 +5,9 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.recipes.recipe import Recipe
+from runtime.recording.settings import Friction
 
 
 def recipe_text(recipe: Recipe, *comments: str) -> str:
@@ -20,9 +22,13 @@ def _facts(part: Any) -> dict[str, Any]:
     facts = {}
     for item in dataclasses.fields(part):
         value = getattr(part, item.name)
-        if item.name == "gear" or value is None or value == item.default:
+        if item.name == "gear" and isinstance(part, Recipe | Friction):
             continue  # [gear] is a table of its own
-        if dataclasses.is_dataclass(value):
+        if value is None or value == item.default:
+            continue
+        if isinstance(value, ControlLaw):
+            facts["torque"] = _facts(value)
+        elif dataclasses.is_dataclass(value):
             facts[item.name] = _facts(value)
             if not facts[item.name] and item.default is not None:
                 del facts[item.name]

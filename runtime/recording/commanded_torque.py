@@ -1,0 +1,67 @@
+"""Torque of a control law, from desired and measured motion on the joint side.
+
+    τ = r clip(kp r (q_des − q) + kd r (dq_des − dq) + τ_ff, ± limit)
+
+The torque is commanded: what the motors deliver may be later (`Preparation.torque_delay_s`) and is
+not known from the log. Source of the law: the drives of servo arms and legged robots.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from runtime.errors import RecordingError
+from runtime.recording.recipes.control_law import ControlLaw
+from runtime.recording.recording import FloatArray
+
+MEASURED, COMMANDED, CURRENT = "measured", "commanded", "current"
+"""Sources of a torque: a sensor or the robot's controller, a control law, a motor current."""
+
+
+def commanded_torque(
+    law: ControlLaw, motion: Mapping[str, FloatArray], parts: Mapping[str, FloatArray]
+) -> tuple[FloatArray, str]:
+    """Torque of a control law.
+
+    Args:
+        law: the law with its gains.
+        motion: "q" (N, n) [rad, m], and "dq" (N, n) [rad/s, m/s] where the law has damping.
+        parts: kind of `ControlLaw.parts` → (N, n), in SI units on the joint side.
+
+    Returns:
+        τ (N, n) [N·m, N], and a sentence for the history.
+
+    Raises:
+        RecordingError: numbers of gains or widths of signals do not match the joints.
+    """
+    q = motion["q"]
+    n = q.shape[1]
+    for kind, values in parts.items():
+        if values.shape != q.shape:
+            raise RecordingError(
+                f"[torque] {kind.replace('_', ' ')} is expected to have {n} columns like the "
+                f"positions, got {values.shape[1]}; name one per joint"
+            )
+    kp, kd, limit, gear = (
+        parts[key] if key in parts else _per_joint(key, getattr(law, key), n)
+        for key in ("kp", "kd", "effort_limit", "gear")
+    )
+    tau = kp * gear * (parts["desired_position"] - q)
+    if "dq" in motion and law.needs_velocity:
+        tau += kd * gear * (parts.get("desired_velocity", 0.0) - motion["dq"])
+    tau += parts.get("feed_forward", 0.0)
+    bound = np.where(limit > 0, limit, np.inf)
+    clipped = float(np.mean(np.any(np.abs(tau) > bound, axis=1)))
+    limits = f"; {100 * clipped:.2g} % of the rows are at the effort limit" if clipped else ""
+    return gear * np.clip(tau, -bound, bound), (
+        f"Computed τ by the {law}: it is commanded, not measured{limits}."
+    )
+
+
+def _per_joint(key: str, value: object, n: int) -> FloatArray:
+    numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if len(numbers) not in {1, n}:
+        raise RecordingError(
+            f"[torque] {key} expects one value or {n}, got {len(numbers)}; give one per joint"
+        )
+    return np.broadcast_to(numbers, (n,))

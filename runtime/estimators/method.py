@@ -25,6 +25,7 @@ class Method:
         label: heading of its column in tables; the name in capitals where empty.
         from_statistics: compressed statistics are all that it needs of the samples. It then takes
             streamed logs, several logs, and rows without accelerations.
+        bounds_friction: its viscous, Coulomb and rotor coefficients are ≥ 0.
         every_joint: needs an equation per joint, not the power of all joints.
         needs_controller: simulates the robot under the controller of the recording.
         unfiltered: works on the unfiltered recording, so that no low-pass is missed.
@@ -43,6 +44,7 @@ class Method:
     fit: Callable[..., Fit]
     label: str = ""
     from_statistics: bool = False
+    bounds_friction: bool = False
     every_joint: bool = False
     needs_controller: bool = False
     unfiltered: bool = False

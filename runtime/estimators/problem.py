@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError, NeedsError
 from runtime.estimators.friction_net import FrictionNet
@@ -52,6 +53,8 @@ class Problem:
         pieces: all samples of "train" or "validation", piece by piece, where `train` and
             `validation` hold only some of them.
         terms: friction columns, where there is no origin.
+        column_names: names of the k columns of the samples; those of several logs have an offset
+            column per log beyond `terms`.
     """
 
     lib: Library
@@ -64,6 +67,8 @@ class Problem:
     origin: Origin | None = None
     pieces: Callable[[str], Iterable[Samples]] | None = None
     terms: Friction | None = None
+    column_names: tuple[str, ...] = ()
+    left_out: NDArray[np.bool_] | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training samples, with the weights of the problem unless others are given."""
@@ -109,6 +114,8 @@ class Problem:
     @property
     def friction_names(self) -> tuple[str, ...]:
         """Names of the friction columns; empty where they are unknown."""
+        if self.column_names:
+            return self.column_names
         terms = self.origin.friction if self.origin else self.terms
         return terms.columns if terms else ()
 

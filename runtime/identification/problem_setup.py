@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.problem import Origin, Problem
@@ -16,7 +17,13 @@ from runtime.estimators.regression.samples import Samples, samples_of, thesis_we
 from runtime.identification.settings import Settings, settings_from
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction import default_terms, geared
+from runtime.recording.friction import (
+    default_terms,
+    geared,
+    left_out_note,
+    unresolved,
+    without_columns,
+)
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepare_power, split
 
@@ -34,6 +41,7 @@ class Assembly:
         one_run: True when the parts belong to one recording.
         pieces: name of a part → its recordings, one piece at a time, where `parts` hold only some
             of the rows; None where `parts` are whole.
+        notes: sentences on what was left out.
     """
 
     problem: Problem
@@ -41,6 +49,7 @@ class Assembly:
     friction: Friction
     one_run: bool
     pieces: Callable[[str], Iterable[Recording]] | None = None
+    notes: tuple[str, ...] = ()
 
     def recordings(self, name: str) -> Iterable[Recording]:
         """All rows of "train", "validation" or "test", one piece at a time."""
@@ -79,28 +88,51 @@ def assemble(
     terms = geared(terms, recording)
     usual = preparation or recording.preparation
     parts = _parts(recording, lib, chosen, terms)
-    train, validation = samples_of(parts[0], lib), samples_of(parts[1], lib)
-    samples_of(parts[2], lib)  # refuses a test part that no error can be computed on
+    rounding = rounding_of(parts[0], lib)
+    train, validation, test = (without_columns(part, rounding) for part in parts)
+    parts = train, validation, test
+    samples_of(test, lib)  # refuses a test part that no error can be computed on
     if usual.regressor == "energy":
-        train, validation = _of_power(recording, chosen.validation, parts, usual, terms, lib)
-    require_enough(train, lib)
+        train, validation = (
+            without_columns(part, rounding)
+            for part in _of_power(recording, chosen.validation, parts, usual, terms, lib)
+        )
+    fitted, unseen = samples_of(train, lib), samples_of(validation, lib)
+    require_enough(fitted, lib)
     problem = Problem(
         lib=lib,
-        train=train,
-        validation=validation,
-        weights=thesis_weights(train.tau),
+        train=fitted,
+        validation=unseen,
+        weights=thesis_weights(fitted.tau),
         start=lib.lam0 if chosen.lam0 is None else np.asarray(chosen.lam0, dtype=float),
         seed=chosen.seed,
         progress=progress,
         origin=Origin(
             recording,
             terms,
-            _aligned(parts[0], lib, preparation, terms),
+            _aligned(parts[0], lib, preparation, terms, rounding),
             (parts[0].t[0], parts[0].t[-1]),
             chosen.controller,
         ),
+        column_names=parts[0].column_names,
+        left_out=rounding.ravel(),
     )
-    return Assembly(problem, parts, terms, chosen.test is None)
+    notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
+    return Assembly(problem, parts, terms, chosen.test is None, notes=notes)
+
+
+def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:
+    """Friction columns of a training part whose values are rounding.
+
+    Args:
+        train: prepared training part.
+        lib: library of the robot.
+
+    Returns:
+        A flag per joint and column, (n, k).
+    """
+    samples = samples_of(train, lib)
+    return unresolved(samples.columns, samples.tau)
 
 
 def _parts(
@@ -130,8 +162,8 @@ def _of_power(
     preparation: Preparation,
     terms: Friction,
     lib: Library,
-) -> tuple[Samples, Samples]:
-    """Samples of power at the instants of the training and validation parts.
+) -> tuple[Recording, Recording]:
+    """Rows of power at the instants of the training and validation parts.
 
     Raises:
         IdentificationError: the recording was prepared before.
@@ -145,11 +177,11 @@ def _of_power(
     second = first
     if validation is not None:
         second = prepare_power(validation, preparation, terms, lib=lib)
-    taken = (
+    train, unseen = (
         whole.take(np.isin(whole.t, part.t), "Took the instants of a part.")
         for whole, part in zip((first, second), parts, strict=False)
     )
-    return tuple(samples_of(part, lib) for part in taken)  # type: ignore[return-value]
+    return train, unseen
 
 
 def require_enough(train: Samples, lib: Library) -> None:
@@ -181,7 +213,11 @@ def _prepared(
 
 
 def _aligned(
-    part: Recording, lib: Library, preparation: Preparation | None, terms: Friction
+    part: Recording,
+    lib: Library,
+    preparation: Preparation | None,
+    terms: Friction,
+    rounding: NDArray[np.bool_],
 ) -> Callable[[Recording], Samples]:
     """Map from another recording of the same clock to its samples at the rows of `part`.
 
@@ -191,7 +227,7 @@ def _aligned(
     usual = replace(usual, rest_speed=None)
 
     def rows(other: Recording) -> Samples:
-        done = _prepared(other, usual, terms, lib)
+        done = without_columns(_prepared(other, usual, terms, lib), rounding)
 
         def at(values: Array) -> Array:
             flat = values.reshape(len(done), -1).T

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negative_share
 from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
@@ -50,6 +51,7 @@ def warnings_of(
             f"{', '.join(still)} never moved in training: parameters that only such a motion "
             "determines are those of the URDF; record a motion that moves every joint"
         )
+    warnings += _negative(result)
     if result.one_run:
         warnings.append(
             "training, validation and test are parts of one run, which underestimates the error; "
@@ -89,6 +91,27 @@ def _unexplained(result: Identification, after: metrics.TorqueError) -> str:
         f"{'; '.join(advice)}{'; ' if advice else ''}"
         "check units, order and signs with: python -m runtime inspect LOG"
     )
+
+
+def _negative(result: Identification) -> list[str]:
+    """Negative friction and rotors of a method that does not bound them."""
+    columns, tau = result.train.columns, result.train.tau
+    if not result.phi.size or columns is None or tau is None:
+        return []
+    names = result.train.column_names or result.friction.columns
+    share = negative_share(columns, tau, result.phi, names)
+    wrong = [
+        f"{name} of {joint} {result.phi[j, k]:.3g}"
+        for j, joint in enumerate(result.lib.joint_names)
+        for k, name in enumerate(names)
+        if share[j, k] > NEGATIVE
+    ]
+    if not wrong:
+        return []
+    return [
+        f"negative coefficients that a joint cannot have: {', '.join(wrong)}; {NEGATIVE_CAUSE}; "
+        "map and pc-ols bound them by 0"
+    ]
 
 
 def _still(result: Identification) -> list[str]:

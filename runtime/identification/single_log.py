@@ -14,7 +14,8 @@ import numpy as np
 
 from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.convex import CAD
-from runtime.estimators.methods import chosen_method, fit_by
+from runtime.estimators.friction_bounds import bounds_of
+from runtime.estimators.methods import METHODS, chosen_method, fit_by
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import residuals
@@ -87,7 +88,10 @@ def identify_assembled(
     statistics, optimum = fit.statistics or problem.statistics(), fit.optimum
     if optimum is None:
         guess = lib.pi_from_lam(problem.start)
-        optimum = convex_optimum(lib, statistics, guess).loss if chosen.certify else np.nan
+        bounds = bounds_of(problem, True) if METHODS[method].bounds_friction else None
+        optimum = np.nan
+        if chosen.certify:
+            optimum = convex_optimum(lib, statistics, guess, bounds).loss
     weights = problem.weights if fit.weights is None else fit.weights
     return Identification(
         method=method,
@@ -111,7 +115,7 @@ def identify_assembled(
         test=parts[2],
         one_run=assembly.one_run,
         seed=problem.seed,
-        notes=(*fit.notes, *note_for(lib)),
+        notes=(*assembly.notes, *fit.notes, *note_for(lib)),
         net=fit.net,
     )
 

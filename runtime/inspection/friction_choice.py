@@ -27,6 +27,7 @@ from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.friction import unresolved, without_columns
 from runtime.recording.preprocessing import before_test, prepare
 
 _BASE = ("offset", "viscous", "coulomb")
@@ -138,6 +139,8 @@ def choose_friction(
         nonlocal made
         done = prepare(bare, preparation, *terms, lib=lib, rows=made)
         made = done.rows
+        if done.columns is not None and done.tau is not None:
+            done = without_columns(done, unresolved(done.columns, done.tau))
         cuts = np.array_split(np.arange(len(done)), BLOCKS)
         whole = samples_of(done, lib)
         return [whole.rows(slice(int(c[0]), int(c[-1]) + 1)) for c in cuts if c.size]

@@ -51,6 +51,7 @@ class FrictionColumn:
         is_linear: linear in q, dq and ddq, so that it may be computed after linear filters.
         is_constant: independent of the motion.
         is_passive: takes power from the joint wherever φ ≥ 0.
+        is_nonnegative: φ of a real joint is ≥ 0, whatever the other columns are.
         is_inertial: the acceleration of the joint or motor, an inertia rather than friction.
         of_motors: at the speed of motors that drive several joints (`friction.coupled_motors`).
         model_term: term of simulators' joints that it stands for: "damping", "friction" (dry),
@@ -67,6 +68,7 @@ class FrictionColumn:
     is_linear: bool = False
     is_constant: bool = False
     is_passive: bool = True
+    is_nonnegative: bool = False
     is_inertial: bool = False
     of_motors: bool = False
     model_term: str = ""

@@ -5,12 +5,13 @@ K π = β.
 Source: Gautier 1997; document Sec. 3.1.3.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.friction_bounds import bounds_of, notes_of, within_bounds
 from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
@@ -45,12 +46,46 @@ def fit_ols(problem: Problem) -> Fit:
         IdentificationError: the motion does not excite all base parameters.
     """
     equal = np.ones(problem.train.equations)
-    solution = solve(problem.statistics(equal), problem.lib, problem.friction_names)
+    statistics = problem.statistics(equal)
+    solution, notes = bounded(problem, statistics)
     text = f"solved by QR; condition number of the normalised columns {solution.condition:.1f}"
-    return fit_of_base(problem, solution.beta, solution.phi, text)
+    return fit_of_base(problem, solution.beta, solution.phi, text, notes=notes)
 
 
-def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> Solution:
+def bounded(problem: Problem, statistics: Statistics) -> tuple[Solution, tuple[str, ...]]:
+    """Least squares with friction coefficients of a size that the torque allows.
+
+    Args:
+        problem: robot, friction columns and their sizes.
+        statistics: compressed samples.
+
+    Returns:
+        The solution, and sentences on coefficients at a bound.
+
+    Raises:
+        IdentificationError: the motion does not excite all unknowns.
+    """
+    lib, names = problem.lib, problem.friction_names
+    is_column = statistics.factor[:, statistics.n_base :].any(axis=0)
+
+    def solved(part: Statistics) -> tuple[Array, Array, Solution]:
+        held = is_column & ~part.factor[:, part.n_base :].any(axis=0)
+        known = held if problem.left_out is None else held | problem.left_out
+        solution = solve(part, lib, names, np.asarray(known))
+        return solution.phi.ravel(), solution.beta, solution
+
+    bounds = bounds_of(problem, is_passive=False)
+    phi, solution, held = within_bounds(statistics, bounds, solved)
+    notes = notes_of(held, bounds, lib.joint_names, names)
+    return replace(solution, phi=phi.reshape(lib.n_joints, -1)), notes
+
+
+def solve(
+    statistics: Statistics,
+    lib: Library,
+    terms: tuple[str, ...] = (),
+    known: NDArray[np.bool_] | None = None,
+) -> Solution:
     """Solve compressed samples by least squares with normalised columns.
 
     Args:
@@ -58,6 +93,7 @@ def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> 
         lib: library of the robot.
         terms: names of the friction columns of each joint. A rotor or coupled motor that base
             parameters explain is counted in those and gets 0.
+        known: entries of φ that are no unknowns and get 0, (n k,); None for none.
 
     Returns:
         β, φ and the condition number.
@@ -68,6 +104,8 @@ def solve(statistics: Statistics, lib: Library, terms: tuple[str, ...] = ()) -> 
     matrix, norms = statistics.unit_columns()
     shown = np.ones(matrix.shape[1], dtype=bool)
     shown[statistics.n_base :] = ~counted_in_links(statistics, lib, terms)
+    if known is not None:
+        shown[statistics.n_base :] &= ~known
     sigma = np.linalg.svd(matrix[:, shown], compute_uv=False)
     rank = int(np.sum(sigma > RANK_TOLERANCE * sigma[0]))
     if rank < shown.sum():

@@ -8,7 +8,7 @@ first guess.
 Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import clarabel
@@ -18,6 +18,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.classical.ols import counted_in_links
 from runtime.estimators.convex import Path, follow_compiled, prior_of, reduce
 from runtime.estimators.convex.path import PATIENCE, SHRINK
+from runtime.estimators.friction_bounds import Bounds, bounds_of, notes_of, within_bounds
 from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
@@ -61,7 +62,10 @@ class ConvexOptimum:
 
 
 def convex_optimum(
-    lib: Library, statistics: Statistics, first_guess: Array | None = None
+    lib: Library,
+    statistics: Statistics,
+    first_guess: Array | None = None,
+    bounds: Bounds | None = None,
 ) -> ConvexOptimum:
     """Smallest loss of any physically consistent model, by the path from a first guess.
 
@@ -72,19 +76,41 @@ def convex_optimum(
         lib: library of the robot.
         statistics: compressed samples.
         first_guess: π at the start of the path, (10 n,); default is that of the URDF.
+        bounds: of the friction coefficients; None for none.
 
     Returns:
         The optimum, strictly consistent where it comes from the path.
     """
-    return _best(lib, statistics, _followed(lib, statistics, first_guess))
+
+    def solved(part: Statistics) -> tuple[Array, Array, ConvexOptimum]:
+        best = _best(lib, part, _followed(lib, part, first_guess))
+        return best.phi.ravel(), lib.base_matrix @ best.pi, best
+
+    if bounds is None:
+        return solved(statistics)[2]
+    phi, best, _ = within_bounds(statistics, bounds, solved)
+    return replace(best, phi=phi.reshape(best.phi.shape))
 
 
 def fit_pc_ols(problem: Problem) -> Fit:
     """Identify by PC-IDIM-OLS: the nearest point to the guess within `SLACK` of the optimum."""
     lib, statistics = problem.lib, problem.statistics()
-    statistics = statistics.without(counted_in_links(statistics, lib, problem.friction_names))
+    names = problem.friction_names
+    statistics = statistics.without(counted_in_links(statistics, lib, names))
     guess = lib.pi_from_lam(problem.start)
-    # The path begins at the guess: its first point within the slack is the nearest to it.
+
+    def solved(part: Statistics) -> tuple[Array, Array, Fit]:
+        fit = _nearest(lib, part, guess)
+        return fit.phi.ravel(), lib.base_matrix @ fit.pi, fit
+
+    bounds = bounds_of(problem, is_passive=True)
+    phi, fit, held = within_bounds(statistics, bounds, solved)
+    notes = notes_of(held, bounds, lib.joint_names, names)
+    return replace(fit, phi=phi.reshape(problem.train.columns.shape[1:]), notes=notes)
+
+
+def _nearest(lib: Library, statistics: Statistics, guess: Array) -> Fit:
+    """First point of the path from a guess within `SLACK` of the optimum."""
     path = _followed(lib, statistics, guess)
     best = _best(lib, statistics, path)
     near = path.nearest(SLACK, best.loss)
@@ -97,7 +123,7 @@ def fit_pc_ols(problem: Problem) -> Fit:
     edge = lib.relative_eigenvalues(best.pi).min() < BOUNDARY
     return Fit(
         pi=pi,
-        phi=eliminated.phi(pi).reshape(problem.train.columns.shape[1:]),
+        phi=eliminated.phi(pi).reshape(lib.n_joints, -1),
         lam=lib.lam_from_pi(pi),
         status=(
             f"{how} {SLACK:g} of the convex optimum {best.loss:.6g} ({best.status})"
@@ -242,4 +268,5 @@ PC_OLS = Method(
     fit_pc_ols,
     label="PC-IDIM-OLS",
     from_statistics=True,
+    bounds_friction=True,
 )

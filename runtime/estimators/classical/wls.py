@@ -9,8 +9,9 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
-from runtime.estimators.classical.ols import Solution, fit_of_base, solve
+from runtime.estimators.classical.ols import Solution, bounded, fit_of_base, solve
 from runtime.estimators.method import Method
 from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import compress_all
@@ -30,9 +31,16 @@ def fit_wls(problem: Problem) -> Fit:
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    solution, weights, silent = _reweighted(
-        problem.lib, partial(problem.samples, "train"), problem.friction_names
+    _, weights, silent = _reweighted(
+        problem.lib,
+        partial(problem.samples, "train"),
+        problem.friction_names,
+        problem.left_out,
+        PASSES - 1,
     )
+    solution, bound = bounded(problem, problem.statistics(weights))
+    rests = (residual(problem.lib, piece, solution) for piece in problem.samples("train"))
+    weights, silent = weights_of(variance_of(rests), problem.lib)
     sigma = ", ".join(f"{1 / np.sqrt(w):.3g}" for w in weights)
     notes = [f"standard deviations of the residuals, joint by joint: {sigma}"]
     if silent:
@@ -41,11 +49,15 @@ def fit_wls(problem: Problem) -> Fit:
             "check that this torque is measured and not computed"
         )
     status = f"{PASSES} passes of weighted least squares; condition number {solution.condition:.1f}"
+    notes += bound
     return fit_of_base(problem, solution.beta, solution.phi, status, PASSES, tuple(notes))
 
 
 def reweighted(
-    lib: Library, samples: Samples, terms: tuple[str, ...]
+    lib: Library,
+    samples: Samples,
+    terms: tuple[str, ...],
+    known: NDArray[np.bool_] | None = None,
 ) -> tuple[Solution, Array, str]:
     """Solve by iteratively reweighted least squares.
 
@@ -53,6 +65,7 @@ def reweighted(
         lib: library of the robot.
         samples: N samples of all joints.
         terms: names of the friction columns of each joint, as in `ols.solve`.
+        known: entries of φ that are no unknowns and get 0, (n k,); None for none.
 
     Returns:
         The solution, the weights of its residuals (n,), and names of joints without a residual.
@@ -60,15 +73,19 @@ def reweighted(
     Raises:
         IdentificationError: the motion does not excite all base parameters.
     """
-    return _reweighted(lib, lambda: (samples,), terms)
+    return _reweighted(lib, lambda: (samples,), terms, known)
 
 
 def _reweighted(
-    lib: Library, pieces: Callable[[], Iterable[Samples]], terms: tuple[str, ...]
+    lib: Library,
+    pieces: Callable[[], Iterable[Samples]],
+    terms: tuple[str, ...],
+    known: NDArray[np.bool_] | None,
+    passes: int = PASSES,
 ) -> tuple[Solution, Array, str]:
     weights, silent = np.ones(lib.n_joints), ""
-    for _ in range(PASSES):
-        solution = solve(compress_all(lib, pieces(), weights), lib, terms)
+    for _ in range(passes):
+        solution = solve(compress_all(lib, pieces(), weights), lib, terms, known)
         rests = (residual(lib, piece, solution) for piece in pieces())
         weights, silent = weights_of(variance_of(rests), lib)
     return solution, weights, silent

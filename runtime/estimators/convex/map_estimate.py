@@ -11,6 +11,13 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD, Minimum, Prior, convex_problem, prior_of, reduce, solve
 from runtime.estimators.convex.constraints import Constraints, constrained
+from runtime.estimators.friction_bounds import (
+    Bounds,
+    Held,
+    bounds_of,
+    notes_of,
+    within_bounds,
+)
 from runtime.estimators.method import Method
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import Fit, Problem
@@ -51,16 +58,20 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     prior = prior_of(lib, lib.pi_from_lam(problem.start))
     few = _thinned(train)
     weights = problem.weights
+    bounds = bounds_of(problem, is_passive=True)
     # Weights from the residuals of a thinned log, then of all samples.
     for _ in range(PASSES):
-        phi, minimum, _ = _fitted(lib, compress(lib, few, weights), weights, prior, kappa)
+        phi, minimum, _ = _fitted(lib, compress(lib, few, weights), bounds, weights, prior, kappa)
         rest = residuals(lib, few, minimum.pi, phi)
         weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = problem.statistics(weights)
-    phi, minimum, _ = _fitted(lib, statistics, weights, prior, kappa)
+    phi, minimum, _ = _fitted(lib, statistics, bounds, weights, prior, kappa)
     # The autocorrelation of the residuals sets γ = κ s²/N_eff of the last pass.
     ratio = inflation(residuals(lib, train, minimum.pi, phi), weights)
-    phi, minimum, notes = _fitted(lib, statistics, weights, prior, kappa, ratio, constraints)
+    phi, (minimum, notes), held = _solved(
+        lib, statistics, bounds, weights, prior, kappa, ratio, constraints
+    )
+    notes += notes_of(held, bounds, lib.joint_names, problem.friction_names)
     return Fit(
         pi=minimum.pi,
         phi=phi.reshape(train.columns.shape[1:]),
@@ -94,21 +105,39 @@ def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
 def _fitted(
     lib: Library,
     statistics: Statistics,
+    bounds: Bounds,
+    weights: Array,
+    prior: Prior,
+    kappa: float,
+) -> tuple[Array, Minimum, Held]:
+    """φ within its bounds and the minimum for one set of weights (m,) of white noise."""
+    phi, (minimum, _), held = _solved(lib, statistics, bounds, weights, prior, kappa)
+    return phi, minimum, held
+
+
+def _solved(
+    lib: Library,
+    statistics: Statistics,
+    bounds: Bounds,
     weights: Array,
     prior: Prior,
     kappa: float,
     inflation: float = 1.0,
     constraints: Constraints | None = None,
-) -> tuple[Array, Minimum, tuple[str, ...]]:
-    """Best φ, minimum and notes for one set of weights (m,), with N / N_eff."""
-    data, eliminated = reduce(statistics, len(weights))
-    gamma = kappa * max(data.variance, LEAST_VARIANCE) * inflation / data.count
-    notes: tuple[str, ...] = ()
-    if constraints is None:
-        minimum = solve(lib, convex_problem(data, prior, gamma))
-    else:
-        minimum, notes = constrained(constraints, data, prior, gamma)
-    return eliminated.phi(minimum.pi), minimum, notes
+) -> tuple[Array, tuple[Minimum, tuple[str, ...]], Held]:
+    """φ within its bounds, minimum and notes for one set of weights (m,), with N / N_eff."""
+
+    def solved(part: Statistics) -> tuple[Array, Array, tuple[Minimum, tuple[str, ...]]]:
+        data, eliminated = reduce(part, len(weights))
+        gamma = kappa * max(data.variance, LEAST_VARIANCE) * inflation / data.count
+        notes: tuple[str, ...] = ()
+        if constraints is None:
+            minimum = solve(lib, convex_problem(data, prior, gamma))
+        else:
+            minimum, notes = constrained(constraints, data, prior, gamma)
+        return eliminated.phi(minimum.pi), lib.base_matrix @ minimum.pi, (minimum, notes)
+
+    return within_bounds(statistics, bounds, solved)
 
 
 def _thinned(samples: Samples) -> Samples:
@@ -131,5 +160,6 @@ MAP = Method(
     "most probable consistent model given the URDF as a prior, one convex problem (default)",
     fit_with_prior,
     from_statistics=True,
+    bounds_friction=True,
     takes_prior=True,
 )

@@ -99,6 +99,20 @@ class Statistics:
         kept = np.concatenate([np.ones(self.n_base, dtype=bool), ~columns])
         return replace(self, factor=np.where(kept, self.factor, 0.0))
 
+    def holding(self, held: NDArray[np.bool_], values: Array) -> "Statistics":
+        """Statistics in which some entries of φ have given values and are no unknowns.
+
+        Args:
+            held: a flag per entry of φ, (n k,).
+            values: their values; entries that are not held do not count, (n k,).
+
+        Returns:
+            The torque of the held entries moves to the target, and their columns are zero.
+        """
+        columns = self.factor[:, self.n_base :]
+        shifted = replace(self, target=self.target - columns[:, held] @ values[held])
+        return shifted.without(held)
+
     def merged(self, *others: "Statistics") -> "Statistics":
         """Return the statistics of these and other samples together.
 

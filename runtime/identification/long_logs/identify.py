@@ -27,7 +27,12 @@ from runtime.estimators.regression.samples import (
 from runtime.identification.identified import Identification, WholeLog
 from runtime.identification.long_logs.blocks import Blocks, blocks_of, head_of
 from runtime.identification.metrics import TorqueError, torque_error_of
-from runtime.identification.problem_setup import PARTS, Assembly, require_enough
+from runtime.identification.problem_setup import (
+    PARTS,
+    Assembly,
+    require_enough,
+    rounding_of,
+)
 from runtime.identification.settings import Settings, settings_from
 from runtime.identification.single_log import identify_assembled
 from runtime.identification.without_prior import settings_for
@@ -41,7 +46,7 @@ from runtime.recording import (
     StreamedRecording,
     check_consistency,
 )
-from runtime.recording.friction import default_terms, geared
+from runtime.recording.friction import default_terms, geared, left_out_note, without_columns
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.recording import ALL
 
@@ -160,11 +165,15 @@ def assemble_streamed(
     report(f"windows of {len(blocks)} blocks")
     spans = _spans(blocks, chosen.splitting or (recipe.split if recipe else None) or Split())
     parts = {name: _windows(blocks, name, *span) for name, span in spans.items()}
+    rounding = rounding_of(parts["train"], lib)
+    parts = {name: without_columns(part, rounding) for name, part in parts.items()}
     train, validation = samples_of(parts["train"], lib), samples_of(parts["validation"], lib)
+
+    train_names = parts["train"].column_names
 
     def recordings(name: str) -> Iterator[Recording]:
         report(f"passing over the {name} part")
-        return blocks.parts(*spans[name])
+        return (without_columns(part, rounding) for part in blocks.parts(*spans[name]))
 
     def samples(name: str) -> Iterator[Samples]:
         return (samples_of(part, lib) for part in recordings(name))
@@ -178,10 +187,13 @@ def assemble_streamed(
         seed=chosen.seed,
         pieces=samples,
         terms=terms,
+        column_names=train_names,
+        left_out=rounding.ravel(),
     )
     require_enough(train, lib)
     windows = (parts["train"], parts["validation"], parts["test"])
-    assembly = Assembly(problem, windows, terms, one_run=True, pieces=recordings)
+    notes = left_out_note(rounding, lib.joint_names, train_names)
+    assembly = Assembly(problem, windows, terms, one_run=True, pieces=recordings, notes=notes)
     return StreamedAssembly(assembly, blocks, spans, report)
 
 

@@ -17,6 +17,7 @@ from runtime.recording.friction.model import (
     renewed_rotor,
     torque,
 )
+from runtime.recording.friction.resolution import left_out_note, unresolved, without_columns
 from runtime.recording.friction_column import (
     COLUMNS,
     FrictionColumn,
@@ -41,8 +42,11 @@ __all__ = [
     "directions",
     "geared",
     "gravity_load",
+    "left_out_note",
     "names_where",
     "renewed_rotor",
     "spread",
     "torque",
+    "unresolved",
+    "without_columns",
 ]

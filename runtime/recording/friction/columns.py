@@ -128,6 +128,7 @@ VISCOUS = FrictionColumn(
     "dq",
     _viscous,
     is_linear=True,
+    is_nonnegative=True,
     model_term="damping",
     in_closed_loop=True,
     secant=_viscous_secant,
@@ -137,6 +138,7 @@ COULOMB = FrictionColumn(
     "tanh(dq / ε)",
     _sign,
     widths=("coulomb_speed",),
+    is_nonnegative=True,
     model_term="friction",
     in_closed_loop=True,
     secant=_coulomb_secant,
@@ -165,22 +167,41 @@ DAHL = FrictionColumn(
     "ζ with dζ = (dq − |dq| ζ) dt / z_c",
     _dahl,
     widths=("dahl_stroke",),
+    is_nonnegative=True,
     model_term="friction",
 )
 LOAD = FrictionColumn("load", "|τ_g(q)| tanh(dq / ε)", _load, widths=("coulomb_speed",))
 ROTOR = FrictionColumn(
-    "rotor", "ddq", _rotor, is_linear=True, is_inertial=True, model_term="armature"
+    "rotor",
+    "ddq",
+    _rotor,
+    is_linear=True,
+    is_nonnegative=True,
+    is_inertial=True,
+    model_term="armature",
 )
 MOTOR_VISCOUS = FrictionColumn(
-    "motor_viscous", "R̂ dq", _motor_viscous, is_linear=True, of_motors=True
+    "motor_viscous",
+    "R̂ dq",
+    _motor_viscous,
+    is_linear=True,
+    is_nonnegative=True,
+    of_motors=True,
 )
 MOTOR_COULOMB = FrictionColumn(
     "motor_coulomb",
     "tanh(R̂ dq / ε)",
     _motor_coulomb,
     widths=("coulomb_speed",),
+    is_nonnegative=True,
     of_motors=True,
 )
 MOTOR_ROTOR = FrictionColumn(
-    "motor_rotor", "R̂ ddq", _motor_rotor, is_linear=True, is_inertial=True, of_motors=True
+    "motor_rotor",
+    "R̂ ddq",
+    _motor_rotor,
+    is_linear=True,
+    is_nonnegative=True,
+    is_inertial=True,
+    of_motors=True,
 )

@@ -1,0 +1,205 @@
+"""Bounds of friction coefficients, and least squares that respects them by an active set.
+
+    lower ≤ φ ≤ upper,   |φ_jk| rms C_jk ≤ MOST rms τ_j,   φ_jk ≥ 0 for viscous, Coulomb, rotor, …
+
+`within_bounds` solves without bounds first. Coefficients beyond a bound are held there, those whose
+multiplier has the wrong sign are released, and the problem is solved again; at the end the
+Karush–Kuhn–Tucker conditions hold. Source: Portugal, Júdice & Vicente 1994 (block pivoting).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.estimators.problem import Problem
+from runtime.estimators.regression import Statistics
+from runtime.library import Array
+from runtime.recording.friction import names_where
+
+MOST = 10.0
+"""Largest torque of one friction column, RMS over that of the joint: columns that cancel each other
+may exceed the torque, but ten times is beyond what a motion can determine."""
+ROUNDS = 20
+"""Limit of the number of solutions; two or three are usual."""
+BLOCKED = 5
+"""Solutions after which one coefficient at a time is exchanged, which cannot cycle."""
+MULTIPLIER = 1e-9
+"""Multiplier, relative to column times torque, below which it counts as zero."""
+
+NEGATIVE = 0.01
+"""Torque of a negative coefficient relative to that of the joint above which its cause is stated;
+below it is within the errors of friction models."""
+NEGATIVE_CAUSE = (
+    "a joint is not driven by its friction or its rotor: a velocity or torque is reversed, joints "
+    "are exchanged, a gear ratio is missing, or the friction falls with speed; check the log with "
+    "symgen inspect"
+)
+"""Cause of negative friction, and its remedy."""
+
+Answer = TypeVar("Answer")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Bounds of φ.
+
+    Attributes:
+        lower: (n k,) [N·m per unit of the column].
+        upper: (n k,).
+    """
+
+    lower: Array
+    upper: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Coefficients that ended at a bound.
+
+    Attributes:
+        flags: which, (n k,).
+        free: φ of the solution without bounds, (n k,).
+        phi: φ within the bounds, (n k,).
+    """
+
+    flags: NDArray[np.bool_]
+    free: Array
+    phi: Array
+
+
+def bounds_of(problem: Problem, is_passive: bool) -> Bounds:
+    """Bounds of the friction coefficients of a problem.
+
+    Args:
+        problem: its training samples set the sizes.
+        is_passive: bound coefficients of the columns with `is_nonnegative` below by 0.
+
+    Returns:
+        The bounds, (n k,) each.
+    """
+    train = problem.train
+    columns = np.sqrt(np.mean(np.square(train.columns), axis=0))  # (n, k)
+    torque = np.sqrt(np.mean(np.square(train.tau), axis=0))
+    # A motor drives several joints, and rows of power belong to no joint.
+    shared = train.coupling is not None or train.equations < len(columns)
+    size = np.full(len(columns), np.linalg.norm(torque)) if shared else torque
+    upper = np.divide(
+        MOST * size[:, None], columns, out=np.zeros_like(columns), where=columns > 0
+    ).ravel()
+    lower = -upper
+    if is_passive:
+        lower = np.where(_nonnegative(problem.friction_names, columns.shape), 0.0, lower)
+    return Bounds(lower, upper)
+
+
+def within_bounds(
+    statistics: Statistics,
+    bounds: Bounds,
+    solve: Callable[[Statistics], tuple[Array, Array, Answer]],
+) -> tuple[Array, Answer, Held]:
+    """Solve a least-squares problem with φ within bounds.
+
+    Args:
+        statistics: compressed samples.
+        bounds: of φ.
+        solve: statistics → φ (n k,), β (n_b,) and the answer; an entry of φ whose column is zero
+            is not used.
+
+    Returns:
+        φ within the bounds (n k,), the answer, and the coefficients at a bound.
+    """
+    lower, upper = bounds.lower, bounds.upper
+    columns = statistics.factor[:, statistics.n_base :]
+    lengths = np.linalg.norm(columns, axis=0)
+    torque = np.sqrt(statistics.target @ statistics.target + statistics.rest)
+    tolerance = MULTIPLIER * lengths * torque
+    phi, beta, answer = solve(statistics)
+    free, side = phi, np.zeros(lengths.size, dtype=int)  # −1 at the lower bound, 1 at the upper
+    for k in range(ROUNDS):
+        residual = statistics.factor @ np.concatenate([beta, phi]) - statistics.target
+        slope = columns.T @ residual
+        # Held at the lower bound the loss must rise with φ, at the upper one with −φ.
+        wrong = np.where(side != 0, side * slope > tolerance, False)
+        below = (side == 0) & (phi < lower) & (lengths > 0)
+        above = (side == 0) & (phi > upper) & (lengths > 0)
+        exchange = wrong | below | above
+        if not exchange.any():
+            break
+        if k >= BLOCKED:
+            exchange &= np.arange(exchange.size) == np.flatnonzero(exchange)[-1]
+        side = np.where(exchange, np.where(wrong, 0, np.where(below, -1, 1)), side)
+        held = side != 0
+        values = np.where(side < 0, lower, upper)
+        phi, beta, answer = solve(statistics.holding(held, values) if held.any() else statistics)
+        phi = np.where(held, values, phi)
+    # The limit of rounds is a safeguard against rounding: the answer is kept within the bounds.
+    return np.clip(phi, lower, upper), answer, Held(side != 0, free, phi)
+
+
+def notes_of(
+    held: Held, bounds: Bounds, joints: Sequence[str], names: Sequence[str]
+) -> tuple[str, ...]:
+    """Sentences on coefficients that ended at a bound.
+
+    Args:
+        held: coefficients at a bound, n k of them.
+        bounds: of all coefficients.
+        joints: names of the joints, (n,).
+        names: names of the columns, (k,).
+
+    Returns:
+        Sentences on coefficients held at 0, small and large, and on those at another bound.
+    """
+    if not held.flags.any():
+        return ()
+    at = [f"{name} of {joint}" for joint in joints for name in names]
+    # The upper bound is where the torque is `MOST` times that of the joint.
+    share = MOST * np.abs(held.free) / np.where(bounds.upper > 0, bounds.upper, 1.0)
+    is_zero = held.flags & (held.phi == 0)
+
+    def listed(flags: NDArray[np.bool_]) -> str:
+        return ", ".join(f"{at[i]} ({held.free[i]:.3g} unbounded)" for i in np.flatnonzero(flags))
+
+    small, large = is_zero & (share <= NEGATIVE), is_zero & (share > NEGATIVE)
+    limit = held.flags & ~is_zero
+    notes = []
+    if large.any():
+        notes.append(f"negative coefficients were bounded by 0: {listed(large)}; {NEGATIVE_CAUSE}")
+    if small.any():
+        notes.append(f"coefficients near 0 were bounded by 0: {listed(small)}")
+    if limit.any():
+        notes.append(
+            f"the motion does not determine the friction columns {listed(limit)}; they were held "
+            f"where their torque is {MOST:g} times that of the joint; leave them out"
+        )
+    return tuple(notes)
+
+
+def negative_share(columns: Array, tau: Array, phi: Array, names: Sequence[str]) -> Array:
+    """Size of the torque of negative coefficients that should be ≥ 0, relative to the joint's.
+
+    Args:
+        columns: friction columns C, (N, n, k).
+        tau: torque, (N, n) [N·m, N].
+        phi: coefficients, (n, k).
+        names: names of the columns, (k,).
+
+    Returns:
+        (n, k), 0 where a coefficient is not negative or may be.
+    """
+    shape = columns.shape[1:]
+    size = np.sqrt(np.mean(np.square(columns), axis=0)) * np.abs(phi)
+    torque = np.sqrt(np.mean(np.square(tau), axis=0))
+    share = np.divide(size, torque[:, None], out=np.zeros(shape), where=torque[:, None] > 0)
+    wrong = (phi < 0) & _nonnegative(names, shape).reshape(shape)
+    return np.where(wrong, share, 0.0)
+
+
+def _nonnegative(names: Sequence[str], shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Flag of every coefficient that cannot be negative, (n k,)."""
+    known = names_where(lambda column: column.is_nonnegative)
+    flags = [name in known for name in names] or [False] * shape[1]
+    return np.tile(flags, shape[0])

@@ -1,0 +1,143 @@
+"""Friction coefficients: columns of rounding, possible signs, possible sizes."""
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from runtime import Recording, identify
+from runtime.estimators.friction_bounds import MOST, Bounds, within_bounds
+from runtime.estimators.regression import Statistics
+from runtime.identification.identified import Identification, torque_errors
+from runtime.identification.result_warnings import warnings_of
+from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.inspection.friction_choice import choose_friction
+from runtime.library import Library
+from runtime.recording import Friction
+
+LOAD = Friction(("viscous", "coulomb", "offset", "load"))
+ROTOR = Friction(("viscous", "coulomb", "offset", "rotor"))
+
+
+def warnings(result: Identification) -> str:
+    return " ".join(warnings_of(result, *torque_errors(result)))
+
+
+@pytest.fixture(scope="module")
+def reversed_torque(clean: Recording) -> Recording:
+    """The bundled log with the torque of joint 4 reversed."""
+    return clean.replace(tau=clean.tau * np.array([1, 1, 1, -1, 1, 1, 1.0]))
+
+
+@pytest.mark.parametrize("method", ["map", "pc-ols", "ols", "wls", "lm"])
+def test_a_column_of_rounding_is_left_out_and_named(lib, clean, method):
+    """Oracle: joint 1 is along gravity, so |τ_g| is zero but for 1e-15 N·m of rounding."""
+    result = identify(clean, lib, method, friction_columns=LOAD, certify=False)
+    assert result.phi[0, 3] == 0.0
+    assert np.abs(result.phi).max() < 1.0  # the plant has 0.3 N·m of Coulomb friction
+    assert "left out the friction columns load of fr3_joint1" in warnings(result)
+
+
+def test_a_column_of_rounding_is_no_unknown_of_the_choice(lib, clean):
+    """Property: the load of joint 1 is not among the parameters that the data determine."""
+    choice = choose_friction(clean, lib, names=("coulomb", "load"), coulomb_speed=0.02)
+    plain, load = choice.candidates
+    assert load.parameters == plain.parameters + 6
+
+
+@pytest.mark.parametrize("method", ["map", "pc-ols", "ols", "wls"])
+def test_several_logs_take_offset_and_rotor(lib, clean, method):
+    """Oracle: the plant's friction, in two halves of one log with an offset each."""
+    halves = [
+        NamedLog(name, clean.take(rows, name))
+        for name, rows in (("a", slice(0, 500)), ("b", slice(500, 1001)))
+    ]
+    result, _ = identify_logs(halves, lib, method, friction_columns=ROTOR)
+    # 0.2 N·m·s/rad and 0.3 N·m; the friction models differ by ε and 0.05 N·m of noise.
+    assert result.usual_phi[:, 0] == pytest.approx(0.2, abs=0.05)
+    assert result.usual_phi[:, 1] == pytest.approx(0.3, abs=0.05)
+    assert result.usual_phi.shape == (7, 4)
+
+
+@pytest.mark.parametrize("method", ["map", "pc-ols"])
+def test_friction_that_drives_a_joint_is_bounded_and_reported(lib, reversed_torque, method):
+    """Property: no coefficient below 0, and the unbounded value with its cause."""
+    result = identify(reversed_torque, lib, method, friction_columns=ROTOR, certify=False)
+    assert result.phi[:, [0, 1, 3]].min() >= 0.0
+    assert result.phi[3, [1, 3]].tolist() == [0.0, 0.0]
+    said = warnings(result)
+    assert "negative coefficients were bounded by 0" in said
+    assert "coulomb of fr3_joint4 (-" in said
+    assert "torque is reversed" in said
+
+
+def test_methods_without_bounds_report_negative_friction(lib, reversed_torque, clean):
+    """Property: named with its value where it counts, and not on a correct log."""
+    wrong = identify(reversed_torque, lib, "ols", friction_columns=ROTOR, certify=False)
+    assert "coulomb of fr3_joint4 -" in warnings(wrong)
+    assert "map and pc-ols bound them by 0" in warnings(wrong)
+    right = identify(clean, lib, "ols", friction_columns=ROTOR, certify=False)
+    assert "negative" not in warnings(right)
+
+
+def test_a_correct_log_is_not_suspected(lib, clean):
+    """Property: negative values within the error of the fit have no cause in the log."""
+    result = identify(clean, lib, friction_columns=ROTOR, certify=False)
+    assert "torque is reversed" not in warnings(result)
+
+
+def test_a_joint_at_rest_gets_no_huge_friction(lib: Library, clean: Recording):
+    """Property: with speeds of 1e-3 rad/s by noise, friction stays at a size of the torque."""
+    rng = np.random.default_rng(0)
+    dq = clean.dq.copy()
+    dq[:, 6] = 1e-3 * rng.normal(size=len(dq))
+    q = clean.q.copy()
+    q[:, 6] = q[0, 6]
+    log = clean.replace(q=q, dq=dq)
+    for method in ("map", "pc-ols"):
+        result = identify(log, lib, method, friction_columns=LOAD, certify=False)
+        columns = np.sqrt(np.mean(result.train.columns**2, axis=0))
+        torque = np.sqrt(np.mean(result.train.tau**2, axis=0))
+        size = np.abs(result.phi) * columns / torque[:, None]
+        assert size.max() <= MOST * (1 + 1e-9)  # the quotient is rounded
+
+
+def _statistics(rng: np.random.Generator, n_base: int, n_phi: int) -> Statistics:
+    rows = rng.normal(size=(60, n_base + n_phi)) @ rng.normal(size=(n_base + n_phi,) * 2)
+    q, r = np.linalg.qr(rows)
+    target = rng.normal(size=60)
+    rest = float(target @ target - np.sum((q.T @ target) ** 2))
+    return Statistics(r, q.T @ target, rest, 60.0, np.eye(n_base), "x")
+
+
+def test_the_active_set_is_the_optimum_within_bounds():
+    """Oracle: SciPy's bounded least squares on 40 dense problems with 4 to 12 coefficients."""
+    rng = np.random.default_rng(1)
+    active = 0
+    for _ in range(40):
+        n_base, n_phi = 3, int(rng.integers(4, 13))
+        s = _statistics(rng, n_base, n_phi)
+        free = np.linalg.lstsq(s.factor, s.target)[0][n_base:]
+        half = np.abs(free) * rng.uniform(0.2, 3.0, n_phi)
+        bounds = Bounds(np.where(rng.uniform(size=n_phi) < 0.5, 0.0, -half), half)
+
+        def solve(part: Statistics):
+            x = np.linalg.lstsq(part.factor, part.target, rcond=1e-12)[0]
+            return x[3:], x[:3], x
+
+        phi, x, held = within_bounds(s, bounds, solve)
+        infinite = np.full(n_base, np.inf)
+        box = (np.r_[-infinite, bounds.lower], np.r_[infinite, bounds.upper])
+        expected = lsq_linear(s.factor, s.target, box, method="bvls", tol=1e-14).x
+        # Condition numbers up to 1e4 and the tolerance of BVLS.
+        np.testing.assert_allclose(phi, expected[n_base:], atol=1e-7 * (1 + np.abs(free).max()))
+        np.testing.assert_allclose(x[:n_base], expected[:n_base], atol=1e-7 * (1 + np.abs(x).max()))
+        active += int(held.flags.sum())
+    assert active > 100
+
+
+def test_the_gap_of_bounded_friction_is_that_of_the_bounded_optimum(lib, reversed_torque):
+    """Property: the optimum with bounds is no smaller than without, and the gap is not negative."""
+    result = identify(reversed_torque, lib, "pc-ols", friction_columns=ROTOR)
+    loose = identify(reversed_torque, lib, "lm", friction_columns=ROTOR)
+    assert result.optimum > loose.optimum
+    assert -1e-6 < result.gap < 2e-3  # pc-ols stops at 1e-3 above the optimum

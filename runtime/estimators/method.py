@@ -35,6 +35,8 @@ class Method:
         when_recommended: half a sentence that follows where a comparison recommends it.
         takes_preset: has settings to choose from.
         takes_prior: uses a file of inertial priors.
+        is_most_probable: returns the most probable model under the inertial prior, so that the
+            posterior is centred at its answer.
         in_batches: whether a preset (a name, settings or None) draws samples one by one; None
             where no preset does.
     """
@@ -54,6 +56,7 @@ class Method:
     when_recommended: str = ""
     takes_preset: bool = False
     takes_prior: bool = False
+    is_most_probable: bool = False
     in_batches: Callable[[Any], bool] | None = None
 
     @property

@@ -4,6 +4,7 @@
 
 with A of weighted, friction-eliminated data and S, their noise at the frequencies of the motion
 (`coloured_noise`). C lives in π, not in λ, where the delta method is undefined at a = b or c = 0.
+`estimate_error` adds what an estimate differs from the centre of C.
 Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
@@ -13,8 +14,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.estimators.contradictions import contradictions_of
-from runtime.estimators.convex import CAD, bodies_of, com_sigma, prior_of, reduce, spread_of
+from runtime.estimators.convex import (
+    CAD,
+    bodies_of,
+    com_sigma,
+    prior_of,
+    reduce,
+    spread_of,
+)
 from runtime.estimators.convex.posterior_spread import DETERMINED
+from runtime.estimators.estimate_error import vague_posterior
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of
 from runtime.estimators.regression.residuals import (
@@ -39,10 +48,11 @@ class Uncertainty:
     """Covariance of π and the figures that a report states beside it.
 
     Attributes:
-        root: C = root rootᵀ of π, (10 n, 10 n).
+        root: C = root rootᵀ of π, (10 n, 10 n + 1); the last column is the error of the estimate.
         share: posterior over prior variance of every entry of π, (10 n,), in (0, 1].
         verdicts: per entry of π: identified, prior-dominated or unobservable.
         beta_sigma: standard deviation of the base parameters, (n_b,).
+        beta_verdicts: per base parameter: identified or prior-dominated.
         noise: s_j, residual RMS per joint, (n,), N·m or N.
         n_samples, n_eff: number of training samples, and effective sample size.
         inflation: N / N_eff, 1 for white noise.
@@ -58,6 +68,7 @@ class Uncertainty:
     share: Array
     verdicts: tuple[str, ...]
     beta_sigma: Array
+    beta_verdicts: tuple[str, ...]
     noise: Array
     n_samples: int
     n_eff: float
@@ -173,6 +184,7 @@ def uncertainty_of(
     statistics: Statistics | None = None,
     coloured_noise: ColouredNoise | None = None,
     compressed: Callable[[Array], Statistics] | None = None,
+    is_most_probable: bool = True,
 ) -> Uncertainty:
     """Uncertainty of an identified model, by any method.
 
@@ -187,6 +199,8 @@ def uncertainty_of(
         statistics: of the samples with weights 1/s_j², if they exist already.
         coloured_noise: of their residuals, if it exists already.
         compressed: weights (n,) → statistics of all samples, where `samples` are only some.
+        is_most_probable: whether `pi` is the most probable model under this prior; the covariance
+            of other estimates is that of data with a prior of unknown quality.
 
     Returns:
         Covariance of π, verdict per entry, noise per joint and effective sample size.
@@ -202,7 +216,11 @@ def uncertainty_of(
     bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
     inside = bodies.log_det(pi) is not None
     level = max(coloured.density, np.finfo(float).tiny)
-    spread = spread_of(bodies, pi if inside else prior.centre, data.factor / np.sqrt(level), kappa)
+    rows, target = data.factor / np.sqrt(level), data.target / np.sqrt(level)
+    spread = spread_of(bodies, pi if inside else prior.centre, rows, kappa)
+    # What the estimate differs from data with hardly any prior counts as its error.
+    reference, vague = vague_posterior(lib, prior, rows, target)
+    root = np.column_stack([spread.root if is_most_probable else vague, pi - reference])
     weights = weights_from(noise(rest, lib, phi.size), samples.tau)
     contradictions = contradictions_of(lib, samples, weights, data, prior, kappa, level, pi)
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
@@ -218,10 +236,11 @@ def uncertainty_of(
     known = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
     rank = min(known + shared, len(base))
     return Uncertainty(
-        root=spread.root,
+        root=root,
         share=spread.share,
         verdicts=tuple(_verdict(q, float(s)) for q, s in zip(silent, spread.share, strict=True)),
-        beta_sigma=np.linalg.norm(base @ spread.root, axis=1),
+        beta_sigma=np.linalg.norm(base @ root, axis=1),
+        beta_verdicts=tuple(_verdict(False, float(s)) for s in spread.share_of(base)),
         noise=noise(rest, lib, phi.size, coloured.inflation),
         n_samples=round(statistics.n_samples),
         n_eff=statistics.n_samples / coloured.inflation,

@@ -238,6 +238,7 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
         "pi_sigma": u.sigma.tolist(),
         "posterior_over_prior": u.share.tolist(),
         "beta_sigma": u.beta_sigma.tolist(),
+        "beta_verdicts": list(u.beta_verdicts),
         "noise": u.noise.tolist(),
         "model_band": np.sqrt(np.mean(band**2, axis=0)).tolist(),
         "white": u.white.tolist(),

@@ -128,6 +128,8 @@ KEYS: tuple[Key, ...] = (
     Key("uncertainty.posterior_over_prior", "list", "posterior over prior variance of π",
         "(10 n,)", older=[]),
     Key("uncertainty.beta_sigma", "list", "standard deviations of β", "(n_b,)", "SI", older=[]),
+    Key("uncertainty.beta_verdicts", "list", "identified or prior-dominated, per entry of β",
+        "(n_b,)", older=[]),
     Key("uncertainty.noise", "list", "residual RMS per joint", "(n,)", _SI),
     Key("uncertainty.model_band", "list", "σ of the model's torque", "(n,)", _SI),
     Key("uncertainty.white", "list", "share of lags within the bounds of white noise", "(n,)"),

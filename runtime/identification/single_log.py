@@ -106,7 +106,7 @@ def identify_assembled(
         loss=_loss(problem, fit, statistics),
         optimum=optimum,
         zero_loss=float(np.mean(problem.train.tau**2 @ weights) / 2),
-        uncertainty=_uncertainty(assembly, fit, chosen) if chosen.certify else None,
+        uncertainty=_uncertainty(assembly, fit, method, chosen) if chosen.certify else None,
         seconds=seconds,
         iterations=fit.iterations,
         trace=fit.trace,
@@ -120,7 +120,7 @@ def identify_assembled(
     )
 
 
-def _uncertainty(assembly: Assembly, fit: Fit, settings: Settings) -> Uncertainty:
+def _uncertainty(assembly: Assembly, fit: Fit, method: str, settings: Settings) -> Uncertainty:
     """Posterior of the fit; κ is that of the inertial prior where it states one."""
     problem, prior = assembly.problem, settings.prior
     lib = problem.lib
@@ -134,6 +134,7 @@ def _uncertainty(assembly: Assembly, fit: Fit, settings: Settings) -> Uncertaint
         statistics=fit.statistics,
         coloured_noise=fit.coloured_noise,
         compressed=problem.statistics,
+        is_most_probable=METHODS[method].is_most_probable,
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)

@@ -162,4 +162,5 @@ MAP = Method(
     from_statistics=True,
     bounds_friction=True,
     takes_prior=True,
+    is_most_probable=True,
 )

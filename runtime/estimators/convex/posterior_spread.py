@@ -34,11 +34,18 @@ class Spread:
         share: posterior over prior variance of every entry, (10 n,), in (0, 1].
         determined: number of directions in which the data carry ten times the information of the
             prior.
+        prior_root: root of the covariance of the prior alone, (10 n, 10 n).
     """
 
     root: Array
     share: Array
     determined: int
+    prior_root: Array
+
+    def share_of(self, matrix: Array) -> Array:
+        """Posterior over prior variance of linear combinations of π, (m,), of matrix (m, 10 n)."""
+        after = np.sum((matrix @ self.root) ** 2, axis=1)
+        return np.asarray(after / np.sum((matrix @ self.prior_root) ** 2, axis=1))
 
 
 def spread_of(bodies: Bodies, pi: Array, rows: Array, kappa: float) -> Spread:
@@ -61,20 +68,20 @@ def spread_of(bodies: Bodies, pi: Array, rows: Array, kappa: float) -> Spread:
     left[: information.size] = 1 / np.sqrt(1 + information**2)
     root = np.asarray(shrink @ turn.T * left)
     share = np.minimum(np.sum(root**2, axis=1) / np.sum(shrink**2, axis=1), 1.0)
-    return Spread(root, share, int(np.sum(left**2 < DETERMINED)))
+    return Spread(root, share, int(np.sum(left**2 < DETERMINED)), shrink)
 
 
 def com_sigma(root: Array, pi: Array) -> list[Array | None]:
     """Standard deviation of the centre of mass c = (m c)/m of every link.
 
     Args:
-        root: C = root rootᵀ of π, (10 n, 10 n).
+        root: C = root rootᵀ of π, (10 n, k).
         pi: π, (10 n,).
 
     Returns:
         σ of c per link, (3,) [m]; None for a link without mass.
     """
-    roots = root.reshape(-1, N_PARAMETERS, pi.size)
+    roots = root.reshape(-1, N_PARAMETERS, root.shape[1])
     return [
         _com_deviation(body, rows) if mass(body) else None
         for body, rows in zip(links(pi), roots, strict=True)

@@ -81,14 +81,15 @@ def test_covariance_is_the_inverse_hessian(lib, noisy):
     gram, level = data.factor.T @ data.factor / len(train), fit.coloured_noise.density
     curvature = (estimated.hessian() - gram) / gamma
     precision = len(train) * gram / level + CAD * curvature
-    expected = u.root.T @ precision @ u.root
+    root = u.root[:, :-1]  # the last column is the error of the estimate
+    expected = root.T @ precision @ root
     # Rounding × condition of H, 1e8 in natural units.
     np.testing.assert_allclose(expected, np.eye(70), atol=1e-5)
 
 
 def test_centre_of_mass_moves_with_its_mass(estimated):
     """Oracle: samples from the covariance, c = (m c)/m of each."""
-    u, draws = estimated.uncertainty, np.random.default_rng(0).normal(size=(20000, 70))
+    u, draws = estimated.uncertainty, np.random.default_rng(0).normal(size=(20000, 71))
     pi = (estimated.pi + 1e-3 * draws @ u.root.T).reshape(-1, 7, 10)
     spread = (pi[:, :, 1:4] / pi[:, :, :1]).std(axis=0) / 1e-3
     # σ of 20000 draws: 0.5 %, three sigma and the curvature of 1/m.

@@ -12,6 +12,7 @@ import re
 import secrets
 import stat
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,6 +22,8 @@ from runtime.errors import RuntimeFault
 
 LARGEST = 2**26
 """Largest size of a document [bytes]; the largest that is written here has a few million."""
+LARGEST_JSON, LARGEST_TOML = 2**24, 2**22
+"""Largest sizes of text that is parsed [characters]: a list takes up to 60 times its text."""
 _DIGITS = 19
 """Largest number of digits of an integer that is read."""
 _KEY_PARTS = 32
@@ -28,8 +31,10 @@ _KEY_PARTS = 32
 _KEY_LENGTH = 1000
 """Largest length of a key [characters]."""
 _TOML_LITERAL = re.compile(
-    r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL
+    r'"""(?:[^\\]|\\.)*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?|#[^\n]*',
+    re.DOTALL,
 )
+"""Texts and comments; unclosed ones too, or the search would begin anew at each of their quotes."""
 
 
 def require_file(path: Path) -> Path:
@@ -64,6 +69,7 @@ def text_of(path: Path) -> str:
 def json_of(document: Path | bytes) -> Any:
     """Value of a JSON document; errors as for `bytes_of`."""
     text = document.decode("utf-8") if isinstance(document, bytes) else text_of(document)
+    _require_short(text, LARGEST_JSON)
     try:
         return json.loads(text, object_pairs_hook=_once, parse_int=_whole)
     except RecursionError:
@@ -73,6 +79,7 @@ def json_of(document: Path | bytes) -> Any:
 def toml_of(path: Path) -> dict[str, Any]:
     """Tables of a TOML document; errors as for `bytes_of`."""
     text = text_of(path)
+    _require_short(text, LARGEST_TOML)
     require_short_keys(text)
     try:
         tables = tomllib.loads(text)
@@ -105,11 +112,15 @@ def require_short_keys(text: str) -> None:
             raise ValueError(f"a key or number has more than {_KEY_LENGTH} characters")
 
 
+def _require_short(text: str, largest: int) -> None:
+    if len(text) > largest:
+        raise ValueError(f"{len(text)} characters are more than the {largest} of any such file")
+
+
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     table = dict(pairs)
     if len(table) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
+        twice, _ = Counter(name for name, _ in pairs).most_common(1)[0]
         raise ValueError(f"the key {twice[:40]!r} stands twice")
     return table
 

@@ -10,13 +10,17 @@ from typing import Any
 
 LARGEST = 50 * 2**20
 """Largest file that is read, bytes. Robot descriptions have thousands of lines, not millions."""
+LARGEST_TOML = 2**22
+"""Largest size of a TOML text that is parsed [characters]."""
 _KEY_PARTS = 32
 """Largest number of parts of a dotted key; the time to read one grows with their square."""
 _KEY_LENGTH = 1000
 """Largest length of a key [characters]."""
 _TOML_LITERAL = re.compile(
-    r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.DOTALL
+    r'"""(?:[^\\]|\\.)*?(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\.)*"?|\'[^\'\n]*\'?|#[^\n]*',
+    re.DOTALL,
 )
+"""Texts and comments; unclosed ones too, or the search would begin anew at each of their quotes."""
 
 
 def text_of(path: Path) -> str:
@@ -57,6 +61,8 @@ def toml_of(path: Path) -> dict[str, Any]:
         ValueError: as for `text_of`, or the text is not TOML, or has long keys.
     """
     text = text_of(path)
+    if len(text) > LARGEST_TOML:
+        raise ValueError(f"it has more than {LARGEST_TOML >> 20} MiB")
     require_short_keys(text)
     try:
         return tomllib.loads(text)

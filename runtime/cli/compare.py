@@ -23,6 +23,7 @@ from runtime.cli.log_options import (
     Run,
     Stream,
 )
+from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import LogOptions, listed, read_prepared_log
 from runtime.cli.progress import STATE, counting
 from runtime.cli.robot import Yes, open_robot
@@ -39,6 +40,8 @@ from runtime.identification.comparison.truth import beside
 from runtime.identification.long_logs import assemble_streamed, require_streamable
 from runtime.identification.problem_setup import Assembly, assemble
 from runtime.simulation.controller_file import read_controller
+
+_WRITTEN = ResultFolder("compare", ("compare.json", "compare.md", "report.html"), "rows")
 
 
 def compare_command(
@@ -73,6 +76,7 @@ def compare_command(
         ),
     ] = None,
     seed: Seed = 0,
+    overwrite: Overwrite = False,
 ) -> None:
     r"""Compare all identification methods on one log.
 
@@ -90,6 +94,8 @@ def compare_command(
     that are complete.
     """
     lib = open_robot(robot, yes)
+    folder = out or Path("results") / f"{Path(log).stem}-compare"
+    require_result_folder(folder, _WRITTEN, overwrite)
     names = listed(methods, tuple(METHODS), "--methods") if methods else None
     place = truth or beside(log)
     known = read_truth(place, lib) if place else None
@@ -128,7 +134,6 @@ def compare_command(
         "seed": seed,
     }
     comparison = _with_progress(assembly, names, known)
-    folder = out or Path("results") / f"{Path(log).stem}-compare"
     _finish(write_comparison(comparison, folder, command_line(), settings, notes), folder)
 
 

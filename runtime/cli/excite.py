@@ -20,10 +20,11 @@ from runtime.cli.common import Robot, Seed, console, numbers_option, say, senten
 from runtime.cli.motion_output import (
     at_speed,
     export_stages,
+    files_of,
     json_path,
-    require_no_log,
     write_motion_log,
 )
+from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RuntimeFault
@@ -206,6 +207,7 @@ def excite_command(
             "velocity over position (-speed), path of the tip and distances (-space).",
         ),
     ] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     r"""Design an excitation motion within all limits of a robot.
 
@@ -236,8 +238,6 @@ def excite_command(
     rate = ROWS if export_rate is None else export_rate
     sample_times(duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
-    if not export:
-        require_no_log(path.with_suffix(".csv"))
     height, has_no_table = table_height(table)
     rest = None if home is None else np.array(numbers_option(home, lib.n_joints, "--home"))
     options = clearance, height, box, viscous, coulomb, carry
@@ -255,6 +255,7 @@ def excite_command(
         require_consent(unchecked_limits(lib, safety), accepted)  # before the search, too
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
+    require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts + variation_count(wanted, starts))
 

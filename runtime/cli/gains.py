@@ -10,10 +10,10 @@ from rich.table import Column, Table
 
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
+from runtime.cli.overwriting import Overwrite, write_recipe
 from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RecordingError
-from runtime.files import replacing
 from runtime.identification.payload import read_known_payload
 from runtime.identification.payload.output import NORMAL_95
 from runtime.identification.sensor_gains import Gains, identify_gains
@@ -60,6 +60,7 @@ def gains_command(
             metavar="FILE", help="Write a recipe with these gains, for identify --recipe."
         ),
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     r"""Identify gain and bias of every torque sensor or drive.
 
@@ -98,8 +99,7 @@ def gains_command(
     if recipe_out is None:
         say(f"recipe: [torque] gain = [{', '.join(map(repr, factors))}]")
         return
-    with replacing(recipe_out) as file:
-        file.write(_recipe(plan, gains, factors).encode())
+    write_recipe(recipe_out, _recipe(plan, gains, factors), overwrite)
     say(f"recipe: {recipe_out}")
 
 

@@ -20,6 +20,7 @@ from runtime.cli.log_options import (
     Run,
     Stream,
 )
+from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import LogOptions, PreparedLog, read_prepared_log
 from runtime.cli.progress import STATE, counting
 from runtime.cli.robot import Yes, open_robot
@@ -39,6 +40,10 @@ from runtime.library import Library
 from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
 from runtime.simulation.controller_file import read_controller
+
+_WRITTEN = ResultFolder(
+    "identify", ("result.json", "predictions.npz", "identified.urdf", "report.html"), "method"
+)
 
 
 def identify_command(
@@ -84,6 +89,7 @@ def identify_command(
     stream: Stream = None,
     payload_of: PayloadOf = None,
     seed: Seed = 0,
+    overwrite: Overwrite = False,
 ) -> None:
     r"""Identify the inertial parameters of a robot from logs.
 
@@ -116,13 +122,17 @@ def identify_command(
     known = None if prior is None else read_prior(prior, lib)
     settings = settings_for(lib, Settings(method=method, preset=preset, prior=known, seed=seed))
     runs = runs_of(logs, run)
-    if len(runs) > 1 or payload_of:
+    several = f"{len(runs)}-" if len(runs) > 1 or payload_of else ""
+    chosen = chosen_method(settings.method, settings.preset, settings.prior)
+    folder = out or Path("results") / f"{Path(log).stem}-{several}{chosen}"
+    require_result_folder(folder, _WRITTEN, overwrite)
+    if several:
         if controller is not None:
             raise IdentificationError(
                 "--controller belongs to one log, but several are given; leave it out"
             )
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
-        _finish(result, out or _folder(log, f"{len(runs)}-{result.method}"), agreement)
+        _finish(result, folder, agreement)
         return
     data = read_prepared_log(lib, log, options)
     if data.streamed is not None:
@@ -133,7 +143,7 @@ def identify_command(
             )
         result = _streamed(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-        _finish(result, out or _folder(log, result.method))
+        _finish(result, folder)
         return
     terms = data.friction
     if terms is None and method and require_method(method).default_columns:
@@ -150,11 +160,7 @@ def identify_command(
         ),
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-    _finish(result, out or _folder(log, result.method))
-
-
-def _folder(log: str, method: str) -> Path:
-    return Path("results") / f"{Path(log).stem}-{method}"
+    _finish(result, folder)
 
 
 def _is_streamable(method: str | None, preset: str | None) -> bool:

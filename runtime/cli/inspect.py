@@ -10,9 +10,8 @@ from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import Log, Run
+from runtime.cli.overwriting import Overwrite, require_unused, write_recipe
 from runtime.cli.robot import Yes, open_robot
-from runtime.errors import RecordingError
-from runtime.files import replacing
 from runtime.inspection import ERROR, INFO, WARNING, Inspection, inspect_log, recipe_text
 
 _STYLES = {ERROR: "red", WARNING: "yellow", INFO: "dim"}
@@ -46,6 +45,7 @@ def inspect_command(
         Path | None,
         typer.Option(metavar="FILE", help="Draw clock, motion and torque; .png, .pdf or .svg."),
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
     strict: Annotated[
         bool,
@@ -66,12 +66,13 @@ def inspect_command(
     Exit code: 0 no findings, 1 warnings or errors, 2 the log cannot be read.
     """
     lib = open_robot(robot, yes)
+    require_unused([plot] if plot else [], overwrite, "--plot")
     bare = recipe_out is not None and recipe is None
     options: dict[str, Any] = {"bare": bare, "rate_hz": log_rate, "propose": recipe_out is not None}
     with console.status("inspecting the log"):
         inspection = inspect_log(log, lib, recipe, run, **options)
     if recipe_out is not None:
-        _write_recipe(recipe_out, recipe_text(inspection).encode())
+        write_recipe(recipe_out, recipe_text(inspection), overwrite)
     if plot is not None:
         from runtime.outputs.report.log_figure import draw_log  # matplotlib is slow to import
 
@@ -85,21 +86,6 @@ def inspect_command(
                 say(f"{what}: {path}")
     todo = inspection.findings if strict else inspection.of_level(ERROR, WARNING)
     raise typer.Exit(int(bool(todo)))
-
-
-def _write_recipe(path: Path, text: bytes) -> None:
-    """Write the proposed recipe, but do not replace a different one.
-
-    Raises:
-        RecordingError: the file exists and differs; entries from `gains` or by hand would be lost.
-    """
-    if path.is_file() and path.read_bytes() != text:
-        raise RecordingError(
-            f"'{path}' exists and differs from the proposed recipe; give --recipe-out another "
-            "name and compare them, or remove the existing file"
-        )
-    with replacing(path) as file:
-        file.write(text)
 
 
 def _show(inspection: Inspection) -> None:

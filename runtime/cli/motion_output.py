@@ -6,30 +6,38 @@ from pathlib import Path
 from runtime.cli.common import say
 from runtime.errors import RuntimeFault
 from runtime.excitation import Design
-from runtime.excitation.motion_export import export_trajectory
+from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certified_motion import CertifiedMotion, certified, slowed
 from runtime.library import Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
 
-def require_no_log(path: Path) -> None:
-    """Refuse to overwrite a log with the designed motion.
+def files_of(
+    path: Path, formats: Collection[str], speeds: Sequence[float], pictures: bool
+) -> tuple[Path, ...]:
+    """Files that `excite` writes.
 
     Args:
-        path: CSV file that is to be written.
+        path: JSON of the motion.
+        formats: formats of --export, names of `MOTION_FORMATS`; empty: the sampled motion as CSV.
+        speeds: speeds of the stages in % of the designed one.
+        pictures: whether figures are written.
 
-    Raises:
-        RuntimeFault: the file has columns of torque, which a designed motion has not.
+    Returns:
+        Their paths.
     """
-    if path.is_file():
-        with path.open(encoding="utf-8", errors="replace") as file:
-            header = file.readline(100_000)
-        if "tau" in header:
-            raise RuntimeFault(
-                f"'{path}' holds torque, so it is a log and not the motion that would be written "
-                "there; give --out another name"
-            )
+    files = [path]
+    if pictures:
+        from runtime.outputs.report.motion_figures import picture_paths  # matplotlib loads slowly
+
+        files += picture_paths(path.with_suffix(".png"))
+    if not formats:
+        files.append(path.with_suffix(".csv"))
+    suffixes = [*(MOTION_FORMATS[name].suffix for name in formats), CERTIFICATE]
+    for stem in [_stem(path.with_suffix(""), percent) for percent in speeds] if formats else []:
+        files += [stem.with_name(stem.name + suffix) for suffix in suffixes]
+    return tuple(files)
 
 
 def write_motion_log(optimum: Design, lib: Library, rate: float, path: Path) -> Path:
@@ -91,9 +99,14 @@ def export_stages(
     for stage in stages.values():
         stage.require_limits()
     for percent, stage in stages.items():
-        stem = base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
+        stem = _stem(base, percent)
         files = [str(export_trajectory(stage, stem, kind, rate, unchecked)) for kind in kinds]
-        say(f"exported: {', '.join(files)}, {stem}.certificate.json")
+        say(f"exported: {', '.join(files)}, {stem}{CERTIFICATE}")
+
+
+def _stem(base: Path, percent: float) -> Path:
+    """Path without suffix of the files of one speed."""
+    return base if percent == 100 else base.with_name(f"{base.name}-speed{percent:g}")
 
 
 def json_path(path: Path) -> Path:

@@ -9,6 +9,7 @@ from rich.table import Table
 
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import CarryingLink, CutoffHz, Rate, Recipe, Run
+from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import preparation_of
 from runtime.cli.robot import Yes, open_robot
 from runtime.identification.payload import (
@@ -20,9 +21,10 @@ from runtime.identification.payload import (
     write_payload,
 )
 from runtime.identification.payload.body import NAMES
-from runtime.identification.payload.output import NORMAL_95
+from runtime.identification.payload.output import FILES, NORMAL_95
 from runtime.recording import read_recording
 
+_WRITTEN = ResultFolder("payload", FILES, "set_load")
 _UNITS = ("kg", *("m",) * 3, *("kg·m²",) * 6)
 
 
@@ -57,6 +59,7 @@ def payload_command(
     ] = None,
     cutoff: CutoffHz = None,
     rate: Rate = None,
+    overwrite: Overwrite = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print payload.json instead.")] = False,
 ) -> None:
     r"""Identify mass, centre of mass and inertia of a payload.
@@ -74,6 +77,8 @@ def payload_command(
     endeffector-config.json (Franka Desk) and payload.urdf (a link to append).
     """
     lib = open_robot(robot, yes)
+    folder = out or Path("results") / f"{Path(log).stem}-payload"
+    require_result_folder(folder, _WRITTEN, overwrite)
     loaded = read_recording(log, recipe, run, lib.joint_names)
     joints = lib.joint_names
     bare = read_recording(empty, recipe, empty_run or run, joints) if empty else None
@@ -85,7 +90,6 @@ def payload_command(
         empty=bare,
         preparation=preparation_of(loaded, cutoff, rate),
     )
-    folder = out or Path("results") / f"{Path(log).stem}-payload"
     paths = write_payload(payload, lib, folder, command_line())
     if as_json:
         print(json.dumps(load_facts(payload, lib), indent=1, ensure_ascii=False))

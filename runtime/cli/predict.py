@@ -9,6 +9,7 @@ import typer
 
 from runtime.cli.common import Robot, console, say
 from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
+from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.predict_situation import Situation, situation_of
 from runtime.cli.predict_tables import (
     EarlierLogs,
@@ -98,6 +99,7 @@ def predict_command(
         Path | None,
         typer.Option(metavar="FILE", help="Draw σ over the recording time; .png, .pdf or .svg."),
     ] = None,
+    overwrite: Overwrite = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print JSON in SI units instead.")
     ] = False,
@@ -118,6 +120,7 @@ def predict_command(
     10 %.
     """
     lib = open_robot(robot, yes)
+    require_unused([plot] if plot else [], overwrite, "--plot")
     if log_rate is not None:
         information(lib, rate=log_rate)  # raises where the rate is out of range
     _require_rates_apply(

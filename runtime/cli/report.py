@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import command_line, say
+from runtime.cli.overwriting import Overwrite, require_page, require_unused
 from runtime.errors import IdentificationError
 
 
@@ -34,6 +35,7 @@ def report_command(
         ),
     ] = None,
     readme: Annotated[bool, typer.Option("--readme", help="The same as --into README.md.")] = False,
+    overwrite: Overwrite = False,
 ) -> None:
     r"""Write the results of a folder as one HTML page.
 
@@ -46,11 +48,22 @@ def report_command(
     """
     # matplotlib is slow to import
     from runtime.outputs.report import write_report
-    from runtime.outputs.report.experiments import is_experiments, write_experiments
+    from runtime.outputs.report.experiments import (
+        is_experiments,
+        picture_paths,
+        write_experiments,
+    )
 
     page = out or results / "report.html"
+    if out is None:
+        require_page(page, overwrite)
+    else:
+        require_unused([out], overwrite)
     if is_experiments(results):
         place = Path("README.md") if readme else into
+        require_unused([markdown] if markdown else [], overwrite, "--markdown")
+        if figures is not None:
+            require_unused(picture_paths(results, figures), overwrite, "--figures")
         written = write_experiments(
             results,
             page,

@@ -12,6 +12,7 @@ import typer
 from rich.progress import Progress
 
 from runtime.cli.common import Robot, Seed, console, say
+from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, design
@@ -45,6 +46,8 @@ _ONLY_COMPILED = (
 )
 _ONLY_MUJOCO = ("payload", "settings", "truth_seed")
 
+BESIDE = ".truth.json", ".motion.json", ".loop.toml"
+"""Suffixes of the files beside a log: true parameters, reference motion, controller."""
 Made = tuple[Recording, dict[str, Any], ClosedLoop | None]
 """A log, its true parameters, and its closed-loop description."""
 
@@ -127,6 +130,7 @@ def simulate_command(
     rotor: Annotated[
         float, typer.Option(help="Motor inertia reflected to the joint, kg·m².")
     ] = 0.1,
+    overwrite: Overwrite = False,
 ) -> None:
     r"""Simulate the log of a robot with known parameters.
 
@@ -146,6 +150,7 @@ def simulate_command(
     virtual = _is_virtual(context, engine)
     lib = open_robot(robot, yes)
     path = out or Path("results") / f"{lib.name}-simulated.csv"
+    require_unused([path, *map(path.with_suffix, BESIDE)], overwrite)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("designing a trajectory", total=1.0)
         motion = (
@@ -260,10 +265,10 @@ def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every:
         rows = np.arange(0, len(recording), keep_every)
         recording = recording.take(rows, f"Kept every {keep_every}. sample.")
     write_recording(recording, path)
-    truth, reference = path.with_suffix(".truth.json"), path.with_suffix(".motion.json")
+    truth, reference, controller = map(path.with_suffix, BESIDE)
     if loop is not None:
         write_motion(motion, lib, reference)
-        write_controller(loop, reference.name, path.with_suffix(".loop.toml"))
+        write_controller(loop, reference.name, controller)
         facts["motion_sha256"] = hashlib.sha256(reference.read_bytes()).hexdigest()
     facts["log_sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
     with replacing(truth) as file:
@@ -271,4 +276,4 @@ def _write(lib: Library, motion: Trajectory, made: Made, path: Path, keep_every:
     say(f"recording: {path} ({len(recording)} samples at {recording.rate_hz:g} Hz)")
     say(f"truth:     {truth}")
     if loop is not None:
-        say(f"loop:      {path.with_suffix('.loop.toml')}")
+        say(f"loop:      {controller}")

@@ -9,6 +9,7 @@ import typer
 
 from runtime.cli.common import Robot, say
 from runtime.cli.log_options import Recipe, Run
+from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.robot import Yes, open_robot
 from runtime.files import replacing
 from runtime.outputs.viewer import Player, Scene, look_of, read_motion
@@ -45,6 +46,7 @@ def view_command(
             metavar="FILE", help="Write the animation as one HTML file instead of serving it."
         ),
     ] = None,
+    overwrite: Overwrite = False,
 ) -> None:
     r"""Show the moving robot in a web browser.
 
@@ -57,6 +59,7 @@ def view_command(
     server.
     """
     lib = open_robot(robot, yes)
+    require_unused([html] if html else [], overwrite, "--html")
     played = read_motion(motion, lib, recipe, run)
     look = look_of(lib, urdf, package_dir or ())
     scene = Scene(lib, look, port)

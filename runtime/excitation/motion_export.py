@@ -35,6 +35,8 @@ MOTION_FORMATS = Registry(
     },
 )
 """File formats of a motion by name."""
+CERTIFICATE = ".certificate.json"
+"""End of the file name of the certificate."""
 
 
 def export_trajectory(
@@ -68,7 +70,7 @@ def export_trajectory(
     chosen = MOTION_FORMATS[kind]
     path = base.with_name(base.name + chosen.suffix)
     chosen.write(motion, chosen.rate if rate is None else rate, path)
-    _write_certificate(motion, base.with_name(base.name + ".certificate.json"))
+    _write_certificate(motion, base.with_name(base.name + CERTIFICATE))
     return path
 
 

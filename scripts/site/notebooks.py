@@ -15,6 +15,8 @@ TUTORIALS = ROOT / "runtime" / "tutorials"
 FOLDER = ROOT / "docs" / "notebooks"
 NAMES = ("own-robot", "payload")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```\n?", re.MULTILINE | re.DOTALL)
+FILE_COMMANDS = ("symgen excite ", "symgen simulate ")
+"""Commands that write files of the user's choice, not a folder of results."""
 FILE = re.compile(r"[\w.]+\.(?:toml|urdf|c)\b")
 
 
@@ -48,10 +50,15 @@ def _code(language: str, block: str) -> list[nbformat.NotebookNode]:
     if language == "python":
         return [new_code_cell(block.rstrip())]
     if language == "bash":
-        return [new_code_cell("\n".join(f"!{line}" for line in block.splitlines()))]
+        return [new_code_cell("\n".join(f"!{_again(line)}" for line in block.splitlines()))]
     if language == "text":
         return []
     return [new_code_cell(f"%%writefile {FILE.findall(block)[0]}\n{block.rstrip()}")]
+
+
+def _again(line: str) -> str:
+    """A command that may replace its files, because cells are run again."""
+    return f"{line} --overwrite" if line.startswith(FILE_COMMANDS) else line
 
 
 def text_of(name: str) -> str:

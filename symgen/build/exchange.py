@@ -1,9 +1,12 @@
 """Replacement of a folder in one atomic step, so that readers never see half of it."""
 
 import ctypes
+import filecmp
 import os
 import shutil
 from pathlib import Path
+
+from symgen.errors import BuildError
 
 _AT_FDCWD = -100
 _RENAME_EXCHANGE = 2
@@ -38,6 +41,27 @@ def replace_folder(new: Path, old: Path) -> None:
             raise
         new = aside
     shutil.rmtree(new, ignore_errors=True)
+
+
+def require_no_foreign_file(new: Path, old: Path) -> None:
+    """Refuse to replace a file of a folder that no build has written.
+
+    Args:
+        new: the complete folder.
+        old: the folder to replace; it need not exist.
+
+    Raises:
+        BuildError: a file has the name of a new one, and other content.
+    """
+    if (old / "manifest.json").exists() or (old / "build.json").exists():
+        return  # of an earlier build
+    for path in sorted(new.iterdir()):
+        mine = old / path.name
+        if os.path.lexists(mine) and not (mine.is_file() and filecmp.cmp(mine, path, False)):
+            raise BuildError(
+                f"'{mine}' exists, and no build has written this folder; choose another --out or "
+                "--name, or give --overwrite"
+            )
 
 
 def _exchange(a: Path, b: Path) -> bool:

@@ -20,7 +20,7 @@ from typing import Any
 
 from symgen import __version__
 from symgen.build.compiler import Compilation, Compiled, how_to_compile, sha256_of
-from symgen.build.exchange import replace_folder
+from symgen.build.exchange import replace_folder, require_no_foreign_file
 from symgen.build.facts import initial_parameters, model_facts
 from symgen.build.request import BuildRequest
 from symgen.build.user_builds import is_recorded, record_build
@@ -57,7 +57,11 @@ class BuildResult:
 
 
 def build(
-    request: BuildRequest, root: Path, force: bool = False, levels: Sequence[str] = ()
+    request: BuildRequest,
+    root: Path,
+    force: bool = False,
+    levels: Sequence[str] = (),
+    overwrite: bool = False,
 ) -> BuildResult:
     """Generate and compile the library of a robot unless it is up to date.
 
@@ -66,6 +70,7 @@ def build(
         root: the folder that holds one folder per robot.
         force: True rebuilds although nothing changed.
         levels: instruction sets to compile for (`compiler.level_names`); empty: all.
+        overwrite: True replaces files of a folder that no build has written.
 
     Returns:
         The folder, whether it was rebuilt, and notes.
@@ -86,6 +91,8 @@ def build(
             try:
                 staging.chmod(0o755)
                 sha256 = _fill(staging, request, draft, levels)
+                if not overwrite:
+                    require_no_foreign_file(staging, folder)
                 replace_folder(staging, folder)
             finally:
                 shutil.rmtree(staging, ignore_errors=True)

@@ -41,6 +41,7 @@ ConfigOption = Annotated[
         help="TOML file with home, limits, braking, proxies, pairs; repeatable.", dir_okay=False
     ),
 ]
+OverwriteOption = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
 
 
 def say(sentence: str) -> None:

@@ -8,8 +8,7 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from symgen.cli.common import app, console, say
-from symgen.errors import BuildError
+from symgen.cli.common import OverwriteOption, app, console, say
 
 if TYPE_CHECKING:
     from symgen.inspect import Inspection, Repair
@@ -26,9 +25,7 @@ def inspect_command(
             help="Write a physically consistent URDF with the same joint torques to this file."
         ),
     ] = None,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Allow --repair to replace an existing file.")
-    ] = False,
+    overwrite: OverwriteOption = False,
     package_dir: Annotated[
         list[Path] | None,
         typer.Option(help="Folder in which package:// meshes are searched; repeatable."),
@@ -113,15 +110,14 @@ def _repair(
     inspection: "Inspection", model: Path, out: Path, overwrite: bool, quiet: bool
 ) -> dict[str, Any]:
     """Write the repaired file if there is anything to repair; return the facts."""
-    from symgen.inspect import ERROR, repaired, write_text
+    from symgen.inspect import ERROR, repaired, require_unused, write_text
     from symgen.inspect.inspection import INERTIAL
 
     report = (lambda _: None) if quiet else say
     if not any(f.kind in INERTIAL for f in inspection.errors):
         report("repair: all inertias are physically consistent, nothing was written")
         return {"written": None, "moved": []}
-    if out.exists() and not overwrite:  # before the work, not after it
-        raise BuildError(f"'{out}' exists; choose another file, or give --overwrite")
+    require_unused(out, overwrite)  # before the work, not after it
     text, changes, again = repaired(inspection, model)
     write_text(out, text, overwrite)
     if not quiet:

@@ -15,6 +15,7 @@ from symgen.cli.common import (
     BaseOption,
     ConfigOption,
     LockOption,
+    OverwriteOption,
     RootOption,
     TipOption,
     app,
@@ -87,12 +88,13 @@ def build_command(
         bool, typer.Option("--force", help="Rebuild even if the folder is up to date.")
     ] = False,
     out: RootOption = DEFAULT_ROOT,
+    overwrite: OverwriteOption = False,
 ) -> None:
     r"""Generate and compile the C library of a robot arm.
 
     Reads a URDF, derives the kernels (torques, regressor, base parameters, derivatives), writes
     them as C to OUT/NAME/ and compiles one library for all instruction sets of this machine.
-    Nothing is done if the folder is up to date.
+    Nothing is done if the folder is up to date; the files of an earlier build are replaced.
 
     \b
     python -m symgen build                             the Franka Research 3
@@ -116,7 +118,7 @@ def build_command(
         options = replace(options, masses=read_masses(masses) if masses else {})
         request = _request_from_urdf(urdf, name, options, project, config)
     with console.status(f"building {request.name}"):
-        result = build(request, out, force, level or ())
+        result = build(request, out, force, level or (), overwrite)
     for note in result.notes:
         say(f"note: {note}")
     state = "built" if result.rebuilt else "up to date"

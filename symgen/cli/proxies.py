@@ -12,6 +12,7 @@ from symgen.cli.common import (
     BaseOption,
     ConfigOption,
     LockOption,
+    OverwriteOption,
     TipOption,
     app,
     console,
@@ -51,6 +52,7 @@ def proxies_command(
     margin: Annotated[
         float, typer.Option(help="Distance that a motion keeps between the proxies of a pair, m.")
     ] = MARGIN,
+    overwrite: OverwriteOption = False,
 ) -> None:
     r"""Fit collision capsules to a robot and choose the pairs to check.
 
@@ -69,12 +71,11 @@ def proxies_command(
     from symgen.collision.coverage import coverage
     from symgen.collision.geometry import read_geometry
     from symgen.collision.selection import select_pairs
-    from symgen.inspect.rewrite import write_text
+    from symgen.inspect.rewrite import require_unused, write_text
 
     if packages:
         raise BuildError("'proxies' has no option --packages any more; give --package-dir DIR")
-    if out.exists():
-        raise BuildError(f"'{out}' exists already; choose another --out, or delete it first")
+    require_unused(out, overwrite)
     if not (math.isfinite(margin) and margin >= 0):
         raise BuildError(f"--margin needs a distance in m, not below 0, got {margin:g}")
     chain = read_chain(read_urdf(urdf), ChainOptions(base, tip, None, read_locks(lock or [])))
@@ -96,7 +97,7 @@ def proxies_command(
         )
     header = f"# Capsules around the collision geometry of {chain.name} and pairs to check; m.\n"
     text = header + toml_from_collision(CollisionModel(fitted, chosen.pairs))
-    write_text(out, text, overwrite=False)
+    write_text(out, text, overwrite)
     say(f"{out}: {len(fitted)} proxies, {len(chosen.pairs)} pairs")
 
 

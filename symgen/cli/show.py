@@ -18,6 +18,7 @@ from symgen.cli.common import (
     generated_here,
     say,
 )
+from symgen.documents import json_of
 from symgen.errors import BuildError
 from symgen.mechanics.combination import describe_combination
 
@@ -93,7 +94,7 @@ def describe_command(
     folder = here[robot] if robot in here else folders_of(out, robot)[0]
     path = folder / "manifest.json"
     try:
-        manifest = json.loads(path.read_text(encoding="utf-8"))
+        manifest = json_of(path)
         facts = json.dumps(_description(manifest), indent=1)
         tables = (_joint_table(manifest), _base_table(manifest), _kernel_table(manifest))
     except _DAMAGE as error:

@@ -15,7 +15,7 @@ from symgen.inspect.inspection import (
 )
 from symgen.inspect.model import ERROR, WARNING, Body, Finding
 from symgen.inspect.repair import Repair
-from symgen.inspect.rewrite import write_text
+from symgen.inspect.rewrite import require_unused, write_text
 
 __all__ = [
     "ERROR",
@@ -29,5 +29,6 @@ __all__ = [
     "inspect_file",
     "inspect_text",
     "repaired",
+    "require_unused",
     "write_text",
 ]

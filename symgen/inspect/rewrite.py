@@ -89,6 +89,20 @@ def _digits(value: float) -> str:
     return repr(float(value) + 0.0)  # the shortest text that reads back to the same number
 
 
+def require_unused(path: Path, overwrite: bool) -> None:
+    """Refuse to replace an existing file.
+
+    Args:
+        path: file that will be written.
+        overwrite: True permits to replace it.
+
+    Raises:
+        BuildError: the file exists and may not be replaced.
+    """
+    if os.path.lexists(path) and not overwrite:
+        raise BuildError(f"'{path}' exists; choose another file, or give --overwrite")
+
+
 def write_text(path: Path, text: str, overwrite: bool) -> None:
     """Write a file atomically.
 
@@ -102,8 +116,7 @@ def write_text(path: Path, text: str, overwrite: bool) -> None:
     """
     draft = path.with_name(f".symgen.{secrets.token_hex(8)}")
     try:
-        if path.exists() and not overwrite:
-            raise BuildError(f"'{path}' exists; choose another file, or give --overwrite")
+        require_unused(path, overwrite)
         # O_EXCL follows no link that others have put there; the mode is that of open().
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
         with os.fdopen(os.open(draft, flags, 0o666), "w", encoding="utf-8", newline="") as file:

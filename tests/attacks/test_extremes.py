@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from runtime.files import toml_of
+from runtime.files import json_of, toml_of
 from symgen.build.config import read_config
 from symgen.chain import read_chain
 from symgen.errors import BuildError, UrdfError
@@ -39,6 +39,33 @@ def test_long_keys_are_refused_before_they_are_read(kind: str, tmp_path: Path) -
     with pytest.raises(BuildError, match="a key "):
         read_config(path)
     assert time.process_time() - start < 2.0  # s; twenty times what it takes here
+
+
+SLOW_TEXTS = {
+    "escaped quotes": ("toml", '\\"' * 40_000),
+    "open text": ("toml", '"""a ' * 5_001 + '\\"' * 20_000),
+    "long": ("toml", "a = [" + "[], " * 2**20 + "]"),
+    "lists": ("json", "[" + "[], " * 2**22 + "[]]"),
+    "key twice": ("json", "{" + "".join(f'"{k}": 0, ' for k in range(100_000)) + '"99999": 0}'),
+    "depth": ("json", "[" * 10**6),
+    "depth of a list": ("toml", "a = " + "[" * 10**6),
+    "depth of a table": ("toml", "a = " + "{a = " * 10**6),
+}
+
+
+@pytest.mark.parametrize("kind", SLOW_TEXTS)
+def test_slow_texts_are_refused(kind: str, tmp_path: Path) -> None:
+    """Property: 80 kB of quotes took 42 s, a key that stands twice minutes; now 0.1 s."""
+    suffix, text = SLOW_TEXTS[kind]
+    path = tmp_path / f"a.{suffix}"
+    path.write_text(text)
+    start = time.process_time()
+    with pytest.raises(ValueError, match=r"."):
+        (toml_of if suffix == "toml" else json_of)(path)
+    if suffix == "toml":
+        with pytest.raises(BuildError):
+            read_config(path)
+    assert time.process_time() - start < 2.0  # s; the longest takes 0.4 s
 
 
 def test_usual_keys_are_read(tmp_path: Path) -> None:

@@ -250,7 +250,7 @@ def test_the_command_writes_what_build_reads(
         read_config(out, out)
     before = out.read_bytes()
     assert run("proxies", str(urdf), "--out", str(out), monkeypatch=monkeypatch) == 2
-    assert "exists already" in capsys.readouterr().err
+    assert "exists; choose another file, or give --overwrite" in capsys.readouterr().err
     assert out.read_bytes() == before
     words = ("proxies", str(urdf), "--out", str(tmp_path / "b.toml"), "--packages", str(tmp_path))
     assert run(*words, monkeypatch=monkeypatch) == 2

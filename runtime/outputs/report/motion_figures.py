@@ -58,20 +58,31 @@ def write_pictures(profile: MotionProfile, path: Path) -> tuple[Path, ...]:
         RuntimeFault: a file cannot be written.
     """
     n = len(profile.joints)
-    drawings = {
-        "": ((15.0, 1.6 + 1.2 * n), draw_motion),
-        "-speed": ((12.0, 1.0 + 2.4 * -(-n // _ACROSS)), draw_speed),
-        "-space": ((13.0, 5.6), draw_space),
-    }
-    written = []
-    for suffix, (size, draw) in drawings.items():
-        picture = path.with_name(f"{path.stem}{suffix}{path.suffix}")
+    drawings = (
+        ((15.0, 1.6 + 1.2 * n), draw_motion),
+        ((12.0, 1.0 + 2.4 * -(-n // _ACROSS)), draw_speed),
+        ((13.0, 5.6), draw_space),
+    )
+    pictures = picture_paths(path)
+    for picture, (size, draw) in zip(pictures, drawings, strict=True):
         with blank(size, settings(), DPI) as figure:
             draw(figure, profile)
             with replacing(picture) as file:
                 figure.savefig(file, format="png", metadata={"Software": None})
-        written.append(picture)
-    return tuple(written)
+    return pictures
+
+
+def picture_paths(path: Path) -> tuple[Path, ...]:
+    """Files that `write_pictures` writes.
+
+    Args:
+        path: first file.
+
+    Returns:
+        Motion, velocity over position, and space.
+    """
+    suffixes = "", "-speed", "-space"
+    return tuple(path.with_name(f"{path.stem}{suffix}{path.suffix}") for suffix in suffixes)
 
 
 def draw_motion(figure: Figure, profile: MotionProfile) -> None:

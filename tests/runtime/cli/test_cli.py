@@ -120,7 +120,7 @@ def test_an_older_urdf_does_not_outlive_its_result(
     (tmp_path / "out").mkdir()
     urdf = tmp_path / "out" / "identified.urdf"
     urdf.write_text("<robot/>")
-    words = ("--robot", lib.folder, "--method", "ols", "--out", "out")
+    words = ("--robot", lib.folder, "--method", "ols", "--out", "out", "--overwrite")
     ran = command("identify", log, *words)
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert (ran.code, facts["consistent"], urdf.exists()) == (0, False, False)

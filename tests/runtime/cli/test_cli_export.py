@@ -160,19 +160,18 @@ def test_excite_exports_nothing_that_breaks_a_limit(
 
 
 def test_excite_leaves_a_measured_log_alone(command: Command, lib: Library, tmp_path: Path) -> None:
-    """Property: refused before the search; a motion of its own is replaced."""
+    """Property: refused before the search; replaced with --overwrite."""
     words = ("excite", "--robot", lib.folder, "--duration", "4", "--harmonics", "2")
     words = (*words, "--starts", "1", "--document", "--out", "m.json")
     log = tmp_path / "m.csv"
     log.write_text("t,q1,tau1\n0,0,0\n", encoding="utf-8")
     ran = command(*words)
     assert ran.code == 2
-    assert ran.err.startswith("runtime: 'm.csv' holds torque")
+    assert ran.err.startswith("runtime: 'm.csv' exists; choose another place with --out")
     assert len(ran.err.splitlines()) == 1
     assert [path.name for path in tmp_path.iterdir()] == ["m.csv"]
     assert log.read_text(encoding="utf-8") == "t,q1,tau1\n0,0,0\n"
-    log.write_text("t,q1\n0,0\n", encoding="utf-8")
-    assert command(*words).code == 0
+    assert command(*words, "--overwrite").code == 0
     assert len(log.read_text(encoding="utf-8").splitlines()) > 100
 
 
@@ -216,6 +215,7 @@ def test_excite_certifies_a_motion_once(
         "50",
         "--speed",
         "100",
+        "--overwrite",
     )
     assert ran.code == 0, ran.err
     assert durations == [4.0, 8.0]

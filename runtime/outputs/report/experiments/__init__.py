@@ -5,7 +5,7 @@ from pathlib import Path
 from runtime.files import replacing
 from runtime.outputs.report.experiments.labels import short_hash
 from runtime.outputs.report.experiments.page import caption, experiments_page, headline
-from runtime.outputs.report.experiments.pictures import write_pictures
+from runtime.outputs.report.experiments.pictures import paths_of, write_pictures
 from runtime.outputs.report.experiments.reading import Experiment, is_experiments, read_experiments
 from runtime.outputs.report.experiments.readme import write_readme
 from runtime.outputs.report.experiments.tables import markdown, tables
@@ -50,6 +50,22 @@ def write_experiments(
     return tuple(written)
 
 
+def picture_paths(folder: Path, figures_to: Path) -> tuple[Path, ...]:
+    """Files that `write_experiments` writes into the folder of figures.
+
+    Args:
+        folder: output folder of `reproduce`.
+        figures_to: folder of PNG files.
+
+    Returns:
+        Paths of the PNG files.
+
+    Raises:
+        RuntimeFault: a study is damaged, or none is finished.
+    """
+    return tuple(path for _, _, path in paths_of(read_experiments(folder)[0], figures_to))
+
+
 def all_tables(experiments: tuple[Experiment, ...]) -> str:
     """All tables as Markdown, with the config hash of their numbers as footnotes."""
     parts = [headline(experiments)]
@@ -67,4 +83,10 @@ def all_tables(experiments: tuple[Experiment, ...]) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-__all__ = ["all_tables", "is_experiments", "read_experiments", "write_experiments"]
+__all__ = [
+    "all_tables",
+    "is_experiments",
+    "picture_paths",
+    "read_experiments",
+    "write_experiments",
+]

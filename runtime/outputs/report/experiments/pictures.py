@@ -26,12 +26,29 @@ def write_pictures(experiments: tuple[Experiment, ...], folder: Path) -> tuple[P
         RuntimeFault: a file cannot be written.
     """
     written = []
-    for experiment in experiments:
-        for view in filter(has_figure, experiment.views):
-            path = folder / f"{view.id}.png"
-            write_picture(experiment, view, path, (_WIDTH, height(experiment, view)), DPI)
-            written.append(path)
+    for experiment, view, path in paths_of(experiments, folder):
+        write_picture(experiment, view, path, (_WIDTH, height(experiment, view)), DPI)
+        written.append(path)
     return tuple(written)
+
+
+def paths_of(
+    experiments: tuple[Experiment, ...], folder: Path
+) -> tuple[tuple[Experiment, SavedView, Path], ...]:
+    """Figures of the studies with their files.
+
+    Args:
+        experiments: finished studies.
+        folder: of the files.
+
+    Returns:
+        Per figure its study, its view and its PNG file.
+    """
+    return tuple(
+        (experiment, view, folder / f"{view.id}.png")
+        for experiment in experiments
+        for view in filter(has_figure, experiment.views)
+    )
 
 
 def write_picture(

@@ -206,7 +206,7 @@ def test_excite_with_a_body_in_the_hand(command: Command, lib: Library, tmp_path
     ran = command("excite", "--robot", lib.folder, *words, "--carry", "1.8,0,0,0.12,0.1,0.1,0.2")
     assert ran.code == 0, ran.err
     assert "load: 1.8 kg in a box of 100 x 100 x 200 mm; NOT checked: table" in ran.out
-    ran = command("excite", "--robot", lib.folder, *words)
+    ran = command("excite", "--robot", lib.folder, *words, "--overwrite")
     assert ran.code == 0, ran.err
     assert "load: empty hand; NOT checked: table" in ran.out
     assert ran.out.count("checked: position, velocity, acceleration, jerk, braking, torque") == 1

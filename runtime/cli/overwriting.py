@@ -1,0 +1,121 @@
+"""Files that a command writes: an existing file is replaced with --overwrite only.
+
+Two exceptions, both printed: the folder of a result is replaced by a later result of the same
+command, and the page that `report` derives from a folder by a later one. `reproduce` continues
+the trials of its folder and refuses those of another configuration.
+"""
+
+import os
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.common import program
+from runtime.errors import RuntimeFault
+from runtime.files import bytes_of, json_of, replacing
+
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+
+PAGE = b'<meta name="generator" content="symgen">'
+"""Mark of an HTML page of this package."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResultFolder:
+    """What a command writes into the folder of its result.
+
+    Attributes:
+        command: name of the command.
+        files: names of all files that it writes.
+        key: key of the first file, a JSON document, by which the result is recognised.
+    """
+
+    command: str
+    files: tuple[str, ...]
+    key: str
+
+
+def require_unused(paths: Iterable[Path], overwrite: bool, option: str = "--out") -> None:
+    """Refuse to replace existing files.
+
+    Args:
+        paths: files that will be written.
+        overwrite: value of --overwrite.
+        option: option that chooses other places, for the message.
+
+    Raises:
+        RuntimeFault: one of the files exists, and may not be replaced.
+    """
+    existing = [path for path in paths if os.path.lexists(path)]
+    if existing and not overwrite:
+        more = f" and {len(existing) - 1} more files exist" if existing[1:] else " exists"
+        raise RuntimeFault(
+            f"'{existing[0]}'{more}; choose another place with {option}, or give --overwrite"
+        )
+
+
+def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> None:
+    """Refuse to replace files of a folder, except an earlier result of the same command.
+
+    Args:
+        folder: folder of the result.
+        kind: what the command writes.
+        overwrite: value of --overwrite.
+
+    Raises:
+        RuntimeFault: the folder has such files, but no result of the command.
+    """
+    with suppress(OSError, ValueError):
+        facts = json_of(folder / kind.files[0])
+        if isinstance(facts, dict) and kind.key in facts:
+            _announce(f"the earlier result of {kind.command} in '{folder}' is replaced")
+            return
+    require_unused((folder / name for name in kind.files), overwrite)
+
+
+def require_page(path: Path, overwrite: bool) -> None:
+    """Refuse to replace the default page of a folder, except a page of this package.
+
+    Args:
+        path: HTML file.
+        overwrite: value of --overwrite.
+
+    Raises:
+        RuntimeFault: the file exists and is no such page.
+    """
+    with suppress(OSError, ValueError):
+        if PAGE in bytes_of(path)[:2000]:
+            _announce(f"the earlier page '{path}' is replaced")
+            return
+    require_unused([path], overwrite)
+
+
+def write_recipe(path: Path, text: str, overwrite: bool) -> None:
+    """Write a proposed recipe unless it would replace a different one.
+
+    Args:
+        path: value of --recipe-out.
+        text: TOML.
+        overwrite: value of --overwrite.
+
+    Raises:
+        RuntimeFault: the file exists with other content and may not be replaced, or cannot be
+            written.
+    """
+    data = text.encode()
+    if path.is_file() and path.read_bytes() != data and not overwrite:
+        raise RuntimeFault(
+            f"'{path}' exists and differs from the proposed recipe; choose another place with "
+            "--recipe-out and compare them, or give --overwrite"
+        )
+    with replacing(path) as file:
+        file.write(data)
+
+
+def _announce(sentence: str) -> None:
+    sys.stderr.write(f"{program().split()[-1]}: {sentence}\n")

@@ -43,6 +43,7 @@ from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.motion_profile import profile_of
 from runtime.excitation.proof.certified_motion import certified, pulled_inside, require_speed
 from runtime.excitation.search.criteria import criterion_of
+from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.variations import variation_count
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.parallel import cores
@@ -137,6 +138,15 @@ def excite_command(
     log_rate: Annotated[
         float, typer.Option(help="Rate at which the robot will record the motion, Hz.")
     ] = 100.0,
+    friction: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMNS",
+            help="Friction columns that are estimated too, with commas, or none; default "
+            f"{','.join(FRICTION)}, with --payload-only offset. All criteria but the document's "
+            "cond count them.",
+        ),
+    ] = None,
     earlier_log: EarlierLogs = None,
     payload_only: PayloadOnly = False,
     home: Annotated[
@@ -232,7 +242,7 @@ def excite_command(
     lib = open_robot(robot, yes)
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
-    planned = information_of(lib, noise, log_rate, earlier_log, payload_only)
+    planned = information_of(lib, noise, log_rate, earlier_log, payload_only, friction)
     # The document's criterion is a function of the regressor alone.
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or payload_only
     rate = ROWS if export_rate is None else export_rate
@@ -282,7 +292,7 @@ def excite_command(
             scheduler=scheduler,
         )
     optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory))
-    expected = predict(lib, optimum.trajectory, planned)
+    expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
     write_trajectory(optimum, lib, path, expected)
     written = [path]
     if not export:

@@ -15,6 +15,7 @@ from runtime.cli.predict_tables import (
     EarlierLogs,
     PayloadOnly,
     base_table,
+    friction_columns,
     gain_table,
     link_table,
     payload_sentence,
@@ -23,8 +24,7 @@ from runtime.cli.predict_tables import (
 from runtime.cli.prepared_log import LogOptions, read_prepared_log
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
-from runtime.excitation.search.information import NOISE, RATE, information
-from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.information import FRICTION, NOISE, RATE, information
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.identification.expected_accuracy import (
@@ -220,9 +220,7 @@ def _require_rates_apply(
 
 
 def _friction(text: str | None) -> Friction:
-    if text is None:
-        return Friction(FRICTION)
-    return Friction(() if text == "none" else tuple(text.split(",")))
+    return Friction(FRICTION if text is None else friction_columns(text))
 
 
 def _further(

@@ -1,6 +1,7 @@
 """Expected accuracy of a motion as tables and sentences, and the options that it depends on."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -8,8 +9,10 @@ import typer
 from rich.table import Column, Table
 
 from runtime.cli.common import console, numbers_option, say
+from runtime.errors import IdentificationError
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, information
+from runtime.excitation.search.information import FRICTION
 from runtime.identification.expected_accuracy import Expected, GainOfRecording, base_names
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Array, Library
@@ -50,8 +53,34 @@ def torque_noise(text: str, joints: int) -> Array:
     return np.broadcast_to(np.array(numbers_option(text, count, "--noise")), joints).copy()
 
 
+def friction_columns(text: str) -> tuple[str, ...]:
+    """Friction columns from --friction.
+
+    Args:
+        text: names with commas, or none.
+
+    Returns:
+        The names.
+
+    Raises:
+        IdentificationError: the text has numbers, which belong to other options.
+    """
+    words = tuple(text.split(","))
+    if any(word.replace(".", "", 1).strip("+- ").isdecimal() for word in words):
+        raise IdentificationError(
+            f"--friction needs names of columns with commas, or none, got '{text}'; --viscous and "
+            "--coulomb of excite take numbers"
+        )
+    return () if text == "none" else words
+
+
 def information_of(
-    lib: Library, noise: str, rate: float, logs: Sequence[str] | None, payload_only: bool
+    lib: Library,
+    noise: str,
+    rate: float,
+    logs: Sequence[str] | None,
+    payload_only: bool,
+    friction: str | None = None,
 ) -> Information:
     """Noise, rate, earlier logs and unknowns of a planned log.
 
@@ -61,6 +90,7 @@ def information_of(
         rate: rate at which the log will be recorded, Hz.
         logs: earlier logs.
         payload_only: only the ten parameters of the last link are unknown.
+        friction: value of --friction; None is the default of `information`.
 
     Returns:
         Settings of the criteria of a motion.
@@ -68,13 +98,14 @@ def information_of(
     Raises:
         RuntimeFault: a value is out of range, or an earlier log cannot be read.
     """
-    planned = information(lib, torque_noise(noise, lib.n_joints), rate, payload=payload_only)
+    sigma = torque_noise(noise, lib.n_joints)
+    columns = None if friction is None else friction_columns(friction)
+    planned = information(lib, sigma, rate, payload=payload_only, friction=columns)
     if not logs:
         return planned
-    known = information_of_logs(
-        lib, [read_recording(log, joints=lib.joint_names) for log in logs], planned.noise
-    )
-    return information(lib, planned.noise, rate, known, payload_only)
+    recordings = [read_recording(log, joints=lib.joint_names) for log in logs]
+    known = information_of_logs(lib, recordings, sigma, FRICTION if columns is None else columns)
+    return replace(planned, earlier=known)
 
 
 def print_design(optimum: Design, expected: Prediction, columns: int) -> None:

@@ -14,7 +14,6 @@ RENAMED = {
     "identify": {"--loop": _CONTROLLER},
     "compare": {"--loop": _CONTROLLER},
     "excite": {
-        "--friction": "--viscous and --coulomb; --friction is a list of column names",
         "--payload": _PAYLOAD_ONLY,
         "--plot": "--pictures; --plot is a file",
         "--prior": _EARLIER_LOG,

@@ -15,7 +15,7 @@ import pytest
 from runtime import Identification, Recording, identify, read_recording, write_recording
 from runtime.cli import main
 from runtime.excitation import Design, Trajectory
-from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.information import FRICTION
 from runtime.excitation.trajectory_file import write_trajectory
 from runtime.identification.expected_accuracy import (
     MotionSamples,

@@ -3,7 +3,9 @@
 Torque with white noise of standard deviation σ_j on joint j, sampled at a rate f for t_f seconds,
 gives least squares the information Tᵀ (f t_f · mean_k Y_bᵀ diag(σ⁻²) Y_b + G₀) T: its inverse is
 the covariance of the unknowns x in β = β₀ + T x. G₀ comes from earlier logs; T selects unknowns,
-such as the ten of a payload on an arm that is known.
+such as the ten of a payload on an arm that is known. Friction and offset of every joint are unknown
+too: the part of Y_b that their columns explain determines nothing, and is projected out of it
+(`nuisance`).
 """
 
 from dataclasses import dataclass
@@ -11,12 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.excitation.search.nuisance import require_of_speed
 from runtime.library import Array, Library
+from runtime.recording import Friction
+from runtime.recording.friction import OFFSET
 
 NOISE = 0.05
 """Default torque noise, N·m or N."""
 RATE = 100.0
 """Default sampling rate of the log, Hz."""
+FRICTION = Friction().columns
+"""Friction columns that are estimated beside base parameters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,18 +35,21 @@ class Information:
         rate: f, Hz.
         earlier: G₀ of earlier logs over β, (n_b, n_b); None without.
         columns: T, (n_b, k); None is the identity.
+        friction: columns of every joint that are estimated beside the unknowns.
     """
 
     noise: Array
     rate: float = RATE
     earlier: Array | None = None
     columns: Array | None = None
+    friction: tuple[str, ...] = ()
 
     def of_mean(self, mean: Array, duration: float) -> Array:
         """Information of the unknowns.
 
         Args:
-            mean: mean_k Y_bᵀ diag(σ⁻²) Y_b, (..., n_b, n_b).
+            mean: mean_k Y_bᵀ diag(σ⁻²) Y_b of rows without the part along friction columns,
+                (..., n_b, n_b).
             duration: t_f, s.
 
         Returns:
@@ -71,6 +81,7 @@ def information(
     rate: float = RATE,
     earlier: Array | None = None,
     payload: bool = False,
+    friction: tuple[str, ...] | None = None,
 ) -> Information:
     """Information with its numbers checked.
 
@@ -79,13 +90,15 @@ def information(
         noise: one σ or one per joint, N·m or N.
         rate: Hz.
         earlier: G₀ of earlier logs over β, (n_b, n_b), or None.
-        payload: the ten parameters of the last link are the only unknowns.
+        payload: the ten parameters of the last link are the only unknown inertial parameters.
+        friction: columns of every joint that are estimated too; None is `FRICTION`, and with
+            `payload` the offset alone, because the friction of a known arm is known.
 
     Returns:
         The information.
 
     Raises:
-        IdentificationError: a noise, a rate or a matrix without a meaning.
+        RuntimeFault: a noise, a rate, a matrix or a friction column without a meaning.
     """
     sigma = np.asarray(noise, dtype=float)
     if sigma.shape not in {(), (1,), (lib.n_joints,)} or not (
@@ -106,4 +119,8 @@ def information(
             f"got {earlier.shape}; make it from logs of this robot"
         )
     columns = lib.base_matrix[:, -10:] if payload else None
-    return Information(np.broadcast_to(sigma, lib.n_joints).copy(), rate, earlier, columns)
+    if friction is None:
+        friction = (OFFSET.name,) if payload else FRICTION
+    require_of_speed(friction)
+    noises = np.broadcast_to(sigma, lib.n_joints).copy()
+    return Information(noises, rate, earlier, columns, friction)

@@ -15,15 +15,13 @@ from runtime.errors import IdentificationError
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.condition_cost import COST_SAMPLES
 from runtime.excitation.search.criteria import PAYLOAD, sizes
-from runtime.excitation.search.information import Information, information
+from runtime.excitation.search.information import FRICTION, Information, information
 from runtime.excitation.search.measures import covariance, mean_gram, rank, too_many
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.library import Array, Library
 from runtime.library.parameters import FIRST_MOMENT, MASS, mass
 from runtime.recording import Friction, friction
 
-FRICTION = Friction().columns
-"""Columns per joint of the second set of scores, beside those of the unknowns alone."""
 SAMPLES = (COST_SAMPLES, 1000)
 """Samples of the motion: 80 as in the cost, which is optimistic by some percent, and nearly all."""
 _OFFSET = (friction.OFFSET.name,)

@@ -11,7 +11,7 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.regression import compress
 from runtime.estimators.regression.samples import samples_of
-from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.information import FRICTION
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
 from runtime.recording.plausibility import require_plausible

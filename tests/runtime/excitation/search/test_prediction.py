@@ -11,7 +11,7 @@ from runtime import load
 from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, covariance_of, design, information, predict, torque_band
 from runtime.excitation.search.criteria import sizes
-from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_rows, unseen_torque
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Library

@@ -10,7 +10,7 @@ from runtime import OnlineEstimator, Recording, identify_payload
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD
 from runtime.excitation import Trajectory
-from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.unseen_motions import unseen_joints, unseen_rows
 from runtime.identification.expected_accuracy import (
     GainOfRecording,

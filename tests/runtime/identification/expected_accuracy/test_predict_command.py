@@ -10,7 +10,7 @@ import pytest
 
 from runtime import Recording, write_recording
 from runtime.excitation import Trajectory
-from runtime.excitation.search.prediction import FRICTION
+from runtime.excitation.search.information import FRICTION
 from runtime.excitation.trajectory_file import write_motion
 from runtime.identification.expected_accuracy import Knowledge, MotionSamples, expected
 from runtime.library import Library

@@ -16,6 +16,7 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
 from runtime.simulation.controller_file import read_controller
 from symgen.build.config import read_config
+from symgen.cli.common import read_mechanism
 from tests.markdown import blocks, run_all
 
 ROOT = Path(__file__).parents[1]
@@ -125,7 +126,7 @@ def test_c_block_compiles_and_runs(desk):
 
 
 def test_toml_blocks_are_read(tmp_path, fr3):
-    """Property: recipe, controller, prior and robot configuration are read without complaint."""
+    """Property: recipe, controller, prior, robot and mechanism are read without complaint."""
     write_motion(Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 5.0), fr3, tmp_path / "motion.json")
     path = tmp_path / "shown.toml"
     kinds = []
@@ -140,12 +141,15 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         elif "trust" in block:
             kinds.append("prior")
             assert len(read_prior(path, fr3).constraints.bounds) > 4
+        elif "[[coupling]]" in block:
+            kinds.append("mechanism")
+            assert len(read_mechanism(path).spring) == 2
         elif "entry-points" in block:
             kinds.append("plugin")
         else:
             kinds.append("robot")
             assert read_config(path).home is not None
-    assert set(kinds) == {"recipe", "controller", "prior", "plugin", "robot"}
+    assert set(kinds) == {"recipe", "controller", "prior", "plugin", "robot", "mechanism"}
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

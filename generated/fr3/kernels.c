@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model fe48db8811375b17c0129e06ed55ed6f03e10a1f8db2eb2c3fd688337a878b2c.
+ * Model 3f1cecd0e3b1fec00f947beddecbb131b35c7683757ba3cfd1a91cb5f3660726.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "fe48db8811375b17c0129e06ed55ed6f03e10a1f8db2eb2c3fd688337a878b2c";
+    return "3f1cecd0e3b1fec00f947beddecbb131b35c7683757ba3cfd1a91cb5f3660726";
 }
 
 #if defined(__x86_64__)

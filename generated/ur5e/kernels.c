@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 3270c11efa58fae8646ef529cb1a957a49c552e72b768a0287adf2ebde70dae9.
+ * Model 6fa170771b75c23a7b15a00aeeebb854b91095feb75971f1318ba89e1a925ff1.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "3270c11efa58fae8646ef529cb1a957a49c552e72b768a0287adf2ebde70dae9";
+    return "6fa170771b75c23a7b15a00aeeebb854b91095feb75971f1318ba89e1a925ff1";
 }
 
 #if defined(__x86_64__)

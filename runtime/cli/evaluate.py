@@ -16,6 +16,7 @@ from runtime.identification.identified import torque_of
 from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import read_result, require_model
 from runtime.recording import Preparation, read_recording
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
 
@@ -70,7 +71,7 @@ def evaluate_command(
     saved = read_result(result)
     lib = open_robot(robot or saved.robot, yes)
     notes = list(require_model(saved, lib, result))
-    recording = read_recording(log, recipe, run, lib.joint_names)
+    recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
     require_plausible(recording, lib)
     terms = saved.friction
     preparation = preparation_of(recording, cutoff, rate)

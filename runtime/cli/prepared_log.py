@@ -24,6 +24,7 @@ from runtime.recording import (
     open_streamed,
     read_recording,
 )
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import default_terms
 from runtime.recording.preprocessing import before_test
 
@@ -100,6 +101,7 @@ def read_prepared_log(lib: Library, log: str, options: LogOptions) -> PreparedLo
         recording = head_of(streamed)
     else:
         recording = read_recording(log, options.recipe, options.run, lib.joint_names)
+        recording = independent_joints(recording, lib)
     parts = _split(options.split)
     terms = friction_of(recording, options.friction, options.coulomb_speed)
     chooses_friction = terms is not None and terms.columns[:1] == (AUTO,)

@@ -147,7 +147,7 @@ class Identification(Framed):
         return np.hstack([self.phi[:, :-count], self.phi[:, -count:].mean(axis=1, keepdims=True)])
 
     def predict(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """τ̂ = Y π + F(dq) φ, plus the torque of the friction net where there is one.
+        """τ̂ = Y π + F(dq) φ, plus known torques and those of the friction net where there are such.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
@@ -157,7 +157,7 @@ class Identification(Framed):
         Returns:
             Joint torques of the same shape [N·m, N].
         """
-        rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi)
+        rigid = self.lib.inverse_dynamics(q, dq, ddq, self.pi) + self.lib.known_torque(q)
         if not self.phi.size:
             return rigid
         speed, position, acceleration = (

@@ -17,6 +17,7 @@ from runtime.estimators.regression.samples import Samples, samples_of, thesis_we
 from runtime.identification.settings import Settings, settings_from
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import (
     default_terms,
     geared,
@@ -82,10 +83,11 @@ def assemble(
         RuntimeFault: the data or settings do not make an identification problem.
     """
     chosen = settings_from(settings, keywords)
+    recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
     preparation = chosen.preparation
     terms = chosen.friction_columns or default_terms(recording) or Friction(columns=())
-    terms = geared(terms, recording)
+    terms = geared(terms, recording, lib)
     usual = preparation or recording.preparation
     parts = _parts(recording, lib, chosen, terms)
     rounding = rounding_of(parts[0], lib)
@@ -209,7 +211,7 @@ def _prepared(
 ) -> Recording:
     if recording.columns is not None:
         return prepare(recording, preparation)
-    return prepare(recording, preparation, terms, lib=lib)
+    return prepare(independent_joints(recording, lib), preparation, terms, lib=lib)
 
 
 def _aligned(

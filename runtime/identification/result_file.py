@@ -219,7 +219,7 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
     band = u.band_of(lib, test.rows(slice(None, None, step)))
     size = N_PARAMETERS
     sigma, spreads = u.sigma, u.com_sigma(result.pi)
-    verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_joints)]
+    verdicts = [u.verdicts[k * size : (k + 1) * size] for k in range(lib.n_links)]
     return {
         "advice": u.advice(),
         "n_eff": u.n_eff,

@@ -84,7 +84,7 @@ def model_facts(lib: Library) -> dict[str, Any]:
             "parent": joint.parent,
             **{key: np.array(getattr(joint, key)).tolist() for key in _PLACE},
         }
-        for joint in lib.manifest.joints
+        for joint in lib.manifest.all_joints
     ]
     return {
         "model_hash": lib.manifest.model_hash,
@@ -129,9 +129,10 @@ def read_result(folder: Path) -> SavedResult:
             net=net and FrictionNet(np.array(net["theta"]), np.array(net["scale"])),
             history=tuple(map(str, facts["recording"]["history"])),
             preparation=Preparation(**facts["recording"]["preparation"]),
-            model=None if facts["model"] is None else _model(facts["model"], n),
+            model=None if facts["model"] is None else _model(facts["model"]),
         )
-        whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * n,)
+        links = n if saved.model is None else len(saved.model.kinds)
+        whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * links,)
         if not whole or saved.phi.shape != (n, len(saved.friction.columns)):
             raise ValueError
         if not (np.abs(np.concatenate([saved.pi, saved.phi.ravel()])) < LARGEST).all():
@@ -143,10 +144,10 @@ def read_result(folder: Path) -> SavedResult:
     return saved
 
 
-def _model(facts: dict[str, Any], n: int) -> ModelOfResult:
+def _model(facts: dict[str, Any]) -> ModelOfResult:
     joints = facts["joints"]
     rows = [np.hstack([np.ravel(joint[key]) for key in _PLACE]) for joint in joints]
-    places = np.array(rows, dtype=float).reshape(n, 15)
+    places = np.array(rows, dtype=float).reshape(len(joints), 15)
     gravity = np.array(facts["gravity"], dtype=float).reshape(3)
     kinds = tuple(f"{joint['kind']} {joint['parent']}" for joint in joints)
     lumped = frozenset(str(name) for name in facts["lumped"])
@@ -175,7 +176,7 @@ def require_model(
             f"'{folder}' identified {saved.robot}, whose joints differ from those of "
             f"'{lib.name}'; name its robot with --robot"
         )
-    then, now = saved.model, _model(model_facts(lib), lib.n_joints)
+    then, now = saved.model, _model(model_facts(lib))
     if then is None or then.digest == now.digest:
         return ()
     moved = ~(np.abs(then.places - now.places).max(axis=1) <= ALIKE)  # NaN counts as moved
@@ -183,9 +184,9 @@ def require_model(
     if moved.any():
         raise RecordingError(
             f"'{folder}' was identified with a model whose joint "
-            f"'{lib.joint_names[int(np.argmax(moved))]}' sits or turns differently than that of "
-            f"'{lib.name}', so that its parameters belong to other frames; name the library that "
-            "it was identified with by --robot, or identify again"
+            f"'{lib.all_joint_names[int(np.argmax(moved))]}' sits or turns differently "
+            f"than that of '{lib.name}', so that its parameters belong to other frames; name the "
+            "library that it was identified with by --robot, or identify again"
         )
     if then.lumped != now.lumped:
         other = ", ".join(sorted(then.lumped ^ now.lumped))

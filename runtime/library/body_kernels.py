@@ -1,4 +1,4 @@
-"""Typed methods of the kernels of one body: π and λ are (10 n,), or (N, 10 n)."""
+"""Typed methods of the kernels of one body: π and λ are (10 L,), or (N, 10 L)."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from runtime.library.parameters import N_PARAMETERS
 class BodyKernels:
     """Maps between λ, π and the matrices of inertia, link by link."""
 
-    n_joints: int
+    n_links: int
     link_names: tuple[str, ...]
     _binding: Binding
 
@@ -21,9 +21,9 @@ class BodyKernels:
         return self._binding.call("pi_from_lam", flat)[0].reshape(np.shape(lam))
 
     def pi_jacobian(self, lam: ArrayLike) -> Array:
-        """∂π_k/∂λ_k, (n, 10, 10) or (N, n, 10, 10)."""
+        """∂π_k/∂λ_k, (L, 10, 10) or (N, L, 10, 10)."""
         blocks = self._binding.call("pi_jacobian", self._links("lam", lam))[1]
-        return blocks.reshape(*np.shape(lam)[:-1], self.n_joints, N_PARAMETERS, N_PARAMETERS)
+        return blocks.reshape(*np.shape(lam)[:-1], self.n_links, N_PARAMETERS, N_PARAMETERS)
 
     def pi_from_cholesky(self, theta: ArrayLike) -> Array:
         """π of every link from log-Cholesky θ, P = U(θ) U(θ)ᵀ. Source: Rucker & Wensing 2022."""
@@ -31,9 +31,9 @@ class BodyKernels:
         return self._binding.call("cholesky_jacobian", flat)[0].reshape(np.shape(theta))
 
     def cholesky_jacobian(self, theta: ArrayLike) -> Array:
-        """∂π_k/∂θ_k, (n, 10, 10) or (N, n, 10, 10)."""
+        """∂π_k/∂θ_k, (L, 10, 10) or (N, L, 10, 10)."""
         blocks = self._binding.call("cholesky_jacobian", self._links("theta", theta))[1]
-        return blocks.reshape(*np.shape(theta)[:-1], self.n_joints, N_PARAMETERS, N_PARAMETERS)
+        return blocks.reshape(*np.shape(theta)[:-1], self.n_links, N_PARAMETERS, N_PARAMETERS)
 
     def cholesky_from_pi(self, pi: ArrayLike) -> Array:
         """Log-Cholesky θ of every link; NaN where P is not positive definite."""
@@ -41,10 +41,10 @@ class BodyKernels:
         return self._binding.call("cholesky_from_pi", flat)[0].reshape(np.shape(pi))
 
     def pi_adjoint(self, lam: ArrayLike, slope: ArrayLike) -> Array:
-        """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 n,) from ∂cost/∂π. Source: Eq. 4.32.
+        """(∂π/∂λ)ᵀ slope, link by link: ∂cost/∂λ (10 L,) from ∂cost/∂π. Source: Eq. 4.32.
 
         Args:
-            lam: (10 n,) or (N, 10 n) coordinates λ of the links.
+            lam: (10 L,) or (N, 10 L) coordinates λ of the links.
             slope: ∂cost/∂π, shape of λ.
 
         Returns:
@@ -65,7 +65,7 @@ class BodyKernels:
         lam = self._binding.call("lam_from_pi", flat)[0]
         bad = np.flatnonzero(~np.isfinite(lam).all(axis=1))
         if bad.size:
-            links = ", ".join(dict.fromkeys(self.link_names[k % self.n_joints] for k in bad))
+            links = ", ".join(dict.fromkeys(self.link_names[k % self.n_links] for k in bad))
             worst = self.relative_eigenvalues(flat[bad[0]])[0]
             raise NotRealisableError(
                 f"pi of {links} is not physically consistent (smallest eigenvalue of "
@@ -79,7 +79,7 @@ class BodyKernels:
         floor · tr, while m and c stay.
 
         Args:
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
             floor: smallest eigenvalue of Σ_com over its trace.
 
         Returns:
@@ -89,14 +89,14 @@ class BodyKernels:
         return self._binding.call("nearest_realisable", flat, floor)[0].reshape(np.shape(pi))
 
     def inertia_matrix(self, lam: ArrayLike) -> Array:
-        """M_k(λ_k), (n, 6, 6), linear part first. Source: Eq. 4.14."""
+        """M_k(λ_k), (L, 6, 6), linear part first. Source: Eq. 4.14."""
         blocks = self._binding.call("inertia_matrix", self._links("lam", lam))[0]
-        return blocks.reshape(*np.shape(lam)[:-1], self.n_joints, 6, 6)
+        return blocks.reshape(*np.shape(lam)[:-1], self.n_links, 6, 6)
 
     def pseudo_inertia(self, pi: ArrayLike) -> Array:
-        """P_k(π_k), (n, 4, 4). Source: Eqs. 3.9, 3.10."""
+        """P_k(π_k), (L, 4, 4). Source: Eqs. 3.9, 3.10."""
         blocks = self._binding.call("pseudo_inertia", self._links("pi", pi))[0]
-        return blocks.reshape(*np.shape(pi)[:-1], self.n_joints, 4, 4)
+        return blocks.reshape(*np.shape(pi)[:-1], self.n_links, 4, 4)
 
     def relative_eigenvalues(self, pi: ArrayLike) -> Array:
         """Smallest eigenvalue of each P_k over its trace: positive means strictly consistent.
@@ -111,10 +111,10 @@ class BodyKernels:
         return smallest / np.where(traces == 0, 1.0, np.abs(traces))
 
     def _links(self, name: str, value: ArrayLike) -> Array:
-        """(10 n,) or (N, 10 n) as rows of one link each."""
+        """(10 L,) or (N, 10 L) as rows of one link each."""
         array = np.asarray(value, dtype=float)
-        if array.ndim not in {1, 2} or array.shape[-1] != N_PARAMETERS * self.n_joints:
-            width = N_PARAMETERS * self.n_joints
+        if array.ndim not in {1, 2} or array.shape[-1] != N_PARAMETERS * self.n_links:
+            width = N_PARAMETERS * self.n_links
             raise ShapeError(
                 f"{name} needs the shape ({width},) or (N, {width}), got {array.shape}"
             )

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from runtime.errors import LibraryError
+from runtime.errors import LibraryError, ShapeError
 from runtime.library.binding import Array, Binding
 from runtime.library.body_kernels import BodyKernels
 from runtime.library.compiled_closed_loop import (
@@ -32,8 +33,8 @@ from runtime.library.safety_kernels import SafetyKernels
 class Library(MotionKernels, SafetyKernels, BodyKernels):
     """Compiled physics of one robot; every method takes one sample or N.
 
-    n joints, one body each, n_b base parameters. π and λ of all links are flat, link by link. `pi0`
-    and `lam0` are those of the URDF.
+    n independent joints, L links, n_b base parameters; L = n unless joints are coupled. π and λ of
+    all links are flat, link by link, (10 L,). `pi0` and `lam0` are those of the URDF.
     """
 
     def __init__(self, folder: Path, level: str | None = None, threads: int | None = None) -> None:
@@ -59,12 +60,15 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
         """The statistics of this level in C; None where the library has none."""
         self.name = m.robot
         self.joint_names = tuple(j.name for j in m.joints)
-        self.link_names = tuple(j.link for j in m.joints)
-        self.n_joints = len(m.joints)
+        """Names of the n independent joints, the order of q."""
+        self.all_joint_names = tuple(j.name for j in m.all_joints)
+        """Names of all joints, one per link: the order of `all_positions`."""
+        self.link_names = tuple(j.link for j in m.all_joints)
+        self.n_joints, self.n_links = len(m.joints), len(m.all_joints)
         self.pi0: Array = np.array(m.pi0)
         self.lam0: Array = np.array(m.lam0)
         self.base_matrix: Array = np.array(m.base_matrix)
-        """K in β = K π, (n_b, 10 n)."""
+        """K in β = K π, (n_b, 10 L)."""
         self.base_columns = m.base_columns
         """Indices into π; Y_b = Y[:, base_columns]."""
         self.home: Array = np.array(m.home)
@@ -81,6 +85,47 @@ class Library(MotionKernels, SafetyKernels, BodyKernels):
     def __repr__(self) -> str:
         sizes = f"{self.n_joints} joints, {len(self.base_columns)} base parameters"
         return f"Library({self.name!r}, {sizes})"
+
+    def all_positions(self, q: ArrayLike) -> Array:
+        """Positions q_all = A q + b of all joints, in the order of `all_joint_names`.
+
+        Args:
+            q: (N, n) or (n,) positions of the independent joints [rad, m].
+
+        Returns:
+            (N, L) or (L,) [rad, m].
+
+        Raises:
+            ShapeError: q has another number of joints.
+        """
+        coupling = self.manifest.coupling
+        q = self._of_joints(q)
+        return q.copy() if coupling is None else q @ coupling.matrix.T + coupling.offset
+
+    def all_velocities(self, dq: ArrayLike) -> Array:
+        """Velocities A dq of all joints; accelerations alike.
+
+        Args:
+            dq: (N, n) or (n,) velocities of the independent joints [rad/s, m/s].
+
+        Returns:
+            (N, L) or (L,) [rad/s, m/s].
+
+        Raises:
+            ShapeError: dq has another number of joints.
+        """
+        coupling = self.manifest.coupling
+        dq = self._of_joints(dq)
+        return dq.copy() if coupling is None else dq @ coupling.matrix.T
+
+    def _of_joints(self, values: ArrayLike) -> Array:
+        array = np.asarray(values, dtype=float)
+        if array.ndim not in {1, 2} or array.shape[-1] != self.n_joints:
+            raise ShapeError(
+                f"expected ({self.n_joints},) or (N, {self.n_joints}) values of the joints "
+                f"{', '.join(self.joint_names)}, got {array.shape}"
+            )
+        return array
 
     def limits(self) -> dict[str, Array]:
         """Limits per joint, (n,), ±inf where unlimited.

@@ -67,6 +67,15 @@ class JointFacts:
 
 
 @dataclass(frozen=True, slots=True)
+class CouplingFacts:
+    """q_all = A q + b: `matrix` A (N, n), `offset` b (N,) [rad, m], `independent` (n,) indices."""
+
+    independent: tuple[int, ...]
+    matrix: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
 class ProxyFacts:
     """A capsule rigid in `link` ("base": the fixed one): its axis in that frame and its radius, m.
 
@@ -116,6 +125,9 @@ class FrameFacts:
 class Manifest:
     """The facts of one robot, see the fields of `manifest.json`.
 
+    `joints`: the independent ones; `all_joints`: one per moving link, which `parent` counts by.
+    `coupling`: None where they are the same. `friction_coordinates`: name → row (n,) of coordinates
+    beside the joints at whose speed friction acts. `springs`: names of those of unknown stiffness.
     `assumed`: link → "given mass" or "placeholder", where the URDF states no <inertial>.
     """
 
@@ -127,6 +139,10 @@ class Manifest:
     tip_frame: FrameFacts
     gravity: tuple[float, ...]
     joints: tuple[JointFacts, ...]
+    all_joints: tuple[JointFacts, ...]
+    coupling: CouplingFacts | None
+    friction_coordinates: dict[str, tuple[float, ...]]
+    springs: tuple[str, ...]
     home: tuple[float, ...]
     acceleration: tuple[float, ...] | None
     jerk: tuple[float, ...] | None
@@ -174,13 +190,21 @@ def read_manifest(path: Path) -> Manifest:
             tip_frame=_frame(raw["tip_frame"]),
             gravity=tuple(raw["gravity"]),
             joints=tuple(_joint(joint) for joint in raw["joints"]),
+            all_joints=tuple(_joint(joint) for joint in raw.get("all_joints", raw["joints"])),
+            coupling=_coupling(raw["coupling"]) if "coupling" in raw else None,
+            friction_coordinates={
+                str(k): tuple(map(float, v)) for k, v in raw.get("friction_coordinates", {}).items()
+            },
+            springs=tuple(map(str, raw.get("springs", ()))),
             home=tuple(raw["home"]),
             acceleration=tuple(raw["acceleration"]) if raw["acceleration"] else None,
             jerk=tuple(raw["jerk"]) if raw["jerk"] else None,
             torque_rate=tuple(raw["torque_rate"]) if raw["torque_rate"] else None,
             tip_speed=raw["tip_speed"],
             braking=_braking(raw["braking"]),
-            proxies=tuple(_proxy(entry, raw["joints"]) for entry in raw["proxy"]),
+            proxies=tuple(
+                _proxy(entry, raw.get("all_joints", raw["joints"])) for entry in raw["proxy"]
+            ),
             pairs=tuple(PairFacts(**entry) for entry in raw["pair"]),
             moving_proxies=tuple(raw["moving_proxies"]),
             lumped=tuple(raw["lumped"]),
@@ -199,6 +223,14 @@ def _joint(entry: dict[str, Any]) -> JointFacts:
     rows = tuple(tuple(row) for row in entry["rotation"])
     place = {key: tuple(entry[key]) for key in ("translation", "axis")}
     return JointFacts(**entry | {"rotation": rows} | place)
+
+
+def _coupling(entry: dict[str, Any]) -> CouplingFacts:
+    matrix, offset = np.array(entry["matrix"], dtype=float), np.array(entry["offset"], dtype=float)
+    independent = tuple(int(k) for k in entry["independent"])
+    if matrix.shape != (len(offset), len(independent)):
+        raise ValueError("coupling")
+    return CouplingFacts(independent, matrix, offset)
 
 
 def _frame(entry: dict[str, Any]) -> FrameFacts:

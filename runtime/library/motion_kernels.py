@@ -4,12 +4,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.library.binding import Array, Binding
+from runtime.library.manifest import Manifest
 
 
 class MotionKernels:
     """Dynamics, regressors and bases of trajectories of one robot."""
 
     n_joints: int
+    n_links: int
+    manifest: Manifest
     base_matrix: Array
     _binding: Binding
 
@@ -20,7 +23,7 @@ class MotionKernels:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
 
         Returns:
             Shape of q [N·m, N].
@@ -50,7 +53,7 @@ class MotionKernels:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
-            lam: (10 n,) or (N, 10 n) coordinates λ of the links.
+            lam: (10 L,) or (N, 10 L) coordinates λ of the links.
 
         Returns:
             Shape of q [N·m, N].
@@ -64,10 +67,10 @@ class MotionKernels:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
-            lam: (10 n,) or (N, 10 n) coordinates λ of the links.
+            lam: (10 L,) or (N, 10 L) coordinates λ of the links.
 
         Returns:
-            (N, n, 10 n).
+            (N, n, 10 L).
         """
         return self._binding.call("torque_jacobian", q, dq, ddq, lam)[0]
 
@@ -80,7 +83,7 @@ class MotionKernels:
             ddq: joint accelerations, shape of q [rad/s², m/s²].
 
         Returns:
-            (N, n, 10 n).
+            (N, n, 10 L).
         """
         return self._binding.call("regressor", q, dq, ddq)[0]
 
@@ -125,12 +128,38 @@ class MotionKernels:
         """
         return self._binding.call("energy_regressor", q, dq)[0]
 
+    def spring_columns(self, q: ArrayLike) -> Array:
+        """Torques S(q) of the springs of unknown stiffness for k = 1, τ = S k.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+
+        Returns:
+            (N, n, s) for the s springs of `manifest.springs`; s = 0 without springs.
+        """
+        if "spring_columns" not in self.manifest.kernels:
+            return np.zeros((*np.shape(q), 0))
+        return self._binding.call("spring_columns", q)[0]
+
+    def known_torque(self, q: ArrayLike) -> Array:
+        """Torques of torque curves and of springs of known stiffness, which Y π lacks.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+
+        Returns:
+            Shape of q [N·m, N]; zeros without such.
+        """
+        if "known_torque" not in self.manifest.kernels:
+            return np.zeros(np.shape(q))
+        return self._binding.call("known_torque", q)[0]
+
     def mass_matrix(self, q: ArrayLike, pi: ArrayLike) -> Array:
         """Mass matrix M(q). Source: Eq. 2.34.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
 
         Returns:
             (N, n, n).
@@ -143,7 +172,7 @@ class MotionKernels:
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
 
         Returns:
             Shape of q [N·m, N].
@@ -159,7 +188,7 @@ class MotionKernels:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
             tau: joint torques, shape of q [N·m, N].
-            pi: (10 n,) or (N, 10 n) inertial parameters of the links.
+            pi: (10 L,) or (N, 10 L) inertial parameters of the links.
             rotor: J (N, n), (n,) or one number, inertia of the rotors [kg·m², kg].
 
         Returns:
@@ -175,9 +204,9 @@ class MotionKernels:
         return self._binding.call("end_effector", q)[0]
 
     def link_poses(self, q: ArrayLike) -> Array:
-        """Poses of the links' frames in the base frame, (N, n, 4, 4)."""
+        """Poses of the links' frames in the base frame, (N, L, 4, 4)."""
         poses = self._binding.call("link_poses", q)[0]
-        return poses.reshape(*np.shape(q), 4, 4)
+        return poses.reshape(*np.shape(q)[:-1], self.n_links, 4, 4)
 
     def loss_gradient(
         self,
@@ -196,10 +225,10 @@ class MotionKernels:
             ddq: joint accelerations, shape of q [rad/s², m/s²].
             tau: joint torques, shape of q [N·m, N].
             weight: (n,) diagonal of W.
-            pi: (10 n,) inertial parameters of the links.
+            pi: (10 L,) inertial parameters of the links.
 
         Returns:
-            Loss; Σ Yᵀ W r, (10 n,); r, shape of q [N·m, N].
+            Loss; Σ Yᵀ W r, (10 L,); r, shape of q [N·m, N].
         """
         beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
         answer = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)

@@ -53,6 +53,7 @@ class FrictionColumn:
         is_passive: takes power from the joint wherever φ ≥ 0.
         is_nonnegative: φ of a real joint is ≥ 0, whatever the other columns are.
         is_inertial: the acceleration of the joint or motor, an inertia rather than friction.
+        is_shared: one coefficient for all joints, the column is a torque on each of them.
         of_motors: at the speed of motors that drive several joints (`friction.coupled_motors`).
         model_term: term of simulators' joints that it stands for: "damping", "friction" (dry),
             "armature"; "" where they have none.
@@ -70,14 +71,34 @@ class FrictionColumn:
     is_passive: bool = True
     is_nonnegative: bool = False
     is_inertial: bool = False
+    is_shared: bool = False
     of_motors: bool = False
     model_term: str = ""
     in_closed_loop: bool = False
     secant: Callable[[FloatArray, float], tuple[FloatArray, FloatArray]] | None = None
 
 
+SPRING = "spring:"
+"""Prefix of the columns of springs: `spring:NAME`, one per spring of the robot's mechanism."""
+
+
+class ColumnRegistry(Registry[FrictionColumn]):
+    """The friction columns by name, those of springs by prefix."""
+
+    def __contains__(self, name: object) -> bool:
+        return (isinstance(name, str) and name.startswith(SPRING)) or super().__contains__(name)
+
+    def __getitem__(self, name: str) -> FrictionColumn:
+        """The record of a name; see `Registry`."""
+        if name.startswith(SPRING):
+            from runtime.recording.friction.springs import spring_column
+
+            return spring_column(name)
+        return super().__getitem__(name)
+
+
 _ROOM = "runtime.recording.friction.columns"
-COLUMNS = Registry(
+COLUMNS = ColumnRegistry(
     "symgen.friction_columns",
     FrictionColumn,
     "friction column",

@@ -63,7 +63,7 @@ class Box:
         P = np.eye(4)
         P[:3, 3] = P[3, :3] = self.com
         P[:3, :3] = np.diag(np.square(self.size)) / 12 + np.outer(self.com, self.com)
-        blocks = np.zeros((lib.n_joints, 4, 4))
+        blocks = np.zeros((lib.n_links, 4, 4))
         blocks[self.place(lib)] = self.mass * P
         return pi_from_pseudo(lib, blocks)
 
@@ -84,7 +84,7 @@ def pi_from_pseudo(lib: Library, P: Array) -> Array:
     Returns:
         (10 n,) kg, kg·m, kg·m².
     """
-    n = lib.n_joints
+    n = lib.n_links
     units = lib.pseudo_inertia(np.tile(np.eye(N_PARAMETERS), (1, n)))[:, 0]
     rows, columns = np.triu_indices(4)
     return np.asarray(np.linalg.solve(units[:, rows, columns].T, P[:, rows, columns].T).T.ravel())

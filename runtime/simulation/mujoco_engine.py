@@ -59,9 +59,14 @@ def engine(
         The engine, at rest at q = 0.
 
     Raises:
-        SimulationError: MuJoCo is not installed, or refuses the robot.
+        SimulationError: MuJoCo is not installed or refuses the robot, or joints are coupled.
         NotRealisableError: a body of π is not physically consistent.
     """
+    if lib.manifest.coupling is not None:
+        raise SimulationError(
+            f"joints of '{lib.name}' follow others, which the simulation in MuJoCo does not "
+            "support; use lib.forward_dynamics, or lock the joints when you build"
+        )
     mujoco = _mujoco()
     spec = mujoco.MjSpec()
     spec.compiler.degree = False

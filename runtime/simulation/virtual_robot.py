@@ -167,7 +167,7 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
         π, (10 n,).
     """
     lib.lam_from_pi(pi)  # raises where a body is not physically consistent: it has no root
-    draws = rng.normal(size=(lib.n_joints, 4, 4))
+    draws = rng.normal(size=(lib.n_links, 4, 4))
     S = spread * (draws + np.swapaxes(draws, 1, 2)) / 2
     values, vectors = np.linalg.eigh(lib.pseudo_inertia(pi))
     root = vectors * np.sqrt(values)[:, None] @ np.swapaxes(vectors, 1, 2)

@@ -146,13 +146,13 @@ def home_of(chain: Chain, config: RobotConfig) -> Vector:
     """Home position of a robot.
 
     Args:
-        chain: n joints.
+        chain: n independent joints.
         config: its home is taken if it has one.
 
     Returns:
         (n,) rad or m; without a home each joint is at zero or in the middle of its range.
     """
-    return config.home or tuple(_middle(joint) for joint in chain.joints)
+    return config.home or tuple(_middle(joint) for joint in chain.coordinates)
 
 
 def _middle(joint: Joint) -> float:

@@ -10,10 +10,11 @@ import numpy as np
 from symgen.build.config import Braking, home_of
 from symgen.build.request import BuildRequest
 from symgen.chain import Chain, Joint
+from symgen.chain.mechanism import Mechanism, table_from_mechanism
 from symgen.collision.distance import moving
 from symgen.collision.tables import tables_from_collision
 from symgen.errors import BuildError, InertiaError
-from symgen.mechanics import consistency, inertia
+from symgen.mechanics import consistency, inertia, passive
 from symgen.mechanics.base_parameters import Array, BaseParameters
 
 PROJECTION_FLOOR = 1e-4
@@ -24,12 +25,12 @@ def initial_parameters(chain: Chain, project: bool) -> tuple[Array, dict[str, fl
     """π0 of all links from the URDF.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         project: True replaces inertias that are not physically consistent by the nearest consistent
             ones.
 
     Returns:
-        (10 n,) π0, and for each projected link the largest change of an entry of π.
+        (10 L,) π0, and for each projected link the largest change of an entry of π.
 
     Raises:
         InertiaError: an inertia is not physically consistent and `project` is False.
@@ -59,10 +60,10 @@ def model_facts(
     """JSON-ready facts of one robot.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         request: options and configuration of the build.
         base: n_b base parameters.
-        pi0: (10 n,) inertial parameters of the URDF.
+        pi0: (10 L,) inertial parameters of the URDF.
         projected: link → largest change of an entry of π by the projection.
 
     Returns:
@@ -71,17 +72,17 @@ def model_facts(
     Raises:
         BuildError: the robot configuration does not fit the chain.
     """
-    n, config = len(chain.joints), request.config
+    n, config = len(chain.coordinates), request.config
     for key, values in config.vectors().items():
         if len(values) != n:
             raise BuildError(
                 f"the robot configuration gives {len(values)} values for {key}, "
-                f"the chain has {n} joints: {', '.join(j.name for j in chain.joints)}"
+                f"the chain has {n} joints: {', '.join(j.name for j in chain.coordinates)}"
             )
-    bodies = pi0.reshape(n, -1)
+    bodies = pi0.reshape(len(chain.joints), -1)
     lam0 = [np.asarray(ca.DM(inertia.lam_from_pi(ca.DM(pi)))).ravel() for pi in bodies]
-    assumed = {"assumed": chain.assumed} if chain.assumed else {}
-    return assumed | {
+    extra = ({"assumed": chain.assumed} if chain.assumed else {}) | _mechanism_facts(chain)
+    return extra | {
         "base": chain.base,
         "tip": chain.tip.link,
         "tip_frame": {
@@ -90,7 +91,7 @@ def model_facts(
             "translation": list(chain.tip.translation),
         },
         "gravity": list(chain.gravity),
-        "joints": [_joint_facts(joint) for joint in chain.joints],
+        "joints": [_joint_facts(joint) for joint in chain.coordinates],
         "home": list(home_of(chain, config)),
         "acceleration": list(config.acceleration) if config.acceleration else None,
         "jerk": list(config.jerk) if config.jerk else None,
@@ -118,6 +119,27 @@ def model_facts(
         "options": {"tip": request.options.tip, "project": request.project},
         "urdf_sha256": hashlib.sha256(chain.urdf.encode()).hexdigest(),
     }
+
+
+def _mechanism_facts(chain: Chain) -> dict[str, Any]:
+    """Coupling, all joints and the mechanism; nothing for a robot without them."""
+    facts: dict[str, Any] = {}
+    if chain.coupling is not None:
+        facts["all_joints"] = [_joint_facts(joint) for joint in chain.joints]
+        facts["coupling"] = {
+            "independent": list(chain.coupling.independent),
+            "matrix": [list(row) for row in chain.coupling.matrix],
+            "offset": list(chain.coupling.offset),
+        }
+    friction = passive.friction_coordinates(chain)
+    if friction:
+        facts["friction_coordinates"] = {name: list(row) for name, row in friction.items()}
+    springs = passive.unknown_springs(chain)
+    if springs:
+        facts["springs"] = [spring.name for spring in springs]
+    if chain.mechanism != Mechanism():
+        facts["mechanism"] = table_from_mechanism(chain.mechanism)
+    return facts
 
 
 def _joint_facts(j: Joint) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from symgen.documents import json_of
 from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
+from symgen.mechanics.passive import friction_coordinates
 
 ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
 """Sources compiled once."""
@@ -178,6 +179,7 @@ def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
         notes.append(
             f"no joint of the URDF attaches '{chain.base}' to the world; it is taken as fixed"
         )
+    notes += _coupled(chain)
     notes += _assumed(chain)
     if chain.removed:
         notes.append(f"cut off by --base/--tip: {', '.join(chain.removed)}")
@@ -194,6 +196,22 @@ def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
             "operations and spurious base parameters"
         )
     return tuple(notes)
+
+
+def _coupled(chain: Chain) -> list[str]:
+    """Sentences about couplings and their friction."""
+    if chain.coupling is None:
+        return []
+    free = {joint.name for joint in chain.coordinates}
+    names = [joint.name for joint in chain.joints if joint.name not in free]
+    notes = [f"{', '.join(names)} follow other joints; q holds the {len(free)} independent joints"]
+    friction = list(friction_coordinates(chain))
+    if len(friction) > len(free):
+        notes.append(
+            f"friction columns of coupled coordinates exist for {', '.join(friction[: len(free)])} "
+            f"only, as many as there are joints, not for {', '.join(friction[len(free) :])}"
+        )
+    return notes
 
 
 def _assumed(chain: Chain) -> list[str]:

@@ -12,6 +12,7 @@ from symgen.build.bundled import ROBOTS, bundled_robots
 from symgen.build.compiler import find_compiler
 from symgen.build.config import CONFIG_KEYS, RobotConfig, config_from_table, read_config
 from symgen.chain import ChainOptions
+from symgen.chain.mechanism import mechanism_from_table
 from symgen.documents import json_of, text_of
 from symgen.errors import BuildError
 
@@ -90,6 +91,7 @@ def request_from_folder(folder: Path) -> BuildRequest:
             gravity=tuple(manifest["gravity"]),
             removed=tuple(manifest["removed"]),
             assumed=dict(manifest.get("assumed", {})),
+            mechanism=mechanism_from_table(manifest.get("mechanism", {}), "manifest.json"),
         )
         table = {key: manifest[key] for key in CONFIG_KEYS if manifest[key] is not None}
         config = config_from_table(table, f"'{folder / 'manifest.json'}'")

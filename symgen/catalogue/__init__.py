@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from symgen.catalogue.bodies import body_kernels
 from symgen.catalogue.motion import motion_kernels
+from symgen.catalogue.passive import passive_kernels
 from symgen.catalogue.safety import safety_kernels
 from symgen.catalogue.trajectory import trajectory_kernels
 from symgen.chain import Chain
@@ -43,5 +44,6 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
         *body_kernels(),
         *trajectory_kernels(chain, base),
         *safety_kernels(chain, collision or CollisionModel()),
+        *passive_kernels(chain),
     )
     return Catalogue(kernels, base)

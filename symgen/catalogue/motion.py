@@ -17,18 +17,18 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     """Return the kernels of τ(q, dq, ddq) and its parameters.
 
     Args:
-        chain: n joints.
+        chain: n independent joints.
         base: n_b base parameters.
 
     Returns:
         Kernels whose batches run over time samples.
     """
-    n, b = len(chain.joints), len(base.columns)
+    n, b, links = len(chain.coordinates), len(base.columns), len(chain.joints)
     effort = effort_unit(chain)
     q_, dq_, ddq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3))
-    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * n,), "SI", shared=True)
+    tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * links,), "SI", shared=True)
     beta_ = Argument("beta", (b,), "SI", shared=True)
-    lam_ = Argument("lam", (P * n,), "lambda", shared=True)
+    lam_ = Argument("lam", (P * links,), "lambda", shared=True)
     weight_ = Argument("weight", (n,), "1", shared=True)
     rotor_ = Argument("rotor", (n,), inertia_unit(chain), shared=True)
     s = {a: a.symbol() for a in (q_, dq_, ddq_, tau_, pi_, beta_, lam_, weight_, rotor_)}
@@ -42,7 +42,7 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     to_base = ("base_parameters", "base_inverse_dynamics")
     torque = ca.substitute(from_base, beta, _times(base.matrix, dynamics.pi_from_lam_all(lam)))
     # `base_parameters` and `base_adjoint` run per parameter vector: nothing is shared by samples.
-    pi_once_, beta_once_ = Argument("pi", (P * n,), "SI"), Argument("beta", (b,), "SI")
+    pi_once_, beta_once_ = Argument("pi", (P * links,), "SI"), Argument("beta", (b,), "SI")
     slope_ = Argument("slope", (b,), "d cost / d beta")
     pi_once, slope_of_beta = pi_once_.symbol(), slope_.symbol()
     residual = from_base - tau
@@ -72,14 +72,14 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         make_kernel(
             "regressor",
             motion,
-            {Argument("Y", (n, P * n), "d tau / d pi"): dynamics.regressor(chain, q, dq, ddq)},
+            {Argument("Y", (n, P * links), "d tau / d pi"): dynamics.regressor(chain, q, dq, ddq)},
             "Y with tau = Y pi, Eq. 3.1",
         ),
         make_kernel(
             "torque_jacobian",
             with_lam,
             {
-                Argument("jacobian", (n, P * n), "d tau / d lam"): dynamics.torque_jacobian(
+                Argument("jacobian", (n, P * links), "d tau / d lam"): dynamics.torque_jacobian(
                     chain, q, dq, ddq, lam
                 )
             },
@@ -129,7 +129,11 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         make_kernel(
             "base_adjoint",
             {slope_: slope_of_beta},
-            {Argument("gradient", (P * n,), "d cost / d pi"): _times(base.matrix.T, slope_of_beta)},
+            {
+                Argument("gradient", (P * links,), "d cost / d pi"): _times(
+                    base.matrix.T, slope_of_beta
+                )
+            },
             "K' slope, the adjoint of beta = K pi",
         ),
         make_kernel(
@@ -160,7 +164,7 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         make_kernel(
             "link_poses",
             {q_: q},
-            {Argument("H", (4 * n, 4), "1|m"): dynamics.link_poses(chain, q)},
+            {Argument("H", (4 * links, 4), "1|m"): dynamics.link_poses(chain, q)},
             "poses of the links in the base frame, one below the other, Eq. 2.15",
             rare=True,
         ),

@@ -22,7 +22,7 @@ def safety_kernels(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...
     """Return the kernels of all limits of a motion beyond those of q and its derivatives.
 
     Args:
-        chain: n joints.
+        chain: n independent joints.
         collision: proxies and pairs.
 
     Returns:
@@ -32,16 +32,16 @@ def safety_kernels(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...
 
 
 def _motion(chain: Chain, count: int) -> tuple[list[Argument], list[Any]]:
-    n = len(chain.joints)
+    n = len(chain.coordinates)
     arguments = [Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(count)]
     return arguments, [a.symbol() for a in arguments]
 
 
 def _torques(chain: Chain) -> tuple[Kernel, ...]:
-    n, effort = len(chain.joints), effort_unit(chain)
+    n, links, effort = len(chain.coordinates), len(chain.joints), effort_unit(chain)
     arguments, symbols = _motion(chain, 5)
     q, dq, ddq, dddq, _ = symbols
-    pi_ = Argument("pi", (N_PARAMETERS * n,), "SI", shared=True)
+    pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
     pi = pi_.symbol()
     still = dict(zip(arguments[:3], symbols[:3], strict=True)) | {pi_: pi}
     moved = dict(zip(arguments[:4], symbols[:4], strict=True)) | {pi_: pi}
@@ -98,7 +98,7 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
 
 
 def _tip(chain: Chain) -> Kernel:
-    n = len(chain.joints)
+    n = len(chain.coordinates)
     arguments, (q, dq) = _motion(chain, 2)
     p = dynamics.end_effector(chain, q)[:3, 3]
     v = ca.jtimes(p, q, dq)
@@ -117,7 +117,7 @@ def _tip(chain: Chain) -> Kernel:
 
 
 def _distances(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
-    n = len(chain.joints)
+    n = len(chain.coordinates)
     (q_,), (q,) = _motion(chain, 1)
     plane_ = Argument("plane", (4,), "1|m", shared=True)
     plane = plane_.symbol()

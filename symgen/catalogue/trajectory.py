@@ -13,13 +13,13 @@ def trajectory_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]
     """Return the kernels that the design of a motion needs beside those of its limits.
 
     Args:
-        chain: n joints.
+        chain: n independent joints.
         base: n_b base parameters.
 
     Returns:
         Kernels of bases and of the regressor's adjoint.
     """
-    n, b = len(chain.joints), len(base.columns)
+    n, b = len(chain.coordinates), len(base.columns)
     m_, t_, tf_ = (
         Argument("m", (1,), "1"),
         Argument("t", (1,), "s"),

@@ -3,7 +3,7 @@
 Cutting, locking and snapping are left to `normalise`, kinematics and inertias to pinocchio.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from xml.etree.ElementTree import Element, ParseError, indent, tostring
 
 import numpy as np
@@ -231,11 +231,11 @@ def _named(root: Element, tag: str) -> dict[str, Element]:
     return elements
 
 
-def listing(names: dict[str, Element] | list[str], most: int = 12) -> str:
+def listing(names: Iterable[str], most: int = 12) -> str:
     """The first names, separated by commas.
 
     Args:
-        names: list of names, or table by name.
+        names: names, or a table by name.
         most: largest number of names that are shown.
 
     Returns:

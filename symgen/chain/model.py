@@ -4,13 +4,16 @@ The order of joints is pinocchio's. Rounded zeros such as cos(π/2) = 6e-17 are 
 here and nowhere else: every one that remains becomes code in all kernels.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio
 
 from symgen.chain.assumed_bodies import assume_bodies
+from symgen.chain.coupling import Coupling, mimic_rows, read_coupling
 from symgen.chain.document import MOVING, Document, numbers
+from symgen.chain.limits import limits_of, range_of_followers
+from symgen.chain.mechanism import Mechanism
 from symgen.chain.normalise import ChainOptions, normalise
 from symgen.chain.parse import parse_with_pinocchio
 from symgen.errors import UrdfError
@@ -98,7 +101,7 @@ class Chain:
     Attributes:
         name: name of the robot in the URDF.
         base: name of the fixed base link.
-        joints: the moving joints, parents before children.
+        joints: the moving joints, parents before children, one body each.
         gravity: m/s², in the frame of the base link.
         tip: the frame of the end effector.
         lumped: fixed bodies counted into moving links.
@@ -106,6 +109,8 @@ class Chain:
         urdf: the normalised document that the chain describes.
         assumed: link → origin of a body that the URDF does not state (`assumed_bodies`).
         base_is_assumed: no fixed joint attaches the base to the world; it is taken as fixed.
+        coupling: q_all = A q + b; None where every joint is independent.
+        mechanism: springs, torque curves and further friction coordinates.
     """
 
     name: str
@@ -118,6 +123,15 @@ class Chain:
     urdf: str
     assumed: dict[str, str] = field(default_factory=dict)
     base_is_assumed: bool = False
+    coupling: Coupling | None = None
+    mechanism: Mechanism = field(default_factory=Mechanism)
+
+    @property
+    def coordinates(self) -> tuple[Joint, ...]:
+        """The n independent joints, whose positions are q."""
+        if self.coupling is None:
+            return self.joints
+        return tuple(self.joints[k] for k in self.coupling.independent)
 
 
 def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
@@ -128,7 +142,7 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         options: base, tip, locked joints, gravity and snapping of angles.
 
     Returns:
-        The chain of all moving joints.
+        The chain of all moving joints, with the couplings of <mimic> and of the mechanism.
 
     Raises:
         UrdfError: the message names the joint or link and what to do.
@@ -152,6 +166,10 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         )
     model = parse_with_pinocchio(document)
     joints = tuple(_joint(document, model, index) for index in range(1, model.njoints))
+    coupling = _coupling(document, joints, options.mechanism)
+    if coupling is not None:
+        for k, ends in range_of_followers(joints, coupling).items():
+            joints = (*joints[:k], replace(joints[k], **ends), *joints[k + 1 :])
     return Chain(
         name=document.name,
         base=document.root_link,
@@ -163,7 +181,19 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         urdf=urdf,
         assumed=options.assumed | new,
         base_is_assumed=options.base is None and not document.has_base_joint(),
+        coupling=coupling,
+        mechanism=options.mechanism,
     )
+
+
+def _coupling(
+    document: Document, joints: tuple[Joint, ...], mechanism: Mechanism
+) -> Coupling | None:
+    """Coupling of <mimic> elements and of the mechanism, whose rows come first."""
+    stated = {row.joint for row in mechanism.coupling}
+    mimics = [row for row in mimic_rows(document) if row.joint not in stated]
+    names = tuple(joint.name for joint in joints)
+    return read_coupling(names, (*mechanism.coupling, *mimics), mechanism.independent)
 
 
 def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
@@ -176,7 +206,7 @@ def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
             "give it an <inertial> or a mass with --masses, lock the joint with --lock or cut it "
             "off with --tip"
         )
-    lower, upper, velocity, effort = _limits(document, name)
+    lower, upper, velocity, effort = limits_of(document, name)
     return Joint(
         name=name,
         kind=document.kind(name),
@@ -206,31 +236,6 @@ def _axis(model: pinocchio.Model, index: int) -> Vector:
         f"joint '{model.names[index]}' became pinocchio's {short}, which is not supported; "
         "give it one axis of rotation or translation"
     )
-
-
-def _limits(
-    document: Document, name: str
-) -> tuple[float | None, float | None, float | None, float | None]:
-    node = document.joints[name].find("limit")
-    values: dict[str, float | None] = dict.fromkeys(("lower", "upper", "velocity", "effort"))
-    if node is not None:
-        for key in values:
-            if key in node.attrib:
-                what = f"joint '{name}': limit {key}"
-                values[key] = float(numbers(node.get(key, ""), 1, what)[0])
-    lower, upper = values["lower"], values["upper"]
-    if document.kind(name) == "continuous":
-        lower = upper = None
-    if lower is not None and upper is not None and lower > upper:
-        raise UrdfError(
-            f"joint '{name}' has lower limit {lower:g} above upper limit {upper:g}; correct <limit>"
-        )
-    for key in ("velocity", "effort"):
-        value = values[key]
-        if value is not None and value < 0:
-            raise UrdfError(f"joint '{name}' has the negative {key} limit {value:g}; correct it")
-        values[key] = value or None  # 0 is how exporters write "not given"
-    return lower, upper, values["velocity"], values["effort"]
 
 
 def _check_inertial(document: Document, link: str) -> None:

@@ -12,7 +12,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import pinocchio
 
+from symgen.chain.coupling import mimic_rows
 from symgen.chain.document import MOVING, Document, listing, numbers, origin
+from symgen.chain.mechanism import Mechanism
 from symgen.errors import UrdfError
 
 _HALF_PI = math.pi / 2
@@ -32,6 +34,7 @@ class ChainOptions:
         masses: link → kg, for links without <inertial>; empty: placeholders where no moving link
             has one (`assumed_bodies`); None: a moving link without mass is refused.
         assumed: link → origin of a body that an earlier build has assumed, to be reported again.
+        mechanism: couplings, springs and torque curves of a mechanism file.
     """
 
     base: str | None = None
@@ -42,6 +45,7 @@ class ChainOptions:
     removed: tuple[str, ...] = ()
     masses: dict[str, float] | None = None
     assumed: dict[str, str] = field(default_factory=dict)
+    mechanism: Mechanism = field(default_factory=Mechanism)
 
 
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:
@@ -58,7 +62,7 @@ def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, t
         UrdfError: the message names the joint, the link or the option.
     """
     document = Document(text)
-    for joint, value in options.locks.items():
+    for joint, value in _with_followers(document, options.locks).items():
         _lock(document, joint, value)
     gravity = _gravity(document, options)
     removed = _cut(document, options)
@@ -66,6 +70,15 @@ def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, t
     if options.snap:
         _snap(document, options.snap)
     return document, gravity, removed
+
+
+def _with_followers(document: Document, locks: dict[str, float]) -> dict[str, float]:
+    """The locks with those of all joints that mimic a locked one, directly or not."""
+    known, rows = dict(locks), [r for r in mimic_rows(document) if r.joint not in locks]
+    while ready := [r for r in rows if all(m in known for m in r.of) and r.joint not in known]:
+        for row in ready:
+            known[row.joint] = sum(f * known[m] for m, f in row.of.items()) + row.offset
+    return known
 
 
 def _require_supported(document: Document) -> None:
@@ -77,8 +90,6 @@ def _require_supported(document: Document) -> None:
                 f"joint '{name}' has the type '{kind}'; revolute, continuous, prismatic and fixed "
                 f"joints can be modelled, so {remedy}"
             )
-        if element.find("mimic") is not None and kind != "fixed":
-            raise UrdfError(f"joint '{name}' mimics another joint; {remedy}")
         origin(element, f"joint '{name}'")
 
 

@@ -17,7 +17,7 @@ def parse_with_pinocchio(document: Document) -> pinocchio.Model:
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(shape)
     for name, element in copy.joints.items():
-        for tag in ("dynamics", "safety_controller", "limit", "calibration"):
+        for tag in ("dynamics", "safety_controller", "limit", "calibration", "mimic"):
             node = element.find(tag)
             if node is not None:
                 element.remove(node)

@@ -1,13 +1,16 @@
 """Parts that the commands share: application, console, options and folders."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
-from symgen.documents import text_of
+from symgen.documents import text_of, toml_of
 from symgen.errors import BuildError
+
+if TYPE_CHECKING:
+    from symgen.chain.mechanism import Mechanism
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -34,6 +37,15 @@ TipOption = Annotated[
 LockOption = Annotated[
     list[str] | None,
     typer.Option(metavar="JOINT=VALUE", help="Fix a joint at a position in rad or m; repeatable."),
+]
+MechanismOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="TOML file of couplings ([[coupling]]), springs ([[spring]]), torque curves and "
+        "further friction of a mechanism.",
+        dir_okay=False,
+    ),
 ]
 ConfigOption = Annotated[
     list[Path] | None,
@@ -75,6 +87,24 @@ def read_urdf(urdf: Path) -> str:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise BuildError(f"cannot read the URDF '{urdf}': {reason}") from None
+
+
+def read_mechanism(path: Path | None) -> "Mechanism":
+    """Return the mechanism of a TOML file, an empty one without a file.
+
+    Raises:
+        BuildError: the file cannot be read.
+        UrdfError: it has unknown keys or values of the wrong kind.
+    """
+    from symgen.chain.mechanism import Mechanism, mechanism_from_table
+
+    if path is None:
+        return Mechanism()
+    try:
+        table = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise BuildError(f"cannot read the mechanism '{path}': {error}") from None
+    return mechanism_from_table(table, f"'{path}'")
 
 
 def read_locks(items: list[str]) -> dict[str, float]:

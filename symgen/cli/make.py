@@ -15,6 +15,7 @@ from symgen.cli.common import (
     BaseOption,
     ConfigOption,
     LockOption,
+    MechanismOption,
     OverwriteOption,
     RootOption,
     TipOption,
@@ -22,6 +23,7 @@ from symgen.cli.common import (
     console,
     folders_of,
     read_locks,
+    read_mechanism,
     read_urdf,
     say,
 )
@@ -75,6 +77,7 @@ def build_command(
             dir_okay=False,
         ),
     ] = None,
+    mechanism: MechanismOption = None,
     config: ConfigOption = None,
     level: Annotated[
         list[str] | None,
@@ -108,14 +111,18 @@ def build_command(
 
     options = ChainOptions(base, tip, _vector(gravity), read_locks(lock or []), snap)
     if urdf is None:
-        if options != ChainOptions() or name or project or config or masses:
+        if options != ChainOptions() or name or project or config or masses or mechanism:
             raise BuildError(
                 "the options --name, --base, --tip, --gravity, --lock, --snap, --project, "
-                "--masses and --config belong to your own robot; give its --urdf too"
+                "--masses, --mechanism and --config belong to your own robot; give its --urdf too"
             )
         request = bundled_request(robot)
     else:
-        options = replace(options, masses=read_masses(masses) if masses else {})
+        options = replace(
+            options,
+            masses=read_masses(masses) if masses else {},
+            mechanism=read_mechanism(mechanism),
+        )
         request = _request_from_urdf(urdf, name, options, project, config)
     with console.status(f"building {request.name}"):
         result = build(request, out, force, level or (), overwrite)

@@ -15,6 +15,7 @@ import casadi as ca
 from symgen.chain import Chain
 from symgen.collision.model import CollisionModel, Pair, Proxy
 from symgen.kernel import Matrix
+from symgen.mechanics.coordinates import all_positions, independent_forces
 from symgen.mechanics.dynamics import joint_pose
 
 _PARALLEL = 1e-12
@@ -59,7 +60,8 @@ def clearance(chain: Chain, model: CollisionModel, q: Matrix) -> tuple[Matrix, M
     frames = _frames(chain, q)
     segments = {p.name: _segment(chain, model, frames, p) for p in model.proxies}
     rows = [_pair(model, pair, segments, frames) for pair in model.pairs]
-    return ca.vertcat(*(d for d, _ in rows)), ca.vertcat(*(row for _, row in rows))
+    jacobian = ca.vertcat(*(row for _, row in rows))
+    return ca.vertcat(*(d for d, _ in rows)), independent_forces(chain, jacobian.T).T
 
 
 def plane_clearance(
@@ -90,7 +92,7 @@ def plane_clearance(
         distances.append(height - offset - proxy.radius)
         moment = ca.cross(lowest, normal)
         rows.append(_row(frames, normal, moment, segment.movers, frozenset()))
-    return ca.vertcat(*distances), ca.vertcat(*rows)
+    return ca.vertcat(*distances), independent_forces(chain, ca.vertcat(*rows).T).T
 
 
 def moving(chain: Chain, model: CollisionModel) -> tuple[Proxy, ...]:
@@ -108,6 +110,7 @@ def moving(chain: Chain, model: CollisionModel) -> tuple[Proxy, ...]:
 
 
 def _frames(chain: Chain, q: Matrix) -> list[_Frame]:
+    q = all_positions(chain, q)
     frames: list[_Frame] = []
     for i, joint in enumerate(chain.joints):
         pose = joint_pose(joint, q[i])

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from symgen.chain import Chain
 from symgen.collision.geometry import LinkGeometry
 from symgen.collision.model import BASE
+from symgen.mechanics.coordinates import all_positions
 from symgen.mechanics.dynamics import joint_pose
 
 Array = NDArray[np.float64]
@@ -49,11 +50,12 @@ def link_poses(chain: Chain, link: str, postures: Array) -> Array:
     Returns:
         (N, 4, 4) homogeneous matrices.
     """
-    q = ca.SX.sym("q", len(chain.joints))
+    q = ca.SX.sym("q", len(chain.coordinates))
+    positions = all_positions(chain, q)
     pose = ca.SX.eye(4)
     index = -1 if link == BASE else [j.link for j in chain.joints].index(link)
     while index >= 0:
-        step = joint_pose(chain.joints[index], q[index])
+        step = joint_pose(chain.joints[index], positions[index])
         top = ca.horzcat(step.rotation, step.translation)
         pose = ca.mtimes(ca.vertcat(top, ca.SX(ca.DM([[0, 0, 0, 1]]))), pose)
         index = chain.joints[index].parent

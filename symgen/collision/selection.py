@@ -72,7 +72,7 @@ def select_pairs(
     model = _all_pairs(chain, proxies, margin)
     if not model.pairs:
         return Selection((), (), ())
-    q = ca.SX.sym("q", len(chain.joints))
+    q = ca.SX.sym("q", len(chain.coordinates))
     distance, jacobian = clearance(chain, model, q)
     both = ca.Function("clearance", [q], [distance, jacobian], {"cse": True})
     # Distances of all pairs at rest (row 0) and at random postures of the whole range.
@@ -162,7 +162,9 @@ def _all_pairs(chain: Chain, proxies: tuple[Proxy, ...], margin: float) -> Colli
 
 def _range(chain: Chain) -> tuple[Array, Array]:
     """Position limits; one turn, or 1 m to both sides, for a joint without limits."""
-    far = [1.0 if j.kind == "prismatic" else np.pi for j in chain.joints]
-    lower = [-f if j.lower is None else j.lower for j, f in zip(chain.joints, far, strict=True)]
-    upper = [f if j.upper is None else j.upper for j, f in zip(chain.joints, far, strict=True)]
+    far = [1.0 if j.kind == "prismatic" else np.pi for j in chain.coordinates]
+    lower = [
+        -f if j.lower is None else j.lower for j, f in zip(chain.coordinates, far, strict=True)
+    ]
+    upper = [f if j.upper is None else j.upper for j, f in zip(chain.coordinates, far, strict=True)]
     return np.array(lower), np.array(upper)

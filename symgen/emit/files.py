@@ -153,4 +153,5 @@ def _renderer() -> Callable[[str, dict[str, Any]], str]:
     environment.tests["idle_in"] = lambda name, lines: (
         not any(re.search(rf"\b{name}\b", line) for line in lines)
     )
+    environment.tests["containing"] = lambda line, text: text in line
     return lambda template, context: environment.get_template(template).render(context)

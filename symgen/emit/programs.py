@@ -220,6 +220,7 @@ def _example(facts: dict[str, Any]) -> dict[str, Any]:
     signs = [(-1.0) ** k for k in range(len(facts["joints"]))]
     return {
         "joints": facts["joints"],
+        "bodies": facts.get("all_joints", facts["joints"]),
         "pi0": [float(x) for x in facts["pi0"]],
         "home": [float(x) for x in facts["home"]],
         "dq": [0.5 * sign for sign in signs],

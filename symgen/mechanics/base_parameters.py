@@ -41,7 +41,7 @@ class BaseParameters:
 
     Attributes:
         columns: indices into π of the independent columns; Y_b = Y[:, columns].
-        matrix: (n_b, 10 n) K, identity on `columns`.
+        matrix: (n_b, 10 L) K, identity on `columns`.
         smallest_kept: last singular value inside the row space, relative to the largest.
         largest_dropped: first singular value outside, relative to the largest.
     """
@@ -72,8 +72,8 @@ def numeric_base(
     that the regrouping rules prefer, and K solves W_b K = W.
 
     Args:
-        chain: n joints.
-        regressor: function of q, dq, ddq, each (N, n), that returns Y as (N, n, 10 n).
+        chain: n independent joints, L bodies.
+        regressor: function of q, dq, ddq, each (N, n), that returns Y as (N, n, 10 L).
         seed: seed of the random states.
 
     Returns:
@@ -82,14 +82,14 @@ def numeric_base(
     Raises:
         RankError: the singular values decrease without a clear gap.
     """
-    n = len(chain.joints)
+    n, links = len(chain.coordinates), len(chain.joints)
     rng = np.random.default_rng(seed)
-    samples = _SAMPLES_PER_COLUMN * N_PARAMETERS * n
+    samples = _SAMPLES_PER_COLUMN * N_PARAMETERS * links
     # Turns and travels of order one: revolute states in rad, prismatic ones in m.
     q = rng.uniform(-np.pi, np.pi, (samples, n))
     dq, ddq = rng.normal(0, 2, (2, samples, n))
     # Columns of unit length: parameters of different units and sizes become comparable.
-    w = regressor(q, dq, ddq).reshape(-1, N_PARAMETERS * n)
+    w = regressor(q, dq, ddq).reshape(-1, N_PARAMETERS * links)
     norms = np.linalg.norm(w, axis=0)
     nonzero = np.flatnonzero(norms > SILENT_COLUMN * norms.max())
     unit = w[:, nonzero] / norms[nonzero]
@@ -109,7 +109,7 @@ def numeric_base(
     chosen = _independent(unit, order, rank)
     columns = tuple(sorted(int(nonzero[k]) for k in chosen))
     k_nonzero = np.linalg.lstsq(w[:, columns], w[:, nonzero], rcond=None)[0]
-    matrix = np.zeros((rank, N_PARAMETERS * n))
+    matrix = np.zeros((rank, N_PARAMETERS * links))
     matrix[:, nonzero] = _tidied(np.asarray(k_nonzero, dtype=float))
     matrix[:, columns] = np.eye(rank)
     return BaseParameters(columns, matrix, float(sigma[rank - 1]), float(sigma[rank]))
@@ -163,7 +163,7 @@ def regrouped_base(chain: Chain) -> tuple[tuple[int, ...], Array]:
         chain: serial arm of n revolute joints in modified DH form.
 
     Returns:
-        Indices of the n_b independent columns and (n_b, 10 n) K.
+        Indices of the n_b independent columns and (n_b, 10 L) K.
 
     Raises:
         RankError: the chain is not a serial arm of revolute joints in modified DH form.

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
 from symgen.kernel import Matrix
+from symgen.mechanics.coordinates import all_positions, all_rates, independent_forces
 from symgen.mechanics.inertia import N_PARAMETERS, bodies_of, pi_from_lam
 from symgen.mechanics.spatial import axis_rotation
 
@@ -53,17 +54,18 @@ def inverse_dynamics(
     """τ(q, dq, ddq, π) (Eqs. 2.34, 4.3, 4.4).
 
     Args:
-        chain: n joints, one body each.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
         ddq: (n,) joint accelerations [rad/s², m/s²].
-        pi: (10 n,) inertial parameters, link by link.
+        pi: (10 L,) inertial parameters, link by link.
         gravity: False leaves gravity out.
 
     Returns:
         (n,) joint torques or forces [N·m, N].
     """
     n = len(chain.joints)
+    q, dq, ddq = all_positions(chain, q), all_rates(chain, dq), all_rates(chain, ddq)
     poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
     omega: list[Matrix] = []
     alpha: list[Matrix] = []
@@ -112,7 +114,7 @@ def inverse_dynamics(
                 + ca.mtimes(pose.rotation, m)
                 + ca.cross(pose.translation, f_parent)
             )
-    return ca.vertcat(*tau)
+    return independent_forces(chain, ca.vertcat(*tau))
 
 
 def _spread(w: Matrix, al: Matrix) -> Matrix:
@@ -155,14 +157,14 @@ def regressor(
     Differentiating the linear function costs no more operations than a hand-written regressor.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
         ddq: (n,) joint accelerations [rad/s², m/s²].
         columns: indices into π of the columns to compute; None: all.
 
     Returns:
-        (n, 10 n) regressor, or (n, len(columns)).
+        (n, 10 L) regressor, or (n, len(columns)).
     """
     return by_parameters(chain, lambda pi: inverse_dynamics(chain, q, dq, ddq, pi), columns)
 
@@ -175,12 +177,12 @@ def by_parameters(
     Entries of π outside `columns` are structural zeros, so they cost no operations.
 
     Args:
-        chain: n joints.
-        linear: f, from (10 n,) π to a vector of m entries.
+        chain: n independent joints, L bodies.
+        linear: f, from (10 L,) π to a vector of m entries.
         columns: indices into π of the columns to compute; None: all.
 
     Returns:
-        (m, 10 n) Jacobian, or (m, len(columns)).
+        (m, 10 L) Jacobian, or (m, len(columns)).
     """
     pi = ca.SX.sym("pi", N_PARAMETERS * len(chain.joints))
     if columns is None:
@@ -195,19 +197,19 @@ def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
     """Return a numeric function of the regressor at many states.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
 
     Returns:
-        Function of q, dq and ddq, each (N, n), that returns Y as (N, n, 10 n).
+        Function of q, dq and ddq, each (N, n), that returns Y as (N, n, 10 L).
     """
-    n = len(chain.joints)
+    n = len(chain.coordinates)
     q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
     rows = ca.densify(ca.vec(regressor(chain, q, dq, ddq).T))
     function = ca.Function("Y", [q, dq, ddq], [rows], {"cse": True})
 
     def sample(q: Array, dq: Array, ddq: Array) -> Array:
         stacked = np.asarray(function.map(len(q))(q.T, dq.T, ddq.T))
-        return stacked.T.reshape(len(q), n, N_PARAMETERS * n)
+        return stacked.T.reshape(len(q), n, N_PARAMETERS * len(chain.joints))
 
     return sample
 
@@ -216,10 +218,10 @@ def pi_from_lam_all(lam: Matrix) -> Matrix:
     """π of all links from λ of all links.
 
     Args:
-        lam: (10 n,) λ, link by link.
+        lam: (10 L,) λ, link by link.
 
     Returns:
-        (10 n,) π, link by link.
+        (10 L,) π, link by link.
     """
     blocks = range(0, lam.numel(), N_PARAMETERS)
     return ca.vertcat(*(pi_from_lam(lam[k : k + N_PARAMETERS]) for k in blocks))
@@ -229,14 +231,14 @@ def torque_jacobian(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix, lam: Matri
     """∂τ/∂λ = Y blockdiag(∂π_k/∂λ_k) (Eqs. 4.34–4.36).
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
         ddq: (n,) joint accelerations [rad/s², m/s²].
-        lam: (10 n,) λ, link by link.
+        lam: (10 L,) λ, link by link.
 
     Returns:
-        (n, 10 n) Jacobian.
+        (n, 10 L) Jacobian.
     """
     one = ca.SX.sym("lam", N_PARAMETERS)
     block = ca.Function("block", [one], [ca.jacobian(pi_from_lam(one), one)])
@@ -249,27 +251,28 @@ def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """h(q, dq) = τ(q, dq, 0): Coriolis, centrifugal and gravity terms.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 n,) inertial parameters.
+        pi: (10 L,) inertial parameters.
 
     Returns:
         (n,) joint torques or forces [N·m, N].
     """
-    return inverse_dynamics(chain, q, dq, ca.SX(len(chain.joints), 1), pi)
+    return inverse_dynamics(chain, q, dq, ca.SX(len(chain.coordinates), 1), pi)
 
 
 def end_effector(chain: Chain, q: Matrix) -> Matrix:
     """Pose of the tip frame in the base frame.
 
     Args:
-        chain: n joints and the tip frame.
+        chain: n independent joints and the tip frame.
         q: (n,) joint positions [rad, m].
 
     Returns:
         (4, 4) homogeneous matrix [R p; 0 1].
     """
+    q = all_positions(chain, q)
     rotation = ca.SX(ca.DM(chain.tip.rotation))
     translation = ca.SX(ca.DM(chain.tip.translation))
     index = chain.tip.joint
@@ -286,12 +289,13 @@ def link_poses(chain: Chain, q: Matrix) -> Matrix:
     """Poses of all joint frames in the base frame.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
 
     Returns:
-        (4 n, 4) homogeneous matrices [R p; 0 1], one below the other.
+        (4 L, 4) homogeneous matrices [R p; 0 1], one below the other.
     """
+    q = all_positions(chain, q)
     poses: list[Matrix] = []
     bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
     for i, joint in enumerate(chain.joints):

@@ -10,6 +10,7 @@ import casadi as ca
 
 from symgen.chain import Chain
 from symgen.kernel import Matrix
+from symgen.mechanics.coordinates import all_positions, all_rates
 from symgen.mechanics.dynamics import inverse_dynamics, joint_pose
 from symgen.mechanics.inertia import bodies_of
 
@@ -18,15 +19,15 @@ def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """p = ∂T/∂dq = M(q) dq: the torque that gives a robot at rest the acceleration dq.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 n,) inertial parameters.
+        pi: (10 L,) inertial parameters.
 
     Returns:
         (n,) momenta [kg·m²/s, kg·m/s].
     """
-    return inverse_dynamics(chain, q, ca.SX(len(chain.joints), 1), dq, pi, gravity=False)
+    return inverse_dynamics(chain, q, ca.SX(len(chain.coordinates), 1), dq, pi, gravity=False)
 
 
 def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, Matrix]:
@@ -37,14 +38,15 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
     `inverse_dynamics`.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 n,) inertial parameters.
+        pi: (10 L,) inertial parameters.
 
     Returns:
         Kinetic energy T and potential energy U, J.
     """
+    q, dq = all_positions(chain, q), all_rates(chain, dq)
     omega: list[Matrix] = []
     speed: list[Matrix] = []
     down: list[Matrix] = []  # gravity in the link's frame
@@ -78,10 +80,10 @@ def lagrange_force(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     """r = ∂(T − U)/∂q, so that τ = dp/dt − r.
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
-        pi: (10 n,) inertial parameters.
+        pi: (10 L,) inertial parameters.
 
     Returns:
         (n,) generalised forces [N·m, N].

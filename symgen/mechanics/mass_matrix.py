@@ -10,6 +10,7 @@ import casadi as ca
 
 from symgen.chain import Chain
 from symgen.kernel import Matrix
+from symgen.mechanics.coordinates import all_positions, independent_mass
 from symgen.mechanics.dynamics import bias_forces, joint_pose
 from symgen.mechanics.inertia import bodies_of, joined, seen_from
 
@@ -18,14 +19,15 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
     """M(q) = ∂τ/∂ddq, M = Mᵀ to the bit (Eq. 2.34).
 
     Args:
-        chain: n joints, one body each.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
-        pi: (10 n,) inertial parameters, link by link.
+        pi: (10 L,) inertial parameters, link by link.
 
     Returns:
         (n, n) mass matrix [kg·m², kg·m, kg].
     """
     n = len(chain.joints)
+    q = all_positions(chain, q)
     poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
     beyond = bodies_of(pi)
     m = ca.SX(n, n)
@@ -49,7 +51,7 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
         if joint.parent >= 0:
             more = seen_from(pose.rotation, pose.translation, beyond[i])
             beyond[joint.parent] = joined(beyond[joint.parent], more)
-    return ca.densify(m)
+    return ca.densify(independent_mass(chain, m))
 
 
 def forward_dynamics(
@@ -58,17 +60,17 @@ def forward_dynamics(
     """ddq = (M + diag(J))⁻¹ (τ − h) by an unrolled LDLᵀ; no square roots, no pivoting (M ≻ 0).
 
     Args:
-        chain: n joints.
+        chain: n independent joints, L bodies.
         q: (n,) joint positions [rad, m].
         dq: (n,) joint velocities [rad/s, m/s].
         tau: (n,) joint torques or forces [N·m, N].
-        pi: (10 n,) inertial parameters.
+        pi: (10 L,) inertial parameters.
         rotor: (n,) J, inertia of the motors reflected to the joints [kg·m², kg].
 
     Returns:
         (n,) joint accelerations [rad/s², m/s²].
     """
-    n = len(chain.joints)
+    n = len(chain.coordinates)
     m = mass_matrix(chain, q, pi) + ca.diag(rotor)
     x = tau - bias_forces(chain, q, dq, pi)
     rows: list[list[Matrix]] = [[0] * n for _ in range(n)]

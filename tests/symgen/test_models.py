@@ -84,9 +84,6 @@ def test_published_robots_move_like_pinocchio(name: str, shared_data: Path) -> N
 @pytest.mark.parametrize(
     ("file", "project", "sentence"),
     [
-        ("franka_fr3/fr3_hand.urdf", True, r"'fr3_finger_joint2' mimics .*--lock JOINT=VALUE"),
-        ("franka_fer/fer_hand.urdf", True, r"'fer_finger_joint2' mimics .*--tip LINK"),
-        ("panda_erd/panda.urdf", True, r"'panda_finger_joint2' mimics"),
         ("franka_fer/fer.urdf", False, r"fer_link4.*--project"),
         ("kuka_lwr4/kuka_lwr4_gaz.urdf", False, r"lwr_1_link.*--project"),
         ("kuka_lwr4/kuka_lwr4_identified.urdf", False, r"lwr_._link.*--project"),

@@ -17,7 +17,7 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import links, mass
-from runtime.recording.friction import names_where
+from runtime.recording.friction import COLUMNS, FrictionColumn
 
 RANK_TOLERANCE = 1e-9
 """Singular value of the normalised columns, relative to the largest, below which a direction counts
@@ -124,7 +124,7 @@ def solve(
 def counted_in_links(
     statistics: Statistics, lib: Library, terms: tuple[str, ...]
 ) -> NDArray[np.bool_]:
-    """Columns of rotors and coupled motors that base parameters explain as well.
+    """Columns of rotors, coupled motors and springs that base parameters explain as well.
 
     On the first joint of an arm above all, the inertia of a link has the effect of the rotor; a
     method without a prior cannot separate them. Source: Gautier's regrouping.
@@ -137,11 +137,14 @@ def counted_in_links(
     Returns:
         A flag per column of φ, (n k,).
     """
-    inertial = names_where(lambda column: column.is_inertial or column.of_motors)
-    rotors = [name in inertial for name in terms]
-    if not any(rotors):
+    optional = [name in COLUMNS and _is_optional(COLUMNS[name]) for name in terms]
+    if not any(optional):
         return np.zeros(statistics.factor.shape[1] - statistics.n_base, dtype=bool)
-    return statistics.explained() & np.tile(rotors, lib.n_joints)
+    return statistics.explained() & np.tile(optional, lib.n_joints)
+
+
+def _is_optional(column: FrictionColumn) -> bool:
+    return column.is_inertial or column.of_motors or column.is_shared
 
 
 def pi_of_beta(problem: Problem, beta: Array) -> Array:

@@ -180,7 +180,7 @@ class _Cones:
     """Cones of the problem in scaled unknowns x = [π̂; φ], π̂ in units of kg and `LENGTH`."""
 
     def __init__(self, lib: Library, statistics: Statistics) -> None:
-        scale = np.tile(pi_from_parts(1.0, LENGTH, LENGTH**2), lib.n_joints)
+        scale = np.tile(pi_from_parts(1.0, LENGTH, LENGTH**2), lib.n_links)
         self._factor = statistics.over_pi()
         friction = np.linalg.norm(self._factor[:, scale.size :], axis=0)
         typical = np.median(np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0))
@@ -213,7 +213,7 @@ class _Cones:
         """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library."""
         from scipy import sparse
 
-        n, lib = self._lib.n_joints, self._lib
+        n, lib = self._lib.n_links, self._lib
         size = N_PARAMETERS * n
         unit = np.tile(np.eye(N_PARAMETERS), (1, n))
         blocks = lib.pseudo_inertia(unit)[:, 0]

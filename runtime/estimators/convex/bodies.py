@@ -76,5 +76,5 @@ class Bodies:
 
 def bodies_of(lib: Library) -> Bodies:
     """Basis matrices from the kernel of the library, evaluated at unit vectors."""
-    unit = np.tile(np.eye(N_PARAMETERS), (1, lib.n_joints))
+    unit = np.tile(np.eye(N_PARAMETERS), (1, lib.n_links))
     return Bodies(np.ascontiguousarray(lib.pseudo_inertia(unit)[:, 0]))

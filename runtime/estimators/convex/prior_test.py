@@ -91,7 +91,7 @@ def prior_test(
         """T at π, with the priors of the counted links (n,) only."""
         return _misfit(data, pi) / level + 2 * kappa * float(counted @ _divergence(prior, pi))
 
-    everyone = np.ones(lib.n_joints)
+    everyone = np.ones(lib.n_links)
     pi = solve(lib, convex_problem(data, prior, gamma)).pi
     statistic = cost(pi, everyone)
     # Torque of the prior against the measured one: a wrong unit or sign is one factor for all rows.
@@ -99,15 +99,15 @@ def prior_test(
     scale = float(expected @ data.target) / max(float(expected @ expected), 1e-300)
     if statistic <= threshold:
         return PriorTest(statistic, threshold, (), (), scale)
-    decrease, released = np.zeros(lib.n_joints), np.zeros(lib.n_joints)
-    for k in range(lib.n_joints):
+    decrease, released = np.zeros(lib.n_links), np.zeros(lib.n_links)
+    for k in range(lib.n_links):
         body = slice(k * N_PARAMETERS, (k + 1) * N_PARAMETERS)
         centre, moved = prior.centre.copy(), pi
         # The divergence from a centre that follows the estimate bounds a step, not the way.
         for _ in range(MOVES):
             centre[body] = moved[body]
             moved = solve(lib, convex_problem(data, prior_from(prior.bodies, centre), gamma)).pi
-        decrease[k] = statistic - cost(moved, everyone - np.eye(lib.n_joints)[k])
+        decrease[k] = statistic - cost(moved, everyone - np.eye(lib.n_links)[k])
         released[k] = mass(links(moved))[k]
     named = [int(k) for k in np.argsort(-decrease) if decrease[k] > NEXT * decrease.max()]
     if decrease.max() < EXPLAINS * (statistic - threshold):

@@ -160,7 +160,7 @@ def _thickened(lib: Library, pi: Array) -> tuple[Array, tuple[str, ...]]:
     """π with Σ_com of each link at least `THINNEST_AXIS` of its trace, and a note on the change."""
     safe = lib.nearest_realisable(pi, THINNEST_AXIS)
     thin = lib.relative_eigenvalues(pi) < THINNEST_AXIS
-    result = np.where(np.repeat(thin, pi.size // lib.n_joints), safe, pi)
+    result = np.where(np.repeat(thin, pi.size // lib.n_links), safe, pi)
     if not thin.any():
         return pi, ()
     names = ", ".join(np.array(lib.link_names)[thin])

@@ -134,7 +134,7 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
         lib: library of the robot.
 
     Returns:
-        N samples of m equations each.
+        N samples of m equations each; torques of known curves and springs are subtracted.
 
     Raises:
         IdentificationError: something is missing, or the number of joints differs.
@@ -147,9 +147,11 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
             f"'{lib.name}' has {n}: {', '.join(lib.joint_names)}"
         )
     coupling = friction.coupling_of(recording)
+    known = lib.known_torque(data.q)
     if isinstance(data, DifferentiatedRecording):
-        return Samples(data.q, data.dq, data.ddq, data.tau, data.columns, coupling=coupling)
-    tau = data.tau
+        tau = data.tau - known
+        return Samples(data.q, data.dq, data.ddq, tau, data.columns, coupling=coupling)
+    tau = data.tau - (known * data.dq if data.rows.shape[1] == 1 else known)
     if data.rows.shape[1] == 1:  # each column is scaled with the speed of what it belongs to
         tau, coupling = tau.sum(axis=1, keepdims=True), None
     return Samples(data.q, data.dq, None, tau, data.columns, coupling=coupling, base=data.rows)

@@ -77,7 +77,7 @@ def _slope(columns: Array, weighted: Array, coupling: friction.Coupling | None) 
     """Σ_i Cᵀ W r of every coefficient, (n, k)."""
     if coupling is None:
         return np.asarray(np.einsum("ijk,ij->jk", columns, weighted))
-    return np.asarray(np.einsum("ijk,ijk->jk", columns, coupling.to_columns(weighted)))
+    return coupling.slope(columns, weighted)
 
 
 def friction_unit(samples: Samples) -> Array:

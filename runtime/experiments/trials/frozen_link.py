@@ -22,7 +22,7 @@ LINK = 6
 
 def link_rows(lib: Library) -> NDArray[np.bool_]:
     """Mask (10 n,) of the entries of λ that belong to link 7."""
-    return np.arange(lib.lam0.size) // (lib.lam0.size // lib.n_joints) == LINK
+    return np.arange(lib.lam0.size) // (lib.lam0.size // lib.n_links) == LINK
 
 
 def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Array]) -> Fit:

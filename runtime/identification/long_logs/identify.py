@@ -160,7 +160,7 @@ def assemble_streamed(
         )
     head = _head(log, lib)
     terms = chosen.friction_columns or default_terms(head) or Friction(columns=())
-    terms = geared(terms, head)
+    terms = geared(terms, head, lib)
     blocks = blocks_of(log, lib, preparation, terms)
     report(f"windows of {len(blocks)} blocks")
     spans = _spans(blocks, chosen.splitting or (recipe.split if recipe else None) or Split())

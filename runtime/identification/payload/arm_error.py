@@ -45,13 +45,13 @@ def arm_covariance(
     spread = bodies_of(lib).spread(prior_of(lib, model.pi).centre) / np.sqrt(CAD)
     motion = (run.q, run.required("dq"), run.required("ddq"))
     rows = (columns - columns.mean(axis=0)) / noise[:, None]
-    width = lib.n_joints * N_PARAMETERS
+    width = lib.n_links * N_PARAMETERS
     mean, cross = np.zeros((len(noise), width)), np.zeros((N_PARAMETERS, width))
     gram, slope = np.zeros((width, width)), np.zeros(width)
     for i in range(0, len(run), _BLOCK):
         part = slice(i, i + _BLOCK)
         y = lib.regressor(*(each[part] for each in motion)) / noise[:, None]
-        links = y.reshape(*y.shape[:2], lib.n_joints, N_PARAMETERS)
+        links = y.reshape(*y.shape[:2], lib.n_links, N_PARAMETERS)
         arm = np.einsum("ijkl,klm->ijkm", links, spread).reshape(y.shape)
         flat = arm.reshape(-1, width)
         cross += rows[part].reshape(-1, N_PARAMETERS).T @ flat

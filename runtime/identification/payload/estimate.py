@@ -26,6 +26,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.parallel import one_blas_thread
 from runtime.recording import Preparation, Recording
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.notebook import html_table
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
@@ -167,6 +168,7 @@ def _rows(
     preparation: Preparation | None,
 ) -> tuple[Recording, Array, Array]:
     """Prepared run, residual τ − Y π_arm − F φ_arm (N, n), and columns Y_k (N, n, 10)."""
+    recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
     bare = recording.replace(columns=None, column_names=())
     prepared = prepare(bare, preparation, model.friction, lib=lib)

@@ -116,7 +116,7 @@ def problem_of(
     for run in (empty, loaded):
         require_plausible(run, lib)
         bare = run.replace(columns=None, column_names=())
-        runs.append(samples_of(prepare(bare, preparation, geared(terms, run), lib=lib), lib))
+        runs.append(samples_of(prepare(bare, preparation, geared(terms, run, lib), lib=lib), lib))
         if len(runs[-1]) < FEWEST:
             raise IdentificationError(
                 f"expected {FEWEST} samples or more of '{run.name}' after its preparation, got "

@@ -72,7 +72,7 @@ def identify_logs(
     first = logs[0].recording
     recipe = first.recipe
     terms = chosen.friction_columns or default_terms(first) or Friction(columns=())
-    terms = geared(terms, first)
+    terms = geared(terms, first, lib)
     prepared = [prepared_of(log, lib, terms) for log in logs]
     # The joint fit: all training parts in one recording, likewise validation and test.
     shares = chosen.splitting or (recipe.split if recipe else None) or Split()

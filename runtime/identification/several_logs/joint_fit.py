@@ -19,6 +19,7 @@ from runtime.identification.payload import read_payload_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
 from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET as OFFSET_COLUMN
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
@@ -92,8 +93,9 @@ def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
     Raises:
         RuntimeFault: the log is not of this robot, or a step cannot be taken.
     """
-    require_plausible(log.recording, lib)
-    bare = log.recording.replace(columns=None, column_names=(), name=log.name)
+    recording = independent_joints(log.recording, lib)
+    require_plausible(recording, lib)
+    bare = recording.replace(columns=None, column_names=(), name=log.name)
     usual = log.preparation or bare.preparation
     if usual.regressor == "energy":
         raise IdentificationError(
@@ -106,7 +108,7 @@ def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
     samples = samples_of(data, lib)
     extra = samples.rigid(lib, log.carried)
     total = mass(links(log.carried)).sum()
-    return data.replace(tau=samples.tau - extra).noted(
+    return data.replace(tau=data.required("tau") - extra).noted(
         f"Subtracted the torque of a known payload of {total:.4g} kg from the measured one."
     )
 

@@ -79,7 +79,7 @@ def make_model(
         raise ShapeError(
             f"expected pi of the shape {lib.pi0.shape}, got {flat.shape}; give 10 numbers per link"
         )
-    bad = np.flatnonzero(~np.isfinite(flat).reshape(lib.n_joints, -1).all(axis=1))
+    bad = np.flatnonzero(~np.isfinite(flat).reshape(lib.n_links, -1).all(axis=1))
     if bad.size:
         links = ", ".join(lib.link_names[k] for k in bad)
         raise ExportError(
@@ -89,6 +89,20 @@ def make_model(
     tree = read_tree(lib)
     friction = joint_friction(lib, terms, None if phi is None else np.asarray(phi, dtype=float))
     return IdentifiedModel(lib, flat, tree, divide_bodies(lib, flat, tree), friction)
+
+
+def require_no_coupling(model: IdentifiedModel, kind: str) -> None:
+    """Raise ExportError where joints follow others, which a format cannot state here.
+
+    Args:
+        model: the robot.
+        kind: name of the format, for the message.
+    """
+    if model.lib.manifest.coupling is not None:
+        raise ExportError(
+            f"not written: {kind} files are written for robots whose joints are all independent, "
+            f"and joints of '{model.lib.name}' follow others; export urdf, which keeps its <mimic>"
+        )
 
 
 def require_consistent(model: IdentifiedModel) -> None:

@@ -128,10 +128,10 @@ def read_tree(lib: Library, text: str | None = None) -> Tree:
         )
     edges = {edge.child: edge for edge in map(_edge, root.findall("joint"))}
     joints = {edges[link].name for link in lib.link_names if link in edges}
-    if joints != set(lib.joint_names):
+    if joints != set(lib.all_joint_names):
         raise ExportError(
             f"the URDF of '{lib.name}' has the joints {', '.join(sorted(joints))}, the library "
-            f"{', '.join(sorted(lib.joint_names))}; run: python -m symgen build"
+            f"{', '.join(sorted(lib.all_joint_names))}; run: python -m symgen build"
         )
     roots = [link for link in links if link not in edges]
     tree = Tree(root.get("name") or lib.name, root, links, edges, (*roots, "")[0], lib.link_names)

@@ -220,10 +220,10 @@ def _lines(lib: Library) -> Iterator[Shape]:
     """Lines from the frame of every link to its children and to the tip."""
     carried: list[tuple[str, Array, int]] = [
         (BASE if j.parent < 0 else lib.link_names[j.parent], np.array(j.translation), k)
-        for k, j in enumerate(lib.manifest.joints)
+        for k, j in enumerate(lib.manifest.all_joints)
     ]
     tip = lib.manifest.tip_frame
-    carried.append((tip.link, np.array(tip.translation), lib.n_joints))
+    carried.append((tip.link, np.array(tip.translation), lib.n_links))
     for link, end, number in carried:
         ends = np.array([np.zeros(3), end])
         yield _capsule(link, f"line{number}", ends, LINE_RADIUS, number)

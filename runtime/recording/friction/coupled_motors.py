@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
+from runtime.library import Library
 from runtime.recording.friction_column import COLUMNS
 from runtime.recording.recording import Recording
 from runtime.recording.settings import Friction
@@ -39,27 +40,48 @@ class Coupling:
     Attributes:
         directions: R̂, (n, n).
         of_motors: (k,) whether each column belongs to motors.
+        shared: (k,) whether each column has one coefficient for all joints, in the first row of φ.
     """
 
     directions: FloatArray
     of_motors: tuple[bool, ...]
+    shared: tuple[bool, ...]
 
-    def to_joints(self, values: FloatArray, column: int) -> FloatArray:
-        """Torques of one column on the joints: R̂ᵀ x for a motor's column, else x.
+    def torque(self, values: FloatArray, phi: FloatArray, column: int) -> FloatArray:
+        """Torques of one column on the joints: R̂ᵀ c φ of motors, c φ_1 of a spring, else c φ.
 
         Args:
-            values: (…, n) torques of motors or joints [N·m, N].
+            values: (…, n) c.
+            phi: (n,) coefficients.
             column: its index.
 
         Returns:
             (…, n) [N·m, N].
         """
-        return values @ self.directions if self.of_motors[column] else values
+        if self.shared[column]:
+            return np.asarray(values * phi[0])
+        torques = values * phi
+        return torques @ self.directions if self.of_motors[column] else np.asarray(torques)
 
-    def to_columns(self, values: FloatArray) -> FloatArray:
-        """Adjoint of `to_joints`: torques (N, n) of the joints for each column, (N, n, k)."""
-        motors = values @ self.directions.T
-        return np.stack([motors if of_motor else values for of_motor in self.of_motors], axis=-1)
+    def slope(self, columns: FloatArray, weighted: FloatArray) -> FloatArray:
+        """Adjoint of `torque`: Σ_N ∂(τ · weighted)/∂φ.
+
+        Args:
+            columns: (N, n, k).
+            weighted: (N, n) on the joints.
+
+        Returns:
+            (n, k).
+        """
+        motors = weighted @ self.directions.T
+        slope = np.zeros(columns.shape[1:])
+        for c, of_motor in enumerate(self.of_motors):
+            each = np.einsum("ij,ij->j", columns[..., c], motors if of_motor else weighted)
+            if self.shared[c]:
+                slope[0, c] = each.sum()
+            else:
+                slope[:, c] = each
+        return slope
 
 
 def coupling_of(recording: Recording) -> Coupling | None:
@@ -68,21 +90,25 @@ def coupling_of(recording: Recording) -> Coupling | None:
     Raises:
         RecordingError: there are motor columns but no directions of motors.
     """
-    if recording.columns is None or not has_motors(recording.column_names):
+    names = recording.column_names
+    if recording.columns is None or not (has_motors(names) or any(_shared(names))):
         return None
-    if recording.motors is None:
+    if recording.motors is None and has_motors(names):
         raise RecordingError(
             f"the recording '{recording.name}' has columns of motors but no gear directions; "
             "prepare it again from the log and its recipe"
         )
-    return Coupling(recording.motors, _of_motors(recording.column_names))
+    rows = np.zeros((recording.n_joints,) * 2) if recording.motors is None else recording.motors
+    return Coupling(rows, _of_motors(names), _shared(names))
 
 
 def coupling_of_terms(terms: Friction) -> Coupling | None:
-    """Coupling of friction terms with a gear matrix; None without motor columns."""
-    if not has_motors(terms.columns):
+    """Coupling of friction terms; None without columns of motors and springs."""
+    names = terms.columns
+    if not (has_motors(names) or any(_shared(names))):
         return None
-    return Coupling(directions(terms.gear), _of_motors(terms.columns))
+    rows = directions(terms.gear) if terms.gear else np.zeros((1, 1))
+    return Coupling(rows, _of_motors(names), _shared(names))
 
 
 def has_motors(names: tuple[str, ...]) -> bool:
@@ -94,12 +120,19 @@ def _of_motors(names: tuple[str, ...]) -> tuple[bool, ...]:
     return tuple(name in COLUMNS and COLUMNS[name].of_motors for name in names)
 
 
-def geared(terms: Friction, recording: Recording) -> Friction:
-    """The terms with the gear of the recording's recipe, where they have columns of motors.
+def _shared(names: tuple[str, ...]) -> tuple[bool, ...]:
+    return tuple(name in COLUMNS and COLUMNS[name].is_shared for name in names)
+
+
+def geared(terms: Friction, recording: Recording, lib: Library | None = None) -> Friction:
+    """The terms with R̂ of the recipe's gear and of the robot's couplings, for columns of motors.
+
+    The rows of coupled coordinates take the places of motors that drive one joint.
 
     Args:
         terms: names and widths.
         recording: the data.
+        lib: library of the robot, for the coordinates of its mechanism.
 
     Returns:
         The terms with R̂ of the recording, or unchanged.
@@ -110,13 +143,19 @@ def geared(terms: Friction, recording: Recording) -> Friction:
     if terms.gear or not has_motors(terms.columns):
         return terms
     gear = recording.recipe.gear if recording.recipe else ()
-    rows = directions(gear) if gear else np.zeros((0, 0))
+    rows = directions(gear) if gear else np.zeros((recording.n_joints,) * 2)
     if recording.motors is not None:
         rows = recording.motors
+    elif lib is not None:
+        coordinates = iter(lib.manifest.friction_coordinates.values())
+        for row, free in zip(rows, np.atleast_1d(~rows.any(axis=1)), strict=True):
+            if free:
+                row[:] = next(coordinates, 0.0)
     if not rows.any():
         raise RecordingError(
             "friction columns of motors expect a [gear] matrix in the recipe with a motor that "
-            "drives several joints, but there is none; leave out the columns motor_…"
+            "drives several joints, or a robot with coupled joints, but there is none; leave out "
+            "the columns motor_…"
         )
     return replace(terms, gear=tuple(tuple(map(float, row)) for row in rows))
 
@@ -136,6 +175,9 @@ def spread(columns: FloatArray, coupling: Coupling | None) -> FloatArray:
     for j in range(n):
         rows[:, j, j * k : (j + 1) * k] = columns[:, j]
     if coupling is not None:
+        for c in np.flatnonzero(coupling.shared):
+            rows[:, :, c::k] = 0.0
+            rows[:, :, c] = columns[:, :, c]
         for c in np.flatnonzero(coupling.of_motors):
             # Entry (j, m) is R̂_mj c_m.
             rows[:, :, c::k] = columns[:, None, :, c] * coupling.directions.T

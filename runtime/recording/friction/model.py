@@ -77,8 +77,10 @@ def torque(columns: FloatArray, phi: FloatArray, coupling: Coupling | None = Non
         )
     total = np.zeros(columns.shape[:-1])
     for k in range(phi.shape[1]):  # ten times faster than einsum over the short axis
-        share = columns[..., k] * phi[:, k]
-        total += share if coupling is None else coupling.to_joints(share, k)
+        if coupling is None:
+            total += columns[..., k] * phi[:, k]
+        else:
+            total += coupling.torque(columns[..., k], phi[:, k], k)
     return total
 
 
@@ -105,8 +107,8 @@ def add_columns(
     if recording.dq is None:
         raise RecordingError("friction columns expect dq, but there is none; differentiate first")
     motion = JointMotion(recording.dq, recording.q, recording.ddq, lib)
-    terms = tuple(geared(each, recording) for each in terms)
     _require_known(terms)
+    terms = tuple(geared(each, recording, lib) for each in terms)
     now = tuple(
         replace(
             each,

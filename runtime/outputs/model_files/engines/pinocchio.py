@@ -34,13 +34,16 @@ def reload(text: str, lib: Library) -> Reloaded | None:
         model = pinocchio.buildModelFromXML(_with_limits(text))
     except (ValueError, RuntimeError) as error:
         raise Unreadable(error) from None
-    if set(model.names[1:]) != set(lib.joint_names):
-        raise Unreadable(
-            f"expected the joints {', '.join(lib.joint_names)}, got {', '.join(model.names[1:])}"
-        )
+    if set(model.names[1:]) != set(lib.all_joint_names):
+        listed, read = (", ".join(names) for names in (lib.all_joint_names, model.names[1:]))
+        raise Unreadable(f"expected the joints {listed}, got {read}")
     model.gravity.linear = lib.gravity
-    joints = [model.joints[model.getJointId(name)] for name in lib.joint_names]
-    velocity = [joint.idx_v for joint in joints]
+    joints = [model.joints[model.getJointId(name)] for name in lib.all_joint_names]
+    velocity = [
+        joint.idx_v
+        for joint, name in zip(joints, lib.all_joint_names, strict=True)
+        if name in lib.joint_names
+    ]
     order = [PINOCCHIO_NAMES.index(name) for name in PI_NAMES]
     pi = [model.inertias[joint.id].toDynamicParameters()[order] for joint in joints]
     return Reloaded(
@@ -71,11 +74,12 @@ def _with_limits(text: str) -> str:
 
 
 def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any]) -> Array:
-    """τ of the reloaded model in the library's joint order, (N, n); joints matched by name."""
+    """τ of the reloaded model for the independent joints, (N, n); all joints matched by name."""
     data = model.createData()
     velocity = [joint.idx_v for joint in joints]
     position, v, a = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
-    q, dq, ddq = random_states(lib)
+    states, coupling = random_states(lib), lib.manifest.coupling
+    q, dq, ddq = (lib.all_positions(states[0]), *map(lib.all_velocities, states[1:]))
     tau = np.empty_like(q)
     for k in range(len(q)):
         for joint, angle in zip(joints, q[k], strict=True):
@@ -84,4 +88,4 @@ def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any]) -> Arr
             position[joint.idx_q : joint.idx_q + joint.nq] = circle
         v[velocity], a[velocity] = dq[k], ddq[k]
         tau[k] = pinocchio.rnea(model, data, position, v, a)[velocity]
-    return tau
+    return tau if coupling is None else np.asarray(tau @ coupling.matrix)

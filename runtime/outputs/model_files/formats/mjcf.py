@@ -11,7 +11,11 @@ import numpy as np
 from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
 from runtime.outputs.model_files.engines import mujoco
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.model import IdentifiedModel, xml_comment
+from runtime.outputs.model_files.model import (
+    IdentifiedModel,
+    require_no_coupling,
+    xml_comment,
+)
 from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge
 
@@ -20,6 +24,7 @@ KINDS = {"revolute": "hinge", "continuous": "hinge", "prismatic": "slide"}
 
 def mjcf_text(model: IdentifiedModel) -> str:
     """MJCF that `mujoco.MjModel.from_xml_path` loads, without meshes and contacts."""
+    require_no_coupling(model, "mjcf")
     lib, tree = model.lib, model.tree
     root = Element("mujoco", {"model": lib.name})
     SubElement(

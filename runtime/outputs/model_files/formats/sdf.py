@@ -12,7 +12,11 @@ from runtime.library import Array
 from runtime.outputs.model_files.bodies import RigidBody, digits, quaternion, row
 from runtime.outputs.model_files.engines import drake
 from runtime.outputs.model_files.export_format import ExportFormat
-from runtime.outputs.model_files.model import IdentifiedModel, xml_comment
+from runtime.outputs.model_files.model import (
+    IdentifiedModel,
+    require_no_coupling,
+    xml_comment,
+)
 from runtime.outputs.model_files.reload_check import compare_reloaded
 from runtime.outputs.model_files.urdf_tree import WORLD, Edge
 
@@ -23,6 +27,7 @@ MASSLESS = "A link without mass is a frame in this file, because SDF would give 
 
 def sdf_text(model: IdentifiedModel) -> str:
     """SDF model for Gazebo, Drake and other readers, without meshes and collisions."""
+    require_no_coupling(model, "sdf")
     tree = model.tree
     root = Element("sdf", {"version": "1.9"})
     top = SubElement(root, "model", {"name": model.lib.name})

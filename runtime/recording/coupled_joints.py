@@ -1,0 +1,70 @@
+"""Logs of all joints of a robot with coupled joints → its independent joints.
+
+q_all = A q + b,   τ = Aᵀ τ_all:   positions of the independent joints, torques by virtual power
+"""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.library import Library
+from runtime.recording.recording import Recording
+
+APART, OF_RANGE = 0.02, 0.2
+"""A log contradicts a coupling where the median distance exceeds APART [rad, m] and this share of
+the joint's range: backlash and sensor offsets are smaller, a wrong factor or sign is larger."""
+
+
+def independent_joints(recording: Recording, lib: Library) -> Recording:
+    """The recording in the independent joints of the robot.
+
+    A log of the independent joints, or of a robot without couplings, is returned as it is. Joints
+    are matched by name where the log has names, else a log with one column per link is in the order
+    of `lib.all_joint_names`.
+
+    Args:
+        recording: as read.
+        lib: library of the robot.
+
+    Returns:
+        Recording of n joints.
+
+    Raises:
+        IdentificationError: the positions of a dependent joint contradict its coupling.
+    """
+    coupling, count = lib.manifest.coupling, recording.n_joints
+    if coupling is None or recording.columns is not None or count == lib.n_joints:
+        return recording
+    names = recording.joint_names or (lib.all_joint_names if count == lib.n_links else ())
+    if not set(lib.joint_names) <= set(names):
+        return recording
+    places = [names.index(name) for name in lib.joint_names]
+    rows = [k for k, name in enumerate(lib.all_joint_names) if name in names]
+    matrix = coupling.matrix[rows]
+    columns = [names.index(lib.all_joint_names[k]) for k in rows]
+    _require_agreement(recording, lib, rows, columns, places)
+    changes = {
+        key: None if values is None else values[:, places]
+        for key, values in (("q", recording.q), ("dq", recording.dq), ("ddq", recording.ddq))
+    }
+    tau = None if recording.tau is None else recording.tau[:, columns] @ matrix
+    return recording.replace(
+        **changes, tau=tau, joint_names=lib.joint_names if recording.joint_names else ()
+    ).noted(
+        f"Reduced {count} joints to the {lib.n_joints} independent ones; torques of the others act "
+        "on these by their couplings."
+    )
+
+
+def _require_agreement(
+    recording: Recording, lib: Library, rows: list[int], columns: list[int], places: list[int]
+) -> None:
+    expected = lib.all_positions(recording.q[:, places])[:, rows]
+    apart = np.median(np.abs(recording.q[:, columns] - expected), axis=0)
+    allowed = APART + OF_RANGE * np.ptp(expected, axis=0)
+    worst = int(np.argmax(apart / allowed))
+    if apart[worst] > allowed[worst]:
+        raise IdentificationError(
+            f"joint '{lib.all_joint_names[rows[worst]]}' of the recording '{recording.name}' "
+            f"deviates from its coupling by {apart[worst]:.3g} (median, rad or m); correct factor "
+            "and offset of the coupling, or unit and sign in the recipe"
+        )

@@ -1,0 +1,198 @@
+"""Linear couplings of joints: q_all = A q + b with the independent coordinates q.
+
+A row is x_d = Σ_m c_m x_m + o, from <mimic> or from a mechanism file. The masters of a row may be
+dependent themselves; substitution from row to row gives A and b, and a cycle of rows is refused.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from symgen.chain.document import MOVING, Document, listing, numbers
+from symgen.errors import UrdfError
+
+Rows = tuple[tuple[float, ...], ...]
+Vector = tuple[float, ...]
+
+_SINGULAR = 1e-9
+"""Reciprocal condition below which named independent joints do not determine the others."""
+
+
+@dataclass(frozen=True, slots=True)
+class CouplingRow:
+    """Position of a dependent joint as an affine function of others, x = Σ of[m] x_m + offset.
+
+    Attributes:
+        joint: name of the dependent joint.
+        of: master joint → factor.
+        offset: rad or m.
+    """
+
+    joint: str
+    of: dict[str, float] = field(default_factory=dict)
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """q_all = A q + b of N joints, n of them independent.
+
+    Attributes:
+        independent: (n,) indices of the independent joints, ascending.
+        matrix: (N, n) A, a unit row for every independent joint.
+        offset: (N,) b [rad, m].
+    """
+
+    independent: tuple[int, ...]
+    matrix: Rows
+    offset: Vector
+
+    def masters(self, joint: int) -> list[int]:
+        """Columns of A that move a joint."""
+        return [k for k, factor in enumerate(self.matrix[joint]) if factor]
+
+
+def mimic_rows(document: Document) -> tuple[CouplingRow, ...]:
+    """Rows of all <mimic> elements of moving joints, in document order.
+
+    Raises:
+        UrdfError: a <mimic> names no joint, or a number of it is not finite.
+    """
+    rows = []
+    for name, element in document.joints.items():
+        node = element.find("mimic")
+        if node is None or document.kind(name) not in MOVING:
+            continue
+        master = node.get("joint")
+        if not master:
+            raise UrdfError(
+                f"the <mimic> of joint '{name}' names no joint; write <mimic joint=…> or remove it"
+            )
+        factor, offset = (
+            float(numbers(node.get(key, default), 1, f"joint '{name}': mimic {key}")[0])
+            for key, default in (("multiplier", "1"), ("offset", "0"))
+        )
+        rows.append(CouplingRow(name, {master: factor}, offset))
+    return tuple(rows)
+
+
+def read_coupling(
+    joints: tuple[str, ...], rows: Iterable[CouplingRow], independent: tuple[str, ...] = ()
+) -> Coupling | None:
+    """A and b of coupling rows.
+
+    Args:
+        joints: names of the N moving joints.
+        rows: one per dependent joint.
+        independent: names of the independent joints; empty: those without a row.
+
+    Returns:
+        The coupling; None where every joint is independent.
+
+    Raises:
+        UrdfError: unknown joint, two rows of a joint, a cycle, or independent joints that do not
+            determine the others.
+    """
+    by_joint: dict[str, CouplingRow] = {}
+    for row in rows:
+        _require_joints(row, joints)
+        if row.joint in by_joint:
+            raise UrdfError(f"joint '{row.joint}' has two couplings; keep one of them")
+        by_joint[row.joint] = row
+    if not by_joint:
+        if independent and set(independent) != set(joints):
+            raise UrdfError(
+                f"independent names {listing(independent)}, but no coupling determines the other "
+                "joints; add [[coupling]] or [[loop]], or leave independent out"
+            )
+        return None
+    free = tuple(name for name in joints if name not in by_joint)
+    if not free:
+        raise UrdfError(
+            f"every joint follows another one: {_cycle(by_joint, joints[0])}; make one of them "
+            "independent"
+        )
+    table = _substituted(joints, by_joint, free)
+    matrix = np.array([[table[name][0].get(m, 0.0) for m in free] for name in joints])
+    offset = np.array([table[name][1] for name in joints])
+    if independent and set(independent) != set(free):
+        free, matrix, offset = _solved(joints, independent, free, matrix, offset)
+    places = tuple(joints.index(name) for name in free)
+    return Coupling(places, tuple(map(tuple, matrix.tolist())), tuple(offset.tolist()))
+
+
+def _require_joints(row: CouplingRow, joints: tuple[str, ...]) -> None:
+    for name in (row.joint, *row.of):
+        if name not in joints:
+            raise UrdfError(
+                f"the coupling of joint '{row.joint}' names '{name}', which is not a moving joint "
+                f"of this robot; its moving joints are {listing(joints)}: correct the name, or "
+                f"fix '{row.joint}' with --lock"
+            )
+
+
+def _substituted(
+    joints: tuple[str, ...], rows: Mapping[str, CouplingRow], free: tuple[str, ...]
+) -> dict[str, tuple[dict[str, float], float]]:
+    """Joint → its factors of the free joints, and its offset."""
+    table: dict[str, tuple[dict[str, float], float]] = {name: ({name: 1.0}, 0.0) for name in free}
+    pending = [name for name in joints if name in rows]
+    while pending:
+        ready = [name for name in pending if all(m in table for m in rows[name].of)]
+        if not ready:
+            raise UrdfError(
+                f"the couplings form a cycle: {_cycle(rows, pending[0])}; make one of these joints "
+                "independent"
+            )
+        for name in ready:
+            factors: dict[str, float] = {}
+            offset = rows[name].offset
+            for master, factor in rows[name].of.items():
+                for source, inner in table[master][0].items():
+                    factors[source] = factors.get(source, 0.0) + factor * inner
+                offset += factor * table[master][1]
+            table[name] = (factors, offset)
+        pending = [name for name in pending if name not in table]
+    return table
+
+
+def _cycle(rows: Mapping[str, CouplingRow], start: str) -> str:
+    """A cycle of dependences as text: "a follows b, b follows a"."""
+    path = [start]
+    while path[-1] in rows:
+        path.append(next((m for m in rows[path[-1]].of if m in rows), ""))
+        if path[-1] in path[:-1]:
+            path = path[path.index(path[-1]) :]
+            break
+    return ", ".join(f"'{a}' follows '{b}'" for a, b in pairwise(path))
+
+
+def _solved(
+    joints: tuple[str, ...],
+    wanted: tuple[str, ...],
+    free: tuple[str, ...],
+    matrix: np.ndarray,
+    offset: np.ndarray,
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """The same coupling by other independent joints: x_w = A_w q + b_w is solved for q."""
+    for name in wanted:
+        if name not in joints:
+            raise UrdfError(
+                f"independent names '{name}', which is not a moving joint of this robot; "
+                f"its moving joints are {listing(joints)}"
+            )
+    named = tuple(name for name in joints if name in wanted)
+    places = [joints.index(name) for name in named]
+    part = matrix[places]
+    if len(named) != len(free) or np.linalg.cond(part) > 1 / _SINGULAR:
+        raise UrdfError(
+            f"the independent joints {listing(named)} do not determine the others; this mechanism "
+            f"has {len(free)} of them, such as {listing(free)}"
+        )
+    turned = matrix @ np.linalg.inv(part)
+    turned[places] = np.eye(len(named))
+    shifted = offset - turned @ offset[places]
+    shifted[places] = 0.0
+    return named, turned, shifted

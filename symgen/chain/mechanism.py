@@ -1,0 +1,243 @@
+"""Facts of a mechanism that a URDF does not contain, read from a TOML file beside it.
+
+    [[coupling]]      a dependent joint,        x = Σ of[m] x_m + offset
+    [[friction]]      a further coordinate with friction of its own, y = Σ of[m] x_m
+    [[spring]]        torsional or linear along joints, or between points of two links
+    [[known_torque]]  a torque curve along joints, by polynomial or by points
+
+The signs are those of τ: a torque that the drives must apply is positive.
+"""
+
+import math
+from dataclasses import asdict, dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from symgen.chain.coupling import CouplingRow
+from symgen.errors import UrdfError
+
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """A spring with potential k (x − rest)² / 2 and the drives' torque k (x − rest) ∂x/∂q.
+
+    x = Σ of[m] x_m, or the distance of a point of `parent` from a point of `child`.
+
+    Attributes:
+        name: name of its friction column, `spring:NAME`.
+        of: joint → factor; empty for a spring between points.
+        parent, child: links of the two points; "" for a spring along joints.
+        parent_xyz, child_xyz: points in the frames of these links [m].
+        rest: x without force [rad or m].
+        stiffness: k [N·m/rad, N/m]; None where it is to be identified.
+    """
+
+    name: str
+    of: dict[str, float] = field(default_factory=dict)
+    parent: str = ""
+    child: str = ""
+    parent_xyz: Vector = (0.0, 0.0, 0.0)
+    child_xyz: Vector = (0.0, 0.0, 0.0)
+    rest: float = 0.0
+    stiffness: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class KnownTorque:
+    """A torque curve p(x), x = Σ of[m] x_m, that adds p(x) ∂x/∂q to τ.
+
+    Attributes:
+        of: joint → factor.
+        polynomial: coefficients of 1, x, x², …; empty where points are given.
+        x, torque: points between which p is linear, constant beyond; x ascending.
+    """
+
+    of: dict[str, float]
+    polynomial: Vector = ()
+    x: Vector = ()
+    torque: Vector = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionCoordinate:
+    """A coordinate y = Σ of[m] x_m at whose speed friction acts."""
+
+    name: str
+    of: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanism:
+    """Everything of a mechanism file.
+
+    Attributes:
+        coupling: rows of dependent joints; a row replaces the <mimic> of its joint.
+        independent: names of the independent joints; empty: those without a row.
+        friction: further coordinates with friction.
+        spring: springs.
+        known_torque: torque curves.
+    """
+
+    coupling: tuple[CouplingRow, ...] = ()
+    independent: tuple[str, ...] = ()
+    friction: tuple[FrictionCoordinate, ...] = ()
+    spring: tuple[Spring, ...] = ()
+    known_torque: tuple[KnownTorque, ...] = ()
+
+
+_TABLES = ("coupling", "friction", "spring", "known_torque")
+
+
+def mechanism_from_table(table: dict[str, Any], where: str) -> Mechanism:
+    """Return the mechanism of a parsed TOML table.
+
+    Args:
+        table: keys of `Mechanism`, all of them optional.
+        where: name of the source, for messages.
+
+    Returns:
+        The mechanism; names of joints and links are checked with the URDF.
+
+    Raises:
+        UrdfError: unknown key, or a value of the wrong kind.
+    """
+    keys = (*_TABLES, "independent")
+    for key in table:
+        if key not in keys:
+            raise UrdfError(f"{where} has the unknown key '{key}'; known are {', '.join(keys)}")
+    for key in _TABLES:
+        entries = table.get(key, [])
+        if not isinstance(entries, list) or not all(isinstance(e, dict) for e in entries):
+            raise UrdfError(f"{where}: expected tables [[{key}]], got {key} = {entries!r}")
+    names = table.get("independent", [])
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise UrdfError(f"{where}: independent needs a list of names of joints, got {names!r}")
+    springs = tuple(_spring(e, k, where) for k, e in enumerate(table.get("spring", [])))
+    if len({s.name for s in springs}) < len(springs):
+        raise UrdfError(f"{where}: two springs have one name; give each [[spring]] its own")
+    return Mechanism(
+        coupling=tuple(_coupling(e, where) for e in table.get("coupling", [])),
+        independent=tuple(names),
+        friction=tuple(_friction(e, where) for e in table.get("friction", [])),
+        spring=springs,
+        known_torque=tuple(_known_torque(e, where) for e in table.get("known_torque", [])),
+    )
+
+
+def table_from_mechanism(mechanism: Mechanism) -> dict[str, Any]:
+    """Return the table that `mechanism_from_table` reads as this mechanism."""
+
+    def filled(entry: Any) -> dict[str, Any]:
+        values = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(entry).items()}
+        points = isinstance(entry, Spring) and entry.parent
+        dropped = ("of",) if points else ("parent", "child", "parent_xyz", "child_xyz")
+        return {k: v for k, v in values.items() if v not in (None, []) and k not in dropped}
+
+    table: dict[str, Any] = {
+        key: [filled(entry) for entry in getattr(mechanism, key)] for key in _TABLES
+    }
+    table["independent"] = list(mechanism.independent)
+    return {key: value for key, value in table.items() if value}
+
+
+def _coupling(entry: dict[str, Any], where: str) -> CouplingRow:
+    what = f"{where}: [[coupling]]"
+    _require_keys(entry, ("joint", "of", "offset"), what)
+    return CouplingRow(
+        _name(entry, "joint", what), _factors(entry, what), _number(entry, "offset", what, 0.0)
+    )
+
+
+def _friction(entry: dict[str, Any], where: str) -> FrictionCoordinate:
+    what = f"{where}: [[friction]]"
+    _require_keys(entry, ("name", "of"), what)
+    return FrictionCoordinate(_name(entry, "name", what), _factors(entry, what))
+
+
+def _spring(entry: dict[str, Any], index: int, where: str) -> Spring:
+    what = f"{where}: [[spring]]"
+    points = ("parent", "child", "parent_xyz", "child_xyz")
+    _require_keys(entry, ("name", "joint", "of", *points, "rest", "stiffness"), what)
+    name = entry.get("name", str(index + 1))
+    if not isinstance(name, str) or not name or not name.replace("_", "a").isalnum():
+        raise UrdfError(f"{what} needs a name of letters, digits and _, got {name!r}")
+    stiffness = _number(entry, "stiffness", what) if "stiffness" in entry else None
+    if any(key in entry for key in points):
+        if "of" in entry or "joint" in entry:
+            raise UrdfError(f"{what} '{name}' has joints and points of links; keep one of them")
+        return Spring(
+            name,
+            parent=_name(entry, "parent", what),
+            child=_name(entry, "child", what),
+            parent_xyz=_numbers(entry, "parent_xyz", what, 3),
+            child_xyz=_numbers(entry, "child_xyz", what, 3),
+            rest=_number(entry, "rest", what, 0.0),
+            stiffness=stiffness,
+        )
+    rest = _number(entry, "rest", what, 0.0)
+    return Spring(name, of=_along(entry, what), rest=rest, stiffness=stiffness)
+
+
+def _known_torque(entry: dict[str, Any], where: str) -> KnownTorque:
+    what = f"{where}: [[known_torque]]"
+    _require_keys(entry, ("joint", "of", "polynomial", "x", "torque"), what)
+    of = _along(entry, what)
+    if "polynomial" in entry:
+        return KnownTorque(of, polynomial=_numbers(entry, "polynomial", what))
+    x, torque = _numbers(entry, "x", what), _numbers(entry, "torque", what)
+    if len(x) != len(torque) or len(x) < 2 or any(b <= a for a, b in pairwise(x)):
+        raise UrdfError(
+            f"{what} needs two points or more with ascending x and one torque each, got "
+            f"{len(x)} x and {len(torque)} torques"
+        )
+    return KnownTorque(of, x=x, torque=torque)
+
+
+def _along(entry: dict[str, Any], what: str) -> dict[str, float]:
+    """Factors of joints from `joint = "j"` or `of = {…}`."""
+    if "joint" in entry and "of" not in entry:
+        return {_name(entry, "joint", what): 1.0}
+    return _factors(entry, what)
+
+
+def _require_keys(entry: dict[str, Any], keys: tuple[str, ...], what: str) -> None:
+    for key in entry:
+        if key not in keys:
+            raise UrdfError(f"{what} has the unknown key '{key}'; known are {', '.join(keys)}")
+
+
+def _name(entry: dict[str, Any], key: str, what: str) -> str:
+    value = entry.get(key)
+    if not isinstance(value, str) or not value:
+        raise UrdfError(f'{what} needs {key} = "NAME", got {value!r}')
+    return value
+
+
+def _factors(entry: dict[str, Any], what: str) -> dict[str, float]:
+    of = entry.get("of")
+    if not isinstance(of, dict) or not of or not all(map(_is_number, of.values())):
+        raise UrdfError(f"{what} needs of = {{JOINT = factor, …}} with finite factors, got {of!r}")
+    return {joint: float(factor) for joint, factor in of.items()}
+
+
+def _number(entry: dict[str, Any], key: str, what: str, default: float | None = None) -> float:
+    value = entry.get(key, default)
+    if not _is_number(value):
+        raise UrdfError(f"{what} needs a finite number for {key}, got {value!r}")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _numbers(entry: dict[str, Any], key: str, what: str, count: int | None = None) -> Vector:
+    value = entry.get(key)
+    size = f"{count} finite numbers" if count else "a list of finite numbers"
+    fits = isinstance(value, list) and value and all(map(_is_number, value))
+    if not fits or (count is not None and len(value or ()) != count):
+        raise UrdfError(f"{what} needs {size} for {key}, got {value!r}")
+    return tuple(float(x) for x in value or ())
+
+
+def _is_number(value: Any) -> bool:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return number and math.isfinite(value)

@@ -63,6 +63,14 @@ class Coupling:
         torques = values * phi
         return torques @ self.directions if self.of_motors[column] else np.asarray(torques)
 
+    def sizes(self, rms: FloatArray) -> FloatArray:
+        """RMS by coefficient from RMS by joint and column, (n, k): a shared column has one."""
+        sizes = rms.copy()
+        for c in np.flatnonzero(self.shared):
+            sizes[:, c] = 0.0
+            sizes[0, c] = np.linalg.norm(rms[:, c])
+        return sizes
+
     def slope(self, columns: FloatArray, weighted: FloatArray) -> FloatArray:
         """Adjoint of `torque`: Σ_N ∂(τ · weighted)/∂φ.
 

@@ -14,6 +14,12 @@ from runtime.registry import Registry
 
 console = Console()
 
+MODELS = (
+    ("URDF", "before_overall"),
+    ("URDF with friction fitted", "urdf_friction_overall"),
+    ("identified", "after_overall"),
+)
+"""Models of the table of shares → keys of their torque errors."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C, where no method returns its best result so far."""
 
@@ -108,6 +114,21 @@ def torque_table(facts: dict[str, Any]) -> Table:
     table.add_section()
     overall = (f"{percent['before_overall']:.3f}", f"{percent['after_overall']:.3f}")
     table.add_row("overall", *overall, "", "", "")
+    return table
+
+
+def share_table(facts: dict[str, Any]) -> Table | None:
+    """Torque errors of the URDF, of the URDF with friction fitted, and of the identified model.
+
+    The step from the first to the second row is the share of friction, the rest that of inertia.
+    None where no friction is fitted.
+    """
+    percent = facts["torque_error_percent"]
+    if "urdf_friction_overall" not in percent:
+        return None
+    table = Table(Column("model"), Column("torque error on test data %", justify="right"))
+    for name, key in MODELS:
+        table.add_row(name, f"{percent[key]:.3f}")
     return table
 
 

@@ -24,7 +24,7 @@ from runtime.cli.log_options import (
     Stream,
 )
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
-from runtime.cli.prepared_log import LogOptions, listed, read_prepared_log
+from runtime.cli.prepared_log import LogOptions, listed, read_prepared_log, usable_columns
 from runtime.cli.progress import STATE, counting
 from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.methods import METHODS, methods_from_statistics
@@ -103,7 +103,7 @@ def compare_command(
     log_options = LogOptions(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, streams, regressor
     )
-    data = read_prepared_log(lib, log, log_options)
+    data = read_prepared_log(lib, log, log_options, usable_columns(names or tuple(METHODS)))
     options: dict[str, Any] = {
         "preparation": data.preparation,
         "splitting": data.splitting,

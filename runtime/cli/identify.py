@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Robot, Seed, command_line, console, say, torque_table
+from runtime.cli.common import Robot, Seed, command_line, console, say, share_table, torque_table
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -21,7 +21,12 @@ from runtime.cli.log_options import (
     Stream,
 )
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
-from runtime.cli.prepared_log import LogOptions, PreparedLog, read_prepared_log
+from runtime.cli.prepared_log import (
+    LogOptions,
+    PreparedLog,
+    read_prepared_log,
+    usable_columns,
+)
 from runtime.cli.progress import STATE, counting
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, identify_several, print_agreement, runs_of
@@ -97,6 +102,7 @@ def identify_command(
     symgen identify panda_gaz --robot fr3
     symgen identify log.csv --robot my --friction viscous,coulomb --cutoff 10
     symgen identify log.csv --robot my --friction auto --cutoff auto
+    symgen identify log.csv --robot my --friction none
     symgen identify log.csv --robot my --method pc-ols --out results/convex
     symgen identify log.csv --robot my --prior my-arm.toml
     symgen identify log.csv --robot my --regressor momentum --cutoff 2
@@ -134,7 +140,7 @@ def identify_command(
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
         _finish(result, folder, agreement)
         return
-    data = read_prepared_log(lib, log, options)
+    data = read_prepared_log(lib, log, options, usable_columns([chosen]))
     if data.streamed is not None:
         if controller is not None:
             raise IdentificationError(
@@ -205,6 +211,9 @@ def _finish(result: Identification, folder: Path, agreement: LogAgreement | None
 
     facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
     console.print(torque_table(facts))
+    shares = share_table(facts)
+    if shares is not None:
+        console.print(shares)
     if agreement is not None:
         print_agreement(agreement)
     if result.uncertainty is not None:

@@ -34,7 +34,8 @@ FrictionNames = Annotated[
         metavar="COLUMNS|auto|none",
         help="Friction columns with commas, of "
         f"{', '.join(COLUMNS)}; auto chooses them by cross-validation, 'auto,rotor' adds a column "
-        "to every candidate; default from the recipe, else none.",
+        "to every candidate, none fits the inertia only; default from the recipe, else identify "
+        "and compare choose among offset, viscous, coulomb and rotor by cross-validation.",
     ),
 ]
 CoulombSpeed = Annotated[

@@ -9,8 +9,10 @@ from runtime.cli.choice_tables import cutoff_table, friction_table
 from runtime.cli.common import console, numbers_option
 from runtime.cli.log_options import AUTO
 from runtime.errors import IdentificationError, RecordingError
+from runtime.estimators.methods import require_method
 from runtime.identification.long_logs import head_of
 from runtime.inspection.cutoff_choice import choose_cutoff
+from runtime.inspection.default_friction import DEFAULT_COLUMNS, choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
 from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
@@ -82,13 +84,17 @@ class PreparedLog:
     streamed: StreamedRecording | None = None
 
 
-def read_prepared_log(lib: Library, log: str, options: LogOptions) -> PreparedLog:
+def read_prepared_log(
+    lib: Library, log: str, options: LogOptions, usable: Sequence[str] = ()
+) -> PreparedLog:
     """Read a log and choose its cut-off, regressor and friction model where options say auto.
 
     Args:
         lib: library of the robot.
         log: file, folder or name of a known data set.
         options: values of the command's options.
+        usable: columns to choose from where neither an option nor the recipe names a friction
+            model; with none there is no choice.
 
     Returns:
         The log with its preparation; `notes` hold one sentence per automatic choice.
@@ -124,6 +130,12 @@ def read_prepared_log(lib: Library, log: str, options: LogOptions) -> PreparedLo
         seen = before_test(recording, parts)
         prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)
     notes += sentences
+    if usable and options.friction is None and default_terms(recording) is None:
+        with console.status("choosing a friction model"):
+            chosen = choose_default_friction(
+                recording, lib, prepared, parts, options.coulomb_speed, usable
+            )
+        terms, notes = chosen.terms, (*notes, chosen.sentence)
     if terms is None or not chooses_friction:
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
     with console.status("choosing a friction model"):
@@ -132,6 +144,22 @@ def read_prepared_log(lib: Library, log: str, options: LogOptions) -> PreparedLo
         )
     console.print(friction_table(choice))
     return PreparedLog(recording, prepared, parts, choice.chosen.terms, (*notes, choice.sentence))
+
+
+def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
+    """Columns among which the default friction model of some methods is chosen.
+
+    Args:
+        methods: names in `METHODS`.
+
+    Returns:
+        Columns that all of them use; none where one of them has its own default.
+    """
+    records = [require_method(name) for name in methods]
+    if any(record.default_columns for record in records) and len(records) == 1:
+        return ()
+    limits = [set(record.columns) for record in records if record.columns is not None]
+    return tuple(name for name in DEFAULT_COLUMNS if all(name in limit for limit in limits))
 
 
 def friction_of(recording: Recording, names: str | None, speed: float | None) -> Friction | None:

@@ -10,8 +10,9 @@ from rich.table import Column, Table
 
 from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO
-from runtime.cli.prepared_log import LogOptions, read_prepared_log
+from runtime.cli.prepared_log import LogOptions, read_prepared_log, usable_columns
 from runtime.errors import IdentificationError
+from runtime.estimators.methods import chosen_method
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.identification.several_logs import (
@@ -95,8 +96,11 @@ def identify_several(
             "--regressor acceleration, momentum or energy"
         )
     carried = _carried(payload_of, [log for log, _ in runs], lib)
+    method = chosen_method(settings.method, settings.preset, settings.prior)
+    usable = usable_columns([method])  # of the first log; the others get its friction model
     data = [
-        read_prepared_log(lib, log, replace(options, run=run, stream=False)) for log, run in runs
+        read_prepared_log(lib, log, replace(options, run=run, stream=False), () if k else usable)
+        for k, (log, run) in enumerate(runs)
     ]
     names = _names(runs)
     named = [

@@ -26,12 +26,15 @@ class WholeLog:
         spans: first and last instant of every part [s], by its name.
         before: torque error of the first guess on the whole test part.
         after: torque error of the result on the whole test part.
+        with_friction: torque error of the URDF with fitted friction on the whole test part; None
+            without friction.
     """
 
     samples: dict[str, int]
     spans: dict[str, tuple[float, float]]
     before: metrics.TorqueError
     after: metrics.TorqueError
+    with_friction: metrics.TorqueError | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,8 @@ class Identification(Framed):
         net: friction beyond φ, learned by "nn"; None for other methods.
         log_names: names of several logs, whose offsets are the last columns of φ.
         streamed: figures over all rows, where train, validation and test are windows of a log.
+        urdf_phi: friction coefficients fitted with the inertial parameters of the URDF, (n, k);
+            None without friction.
     """
 
     method: str
@@ -92,6 +97,7 @@ class Identification(Framed):
     net: FrictionNet | None = None
     log_names: tuple[str, ...] = ()
     streamed: WholeLog | None = None
+    urdf_phi: Array | None = None
 
     def __repr__(self) -> str:
         source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"
@@ -212,6 +218,17 @@ def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.
         metrics.torque_error(tau, result.before(result.test)),
         metrics.torque_error(tau, result.predict_recording(result.test)),
     )
+
+
+def friction_error(result: Identification) -> metrics.TorqueError | None:
+    """Torque error on the test part of the URDF with fitted friction; None without friction."""
+    if result.streamed is not None:
+        return result.streamed.with_friction
+    if result.urdf_phi is None:
+        return None
+    samples = samples_of(result.test, result.lib)
+    predicted = torque_of(result.lib, samples, result.lib.pi0, result.urdf_phi, None)
+    return metrics.torque_error(samples.tau, predicted)
 
 
 def torque_of(

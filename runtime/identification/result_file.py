@@ -17,7 +17,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.files import replacing
 from runtime.identification import metrics
-from runtime.identification.identified import Identification, torque_errors
+from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import LARGEST, model_facts
@@ -48,7 +48,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
         "recording": _recording_facts(result),
         "torque_source": result.train.torque_source,
-        **error_facts(before, after),
+        **error_facts(before, after, friction_error(result)),
         "links": _link_facts(result),
         "consistent": result.is_consistent,
         "gap_to_convex_optimum": result.gap if np.isfinite(result.gap) else None,
@@ -76,12 +76,17 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
     }
 
 
-def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict[str, Any]:
+def error_facts(
+    before: metrics.TorqueError,
+    after: metrics.TorqueError,
+    with_friction: metrics.TorqueError | None = None,
+) -> dict[str, Any]:
     """Torque errors of two models on the same samples, JSON-ready.
 
     Args:
         before: of the first guess.
         after: of the identified model.
+        with_friction: of the first guess with fitted friction; None for none.
 
     Returns:
         The parts `torque_error_percent` [%] and `torque_rms` [N·m or N] of result.json; a
@@ -91,7 +96,7 @@ def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict
     def percent(values: Array) -> list[float | None]:
         return [float(x) if np.isfinite(x) else None for x in values]
 
-    return {
+    facts: dict[str, Any] = {
         "torque_error_percent": {
             "before": percent(before.percent),
             "after": percent(after.percent),
@@ -100,6 +105,13 @@ def error_facts(before: metrics.TorqueError, after: metrics.TorqueError) -> dict
         },
         "torque_rms": {"before": before.rms.tolist(), "after": after.rms.tolist()},
     }
+    if with_friction is not None:
+        facts["torque_error_percent"] |= {
+            "urdf_friction": percent(with_friction.percent),
+            "urdf_friction_overall": with_friction.overall,
+        }
+        facts["torque_rms"]["urdf_friction"] = with_friction.rms.tolist()
+    return facts
 
 
 def write_result(

@@ -16,7 +16,7 @@ from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.convex import CAD
 from runtime.estimators.friction_bounds import bounds_of
 from runtime.estimators.methods import METHODS, chosen_method, fit_by
-from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import samples_of
@@ -117,6 +117,7 @@ def identify_assembled(
         seed=problem.seed,
         notes=(*assembly.notes, *fit.notes, *note_for(lib)),
         net=fit.net,
+        urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
     )
 
 

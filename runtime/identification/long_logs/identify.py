@@ -96,23 +96,23 @@ class StreamedAssembly:
         """Prepared rows of every part, by its name."""
         return {name: sum(map(len, self.assembly.recordings(name))) for name in PARTS}
 
-    def errors(self, result: Identification) -> tuple[TorqueError, TorqueError]:
-        """Torque errors of the first guess and of the result over the whole test part."""
+    def errors(self, result: Identification) -> tuple[TorqueError, ...]:
+        """Torque errors over the whole test part: first guess, result, URDF with friction."""
         lib = self.blocks.lib
         self.report("predicting the test part")
-        scale, before, after = np.zeros((3, lib.n_joints))
+        models = [(lib.pi0, np.zeros(0)), (result.pi, result.phi)]
+        if result.urdf_phi is not None:
+            models.append((lib.pi0, result.urdf_phi))
+        scale, rests = np.zeros(lib.n_joints), np.zeros((len(models), lib.n_joints))
         count = 0
         for part in self.assembly.recordings("test"):
             samples = samples_of(part, lib)
             count += len(samples)
             scale += np.sum(samples.tau**2, axis=0)
-            before += np.sum(residuals(lib, samples, lib.pi0, np.zeros(0)) ** 2, axis=0)
-            after += np.sum(residuals(lib, samples, result.pi, result.phi) ** 2, axis=0)
+            for k, (pi, phi) in enumerate(models):
+                rests[k] += np.sum(residuals(lib, samples, pi, phi) ** 2, axis=0)
         size = np.sqrt(scale)
-        return (
-            torque_error_of(np.sqrt(before), size, count),
-            torque_error_of(np.sqrt(after), size, count),
-        )
+        return tuple(torque_error_of(np.sqrt(rest), size, count) for rest in rests)
 
     def note(self, counts: dict[str, int]) -> str:
         """Sentence on which figures come from all rows and which from windows."""
@@ -228,9 +228,9 @@ def identify_streamed(
     require_streamable(method, chosen.preset)
     whole = assemble_streamed(log, lib, chosen, progress=progress)
     result = identify_assembled(whole.assembly, chosen)
-    before, after = whole.errors(result)
+    errors = whole.errors(result)
     counts = whole.counts()
-    streamed = WholeLog(counts, whole.spans, before, after)
+    streamed = WholeLog(counts, whole.spans, *errors)
     return replace(result, streamed=streamed, notes=(*result.notes, whole.note(counts)))
 
 

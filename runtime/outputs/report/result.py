@@ -98,7 +98,10 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """Content of the result folder of one identification."""
+    """Content of the result folder of one identification.
+
+    `with_friction` is the overall error of the URDF with fitted friction [%].
+    """
 
     robot: str
     method: str
@@ -108,6 +111,7 @@ class Result:
     recording: RecordingSummary
     before: Errors
     after: Errors
+    with_friction: float | None
     links: tuple[Link, ...]
     consistent: bool
     gap: float | None
@@ -163,6 +167,7 @@ def _result(raw: Mapping[str, Any], folder: Path) -> Result:
         recording=_recording(raw["recording"] or {}),
         before=_errors(percent, rms, "before", n),
         after=_errors(percent, rms, "after", n),
+        with_friction=_optional(percent, "urdf_friction_overall"),
         links=tuple(_link(link) for link in raw["links"]),
         consistent=bool(raw["consistent"]),
         gap=_optional(raw, "gap_to_convex_optimum"),

@@ -17,8 +17,6 @@ from runtime.outputs.report.uncertainty import uncertainty_sections
 from runtime.recording.friction import COLUMNS
 
 NOTHING = "–"
-AHEAD = 3
-"""Number of sections before those on several logs and uncertainty."""
 
 GLOSSARY = (
     ("torque error", "100 ‖measured − predicted‖ / ‖measured‖ over the test split, per joint"),
@@ -80,7 +78,10 @@ def tiles(result: Result) -> tuple[Tile, ...]:
 def sections(result: Result) -> tuple[Section, ...]:
     """Sections of the page below the summary, in their order."""
     links = tuple(link.name for link in result.links)
-    made = [section for make in _ORDER if (section := make(result)) is not None]
+    first, last = (
+        [section for make in makers if (section := make(result)) is not None]
+        for makers in (_FIRST, _LAST)
+    )
     uncertain = (
         ()
         if result.uncertainty is None
@@ -89,7 +90,7 @@ def sections(result: Result) -> tuple[Section, ...]:
     several = (
         () if result.several_logs is None else several_logs_sections(result.several_logs, links)
     )
-    return (*made[:AHEAD], *several, *uncertain, *made[AHEAD:])
+    return (*first, *several, *uncertain, *last)
 
 
 # --- sections -------------------------------------------------------------------------------
@@ -120,6 +121,22 @@ def _errors(result: Result) -> Section:
         "Torque error per joint",
         "On the test split, before (URDF without friction) and after (all identified parameters).",
         ReportTable(header, rows, total),
+    )
+
+
+def _shares(result: Result) -> Section | None:
+    if result.with_friction is None:
+        return None
+    models = (
+        ("URDF", result.before.overall),
+        ("URDF with friction fitted", result.with_friction),
+        ("identified", result.after.overall),
+    )
+    return Section(
+        "Share of friction and inertia",
+        "Torque error on the test split. The step from the first to the second row is due to "
+        "friction alone, the step to the third to the inertial parameters.",
+        ReportTable(("model", "torque error"), tuple((n, _percent(e)) for n, e in models)),
     )
 
 
@@ -257,10 +274,9 @@ def _unit(unit: str) -> str:
     return unit.replace("*", "·")
 
 
-_ORDER: tuple[Callable[[Result], Section | None], ...] = (
-    _errors,
-    _torques,
-    _consistency,
+_FIRST: tuple[Callable[[Result], Section | None], ...] = (_errors, _shares, _torques, _consistency)
+"""Sections before those on several logs and uncertainty."""
+_LAST: tuple[Callable[[Result], Section | None], ...] = (
     _masses,
     _friction,
     _convergence,

@@ -101,6 +101,7 @@ def test_options_reach_the_method(
 ) -> None:
     """Property: preset, split, cut-off, rate and seed are what the result says."""
     words = ("--preset", "simulation", "--split", "0.5,0.75", "--cutoff", "20", "--rate", "50")
+    words += ("--friction", "none")
     ran = command("identify", log, "--robot", lib.folder, *words, "--seed", "3", "--out", "out")
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())

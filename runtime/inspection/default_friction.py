@@ -1,0 +1,198 @@
+"""Friction model and rotors of a log for which none are named, within a fraction of a second.
+
+    none → offset → viscous → coulomb, each without and with rotor        (cumulative columns)
+
+All columns are prepared once, with Coulomb columns of three widths ε, and compressed to one
+triangular factor per block. A candidate is a choice of columns of these factors, so that its
+cross-validation costs some small least squares. The rule is that of `friction_choice`, which tries
+more models and searches their widths.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import IdentificationError
+from runtime.estimators.regression import Statistics, compress
+from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
+from runtime.library import Array, Library
+from runtime.parallel import one_blas_thread
+from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording.friction import unresolved, without_columns
+from runtime.recording.preprocessing import before_test, prepare
+
+DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
+"""Columns of the candidates."""
+SPEEDS = (0.01, 0.03, 0.1)
+"""Widths ε of the Coulomb column that are tried, rad/s or m/s."""
+ROWS = 4000
+"""Rows that the choice uses, evenly spread."""
+_PASSES = 2
+"""Passes in which the noise of the joints is estimated from the residuals."""
+
+
+@dataclass(frozen=True, slots=True)
+class DefaultFriction:
+    """The friction model chosen for a log.
+
+    Attributes:
+        terms: columns and widths.
+        scores: columns of every candidate with its cross-validated mean square error over that of
+            the noise.
+        sentence: the choice and its reason.
+    """
+
+    terms: Friction
+    scores: tuple[tuple[tuple[str, ...], float], ...]
+    sentence: str
+
+
+@one_blas_thread
+def choose_default_friction(
+    recording: Recording,
+    lib: Library,
+    preparation: Preparation | None = None,
+    splitting: Split | None = None,
+    coulomb_speed: float | None = None,
+    allowed: Sequence[str] = DEFAULT_COLUMNS,
+) -> DefaultFriction:
+    """Choose offset, viscous, Coulomb and rotor columns by cross-validation on contiguous blocks.
+
+    The training and validation parts are used; the test part is cut off before any filter.
+
+    Args:
+        recording: as read; friction columns that it holds are not used.
+        lib: library of the robot.
+        preparation: None is the recipe's.
+        splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
+        coulomb_speed: ε [rad/s]; None chooses among `SPEEDS`.
+        allowed: columns that the method can use.
+
+    Returns:
+        The simplest candidate within one standard error of the best. Where the rows are too few
+        for a choice it is the model without friction, and the sentence states the reason.
+
+    Raises:
+        RuntimeFault: the log cannot be prepared.
+    """
+    parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
+    bare = before_test(recording, parts).replace(columns=None, column_names=())
+    speeds = SPEEDS if coulomb_speed is None else (coulomb_speed,)
+    shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed)
+    if "coulomb" not in allowed:
+        speeds = speeds[:1]
+    terms = [Friction(("coulomb",), speed) for speed in speeds]
+    done = prepare(bare, preparation, Friction(shared), *terms, lib=lib)
+    try:
+        trial = _trial(done, lib)
+    except IdentificationError as fault:
+        return DefaultFriction(Friction(()), (), f"no friction was fitted: {fault}")
+    names = [*shared, *("coulomb" for _ in speeds)]
+    ends = range(len(shared), len(names))
+    # ε from the richest model, then the candidates with it.
+    width = min(ends, key=lambda k: float(trial.scores((*range(len(shared)), k)).mean()))
+    kinds = [name for name in DEFAULT_COLUMNS if name in allowed and name != "rotor"]
+    stages = [tuple(kinds[:k]) for k in range(len(kinds) + 1)]
+    rotors: list[tuple[str, ...]] = [()]
+    if "rotor" in allowed:
+        rotors.append(("rotor",))
+    candidates = [(*stage, *rotor) for stage in stages for rotor in rotors]
+    places = {name: width if name == "coulomb" else names.index(name) for name in kinds}
+    places |= {"rotor": names.index("rotor")} if "rotor" in allowed else {}
+    scores = [trial.scores(tuple(places[name] for name in each)) for each in candidates]
+    chosen = _simplest(scores)
+    usual = Friction(candidates[chosen])
+    if "coulomb" in candidates[chosen]:
+        usual = replace(usual, coulomb_speed=speeds[width - len(shared)])
+    sentence = (
+        f"friction model {usual}, chosen by cross-validation on {BLOCKS} blocks of the training "
+        "part; --friction none fits the inertia only, --friction auto tries more models"
+    )
+    listed = zip(candidates, (float(s.mean()) for s in scores), strict=True)
+    return DefaultFriction(usual, tuple(listed), sentence)
+
+
+def _simplest(scores: Sequence[Array]) -> int:
+    """First candidate whose score is within one standard error of the best."""
+    best = min(scores, key=lambda score: float(score.mean()))
+    least = float(best.mean())
+
+    def is_near(score: Array) -> bool:
+        gap = score - best
+        error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
+        return float(gap.mean()) <= max(error, LEAST_GAIN * least)
+
+    return next(k for k, score in enumerate(scores) if is_near(score))
+
+
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Factors of the blocks with all columns.
+
+    Attributes:
+        blocks: statistics of every block.
+        others: statistics of all other blocks together.
+        joints: number n of joints.
+    """
+
+    blocks: tuple[Statistics, ...]
+    others: tuple[Statistics, ...]
+    joints: int
+
+    def scores(self, columns: tuple[int, ...]) -> Array:
+        """Mean square error of every block, predicted by the others with some of the columns."""
+        count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
+        left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
+        return np.array([
+            _error(block, rest, left_out) / (block.n_samples * self.joints)
+            for block, rest in zip(self.blocks, self.others, strict=True)
+        ])  # fmt: skip
+
+
+def _error(block: Statistics, others: Statistics, left_out: NDArray[np.bool_]) -> float:
+    """Weighted sum of squared residuals on a block of the estimate from the others."""
+    x, _ = solved([others.without(left_out)])
+    rest = block.without(left_out).factor @ x - block.target
+    return float(rest @ rest + block.rest)
+
+
+def _trial(done: Recording, lib: Library) -> _Trial:
+    """Compressed blocks of a prepared recording, weighted by the noise of the joints."""
+    if done.columns is not None and done.tau is not None:
+        done = without_columns(done, unresolved(done.columns, done.tau))
+    whole = samples_of(done, lib)
+    taken = np.arange(0, len(whole), max(1, len(whole) // ROWS))
+    cuts = [cut for cut in np.array_split(taken, BLOCKS) if cut.size]
+    blocks = [whole.rows(cut) for cut in cuts]
+    equations = sum(map(len, blocks[:-1])) * lib.n_joints
+    unknowns = len(lib.base_columns) + lib.n_joints * len(DEFAULT_COLUMNS)
+    if len(blocks) < BLOCKS or equations < 2 * unknowns:
+        raise IdentificationError(
+            f"{len(whole)} training rows are too few to choose a model; name one with --friction"
+        )
+    weights = thesis_weights(whole.tau)
+    for _ in range(_PASSES):
+        stats = [compress(lib, block, weights) for block in blocks]
+        x, _rank = solved([stats[0].merged(*stats[1:])])
+        weights = _weights_of(lib, blocks, x)
+    stats = [compress(lib, block, weights) for block in blocks]
+    others = [
+        rest[0].merged(*rest[1:])
+        for k in range(len(stats))
+        if (rest := [s for i, s in enumerate(stats) if i != k])
+    ]
+    return _Trial(tuple(stats), tuple(others), lib.n_joints)
+
+
+def _weights_of(lib: Library, blocks: list[Samples], x: Array) -> Array:
+    """1/σ_j² of the residuals of [β; φ]."""
+    beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :]
+    power = np.zeros(blocks[0].equations)
+    for block in blocks:
+        rest = block.base_rigid(lib, beta) + block.friction(phi.reshape(lib.n_joints, -1))
+        power += np.sum((block.tau - rest) ** 2, axis=0)
+    variance = power / sum(map(len, blocks))
+    return np.asarray(1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30))

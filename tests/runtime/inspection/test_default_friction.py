@@ -1,0 +1,111 @@
+"""Friction and rotors chosen for a log for which none are named."""
+
+import json
+
+import numpy as np
+import pytest
+
+from runtime import Recording
+from runtime.cli.prepared_log import usable_columns
+from runtime.inspection.default_friction import choose_default_friction
+from runtime.library import Library
+from runtime.recording import Friction, Split, write_recording
+from runtime.recording.friction import JointMotion, columns, torque
+from tests.runtime.diagnosis import EXAMPLE
+
+PHI = {"offset": 0.2, "viscous": 0.4, "coulomb": 0.5, "rotor": 0.1}
+"""Of the size of a small arm's: N·m, N·m·s/rad, N·m, kg·m²."""
+WHOLE = Split((0.0, 0.9), (0.9, 0.95), (0.95, 1.0))
+
+
+def with_friction(clean: Recording, lib: Library, terms: Friction) -> Recording:
+    """The exact motion, its rigid torque, friction and 0.02 N·m of white noise."""
+    C = columns(JointMotion(clean.dq, clean.q, clean.ddq, lib), terms)
+    phi = np.tile([PHI[name] for name in terms.columns], (lib.n_joints, 1))
+    tau = clean.tau + (torque(C, phi) if terms.columns else 0.0)
+    return clean.replace(tau=tau + 0.02 * np.random.default_rng(3).normal(size=tau.shape))
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        (),
+        ("rotor",),
+        ("offset",),
+        ("offset", "viscous"),
+        ("offset", "viscous", "coulomb"),
+        ("offset", "viscous", "coulomb", "rotor"),
+    ],
+)
+def test_the_columns_that_made_the_data_are_chosen(names, lib, ideal_runs):
+    """Oracle: simulated truth."""
+    log = with_friction(ideal_runs[0], lib, Friction(names, coulomb_speed=0.03))
+    choice = choose_default_friction(log, lib, splitting=WHOLE)
+    assert choice.terms.columns == names
+    if "coulomb" in names:
+        assert choice.terms.coulomb_speed == 0.03
+    assert "--friction none fits the inertia only" in choice.sentence
+    # The true model's score is the noise: 1 + 2 · 71 unknowns / 6300 equations, and √(2 / 6300).
+    assert abs(dict(choice.scores)[names] - 1.0) < 0.06
+
+
+def test_the_test_part_has_no_effect(lib, noisy):
+    """Property: garbage in the last 40 % changes no figure of the choice, to the bit."""
+    tau = noisy.tau.copy()
+    first = int(np.flatnonzero(noisy.t - noisy.t[0] >= 0.6 * noisy.duration)[0])
+    tau[first:] = 1e3
+    damaged = choose_default_friction(noisy.replace(tau=tau), lib)
+    assert damaged == choose_default_friction(noisy, lib)
+
+
+def test_a_short_log_gets_none_and_the_reason(lib, noisy):
+    """Property: no refusal where nobody asked for a choice."""
+    choice = choose_default_friction(noisy.take(slice(0, 20), "short"), lib)
+    assert choice.terms.columns == ()
+    assert "too few to choose a model" in choice.sentence
+
+
+def test_the_choice_is_among_the_columns_of_the_method():
+    """Property: filters know no rotor; nets have their own inputs."""
+    assert usable_columns(["map"]) == ("offset", "viscous", "coulomb", "rotor")
+    assert usable_columns(["map", "ekf"]) == ("offset", "viscous", "coulomb")
+    assert usable_columns(["nn"]) == ()
+
+
+def test_identify_without_options_fits_friction(command, lib, tmp_path):
+    """Property: on the bundled log, and the inertia alone on request; each is one sentence."""
+    errors, notes = {}, {}
+    for option in ((), ("--friction", "none")):
+        ran = command("identify", EXAMPLE, "--robot", lib.folder, *option, "--out", "out")
+        assert ran.code == 0, ran.err
+        facts = json.loads((tmp_path / "out" / "result.json").read_text())
+        errors[option] = facts["torque_error_percent"]["after_overall"]
+        notes[option] = [w for w in facts["warnings"] if "friction model" in w]
+        names = facts["friction"]["columns"] if facts["friction"] else []
+        assert names == ([] if option else ["offset", "viscous", "coulomb"])
+    assert len(notes[()]) == 1
+    assert not notes["--friction", "none"]
+    # Measured 0.76 and 5.94 %.
+    assert errors[()] < 1.0
+    assert errors["--friction", "none"] > 5.0
+
+
+def test_several_logs_take_the_model_of_the_first(command, lib, clean, tmp_path):
+    """Property: one choice for all, said once; an offset becomes one per log."""
+    for name, rows in (("a", slice(0, 500)), ("b", slice(500, 1001))):
+        write_recording(clean.take(rows, name), tmp_path / f"{name}.npz")
+    ran = command("identify", "a.npz", "b.npz", "--robot", lib.folder, "--out", "out")
+    assert ran.code == 0, ran.err
+    assert ran.out.count("chosen by cross-validation") == 1
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert set(facts["friction"]["columns"]) == {"viscous", "coulomb", "offset"}
+    assert np.shape(facts["sessions"]["offsets"]) == (2, 7)
+
+
+def test_a_width_alone_is_a_width_of_the_choice(command, lib, tmp_path):
+    """Property: --coulomb-speed without --friction was without effect."""
+    words = ("--robot", lib.folder, "--coulomb-speed", "0.05", "--out", "out")
+    assert command("identify", EXAMPLE, *words).code == 0
+    facts = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert facts["friction"]["coulomb_speed"] == 0.05
+    assert "coulomb" in facts["friction"]["columns"]

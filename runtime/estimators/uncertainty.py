@@ -165,7 +165,8 @@ class Uncertainty:
             return (
                 f"the residuals are autocorrelated: the effective sample size of {self.n_samples} "
                 f"samples is {self.n_eff:.0f}; friction, the filter or the clock leave a pattern, "
-                "and a better friction model helps more than more samples"
+                "whose bias of the parameters the intervals cannot contain, and a better friction "
+                "model helps more than more samples"
             )
         return (
             f"the residuals look independent and the motion excites all {count} base parameters: "

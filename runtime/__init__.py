@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from runtime.identification.single_log import identify
     from runtime.inspection.friction_choice import choose_friction
     from runtime.library import Library, load, to_pinocchio_order
+    from runtime.monitoring.observer import Observer
     from runtime.recording import Recording, read_recording, write_recording
 
 __version__ = "0.1.0"
@@ -45,6 +46,7 @@ __all__ = [
     "Gains",
     "Identification",
     "Library",
+    "Observer",
     "OnlineEstimate",
     "OnlineEstimator",
     "Payload",
@@ -66,6 +68,7 @@ _MODULES = {
     "Identification": "runtime.identification.identified",
     "Library": "runtime.library",
     "METHODS": "runtime.estimators.methods",
+    "Observer": "runtime.monitoring.observer",
     "OnlineEstimate": "runtime.identification.online",
     "OnlineEstimator": "runtime.identification.online",
     "PRESETS": "runtime.estimators.descent.fit",

@@ -13,8 +13,18 @@ from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
 
 COMMANDS = (
-    *("inspect", "identify", "compare", "payload", "gains", "evaluate", "export", "excite"),
-    *("predict", "simulate", "reproduce", "report", "view", "locate", "tutorial"),
+    *("inspect", "identify", "compare", "payload", "gains", "evaluate", "observe"),
+    *(
+        "export",
+        "excite",
+        "predict",
+        "simulate",
+        "reproduce",
+        "report",
+        "view",
+        "locate",
+        "tutorial",
+    ),
 )
 """Every command: function NAME_command of the module NAME of this package."""
 app: typer.Typer

@@ -47,7 +47,9 @@ from runtime.recording import Friction, Recording, StreamedRecording
 from runtime.simulation.controller_file import read_controller
 
 _WRITTEN = ResultFolder(
-    "identify", ("result.json", "predictions.npz", "identified.urdf", "report.html"), "method"
+    "identify",
+    ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html"),
+    "method",
 )
 
 

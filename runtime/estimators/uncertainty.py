@@ -44,6 +44,23 @@ BAND_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True)
+class Information:
+    """Data and prior of a posterior, exp(−‖R [K π; φ] − r‖²/2S − κ Σ_k [tr(P0⁻¹P) − log det P]).
+
+    Attributes:
+        statistics: R and r of all training samples, weighted.
+        density: S, variance with which the noise enters the unknowns.
+        kappa: κ, trust in the centre of the prior.
+        centre: π0 of the prior, (10 n,).
+    """
+
+    statistics: Statistics
+    density: float
+    kappa: float
+    centre: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Uncertainty:
     """Covariance of π and the figures that a report states beside it.
 
@@ -62,6 +79,7 @@ class Uncertainty:
             of the prior, at most n_b.
         conditioning: weakest over strongest excited direction.
         contradictions: sentences on priors, joints and results that the data contradict.
+        information: what the posterior is computed from; None where it was not kept.
     """
 
     root: Array
@@ -78,6 +96,7 @@ class Uncertainty:
     determined: int
     conditioning: float
     contradictions: tuple[str, ...] = ()
+    information: Information | None = None
 
     def __repr__(self) -> str:
         return f"Uncertainty({self.advice()})"
@@ -251,6 +270,7 @@ def uncertainty_of(
         determined=spread.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
         contradictions=contradictions,
+        information=Information(statistics, float(level), kappa, prior.centre),
     )
 
 

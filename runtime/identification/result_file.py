@@ -1,4 +1,4 @@
-"""Writer of result.json and predictions.npz: both files are written whole or not at all."""
+"""Writer of result.json, predictions.npz and posterior.npz: each is written whole or not at all."""
 
 import dataclasses
 import json
@@ -18,6 +18,7 @@ from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.files import replacing
 from runtime.identification import metrics
 from runtime.identification.identified import Identification, friction_error, torque_errors
+from runtime.identification.posterior_file import write_posterior
 from runtime.identification.result_schema import FORMAT
 from runtime.identification.result_warnings import warnings_of
 from runtime.identification.saved_result import LARGEST, model_facts
@@ -117,11 +118,11 @@ def error_facts(
 def write_result(
     result: Identification, folder: Path, command: str, agreement: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Write result.json and predictions.npz into a folder.
+    """Write result.json, predictions.npz and, with an uncertainty, posterior.npz into a folder.
 
     Args:
         result: the identification.
-        folder: folder of the two files; made where it is missing.
+        folder: folder of the files; made where it is missing.
         command: command line that computed the result.
         agreement: facts of the comparison of several logs; None for one log.
 
@@ -143,11 +144,14 @@ def write_result(
     test = samples_of(result.test, result.lib)
     arrays = {
         "t": np.asarray(result.test.t),
+        "dq": test.dq,
         "measured": test.tau,
         "before": result.before(result.test),
         "after": result.predict_recording(result.test),
     }
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    if result.uncertainty is not None:
+        write_posterior(folder, result.uncertainty, result.pi, len(result.log_names))
     with replacing(folder / "predictions.npz") as file:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
     with replacing(folder / "result.json") as file:

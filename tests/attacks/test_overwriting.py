@@ -31,7 +31,13 @@ STAGES = tuple(
     for speed in ("", "-speed50")
     for end in (".libfranka.csv", ".ros.yaml", ".certificate.json")
 )
-RESULT_FILES = ("out/result.json", "out/predictions.npz", "out/identified.urdf", "out/report.html")
+RESULT_FILES = tuple(
+    f"out/{name}"
+    for name in (
+        *("result.json", "predictions.npz", "posterior.npz"),
+        *("identified.urdf", "report.html"),
+    )
+)
 CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     "simulate": (("simulate", "--trajectory", "good.json", "--out", "s.csv"), LOG_FILES),
     "excite": (("excite", "--out", "e.json"), MOTION_FILES),
@@ -59,6 +65,10 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
                 *("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf"),
             )
         ),
+    ),
+    "observe": (
+        ("observe", "good.csv", "--model", "result", "--out", "out"),
+        ("out/contacts.json", "out/external_torque.npz", "out/external_torque.png"),
     ),
     "inspect": (("inspect", "good.csv", "--plot", "p.png"), ("p.png",)),
     "predict": (("predict", "good.csv", "--plot", "p.png"), ("p.png",)),

@@ -12,6 +12,7 @@ from runtime.recording.preprocessing.filters import (
 from runtime.recording.preprocessing.pipeline import (
     DOCUMENT,
     momentum_torque,
+    on_grid,
     prepare,
     prepare_power,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "low_pass",
     "momentum_torque",
     "moving_average",
+    "on_grid",
     "prepare",
     "prepare_power",
     "repair_clock",

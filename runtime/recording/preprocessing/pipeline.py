@@ -65,7 +65,7 @@ def prepare(
         RecordingError: a step cannot be taken; the message says which setting to change.
     """
     preparation = preparation or recording.preparation
-    data = _on_grid(recording, preparation)
+    data = on_grid(recording, preparation)
     if preparation.regressor != "acceleration" and data.rows is None:
         return _without_accelerations(data, preparation, friction, lib, False, rows)
     wanted = any(terms.columns for terms in friction)
@@ -102,7 +102,7 @@ def prepare_power(
         RecordingError: a step cannot be taken.
     """
     preparation = preparation or recording.preparation
-    data = _on_grid(recording, preparation)
+    data = on_grid(recording, preparation)
     return _without_accelerations(data, preparation, friction, lib, True, None)
 
 
@@ -150,7 +150,7 @@ def momentum_torque(
     Raises:
         RecordingError: a step cannot be taken.
     """
-    data = moved(_on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation))
+    data = moved(on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation))
     whole = balanced(data, (), lib, power=False)
     first, torque = 0, np.zeros_like(whole.q)
     for rows in rows_of(data, lib, power=False):
@@ -172,8 +172,19 @@ def _smooth_motion(recording: Recording, preparation: Preparation) -> Recording:
     return low_pass(recording, limit, preparation.order, ("q", "dq"))
 
 
-def _on_grid(recording: Recording, preparation: Preparation) -> Recording:
-    """Apply clock, grid and delay."""
+def on_grid(recording: Recording, preparation: Preparation) -> Recording:
+    """Apply clock, grid and delay of a preparation, without its filter.
+
+    Args:
+        recording: as read.
+        preparation: steps and their settings.
+
+    Returns:
+        The recording on a uniform grid where the preparation has one, τ without its delay.
+
+    Raises:
+        RecordingError: a step cannot be taken.
+    """
     data = recording
     if preparation.clock_tick is not None:
         data = repair_clock(data, preparation.clock_tick)

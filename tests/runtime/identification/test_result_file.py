@@ -27,7 +27,11 @@ def folder(panda_adam: Identification, tmp_path: Path) -> Path:
 
 def test_result_says_what_a_reader_needs(panda_adam: Identification, folder: Path) -> None:
     """Oracle, real data: every figure in the file is the one computed from the parts."""
-    assert sorted(path.name for path in folder.iterdir()) == ["predictions.npz", "result.json"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "posterior.npz",
+        "predictions.npz",
+        "result.json",
+    ]
     facts = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     r, tau = panda_adam, panda_adam.test.tau
     before, after = (torque_error(tau, x) for x in (r.before(r.test), r.predict_recording(r.test)))

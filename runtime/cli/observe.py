@@ -1,0 +1,217 @@
+"""`symgen observe`."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from runtime.cli.common import command_line, console, say
+from runtime.cli.log_options import Log, Recipe, Run
+from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
+from runtime.cli.robot import Yes, open_robot
+from runtime.errors import IdentificationError
+from runtime.files import replacing
+from runtime.identification.posterior_file import read_posterior
+from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.library import Array, Library
+from runtime.monitoring.false_alarms import alarm_rate
+from runtime.monitoring.model import MonitoredModel, model_of
+from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.observation import (
+    WITHIN_S,
+    Detector,
+    FreeMotion,
+    Observation,
+    detector_for,
+    observe,
+    prepared_for,
+    verified,
+)
+from runtime.monitoring.wrench import wrench_at
+from runtime.recording import Recording, read_recording
+from runtime.recording.plausibility import require_plausible
+
+_WRITTEN = ResultFolder(
+    "observe", ("contacts.json", "external_torque.npz", "external_torque.png"), "contacts"
+)
+SHOWN = 20
+"""Contacts that are printed."""
+
+
+def observe_command(
+    log: Log,
+    model: Annotated[
+        Path, typer.Option("--model", metavar="RESULT", help="Folder written by identify.")
+    ],
+    false_alarms: Annotated[
+        str,
+        typer.Option(
+            metavar="RATE",
+            help="Rate of false alarms of all joints together: '1 per hour', '2 per day'.",
+        ),
+    ] = "1 per hour",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the files; default RESULT/observe."),
+    ] = None,
+    free: Annotated[
+        str | None,
+        typer.Option(metavar="LOG", help="A log without contacts, on which the rate is verified."),
+    ] = None,
+    link: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="Link that is touched: its contact wrench is computed."),
+    ] = None,
+    within: Annotated[
+        float,
+        typer.Option(metavar="S", help="Time in which the observer shows 95 % of a contact, s."),
+    ] = WITHIN_S,
+    robot: Annotated[
+        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
+    ] = None,
+    yes: Yes = False,
+    overwrite: Overwrite = False,
+    recipe: Recipe = None,
+    run: Run = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
+) -> None:
+    r"""Compute the external torque of a log by an identified model, and find contacts.
+
+    A generalised-momentum observer with the identified model, friction, rotors and the delay of the
+    torque: the result is positive where the environment pushes in the direction of the joint. A
+    contact is reported where it exceeds a threshold; thresholds follow from the stated rate of
+    false alarms, the model's posterior and the residuals of its test part.
+
+    \b
+    symgen observe second.csv --model results/first-map --false-alarms "1 per hour"
+    symgen observe second.csv --model results/first-map --free third.csv --link fr3_link7
+
+    Written are external_torque.npz (t, r, sigma, threshold), contacts.json and external_torque.png.
+    """
+    rate = alarm_rate(false_alarms)
+    folder = out or (model if model.is_dir() else model.parent) / "observe"
+    require_result_folder(folder, _WRITTEN, overwrite)
+    saved = read_result(model)
+    lib = open_robot(robot or saved.robot, yes)
+    notes = list(require_model(saved, lib, model))
+    known = model_of(saved, lib)
+    data = _read(lib, known, log, recipe, run)
+    root, note = _root(model, saved, lib)
+    held_out = read_held_out(model, known)
+    detector = detector_for(lib, known, data, held_out, rate, within, root)
+    seen = observe(lib, detector, data)
+    check = None if free is None else verified(lib, detector, _read(lib, known, free, None, None))
+    facts = _facts(lib, detector, seen, check, data, link) | {"notes": notes + note}
+    _write(lib, saved, seen, facts, folder)
+    if as_json:
+        print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))
+    else:
+        _show(facts, folder)
+
+
+def _read(
+    lib: Library, model: MonitoredModel, log: str, recipe: str | None, run: str | None
+) -> Recording:
+    recording = read_recording(log, recipe, run, lib.joint_names)
+    require_plausible(recording, lib)
+    if recording.tau is None:
+        raise IdentificationError(
+            f"expected torque in the log '{log}', and there is none; record tau"
+        )
+    return prepared_for(recording, model)
+
+
+def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, list[str]]:
+    """Root of the covariance of [β; φ]; None with a note where the result has no posterior."""
+    try:
+        return read_posterior(model, saved, lib).root(lib), []
+    except IdentificationError as error:
+        return None, [f"thresholds are without the uncertainty of the model: {error}"]
+
+
+def _facts(
+    lib: Library,
+    detector: Detector,
+    seen: Observation,
+    check: FreeMotion | None,
+    data: Recording,
+    link: str | None,
+) -> dict[str, Any]:
+    contacts = []
+    for contact in seen.contacts:
+        entry: dict[str, Any] = asdict(contact) | {"number": contact.number + 1}
+        if link is not None:
+            inside = (seen.t >= contact.time_s) & (seen.t <= contact.end_s)
+            external = np.nanmedian(seen.r[inside], axis=0)
+            entry["wrench"] = asdict(wrench_at(lib, data.q[inside][0], external, link))
+        contacts.append(entry)
+    settings = detector.settings
+    return {
+        "robot": lib.name,
+        "joints": list(lib.joint_names),
+        "units": ["N" if joint.kind == "prismatic" else "N*m" for joint in lib.manifest.joints],
+        "seconds": seen.seconds,
+        "contacts": contacts,
+        "alarms": len(contacts),
+        "thresholds": np.median(seen.threshold, axis=0).tolist(),
+        "sigma": detector.noise.sigma.tolist(),
+        "false_alarms": {
+            "stated": detector.rate.text,
+            "per_hour": detector.rate.per_second * 3600,
+            "expected_in_log": detector.rate.per_second * seen.seconds,
+        },
+        "free_motion": None if check is None else asdict(check),
+        "observer": {
+            "bandwidth": settings.bandwidth,
+            "window_s": settings.steps / settings.rate_hz,
+            "velocity": settings.velocity,
+            "rate_hz": settings.rate_hz,
+            "within_s": detector.within_s,
+        },
+    }
+
+
+def _write(
+    lib: Library, saved: SavedResult, seen: Observation, facts: dict[str, Any], folder: Path
+) -> None:
+    from runtime.outputs.report.external_torque_figure import draw_external_torque
+
+    with replacing(folder / "external_torque.npz") as file:
+        np.savez_compressed(file, t=seen.t, r=seen.r, sigma=seen.sigma, threshold=seen.threshold)
+    text = json.dumps(facts | {"command": command_line()}, indent=1, ensure_ascii=False)
+    with replacing(folder / "contacts.json") as file:
+        file.write(f"{text}\n".encode())
+    draw_external_torque(seen, lib.joint_names, saved.units, folder / "external_torque.png")
+
+
+def _show(facts: dict[str, Any], folder: Path) -> None:
+    stated, alarms = facts["false_alarms"], facts["alarms"]
+    table = Table("joint", title=f"{facts['robot']}: thresholds at {stated['stated']}")
+    for head in ("σ of free motion", "threshold, median", "unit", "contacts"):
+        table.add_column(head, justify="right")
+    columns = zip(facts["joints"], facts["sigma"], facts["thresholds"], facts["units"], strict=True)
+    for name, sigma, threshold, unit in columns:
+        count = sum(contact["joint"] == name for contact in facts["contacts"])
+        table.add_row(name, f"{sigma:.3g}", f"{threshold:.3g}", unit, str(count))
+    console.print(table)
+    say(
+        f"{alarms} contacts in {facts['seconds']:.3g} s; at the stated rate "
+        f"{stated['expected_in_log']:.2g} false alarms are expected in this time"
+    )
+    for contact in facts["contacts"][:SHOWN]:
+        say(f"contact: {contact['time_s']:.3f} s, {contact['joint']}, {contact['torque']:+.3g}")
+    if alarms > SHOWN:
+        say(f"{alarms - SHOWN} more contacts are in contacts.json")
+    check = facts["free_motion"]
+    if check is not None:
+        say(
+            f"free motion: {check['alarms']} alarms, {check['expected']:.2g} expected; so many or "
+            f"more have a probability of {check['probability']:.2g} at the stated rate"
+        )
+    for note in facts["notes"]:
+        say(f"note: {note}")
+    say(f"files: {folder}")

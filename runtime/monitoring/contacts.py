@@ -1,0 +1,97 @@
+"""Contacts of a log: where the external torque exceeds its threshold, with time, joint and size."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.library import Array
+
+RELEASE = 0.5
+"""Share of the threshold below which a contact ends."""
+PAUSE_S = 0.05
+"""Shortest pause between two contacts of one joint [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """One contact at one joint.
+
+    Attributes:
+        time_s: instant at which the threshold is exceeded [s].
+        end_s: instant from which r stays below half of it [s].
+        joint: name of the joint.
+        number: index of the joint, from 0.
+        torque: external torque [N·m, N]: median after the time of the observer, or the peak.
+        direction: sign of it, 1 or −1.
+        sigma: σ of r at the instant of detection [N·m, N].
+        threshold: at that instant [N·m, N].
+    """
+
+    time_s: float
+    end_s: float
+    joint: str
+    number: int
+    torque: float
+    direction: int
+    sigma: float
+    threshold: float
+
+
+def contacts_of(
+    t: Array, r: Array, sigma: Array, threshold: Array, names: Sequence[str], within_s: float
+) -> tuple[Contact, ...]:
+    """Contacts in the order of time.
+
+    Args:
+        t: (N,) [s].
+        r: (N, n) external torque, NaN where unknown [N·m, N].
+        sigma: (N, n) its standard deviation in free motion [N·m, N].
+        threshold: (N, n) [N·m, N].
+        names: of the n joints.
+        within_s: time in which r shows a step [s].
+
+    Returns:
+        The contacts; two of one joint are at least `PAUSE_S` apart.
+    """
+    contacts = []
+    for j, name in enumerate(names):
+        size = np.abs(np.nan_to_num(r[:, j]))
+        for first, last in _intervals(t, size, threshold[:, j]):
+            shown = first + int(np.searchsorted(t[first : last + 1] - t[first], within_s))
+            inside = r[first : last + 1, j]
+            held = size[shown : last + 1] > RELEASE * threshold[shown : last + 1, j]
+            torque = float(inside[np.argmax(np.abs(inside))])
+            if held.sum() > 2:
+                torque = float(np.median(r[shown : last + 1, j][held]))
+            contacts.append(
+                Contact(
+                    time_s=float(t[first]),
+                    end_s=float(t[last]),
+                    joint=name,
+                    number=j,
+                    torque=torque,
+                    direction=1 if torque > 0 else -1,
+                    sigma=float(sigma[first, j]),
+                    threshold=float(threshold[first, j]),
+                )
+            )
+    return tuple(sorted(contacts, key=lambda contact: contact.time_s))
+
+
+def _intervals(t: Array, size: Array, threshold: Array) -> list[tuple[int, int]]:
+    """First and last sample of each contact: from above the threshold to below half of it."""
+    above = np.flatnonzero(size > threshold)
+    below = np.flatnonzero(size < RELEASE * threshold)
+    intervals: list[tuple[int, int]] = []
+    for k in above:
+        if intervals and (k <= intervals[-1][1] or t[k] - t[intervals[-1][1]] < PAUSE_S):
+            if k <= intervals[-1][1]:
+                continue
+            first = intervals.pop()[0]
+        else:
+            first = int(k)
+        after = np.searchsorted(below, k)
+        last = int(below[after]) if after < len(below) else len(size) - 1
+        intervals.append((first, last))
+    return intervals

@@ -1,0 +1,164 @@
+"""Momentum balance of an identified model, rotors and friction included.
+
+    τ_m + τ_ext = dp/dt − s,   p = M dq + J_r dq,   s = ∂(T − U)/∂q − τ_f = Cᵀ dq − g − τ_f
+
+p and Cᵀ dq − g come from the regressors of `momentum_regressor`; columns of rotor inertia count in
+p, all others in τ_f. No acceleration is needed.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.estimators.friction_net import FrictionNet
+from runtime.identification.identified import Identification
+from runtime.identification.saved_result import SavedResult
+from runtime.library import Array, Library
+from runtime.recording import Friction, Preparation, friction
+from runtime.recording.friction.coupled_motors import Coupling, coupling_of_terms
+from runtime.recording.friction_column import COLUMNS, JointMotion
+
+CHUNK = 4096
+"""States whose regressors are held at a time."""
+SLOW = 2.0
+"""Speed in units of ε below which dry friction may act in either direction."""
+
+
+@dataclass(frozen=True, slots=True)
+class MonitoredModel:
+    """Parameters that an observer computes with.
+
+    Attributes:
+        beta: base parameters β, (n_b,).
+        terms: friction columns, with the gear of coupled motors.
+        phi: friction coefficients, (n, k).
+        net: friction net; None for none.
+        preparation: of the log that the model was identified from.
+    """
+
+    beta: Array
+    terms: Friction
+    phi: Array
+    net: FrictionNet | None
+    preparation: Preparation
+
+    @property
+    def delay_s(self) -> float:
+        """Delay of τ behind q in the log [s]."""
+        return self.preparation.torque_delay_s or 0.0
+
+    @property
+    def inertial(self) -> Array:
+        """Whether each friction column is an inertia, (k,)."""
+        return np.array([COLUMNS[name].is_inertial for name in self.terms.columns], dtype=bool)
+
+    @property
+    def coupling(self) -> Coupling | None:
+        """Coupled motors of the columns; None without."""
+        return coupling_of_terms(self.terms)
+
+    def balance(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Momentum p and force s of τ_m + τ_ext = dp/dt − s.
+
+        Args:
+            lib: library of the robot.
+            q: (N, n) joint positions of successive instants [rad, m].
+            dq: (N, n) joint velocities [rad/s, m/s].
+
+        Returns:
+            p [kg·m²/s, kg·m/s] and s [N·m, N], (N, n) each.
+        """
+        momentum, force = np.empty_like(q), np.empty_like(q)
+        for start in range(0, len(q), CHUNK):
+            part = slice(start, start + CHUNK)
+            over_p, over_s = lib.momentum_regressor(q[part], dq[part])
+            momentum[part], force[part] = over_p @ self.beta, over_s @ self.beta
+        rotors, columns = self.columns(lib, q, dq)
+        momentum += friction.torque(rotors, self.phi, self.coupling)
+        force -= friction.torque(columns, self.phi, self.coupling)
+        if self.net is not None:
+            force -= self.net.torque(columns)
+        return momentum, force
+
+    def rows(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Regressors of p and s over [β; φ].
+
+        Args:
+            lib: library of the robot.
+            q: (N, n) joint positions of successive instants [rad, m].
+            dq: (N, n) joint velocities [rad/s, m/s].
+
+        Returns:
+            Two arrays (N, n, n_b + n k).
+        """
+        over_p, over_s = lib.momentum_regressor(q, dq)
+        rotors, columns = self.columns(lib, q, dq)
+        spread_p = friction.spread(rotors, self.coupling)
+        spread_s = friction.spread(columns, self.coupling)
+        return (
+            np.concatenate([over_p, spread_p], axis=2),
+            np.concatenate([over_s, -spread_s], axis=2),
+        )
+
+    def columns(self, lib: Library, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Friction columns of p and of τ_f.
+
+        Args:
+            lib: library of the robot.
+            q: (N, n) joint positions of successive instants [rad, m].
+            dq: (N, n) joint velocities [rad/s, m/s].
+
+        Returns:
+            Columns of rotor inertia at the speed instead of the acceleration, and all others,
+            (N, n, k) each, with zeros in place of those of the other kind.
+        """
+        inertial = self.inertial
+        still = np.zeros_like(dq)
+        plain = friction.columns(JointMotion(dq, q, still, lib), self.terms)
+        if not inertial.any():
+            return np.zeros_like(plain), plain
+        moving = friction.columns(JointMotion(still, q, dq, lib), self.terms)
+        return np.where(inertial, moving, 0.0), np.where(inertial, 0.0, plain)
+
+    @property
+    def dry_friction(self) -> Array:
+        """Size of the dry friction of every joint, Σ |φ| over its columns, (n,) [N·m, N]."""
+        dry = [COLUMNS[name].model_term == "friction" for name in self.terms.columns]
+        return np.asarray(np.abs(self.phi[:, np.array(dry, dtype=bool)]).sum(axis=1))
+
+    def is_slow(self, dq: Array) -> NDArray[np.bool_]:
+        """Joints so slow that the smooth sign of dq does not say which way friction acts.
+
+        Args:
+            dq: (N, n) joint velocities [rad/s, m/s].
+
+        Returns:
+            (N, n); False for joints without dry friction.
+        """
+        slow = np.abs(dq) < SLOW * self.terms.coulomb_speed
+        return np.asarray(slow & (self.dry_friction > 0))
+
+
+def model_of(identified: Identification | SavedResult, lib: Library) -> MonitoredModel:
+    """The model of an identification or of a saved result.
+
+    Args:
+        identified: result of `identify`, or one that was read from its file.
+        lib: library of the robot.
+
+    Returns:
+        Parameters for the observer.
+    """
+    if isinstance(identified, Identification):
+        preparation = identified.train.prepared or Preparation()
+        phi = identified.usual_phi
+    else:
+        preparation, phi = identified.preparation, identified.phi
+    return MonitoredModel(
+        beta=lib.base_matrix @ identified.pi,
+        terms=identified.friction if phi.size else Friction(()),
+        phi=phi.reshape(lib.n_joints, -1),
+        net=identified.net,
+        preparation=preparation,
+    )

@@ -1,0 +1,230 @@
+"""Noise of r in free motion: model and friction below a frequency, sensors above it.
+
+    σ² = ∫_0^{f_s} S_e(f) |H(f)|² df + var(r above f_s)
+
+S_e is the spectrum of the residual that `identify` has kept from its test part, which the model
+has not seen, and H the observer. The filter of that log removes what lies above f_s; there the
+variance of r itself counts, in short blocks of the observed log, without those in which it is far
+above the median: these hold contacts. Reversals of a joint are left out of S_e, because thresholds
+add its dry friction there.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.errors import IdentificationError, RecordingError
+from runtime.files import require_file
+from runtime.library import Array
+from runtime.monitoring.model import MonitoredModel
+from runtime.monitoring.observer import ObserverSettings
+from runtime.recording.formats.npz import open_npz
+from runtime.recording.preprocessing import segments
+
+KEPT = 0.6
+"""Share of a low-pass's cut-off up to which it leaves a residual as it is (2 % in amplitude)."""
+AVERAGE_CUTOFF = 0.443
+"""Cut-off of a moving average times its window."""
+BLOCK_S = 0.25
+"""Length of the blocks whose variance is compared, to leave out contacts [s]."""
+LEAST_BLOCKS = 4
+"""Blocks of the shortest stretch from which a variance is estimated."""
+OUTLIER = 6.0
+"""Variance of a block over the median of all, above which it counts as a contact."""
+MARGIN = 1.1
+"""Threshold over the largest slow residual that was seen in free motion, at least."""
+REVERSAL_S = 0.1
+"""Time after a reversal or a rest in which the direction of dry friction is uncertain [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOutResidual:
+    """Residual torque of the part of a log that the model has not seen.
+
+    Attributes:
+        t: (N,) with holes [s].
+        rest: τ − τ̂, (N, n) [N·m, N].
+        is_used: (N, n), False next to reversals of a joint.
+        limit_hz: frequency up to which the filter of the log has kept it; None without a filter.
+    """
+
+    t: Array
+    rest: Array
+    is_used: NDArray[np.bool_]
+    limit_hz: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObserverNoise:
+    """Noise of r in free motion, per joint.
+
+    Attributes:
+        slow: σ below f_s, of model and friction, (n,) [N·m, N].
+        fast: σ above f_s, of sensors, (n,) [N·m, N].
+        largest: largest |r| below f_s that free motion has shown, (n,) [N·m, N].
+        correlation: ρ of neighbouring samples of r, (n,).
+    """
+
+    slow: Array
+    fast: Array
+    largest: Array
+    correlation: Array
+
+    @property
+    def sigma(self) -> Array:
+        """σ of r, (n,) [N·m, N]."""
+        return np.sqrt(self.slow**2 + self.fast**2)
+
+    def thresholds(self, levels: Array, band: Array | float = 0.0) -> Array:
+        """Thresholds z √(σ² + band²), not below what free motion has shown.
+
+        Args:
+            levels: z, (n,).
+            band: standard deviation of the model's torque, (…, n) [N·m, N].
+
+        Returns:
+            (…, n) [N·m, N].
+        """
+        least = MARGIN * self.largest + self.fast
+        return np.maximum(levels * np.sqrt(self.sigma**2 + band**2), least)
+
+
+def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:
+    """Residual on the test part, from predictions.npz of a result.
+
+    Args:
+        result: folder written by `identify`, or its result.json.
+        model: of the result.
+
+    Returns:
+        The residual.
+
+    Raises:
+        IdentificationError: the file is missing, damaged or holds no torque per joint.
+    """
+    path = (result if result.is_dir() else result.parent) / "predictions.npz"
+    preparation, joints = model.preparation, len(model.phi)
+    try:
+        file = open_npz(require_file(path).read_bytes(), path.name)
+        t = np.array(file["t"], dtype=float)
+        rest = np.array(file["measured"], dtype=float) - np.array(file["after"], dtype=float)
+        dq = np.array(file["dq"], dtype=float)
+        numbers = np.isfinite(rest).all() and np.isfinite(dq).all() and (np.diff(t) > 0).all()
+        if not (rest.shape == dq.shape == (len(t), joints)) or not numbers or len(t) < 2:
+            raise ValueError
+    except (OSError, RecordingError, ValueError, KeyError, TypeError):
+        raise IdentificationError(
+            f"expected '{path}' with the torque of {joints} joints, which the thresholds are "
+            "computed from; identify again with this version and a regressor of torque"
+        ) from None
+    cutoff = {
+        "butterworth": preparation.cutoff_hz,
+        "average": preparation.window_s and AVERAGE_CUTOFF / preparation.window_s,
+        "savitzky-golay": preparation.window_s and preparation.order / (2 * preparation.window_s),
+    }.get(preparation.filter)
+    usable = ~near(t, model.is_slow(dq), REVERSAL_S, REVERSAL_S)
+    return HeldOutResidual(t, rest, usable, cutoff and KEPT * cutoff)
+
+
+def near(t: Array, event: NDArray[np.bool_], before_s: float, after_s: float) -> NDArray[np.bool_]:
+    """Instants around those of an event.
+
+    Args:
+        t: (N,) increasing [s].
+        event: (N, n).
+        before_s: how long before an event an instant counts as near [s].
+        after_s: how long after it [s].
+
+    Returns:
+        (N, n).
+    """
+    sums = np.vstack([np.zeros((1, event.shape[1]), int), np.cumsum(event, axis=0)])
+    first = np.searchsorted(t, t - after_s - 1e-9)
+    last = np.searchsorted(t, t + before_s + 1e-9, side="right")
+    return np.asarray(sums[last] > sums[first])
+
+
+def noise_of_observer(
+    settings: ObserverSettings,
+    held_out: HeldOutResidual,
+    t: Array,
+    r: Array,
+    model_variance: Array | float = 0.0,
+) -> ObserverNoise:
+    """Noise of r in free motion.
+
+    Args:
+        settings: of the observer.
+        held_out: residual of the test part of the identification.
+        t: (N,) of the observed log, uniform but for holes [s].
+        r: (N, n) its external torque, NaN where there is none [N·m, N].
+        model_variance: mean square of the model's band on the test part, (n,), which thresholds
+            add again for each state and is therefore subtracted, down to a quarter.
+
+    Returns:
+        Noise per joint.
+    """
+    limit = 0.4 * settings.rate_hz
+    if held_out.limit_hz is not None:
+        limit = min(limit, held_out.limit_hz)
+    power, cosine, largest = _slow(settings, held_out, limit)
+    slow = np.maximum(power - model_variance, power / 4)
+    fast, step = _fast(settings.rate_hz, t, r, limit)
+    total = np.maximum(slow + fast, 1e-300)
+    correlation = (slow * cosine + fast - step / 2) / total
+    correlation = np.clip(correlation, -0.999, 1 - 1e-9)
+    return ObserverNoise(np.sqrt(slow), np.sqrt(fast), largest, correlation)
+
+
+def _slow(
+    settings: ObserverSettings, held_out: HeldOutResidual, limit: float
+) -> tuple[Array, Array, Array]:
+    """Variance of r below the limit, E cos(2πfΔ) of its spectrum, largest |r|, (n,) each."""
+    from scipy.fft import dct, idct
+
+    n = held_out.rest.shape[1]
+    power, cosines, largest, count = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    for part in segments(held_out.t):
+        usable = held_out.is_used[part]
+        rest = held_out.rest[part] * usable
+        if len(rest) < 2:
+            continue
+        step = float(np.median(np.diff(held_out.t[part])))
+        hz = np.arange(len(rest)) / (2 * step * len(rest))
+        kept = settings.gain(hz) * (hz <= limit)
+        waves = dct(rest, axis=0, norm="ortho") * np.sqrt(kept)[:, None]
+        power += np.sum(waves**2, axis=0)
+        cosines += np.sum(waves**2 * np.cos(2 * np.pi * hz / settings.rate_hz)[:, None], axis=0)
+        shown = idct(waves, axis=0, norm="ortho")
+        largest = np.maximum(largest, np.abs(shown * usable).max(axis=0))
+        count += usable.sum(axis=0)
+    safe = np.where(power > 0, power, 1.0)
+    return power / np.maximum(count, 1), np.where(power > 0, cosines / safe, 1.0), largest
+
+
+def _fast(rate_hz: float, t: Array, r: Array, limit: float) -> tuple[Array, Array]:
+    """Variance of r above the limit, and that of its differences, without blocks of contacts."""
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(4, limit, "highpass", fs=rate_hz, output="sos")
+    size = max(round(BLOCK_S * rate_hz), 8)
+    squares, steps = [], []
+    for part in segments(t):
+        rows = r[part][np.isfinite(r[part]).all(axis=1)]
+        if len(rows) < LEAST_BLOCKS * size:
+            continue
+        high = sosfiltfilt(sections, rows, axis=0)
+        high = high[: len(high) // size * size].reshape(-1, size, rows.shape[1])
+        squares.append(np.mean(high**2, axis=1))
+        steps.append(np.mean(np.diff(high, axis=1) ** 2, axis=1))
+    if not squares:
+        raise IdentificationError(
+            f"the log holds no stretch of {LEAST_BLOCKS * size / rate_hz:g} s without a hole, from "
+            "which the noise of the sensors could be estimated; give a longer log"
+        )
+    power, change = np.concatenate(squares), np.concatenate(steps)
+    usual = power <= OUTLIER * np.median(power, axis=0)
+    count = usual.sum(axis=0)
+    return (power * usual).sum(axis=0) / count, (change * usual).sum(axis=0) / count

@@ -1,0 +1,272 @@
+"""Observation of a log: external torque with σ, thresholds as functions of the state, contacts.
+
+    threshold_j(t) = z_j √(σ_j² + band_j(t)²) + dry_j(t) + Δ |dτ_j/dt|
+
+σ_j is the noise of r in free motion, band_j the standard deviation of the model's torque by its
+posterior at the present state, z_j follows from the rate of false alarms. dry_j is the dry friction
+of the joint at rest and for 0.1 s after a reversal, where its direction is uncertain, else 0. The
+last term covers torque and position that lie up to a sampling step Δ apart.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.library import Array, Library
+from runtime.monitoring.contacts import Contact, contacts_of
+from runtime.monitoring.false_alarms import AlarmRate, levels
+from runtime.monitoring.model import CHUNK, MonitoredModel
+from runtime.monitoring.noise import (
+    REVERSAL_S,
+    HeldOutResidual,
+    ObserverNoise,
+    near,
+    noise_of_observer,
+)
+from runtime.monitoring.observer import (
+    ObserverSettings,
+    averaged,
+    external_torque,
+    observer_settings,
+)
+from runtime.recording import Preparation, Recording
+from runtime.recording.preprocessing import differentiate, on_grid, segments
+
+WITHIN_S = 0.025
+"""Time in which r shows 95 % of a step unless it is stated [s]."""
+WINDOWS = (0.0, 1 / 6, 1 / 3, 2 / 3)
+"""Candidates of the averaging window, as shares of that time."""
+EXCERPT_S = 60.0
+"""Length of a log from which the observer is chosen [s]."""
+SLOPE_STEPS = 10
+"""Samples over which the slope of the torque is taken, at least."""
+BAND_HZ = 100.0
+"""Rate at which the model's band is evaluated; it changes with the motion [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detector:
+    """Observer with thresholds.
+
+    Attributes:
+        model: identified model.
+        settings: of the observer.
+        within_s: time in which r shows 95 % of a step [s].
+        rate: stated rate of false alarms.
+        noise: of r in free motion.
+        levels: z, (n,).
+        root: root of the covariance of [β; φ], (p, columns); None where it is not known.
+    """
+
+    model: MonitoredModel
+    settings: ObserverSettings
+    within_s: float
+    rate: AlarmRate
+    noise: ObserverNoise
+    levels: Array
+    root: Array | None
+
+    @property
+    def thresholds(self) -> Array:
+        """Thresholds without the model's band, (n,) [N·m, N]."""
+        return self.noise.thresholds(self.levels)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """External torque of a log and its contacts.
+
+    Attributes:
+        t: (N,) [s].
+        r: (N, n) external torque, NaN where unknown [N·m, N].
+        sigma: (N, n) standard deviation of r in free motion [N·m, N].
+        threshold: (N, n) [N·m, N].
+        contacts: in the order of time.
+        seconds: duration for which r is known [s].
+    """
+
+    t: Array
+    r: Array
+    sigma: Array
+    threshold: Array
+    contacts: tuple[Contact, ...]
+    seconds: float
+
+
+def candidates(rate_hz: float, within_s: float) -> tuple[ObserverSettings, ...]:
+    """Observers that show 95 % of a step in a stated time, by window and source of the speed.
+
+    Args:
+        rate_hz: of the samples [Hz].
+        within_s: that time [s].
+
+    Returns:
+        One or more settings.
+
+    Raises:
+        IdentificationError: the time is shorter than three samples.
+    """
+    if not within_s * rate_hz >= 3 - 1e-9:
+        raise IdentificationError(
+            f"expected three samples or more in which a contact is shown, got {within_s:g} s at "
+            f"{rate_hz:g} Hz; raise --within"
+        )
+    steps = sorted({int(share * within_s * rate_hz) for share in WINDOWS})
+    pairs = [(each, "measured") for each in steps] + [(each, "position") for each in steps if each]
+    return tuple(observer_settings(rate_hz, within_s, each, source) for each, source in pairs)
+
+
+def detector_for(
+    lib: Library,
+    model: MonitoredModel,
+    recording: Recording,
+    held_out: HeldOutResidual,
+    rate: AlarmRate,
+    within_s: float = WITHIN_S,
+    root: Array | None = None,
+) -> Detector:
+    """The observer with the smallest thresholds on a log.
+
+    Args:
+        lib: library of the robot.
+        model: identified model.
+        recording: on a uniform grid, with dq and tau; its first minute decides.
+        held_out: residual of the test part of the identification.
+        rate: stated rate of false alarms of all joints together.
+        within_s: time in which r shows 95 % of a step [s].
+        root: root of the covariance of [β; φ]; None leaves the model's band out.
+
+    Returns:
+        Observer, noise and thresholds.
+
+    Raises:
+        IdentificationError: the log is too short or too slow.
+    """
+    count = int(np.searchsorted(recording.t, recording.t[0] + EXCERPT_S)) or 1
+    part = recording.take(slice(0, count), "Took an excerpt.")
+    signals = part.t, part.q, part.required("dq"), part.required("tau")
+    choices = []
+    for settings in candidates(part.rate_hz, within_s):
+        r = external_torque(lib, model, settings, *signals)
+        noise = noise_of_observer(settings, held_out, part.t, r)
+        z = levels(rate.per_second, noise.correlation, settings.rate_hz)
+        choices.append(Detector(model, settings, within_s, rate, noise, z, root))
+    # Product of the thresholds of all joints, whatever their units.
+    return min(choices, key=lambda each: np.sum(np.log(np.maximum(each.thresholds, 1e-300))))
+
+
+def observe(lib: Library, detector: Detector, recording: Recording) -> Observation:
+    """External torque and contacts of a log.
+
+    Args:
+        lib: library of the robot.
+        detector: observer with thresholds.
+        recording: on the uniform grid of the detector's rate, with dq and tau.
+
+    Returns:
+        r, σ, thresholds and contacts.
+    """
+    t, q = recording.t, recording.q
+    dq, tau = recording.required("dq"), recording.required("tau")
+    r = external_torque(lib, detector.model, detector.settings, t, q, dq, tau)
+    band, extra = _state_terms(lib, detector, t, q, dq, tau)
+    sigma = np.sqrt(detector.noise.sigma**2 + band**2)
+    threshold = detector.noise.thresholds(detector.levels, band) + extra
+    contacts = contacts_of(t, r, sigma, threshold, lib.joint_names, detector.within_s)
+    seconds = float(np.isfinite(r[:, 0]).sum() / detector.settings.rate_hz)
+    return Observation(t, r, sigma, threshold, contacts, seconds)
+
+
+def _state_terms(
+    lib: Library, detector: Detector, t: Array, q: Array, dq: Array, tau: Array
+) -> tuple[Array, Array]:
+    """Band of the model, and dry friction with timing, at every sample, (N, n) each [N·m, N]."""
+    s = detector.settings
+    band, extra = np.zeros_like(q), np.zeros_like(q)
+    for part in segments(t):
+        if part.stop - part.start <= s.steps + 1:
+            continue
+        position, speed, torque = averaged(s, q[part], dq[part], tau[part])
+        if detector.root is not None:
+            band[part][s.steps :] = _band(lib, detector, detector.root, position, speed)
+        slow = near(t[part][s.steps :], detector.model.is_slow(speed), 0.0, REVERSAL_S)
+        extra[part][s.steps :] = slow * detector.model.dry_friction
+        lag = max(s.steps, SLOPE_STEPS)
+        extra[part][s.steps + lag :] += np.abs(torque[lag:] - torque[:-lag]) / lag
+    return band, extra
+
+
+def _band(lib: Library, detector: Detector, root: Array, q: Array, dq: Array) -> Array:
+    """σ of the model's torque, ‖(dP/dt − S) L‖ by differences over 1/BAND_HZ, (N, n)."""
+    s = detector.settings
+    stride = max(round(s.rate_hz / BAND_HZ), 1)
+    index = np.arange(0, len(q), stride)
+    if len(index) < 2:
+        return np.zeros_like(q)
+    values = np.empty((len(index) - 1, q.shape[1]))
+    size = max(CHUNK // 8, 2)
+    for start in range(0, len(index) - 1, size - 1):
+        taken = index[start : start + size]
+        over_p, over_s = detector.model.rows(lib, q[taken], dq[taken])
+        change = np.diff(over_p, axis=0) * (s.rate_hz / stride)
+        rows = change - (over_s[1:] + over_s[:-1]) / 2
+        values[start : start + len(taken) - 1] = np.linalg.norm(rows @ root, axis=2)
+    held = np.minimum(np.arange(len(q)) // stride, len(values) - 1)
+    return np.asarray(values[held])
+
+
+@dataclass(frozen=True, slots=True)
+class FreeMotion:
+    """Verification of the stated rate on a log of free motion.
+
+    Attributes:
+        alarms: number of alarms in it.
+        expected: number that the stated rate gives for its duration.
+        probability: of so many alarms or more at the stated rate.
+    """
+
+    alarms: int
+    expected: float
+    probability: float
+
+
+def verified(lib: Library, detector: Detector, recording: Recording) -> FreeMotion:
+    """Number of alarms in a log of free motion, against the stated rate.
+
+    Args:
+        lib: library of the robot.
+        detector: observer with thresholds.
+        recording: on the uniform grid of the detector's rate, without contacts.
+
+    Returns:
+        The numbers, and how probable they are.
+    """
+    from scipy.special import pdtrc
+
+    seen = observe(lib, detector, recording)
+    expected = detector.rate.per_second * seen.seconds
+    alarms = len(seen.contacts)
+    return FreeMotion(alarms, expected, float(pdtrc(alarms - 1, expected)) if alarms else 1.0)
+
+
+def prepared_for(recording: Recording, model: MonitoredModel) -> Recording:
+    """The log on a uniform grid with dq, its torque without delay, unfiltered.
+
+    Args:
+        recording: as read. The clock and delay of its recipe count, else those of the model.
+        model: identified model.
+
+    Returns:
+        The recording for `observe`.
+
+    Raises:
+        RecordingError: a step cannot be taken.
+    """
+    steps = recording.preparation
+    if steps == Preparation():
+        steps = model.preparation
+    if steps.max_gap_s is None:
+        steps = replace(steps, max_gap_s=3.0 / recording.rate_hz)
+    data = on_grid(recording, steps)
+    return differentiate(data) if data.dq is None else data

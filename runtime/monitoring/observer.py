@@ -1,0 +1,290 @@
+"""External joint torque by the generalised-momentum observer, sample by sample or for a whole log.
+
+    r = K_O (p(t) − ∫ (τ_m − τ_f + Cᵀ dq − g + r) dt − p(0))
+
+r follows τ_ext with bandwidth K_O. For inputs that are linear between samples at steps of Δ
+
+    w_k = (p_k − p_{k−1})/Δ − (u_k + u_{k−1})/2,   r_k = a r_{k−1} + (1 − a) w_k,   a = exp(−K_O Δ)
+
+with u = τ_m − τ_f + Cᵀ dq − g, so that w_k is the mean of τ_ext over a step. A window averages q,
+dq and τ before; with `velocity = "position"` its mean speed is the difference of its ends,
+which is cleaner than a measured speed where encoders are fine. Source: De Luca & Mattone 2003.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from runtime.errors import IdentificationError
+from runtime.identification.identified import Identification
+from runtime.identification.saved_result import SavedResult
+from runtime.library import Array, Library
+from runtime.monitoring.model import MonitoredModel, model_of
+from runtime.recording.preprocessing import segments
+
+BANDWIDTH = 100.0
+"""K_O of the observer unless it is stated [1/s]."""
+VELOCITIES = ("measured", "position")
+
+
+@dataclass(frozen=True, slots=True)
+class ObserverSettings:
+    """Discrete observer.
+
+    Attributes:
+        rate_hz: rate of the samples [Hz].
+        bandwidth: K_O [1/s].
+        steps: length of the averaging window in steps of time, 0 for none.
+        velocity: "measured" takes dq, "position" the difference of q over the window.
+    """
+
+    rate_hz: float
+    bandwidth: float = BANDWIDTH
+    steps: int = 0
+    velocity: str = "measured"
+
+    def __post_init__(self) -> None:
+        for what, value in (("a rate in Hz", self.rate_hz), ("a bandwidth in 1/s", self.bandwidth)):
+            if not 0 < value < np.inf:
+                raise IdentificationError(f"expected {what} above 0, got {value:g}; correct it")
+        if self.velocity not in VELOCITIES:
+            raise IdentificationError(
+                f"expected a velocity of {', '.join(VELOCITIES)}, got {self.velocity!r:.40}"
+            )
+        if self.steps < (self.velocity == "position"):
+            raise IdentificationError(
+                f"expected a window of {int(self.velocity == 'position')} steps or more for the "
+                f"velocity '{self.velocity}', got {self.steps}; enlarge it"
+            )
+
+    @property
+    def decay(self) -> float:
+        """a = exp(−K_O Δ)."""
+        return float(np.exp(-self.bandwidth / self.rate_hz))
+
+    def response(self, seconds: float) -> float:
+        """Share of a step of τ_ext that r shows after some time, in (0, 1)."""
+        lag, window = self.bandwidth, self.steps / self.rate_hz
+        if not window:
+            return float(1 - np.exp(-lag * seconds))
+        ramp = min(seconds, window)
+        # Step response of the window, a ramp, through 1/(1 + s/K_O).
+        rise = (ramp - (1 - np.exp(-lag * ramp)) / lag) / window
+        return float(1 - (1 - rise) * np.exp(-lag * (seconds - ramp)))
+
+    def gain(self, hz: Array) -> Array:
+        """|H(f)|² from τ_ext to r, same shape as the frequencies [Hz]."""
+        lag = 1 / (1 + (2 * np.pi * hz / self.bandwidth) ** 2)
+        return np.asarray(lag * np.sinc(hz * self.steps / self.rate_hz) ** 2)
+
+
+def observer_settings(
+    rate_hz: float, within_s: float, steps: int, velocity: str
+) -> ObserverSettings:
+    """Observer in which r shows 95 % of a step after a stated time.
+
+    Args:
+        rate_hz: rate of the samples [Hz].
+        within_s: that time [s].
+        steps: length of the averaging window in steps of time.
+        velocity: of `VELOCITIES`.
+
+    Returns:
+        Settings with the smallest such bandwidth.
+
+    Raises:
+        IdentificationError: the window is as long as the time.
+    """
+    if not steps / rate_hz < within_s:
+        raise IdentificationError(
+            f"expected a window shorter than the {within_s:g} s in which a step is shown, got "
+            f"{steps / rate_hz:g} s; shorten it"
+        )
+    low, high = 1.0 / within_s, 1e4 / within_s
+    for _ in range(60):  # the response rises with the bandwidth
+        middle = np.sqrt(low * high)
+        shown = ObserverSettings(rate_hz, float(middle), steps, velocity).response(within_s)
+        low, high = (low, middle) if shown > 0.95 else (middle, high)
+    return ObserverSettings(rate_hz, float(high), steps, velocity)
+
+
+class Observer:
+    """External joint torque, sample by sample.
+
+    Args:
+        lib: library of the robot.
+        identified: model, an `Identification` or a result that was read.
+        rate_hz: rate of the samples [Hz].
+        bandwidth: K_O [1/s].
+        window_s: length of the averaging window [s]; 0 for none.
+        velocity: "measured" or "position".
+
+    Raises:
+        IdentificationError: a setting is out of range.
+        RecordingError: the friction model depends on the whole path.
+    """
+
+    def __init__(
+        self,
+        lib: Library,
+        identified: Identification | SavedResult,
+        *,
+        rate_hz: float,
+        bandwidth: float = BANDWIDTH,
+        window_s: float = 0.0,
+        velocity: str = "measured",
+    ) -> None:
+        steps = round(window_s * rate_hz)
+        self.settings = ObserverSettings(rate_hz, bandwidth, steps, velocity)
+        self._lib, self._model = lib, model_of(identified, lib)
+        self._model.columns(lib, lib.home[None], np.zeros((1, lib.n_joints)))
+        # A torque that is logged late belongs to an earlier state, and one logged early to a later.
+        delay = self._model.delay_s * rate_hz
+        self._late = max(delay, 0.0), max(-delay, 0.0)
+        n = lib.n_joints
+        self._states: deque[Array] = deque(maxlen=int(np.ceil(self._late[0])) + 2)
+        self._torques: deque[Array] = deque(maxlen=int(np.ceil(self._late[1])) + 2)
+        self._window: deque[Array] = deque(maxlen=steps + 1)
+        self._last: tuple[Array, Array] | None = None
+        self._r = np.zeros(n)
+
+    def reset(self) -> None:
+        """Forget all samples, as after a pause of the log."""
+        for queue in (self._states, self._torques, self._window):
+            queue.clear()
+        self._last, self._r = None, np.zeros(self._lib.n_joints)
+
+    def update(self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike) -> Array:
+        """Add one sample.
+
+        Args:
+            q: (n,) joint positions [rad, m].
+            dq: (n,) joint velocities [rad/s, m/s].
+            tau: (n,) torques of the motors [N·m, N].
+
+        Returns:
+            r, (n,) [N·m, N]; 0 until the window is full. A sample that is not finite is left out.
+
+        Raises:
+            IdentificationError: the shapes do not fit.
+        """
+        sample = [np.asarray(each, dtype=float) for each in (q, dq, tau)]
+        n = self._lib.n_joints
+        if any(each.shape != (n,) for each in sample):
+            raise IdentificationError(
+                f"expected q, dq and tau of shape ({n},), got "
+                f"{', '.join(str(each.shape) for each in sample)}; give one row per sample"
+            )
+        if not all(np.isfinite(each).all() for each in sample):
+            return self._r.copy()
+        self._states.append(np.stack(sample[:2]))
+        self._torques.append(sample[2])
+        if len(self._states) <= self._late[0] or len(self._torques) <= self._late[1]:
+            return self._r.copy()
+        state = _delayed(self._states, self._late[0])
+        self._window.append(np.vstack([state, _delayed(self._torques, self._late[1])]))
+        s = self.settings
+        if len(self._window) <= s.steps:
+            return self._r.copy()
+        rows = np.stack(self._window)
+        mean = _window_mean(rows)
+        speed = mean[1]
+        if s.velocity == "position":
+            speed = (rows[-1, 0] - rows[0, 0]) * (s.rate_hz / s.steps)
+        p, force = self._model.balance(self._lib, mean[None, 0], speed[None])
+        now = p[0], mean[2] + force[0]
+        if self._last is not None:
+            w = (now[0] - self._last[0]) * s.rate_hz - (now[1] + self._last[1]) / 2
+            self._r = s.decay * self._r + (1 - s.decay) * w
+        self._last = now
+        return self._r.copy()
+
+
+def _delayed(queue: deque[Array], late: float) -> Array:
+    """Entry `late` steps before the last one, linear between entries."""
+    whole = int(late)
+    share = late - whole
+    newer = queue[-1 - whole]
+    return newer if share == 0.0 else (1 - share) * newer + share * queue[-2 - whole]
+
+
+def _window_mean(rows: Array) -> Array:
+    """Mean over a window by the trapezoidal rule, (…), of rows (steps + 1, …)."""
+    if len(rows) == 1:
+        return np.asarray(rows[0])
+    return np.asarray((rows[:-1] + rows[1:]).mean(axis=0) / 2)
+
+
+def averaged(
+    settings: ObserverSettings, q: Array, dq: Array, tau: Array
+) -> tuple[Array, Array, Array]:
+    """Means of q, dq and τ over the window that ends at each sample.
+
+    Args:
+        settings: window and source of the speed.
+        q: (N, n) joint positions of one segment [rad, m].
+        dq: (N, n) joint velocities [rad/s, m/s].
+        tau: (N, n) torques [N·m, N].
+
+    Returns:
+        Means (N − steps, n) of q, of dq and of τ.
+    """
+    steps = settings.steps
+    if not steps:
+        return q, dq, tau
+
+    def mean(values: Array) -> Array:
+        halves = (values[:-1] + values[1:]) / 2
+        sums = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), halves]), axis=0)
+        return np.asarray((sums[steps:] - sums[:-steps]) / steps)
+
+    speed = mean(dq)
+    if settings.velocity == "position":
+        speed = (q[steps:] - q[:-steps]) * (settings.rate_hz / steps)
+    return mean(q), speed, mean(tau)
+
+
+def external_torque(
+    lib: Library,
+    model: MonitoredModel,
+    settings: ObserverSettings,
+    t: Array,
+    q: Array,
+    dq: Array,
+    tau: Array,
+) -> Array:
+    """r of a whole log; the observer starts again after each hole of the clock.
+
+    Args:
+        lib: library of the robot.
+        model: identified model.
+        settings: of the observer.
+        t: (N,) uniform but for holes [s].
+        q: (N, n) joint positions [rad, m].
+        dq: (N, n) joint velocities [rad/s, m/s].
+        tau: (N, n) torques of the motors, without delay [N·m, N].
+
+    Returns:
+        r, (N, n) [N·m, N]; NaN where a window is not full.
+    """
+    r = np.full_like(q, np.nan)
+    for part in segments(t):
+        if part.stop - part.start > settings.steps + 1:
+            values = _segment(lib, model, settings, q[part], dq[part], tau[part])
+            r[part][settings.steps + 1 :] = values
+    return r
+
+
+def _segment(
+    lib: Library, model: MonitoredModel, s: ObserverSettings, q: Array, dq: Array, tau: Array
+) -> Array:
+    """r of one segment without the first steps + 1 samples."""
+    from scipy.signal import lfilter
+
+    position, speed, torque = averaged(s, q, dq, tau)
+    p, force = model.balance(lib, position, speed)
+    rate = torque + force
+    w = np.diff(p, axis=0) * s.rate_hz - (rate[1:] + rate[:-1]) / 2
+    return np.asarray(lfilter([1 - s.decay], [1, -s.decay], w, axis=0))

@@ -1,0 +1,128 @@
+"""Contacts of a real arm: none in free motion, pushes that we add are found in time."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Recording, write_recording
+from runtime.library import Library
+from runtime.monitoring.contacts import contacts_of
+from runtime.monitoring.wrench import link_jacobian, wrench_at
+from tests.oracle import pinocchio_model
+from tests.runtime.conftest import Command
+from tests.runtime.monitoring.conftest import Monitored
+
+PUSHES = ((1, 2.0, 14.0), (1, -2.0, 16.0), (5, 0.6, 15.0), (5, -0.6, 18.0))
+"""Joint, torque [N·m] and instant [s] of pushes of 0.3 s."""
+
+
+def observed(command: Command, log: Path, folder: Path, *words: object) -> dict:
+    """JSON of `observe`."""
+    rate = ("--false-alarms", "1 per hour")
+    ran = command("observe", log, "--model", folder, *rate, "--json", *words)
+    assert ran.code == 0, ran.err
+    return json.loads(ran.out)
+
+
+def test_free_motion_of_a_real_arm_raises_no_alarm(
+    command: Command, monitored: Monitored, rest_file: Path, tmp_path: Path
+) -> None:
+    """Oracle, real data: no contact in the part that the model has not seen; files are written."""
+    facts = observed(command, rest_file, monitored.folder, "--out", "seen", "--free", rest_file)
+    assert (facts["alarms"], facts["contacts"]) == (0, [])
+    assert facts["free_motion"]["alarms"] == 0
+    assert facts["notes"] == []
+    arrays = np.load(tmp_path / "seen" / "external_torque.npz")
+    assert arrays["r"].shape == arrays["sigma"].shape == (len(arrays["t"]), 7)
+    assert (arrays["sigma"] > 0).all()
+    assert len(facts["thresholds"]) == 7
+    names = sorted(path.name for path in (tmp_path / "seen").iterdir())
+    assert names == ["contacts.json", "external_torque.npz", "external_torque.png"]
+
+
+def test_pushes_on_a_real_arm_are_found(
+    command: Command, monitored: Monitored, rest_of_log: Recording, tmp_path: Path
+) -> None:
+    """Oracle, real data: joint, sign and size of pushes that we add, each within 30 ms.
+
+    A motor that works against a push from outside has the torque of the push added with the other
+    sign. The size is a median of 0.3 s, in which σ of slow errors is 0.17 and 0.03 N·m.
+    """
+    tau, t = rest_of_log.tau.copy(), rest_of_log.t
+    for j, size, start in PUSHES:
+        tau[(t >= start) & (t < start + 0.3), j] -= size
+    write_recording(rest_of_log.replace(tau=tau), tmp_path / "pushed.npz")
+    facts = observed(command, tmp_path / "pushed.npz", monitored.folder, "--link", "fr3_link7")
+    contacts = facts["contacts"]
+    assert len(contacts) == len(PUSHES)
+    for j, size, start in PUSHES:
+        (contact,) = [c for c in contacts if abs(c["time_s"] - start) < 0.1]
+        assert contact["joint"] == f"fr3_joint{j + 1}"
+        assert contact["direction"] == np.sign(size)
+        # The clock of this log jitters by some milliseconds about the repaired one.
+        assert -0.005 < contact["time_s"] - start < 0.03
+        assert contact["torque"] == pytest.approx(size, abs=3 * (0.17 if j == 1 else 0.03))
+        assert contact["wrench"]["link"] == "fr3_link7"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--false-alarms", "rarely"), "such as '1 per hour'"),
+        (("--within", "0.001"), "raise --within"),
+        (("--link", "hand"), "correct --link"),
+    ],
+)
+def test_bad_options_are_one_sentence(
+    words: tuple[str, ...],
+    sentence: str,
+    command: Command,
+    monitored: Monitored,
+    rest_file: Path,
+    rest_of_log: Recording,
+    tmp_path: Path,
+) -> None:
+    """Property: exit code 2, one sentence, and nothing is written."""
+    tau = rest_of_log.tau + (rest_of_log.t[:, None] > 18) * np.eye(7)[1] * 9
+    write_recording(rest_of_log.replace(tau=tau), tmp_path / "log.npz")
+    ran = command("observe", "log.npz", "--model", monitored.folder, *words, "--out", "new")
+    assert ran.code == 2
+    assert sentence in ran.err
+    assert "Traceback" not in ran.err
+    assert not (tmp_path / "new").exists()
+
+
+def test_contacts_have_a_hysteresis() -> None:
+    """Oracle: crossings closer than 50 ms are one contact; a later one and another sign are new."""
+    t = np.arange(1000) / 1000
+    r = np.zeros((1000, 1))
+    r[100:150] = 3.0
+    r[110:112] = 1.6  # above half of the threshold: still the same contact
+    r[170:180] = 2.5  # 20 ms after the first one: the same contact
+    r[500:600] = -4.0
+    one = np.ones_like(r)
+    first, second = contacts_of(t, r, one, 2 * one, ["j"], 0.01)
+    assert (first.time_s, second.time_s) == pytest.approx((0.1, 0.5))
+    assert (first.torque, second.torque) == pytest.approx((3.0, -4.0))
+    assert (first.direction, second.direction) == (1, -1)
+    assert first.end_s == pytest.approx(0.18)
+
+
+def test_wrench_of_a_push_at_the_last_link(lib: Library) -> None:
+    """Oracle: Pinocchio's Jacobian of the link, and the wrench from J' w, where J has rank six."""
+    import pinocchio
+
+    q = lib.home + 0.3
+    w = np.array([10.0, -5.0, 3.0, 0.4, 0.2, -0.3])
+    model = pinocchio_model(lib.urdf())
+    data = model.createData()
+    jacobian = pinocchio.computeFrameJacobian(
+        model, data, q, model.getFrameId("fr3_link7"), pinocchio.LOCAL_WORLD_ALIGNED
+    )
+    np.testing.assert_allclose(link_jacobian(lib, q, 6), jacobian, atol=1e-12)
+    wrench = wrench_at(lib, q, jacobian.T @ w, "fr3_link7")
+    assert wrench.rank == 6
+    np.testing.assert_allclose([*wrench.force, *wrench.moment], w, atol=1e-9)
+    assert wrench_at(lib, q, np.ones(7), "fr3_link3").rank == 3

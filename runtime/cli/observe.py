@@ -33,6 +33,7 @@ from runtime.monitoring.observation import (
 )
 from runtime.monitoring.wrench import wrench_at
 from runtime.recording import Recording, read_recording
+from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.plausibility import require_plausible
 
 _WRITTEN = ResultFolder(
@@ -116,7 +117,7 @@ def observe_command(
 def _read(
     lib: Library, model: MonitoredModel, log: str, recipe: str | None, run: str | None
 ) -> Recording:
-    recording = read_recording(log, recipe, run, lib.joint_names)
+    recording = independent_joints(read_recording(log, recipe, run, lib.joint_names), lib)
     require_plausible(recording, lib)
     if recording.tau is None:
         raise IdentificationError(

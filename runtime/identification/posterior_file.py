@@ -39,12 +39,14 @@ class Posterior:
         information: data and prior.
         pi: π of the result, (10 n,).
         pi_root: L_π, root of the covariance of π, (10 n, columns).
+        joints: number n of joints, the rows of φ.
         logs: number of logs with offsets of their own; 0 for one log. The offset is their mean.
     """
 
     information: Information
     pi: Array
     pi_root: Array
+    joints: int
     logs: int
 
     def reduced(self, lib: Library) -> tuple[Reduced, Elimination]:
@@ -105,8 +107,7 @@ class Posterior:
         """Rows of φ with the offsets of several logs averaged, (n k, …)."""
         if not self.logs:
             return rows
-        joints = self.pi.size // 10
-        by_joint = rows.reshape(joints, -1, rows.shape[1])
+        by_joint = rows.reshape(self.joints, -1, rows.shape[1])
         shared, offsets = by_joint[:, : -self.logs], by_joint[:, -self.logs :]
         mean = offsets.mean(axis=1, keepdims=True)
         return np.concatenate([shared, mean], axis=1).reshape(-1, rows.shape[1])
@@ -205,4 +206,4 @@ def read_posterior(result: Path, saved: SavedResult, lib: Library) -> Posterior:
         model_hash=model_hash,
     )
     known = Information(statistics, numbers["density"], numbers["kappa"], arrays["centre"])
-    return Posterior(known, arrays["pi"], arrays["pi_root"], logs)
+    return Posterior(known, arrays["pi"], arrays["pi_root"], lib.n_joints, logs)

@@ -76,7 +76,7 @@ class MonitoredModel:
             momentum[part], force[part] = over_p @ self.beta, over_s @ self.beta
         rotors, columns = self.columns(lib, q, dq)
         momentum += friction.torque(rotors, self.phi, self.coupling)
-        force -= friction.torque(columns, self.phi, self.coupling)
+        force -= friction.torque(columns, self.phi, self.coupling) + lib.known_torque(q)
         if self.net is not None:
             force -= self.net.torque(columns)
         return momentum, force

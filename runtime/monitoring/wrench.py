@@ -47,9 +47,9 @@ def link_jacobian(lib: Library, q: Array, link: int) -> Array:
     Returns:
         J, (6, n); columns of joints that do not move the link are 0.
     """
-    joints = lib.manifest.joints
+    joints, coupling = lib.manifest.all_joints, lib.manifest.coupling
     poses = lib.link_poses(q)
-    jacobian, k = np.zeros((6, lib.n_joints)), link
+    jacobian, k = np.zeros((6, lib.n_links)), link
     while k >= 0:
         axis = poses[k, :3, :3] @ np.array(joints[k].axis)
         if joints[k].kind == "prismatic":
@@ -58,7 +58,7 @@ def link_jacobian(lib: Library, q: Array, link: int) -> Array:
             jacobian[:3, k] = np.cross(axis, poses[link, :3, 3] - poses[k, :3, 3])
             jacobian[3:, k] = axis
         k = joints[k].parent
-    return jacobian
+    return jacobian if coupling is None else np.asarray(jacobian @ coupling.matrix)
 
 
 def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:

@@ -95,6 +95,13 @@ def identify_command(
     controller: ControllerFile = None,
     stream: Stream = None,
     payload_of: PayloadOf = None,
+    refit: Annotated[
+        bool,
+        typer.Option(
+            help="Fit the parameters again to all rows once the errors on the test part are "
+            "known (one log, methods without early stopping)."
+        ),
+    ] = True,
     seed: Seed = 0,
     overwrite: Overwrite = False,
 ) -> None:
@@ -115,7 +122,8 @@ def identify_command(
     ddq are optional. Every other layout is described by a recipe, which inspect proposes.
 
     Written to the folder --out: result.json (parameters, uncertainty, errors), identified.urdf and
-    report.html. The test part of the log is not used for the fit.
+    report.html. Errors are those of the test part by a fit that has not used it; the parameters are
+    then fitted to all rows (--no-refit keeps those of the training part).
 
     Several logs, or --run 1,2,3, give one set of parameters; every log has its own torque offset,
     and the output shows how well the other logs predict each of them. Ctrl-C keeps the best
@@ -165,6 +173,7 @@ def identify_command(
             splitting=data.splitting,
             friction_columns=terms,
             controller=read_controller(controller, lib) if controller else None,
+            refit=refit,
         ),
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))

@@ -38,6 +38,19 @@ class WholeLog:
 
 
 @dataclass(frozen=True, slots=True)
+class TrainedModel:
+    """A fit to the training part, where the result is a fit to all rows.
+
+    Attributes:
+        pi: standard parameters π, (10 n,) [kg, kg·m ×3, kg·m² ×6 per link].
+        phi: friction coefficients, (n, k).
+    """
+
+    pi: Array
+    phi: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Identification(Framed):
     """Identified parameters with their certificates.
 
@@ -70,6 +83,8 @@ class Identification(Framed):
         streamed: figures over all rows, where train, validation and test are windows of a log.
         urdf_phi: friction coefficients fitted with the inertial parameters of the URDF, (n, k);
             None without friction.
+        trained: fit to the training part alone, whose errors, loss and gap are reported, where π
+            and φ are those of all rows; None where they are those of the training part.
     """
 
     method: str
@@ -98,6 +113,7 @@ class Identification(Framed):
     log_names: tuple[str, ...] = ()
     streamed: WholeLog | None = None
     urdf_phi: Array | None = None
+    trained: TrainedModel | None = None
 
     def __repr__(self) -> str:
         source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"
@@ -184,6 +200,13 @@ class Identification(Framed):
         """τ̂ of prepared samples, (N, n); their power where the rows are rows of power, (N, 1)."""
         return torque_of(self.lib, samples, self.pi, self.phi, self.net)
 
+    def predict_test(self) -> Array:
+        """τ̂ of the test part by the fit to the training part, (N, n)."""
+        samples = samples_of(self.test, self.lib)
+        if self.trained is None:
+            return self.predict_samples(samples)
+        return torque_of(self.lib, samples, self.trained.pi, self.trained.phi, self.net)
+
     def before(self, recording: Recording) -> Array:
         """τ̂ of the URDF's parameters without friction, (N, n)."""
         return samples_of(recording, self.lib).rigid(self.lib, self.lib.pi0)
@@ -216,7 +239,7 @@ def torque_errors(result: Identification) -> tuple[metrics.TorqueError, metrics.
     tau = samples_of(result.test, result.lib).tau
     return (
         metrics.torque_error(tau, result.before(result.test)),
-        metrics.torque_error(tau, result.predict_recording(result.test)),
+        metrics.torque_error(tau, result.predict_test()),
     )
 
 

@@ -66,6 +66,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "lam": None if result.lam is None else result.lam.tolist(),
         "beta": result.beta.tolist(),
         "condition_number": condition_number(result),
+        "trained": _trained_facts(result),
         "sessions": None,
         "provenance": {
             "command": command,
@@ -147,7 +148,7 @@ def write_result(
         "dq": test.dq,
         "measured": test.tau,
         "before": result.before(result.test),
-        "after": result.predict_recording(result.test),
+        "after": result.predict_test(),
     }
     text = json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     if result.uncertainty is not None:
@@ -280,6 +281,12 @@ def _net_facts(result: Identification) -> dict[str, Any]:
     if result.net is None:
         return {}
     return {"net": {"theta": result.net.theta.tolist(), "scale": result.net.scale.tolist()}}
+
+
+def _trained_facts(result: Identification) -> dict[str, Any] | None:
+    if result.trained is None:
+        return None
+    return {"pi": result.trained.pi.tolist(), "friction_values": result.trained.phi.tolist()}
 
 
 def _trace_facts(result: Identification) -> dict[str, Any] | None:

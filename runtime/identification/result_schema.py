@@ -164,6 +164,10 @@ KEYS: tuple[Key, ...] = (
     Key("beta", "list", "base parameters β = K π", "(n_b,)", "SI", older=[]),
     Key("condition_number", "number?", "cond of the normalised regressor; null when singular",
         older=None),
+    Key("trained", "table?", "fit to the training part, whose errors, loss and gap are stated; "
+        "null where pi is that fit", older=None, is_optional=True),
+    Key("trained.pi", "list", "π of that fit", "(10 n,)", "kg, kg·m, kg·m²", is_optional=True),
+    Key("trained.friction_values", "list", "φ of that fit", "(n, k)", "SI", is_optional=True),
     Key("sessions", "table?", "comparison of several logs; null for one", older=None),
     Key("sessions.names", "list", "names of the logs"),
     Key("sessions.payload_kg", "list", "known payload of every log", "(logs,)", "kg"),

@@ -6,6 +6,8 @@ from runtime.estimators.friction_bounds import NEGATIVE, NEGATIVE_CAUSE, negativ
 from runtime.estimators.methods import METHODS
 from runtime.identification import metrics
 from runtime.identification.identified import Identification
+from runtime.library import Array
+from runtime.recording import Recording
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.preprocessing import is_filtered
 
@@ -18,6 +20,40 @@ UNEXPLAINED = 20.0
 below 10 % once units, filter and friction are right."""
 STILL = 1e-3
 """Travel [rad or m] of a joint at rest, by noise and vibration."""
+
+RETRACED = 0.8
+"""Share of test rows near a training row above which the test is no new motion."""
+_NEAR = 0.05
+"""Largest difference of a position or speed, over its range in training, of rows that count as
+equal: controllers repeat a motion within 1 %."""
+_TEST_ROWS, _TRAINING_ROWS = 100, 1000
+"""Rows that are compared; between those of training a joint moves by 1 % of its range."""
+
+
+def retraced(train: Recording, test: Recording) -> float:
+    """Share of test rows whose positions and speeds, up to their direction, were in training.
+
+    Args:
+        train: prepared training part.
+        test: prepared test part.
+
+    Returns:
+        Share in [0, 1].
+    """
+
+    def rows(recording: Recording, count: int) -> Array:
+        chosen = np.unique(np.linspace(0, len(recording) - 1, count).round().astype(int))
+        state = np.hstack([recording.q[chosen], np.abs(recording.required("dq")[chosen])])
+        return np.asarray(state, dtype=float)
+
+    known = rows(train, _TRAINING_ROWS)
+    size = np.ptp(known, axis=0)
+    moving = size > STILL
+    if not moving.any():
+        return 0.0
+    known, new = (each[:, moving] / size[moving] for each in (known, rows(test, _TEST_ROWS)))
+    nearest = [np.abs(known - row).max(axis=1).min() for row in new]
+    return float(np.mean(np.array(nearest) < _NEAR))
 
 
 def warnings_of(
@@ -57,6 +93,13 @@ def warnings_of(
             "training, validation and test are parts of one run, which underestimates the error; "
             "record a second trajectory for the test"
         )
+        share = 0.0 if result.streamed is not None else retraced(result.train, result.test)
+        if share > RETRACED:
+            warnings.append(
+                f"{100 * share:.0f} % of the test rows repeat positions and speeds of the training "
+                "rows, as in a motion out and back: the error shows the noise of this motion, not "
+                "the error on others"
+            )
     if result.test.rows is not None:
         rows = "the power of all joints together" if result.weights.size == 1 else "momenta"
         warnings.append(

@@ -40,6 +40,10 @@ class Settings:
         seed: of the mini-batches of "adam" and the initial weights of "nn".
         certify: False skips the convex optimum and the uncertainty, for thousands of trials; the
             gap is then NaN.
+        refit: after the fit to the training part, whose errors are reported, fit again to all rows
+            of the recording. Parameters and uncertainty are those of the second fit. Without
+            effect where a separate test recording is given, and for methods that stop by the
+            validation part or simulate the robot.
     """
 
     method: str | None = None
@@ -54,6 +58,7 @@ class Settings:
     controller: ClosedLoop | None = None
     seed: int = 0
     certify: bool = True
+    refit: bool = False
 
     def require_default(self, names: tuple[str, ...], task: str) -> None:
         """Refuse fields that a task cannot use.

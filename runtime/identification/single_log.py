@@ -8,6 +8,7 @@ on all samples at once, from compressed statistics; it costs less and stops clos
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,9 @@ from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
-from runtime.identification.identified import Identification, torque_of
+from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.problem_setup import Assembly, assemble
+from runtime.identification.refit import is_refitted, with_all_rows
 from runtime.identification.settings import Settings, settings_from
 from runtime.identification.without_prior import note_for, settings_for
 from runtime.library import Library
@@ -48,7 +50,7 @@ def identify(
         progress: called by methods that iterate, with iteration and best validation loss.
         **keywords: single fields of `Settings`, which replace those of `settings`: method, preset,
             prior, preparation, splitting, friction_columns, validation, test, lam0, controller,
-            seed, certify.
+            seed, certify, refit.
 
     Returns:
         Parameters in SI units with their errors, certificates and prepared data.
@@ -69,7 +71,7 @@ def identify_assembled(
 
     Args:
         assembly: problem and prepared parts.
-        settings: as for `identify`; of it method, preset, prior and certify count.
+        settings: as for `identify`; of it method, preset, prior, certify and refit count.
         **keywords: single fields of `Settings`, which replace those of `settings`.
 
     Returns:
@@ -93,7 +95,8 @@ def identify_assembled(
         if chosen.certify:
             optimum = convex_optimum(lib, statistics, guess, bounds).loss
     weights = problem.weights if fit.weights is None else fit.weights
-    return Identification(
+    is_last = not is_refitted(assembly, chosen, method)
+    result = Identification(
         method=method,
         lib=lib,
         pi=fit.pi,
@@ -106,7 +109,9 @@ def identify_assembled(
         loss=_loss(problem, fit, statistics),
         optimum=optimum,
         zero_loss=float(np.mean(problem.train.tau**2 @ weights) / 2),
-        uncertainty=_uncertainty(assembly, fit, method, chosen) if chosen.certify else None,
+        uncertainty=(
+            _uncertainty(assembly, fit, method, chosen) if chosen.certify and is_last else None
+        ),
         seconds=seconds,
         iterations=fit.iterations,
         trace=fit.trace,
@@ -118,6 +123,27 @@ def identify_assembled(
         notes=(*assembly.notes, *fit.notes, *note_for(lib)),
         net=fit.net,
         urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
+    )
+    return result if is_last else _refitted(result, with_all_rows(assembly), chosen)
+
+
+def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Identification:
+    """The result with the parameters of a fit to all rows."""
+    fit = fit_by(whole.problem, result.method, settings.preset, settings.prior)
+    note = (
+        f"parameters and intervals are fitted to all {len(whole.problem.train)} rows; errors, loss "
+        f"and gap are those of the fit to the {len(result.train)} training rows alone"
+    )
+    posterior = _uncertainty(whole, fit, result.method, settings) if settings.certify else None
+    return replace(
+        result,
+        pi=fit.pi,
+        lam=fit.lam,
+        beta=result.lib.base_matrix @ fit.pi,
+        phi=fit.phi,
+        uncertainty=posterior,
+        notes=(*result.notes, note),
+        trained=TrainedModel(result.pi, result.phi),
     )
 
 

@@ -1,0 +1,80 @@
+"""Second fit of a result, to all rows of its recording.
+
+The method, the friction model and the weights are chosen, and the errors computed, with the fit to
+the training part. What is chosen is then fitted to the rows of all parts: the parameters of a robot
+come from all that was recorded. Its covariance is smaller by the number of rows, and what `predict`
+expects of a log is what `identify` reaches.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.estimators.methods import METHODS
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.problem_setup import Assembly
+from runtime.identification.settings import Settings
+from runtime.library import Array
+
+
+def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
+    """Whether a result is fitted to all rows after its errors are known.
+
+    Args:
+        assembly: problem and prepared parts.
+        settings: of the identification.
+        method: chosen method.
+
+    Returns:
+        True for parts of one recording and a method that needs statistics of the rows alone. Other
+        methods stop by the validation part, or simulate the training part.
+    """
+    rows_of_joints = assembly.problem.train.equations == assembly.problem.lib.n_joints
+    return (
+        settings.refit
+        and assembly.one_run
+        and assembly.pieces is None
+        and rows_of_joints
+        and not METHODS[method].needs_samples(settings.preset)
+    )
+
+
+def with_all_rows(assembly: Assembly) -> Assembly:
+    """The same problem with the rows of all parts for training.
+
+    Args:
+        assembly: problem and prepared parts of one recording.
+
+    Returns:
+        An assembly whose problem has all rows; its parts stay.
+    """
+    problem = assembly.problem
+    test = samples_of(assembly.parts[2], problem.lib)
+    rows = joined((problem.train, problem.validation, test))
+    whole = replace(problem, train=rows, origin=None, terms=assembly.friction)
+    return replace(assembly, problem=whole)
+
+
+def joined(parts: tuple[Samples, ...]) -> Samples:
+    """Samples of several parts, one after the other.
+
+    Args:
+        parts: samples with the same columns.
+
+    Returns:
+        All samples.
+    """
+    first = parts[0]
+
+    def column(name: str) -> Array:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return Samples(
+        column("q"),
+        column("dq"),
+        None if first.acceleration is None else column("acceleration"),
+        column("tau"),
+        column("columns"),
+        coupling=first.coupling,
+        base=None if first.base is None else column("base"),
+    )

@@ -7,11 +7,14 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import Robot, Seed, command_line, console, say, share_table, torque_table
+from runtime.cli.drive import delayed, drive_request, print_drives
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
     CoulombSpeed,
     Cutoff,
+    Delay,
+    EncoderBias,
     FrictionNames,
     Parts,
     Rate,
@@ -34,6 +37,8 @@ from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method, require_method
 from runtime.estimators.prior_file import read_prior
+from runtime.identification.drive.estimate import identify_drive
+from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs import identify_streamed, require_streamable
 from runtime.identification.result_file import write_result
@@ -91,6 +96,8 @@ def identify_command(
     cutoff: Cutoff = None,
     rate: Rate = None,
     regressor: Regressor = None,
+    delay: Delay = None,
+    encoder_bias: EncoderBias = None,
     split: Parts = None,
     controller: ControllerFile = None,
     stream: Stream = None,
@@ -116,6 +123,7 @@ def identify_command(
     symgen identify log.csv --robot my --prior my-arm.toml
     symgen identify log.csv --robot my --regressor momentum --cutoff 2
     symgen identify log.csv --method didim --controller log.loop.toml --friction viscous
+    symgen identify log.npz --robot my --recipe pd.toml --delay auto
     symgen identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
 
     A CSV log has the header t,q1…,dq1…,ddq1…,tau1… in SI units (s, rad or m, N·m or N); dq and
@@ -130,7 +138,13 @@ def identify_command(
     parameters so far.
     """
     lib, log = open_robot(robot, yes), logs[0]
-    if stream is None and (controller or friction == AUTO or not _is_streamable(method, preset)):
+    if stream is None and (
+        controller
+        or delay
+        or encoder_bias
+        or friction == AUTO
+        or not _is_streamable(method, preset)
+    ):
         stream = False  # these need the samples of the whole log
     options = LogOptions(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
@@ -147,6 +161,11 @@ def identify_command(
             raise IdentificationError(
                 "--controller belongs to one log, but several are given; leave it out"
             )
+        if delay is not None or encoder_bias:
+            raise IdentificationError(
+                "--delay and --encoder-bias belong to one log, but several are given; identify "
+                "each alone, and write torque_delay_s under [preparation] of its recipe"
+            )
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
         _finish(result, folder, agreement)
         return
@@ -157,10 +176,16 @@ def identify_command(
                 "the closed loop of --controller is simulated over all samples, but the log is "
                 "streamed; leave out --controller, or give --no-stream"
             )
+        if delay is not None or encoder_bias:
+            raise IdentificationError(
+                "--delay and --encoder-bias need the whole log in memory, but it is streamed; "
+                "give --no-stream"
+            )
         result = _streamed(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         _finish(result, folder)
         return
+    preparation = delayed(data.recording, data.preparation, delay)
     terms = data.friction
     if terms is None and method and require_method(method).default_columns:
         terms = Friction(METHODS[method].default_columns)
@@ -169,12 +194,13 @@ def identify_command(
         lib,
         dataclasses.replace(
             settings,
-            preparation=data.preparation,
+            preparation=preparation,
             splitting=data.splitting,
             friction_columns=terms,
             controller=read_controller(controller, lib) if controller else None,
             refit=refit,
         ),
+        drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     _finish(result, folder)
@@ -204,7 +230,9 @@ def _streamed(
         )
 
 
-def _with_progress(recording: Recording, lib: Library, settings: Settings) -> Identification:
+def _with_progress(
+    recording: Recording, lib: Library, settings: Settings, drives: DriveRequest | None
+) -> Identification:
     method = chosen_method(settings.method, settings.preset, settings.prior)
     chosen = PRESETS.get(str(settings.preset or "full"))
     with counting(STATE) as progress:
@@ -214,6 +242,8 @@ def _with_progress(recording: Recording, lib: Library, settings: Settings) -> Id
         def report(iteration: int, best: float) -> None:
             progress.update(task, completed=iteration, state=f"best validation loss {best:.6g}")
 
+        if drives is not None:
+            return identify_drive(recording, lib, settings, drives, progress=report)
         return identify(recording, lib, settings, progress=report)
 
 
@@ -225,6 +255,7 @@ def _finish(result: Identification, folder: Path, agreement: LogAgreement | None
     shares = share_table(facts)
     if shares is not None:
         console.print(shares)
+    print_drives(facts)
     if agreement is not None:
         print_agreement(agreement)
     if result.uncertainty is not None:

@@ -75,6 +75,25 @@ Regressor = Annotated[
         "acceleration.",
     ),
 ]
+PER_JOINT = "per-joint"
+"""Word for one delay per joint."""
+Delay = Annotated[
+    str | None,
+    typer.Option(
+        metavar="S|auto|per-joint",
+        help="Delay of the torque, s: of a commanded torque behind its stamp, of a measured one "
+        "behind the motion; auto estimates it with its uncertainty, per-joint one for each joint; "
+        "default torque_delay_s of the recipe, else none.",
+    ),
+]
+EncoderBias = Annotated[
+    bool | None,
+    typer.Option(
+        "--encoder-bias/--no-encoder-bias",
+        help="Estimate the error of the zero of every encoder, rad; default where --delay "
+        "estimates the delay of a commanded torque.",
+    ),
+]
 Rate = Annotated[
     float | None,
     typer.Option(

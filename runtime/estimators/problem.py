@@ -1,7 +1,7 @@
 """`Problem` and `Fit`: the input and the result of every estimator."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +38,36 @@ class Origin:
     controller: ClosedLoop | None = None
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FrictionPrior:
+    """Gaussian prior of friction coefficients.
+
+    Attributes:
+        mean: (n, k) [N·m per unit of the column].
+        sigma: standard deviations, (n, k); infinite where there is no prior.
+    """
+
+    mean: Array
+    sigma: Array
+
+    def statistics(self, like: Statistics, variance: float) -> Statistics:
+        """The prior as rows of least squares.
+
+        Args:
+            like: statistics of the samples, for their size.
+            variance: of a weighted row.
+
+        Returns:
+            Statistics of no samples, to be merged.
+        """
+        rows, target = np.zeros_like(like.factor), np.zeros_like(like.target)
+        root = np.sqrt(variance) / self.sigma.ravel()
+        places = np.arange(like.n_base, len(target))
+        rows[places, places] = root
+        target[places] = root * self.mean.ravel()
+        return replace(like, factor=rows, target=target, rest=0.0, n_samples=0.0)
+
+
 @dataclass(frozen=True)  # no slots: the statistics are computed once and kept
 class Problem:
     """Data, weights and first guess of an identification, the same for every method.
@@ -55,6 +85,7 @@ class Problem:
         terms: friction columns, where there is no origin.
         column_names: names of the k columns of the samples; those of several logs have an offset
             column per log beyond `terms`.
+        friction_prior: of φ, for map.
     """
 
     lib: Library
@@ -69,6 +100,7 @@ class Problem:
     terms: Friction | None = None
     column_names: tuple[str, ...] = ()
     left_out: NDArray[np.bool_] | None = None
+    friction_prior: FrictionPrior | None = None
 
     def statistics(self, weights: Array | None = None) -> Statistics:
         """Compressed training samples, with the weights of the problem unless others are given."""

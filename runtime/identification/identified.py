@@ -11,6 +11,7 @@ from runtime.estimators.optimizers import Trace
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.estimators.uncertainty import Uncertainty
 from runtime.identification import metrics
+from runtime.identification.drive.result import DriveFit
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, first_moment, links, mass
 from runtime.recording import Friction, Recording, friction
@@ -85,6 +86,7 @@ class Identification(Framed):
             None without friction.
         trained: fit to the training part alone, whose errors, loss and gap are reported, where π
             and φ are those of all rows; None where they are those of the training part.
+        drive: delay, encoder biases and standard deviations of φ; None where not estimated.
     """
 
     method: str
@@ -114,6 +116,7 @@ class Identification(Framed):
     streamed: WholeLog | None = None
     urdf_phi: Array | None = None
     trained: TrainedModel | None = None
+    drive: DriveFit | None = None
 
     def __repr__(self) -> str:
         source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"

@@ -118,6 +118,7 @@ def assemble(
         ),
         column_names=parts[0].column_names,
         left_out=rounding.ravel(),
+        friction_prior=chosen.friction_prior,
     )
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
     return Assembly(problem, parts, terms, chosen.test is None, notes=notes)

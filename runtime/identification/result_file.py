@@ -49,6 +49,8 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
         "recording": _recording_facts(result),
         "torque_source": result.train.torque_source,
+        "delay_s": None if result.drive is None else result.drive.delay_facts(),
+        "drive": _drive_facts(result),
         **error_facts(before, after, friction_error(result)),
         "links": _link_facts(result),
         "consistent": result.is_consistent,
@@ -275,6 +277,12 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
         "values": result.usual_phi.tolist(),
         **({} if motors is None else {"gear": motors.tolist()}),
     } | _net_facts(result)
+
+
+def _drive_facts(result: Identification) -> list[dict[str, Any]] | None:
+    if result.drive is None:
+        return None
+    return result.drive.facts(result.lib.joint_names, result.phi, result.friction.columns)
 
 
 def _net_facts(result: Identification) -> dict[str, Any]:

@@ -93,6 +93,21 @@ KEYS: tuple[Key, ...] = (
     Key("recording.split", "text", "instants of the parts, a phrase", unit="s", older=""),
     Key("torque_source", "text", "measured, commanded (by a control law) or current (times a gain)",
         is_optional=True),
+    Key("delay_s", "any", "{value, sigma} of the delay of the torque; one per joint in a list, or "
+        "{log, value, sigma} per log; null where it was not estimated", unit="s",
+        is_optional=True),
+    Key("drive", "list?", "drive of every joint; null where the torque is measured and no delay "
+        "was estimated", "(n,)", is_optional=True),
+    Key("drive[].joint", "text", "name of the joint"),
+    Key("drive[].armature", "number?", "inertia of rotor and gear", unit="kg·m²"),
+    Key("drive[].viscous", "number?", "viscous friction", unit="N·m·s/rad"),
+    Key("drive[].coulomb", "number?", "Coulomb friction", unit="N·m"),
+    Key("drive[].offset", "number?", "torque offset", unit="N·m"),
+    Key("drive[].encoder_bias", "number?", "b of q_true = q + b", unit="rad"),
+    Key("drive[].sigma", "table", "standard deviations under the same names; null where the "
+        "motion does not determine the value"),
+    Key("drive[].encoder_bias_verdict", "text", "identified, not identifiable from this motion, "
+        "or not estimated"),
     Key("torque_error_percent", "table", "100 ‖τ − τ̂‖/‖τ‖ on the test part"),
     Key("torque_error_percent.before", "list", "of the URDF without friction; null where τ = 0",
         "(n,)", "%"),

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.simulation.controller_file import ClosedLoop
 
@@ -44,6 +45,7 @@ class Settings:
             of the recording. Parameters and uncertainty are those of the second fit. Without
             effect where a separate test recording is given, and for methods that stop by the
             validation part or simulate the robot.
+        friction_prior: prior of the friction coefficients, for "map".
     """
 
     method: str | None = None
@@ -59,6 +61,7 @@ class Settings:
     seed: int = 0
     certify: bool = True
     refit: bool = False
+    friction_prior: FrictionPrior | None = None
 
     def require_default(self, names: tuple[str, ...], task: str) -> None:
         """Refuse fields that a task cannot use.

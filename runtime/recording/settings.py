@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from runtime.errors import RecordingError
 from runtime.recording.friction_column import widths_of
 
@@ -51,7 +53,8 @@ class Preparation:
         trim_s: cut from both ends of every segment [s].
         rate_hz: decimate to this rate [Hz].
         rest_speed: drop rows in which every joint is slower [rad/s].
-        torque_delay_s: the log stamps τ this much later than q; below 0 earlier [s].
+        torque_delay_s: the log stamps τ this much later than q, below 0 earlier; one number, or
+            one per joint [s].
     """
 
     clock_tick: float | None = None
@@ -67,14 +70,16 @@ class Preparation:
     trim_s: float | None = None
     rate_hz: float | None = None
     rest_speed: float | None = None
-    torque_delay_s: float | None = None
+    torque_delay_s: float | tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for item in dataclasses.fields(self):
             value = getattr(self, item.name)
-            if value is not None and not isinstance(value, str) and item.name != "torque_delay_s":
-                positive(f"[preparation] {item.name}", value)
-        if self.torque_delay_s is not None and not isfinite(self.torque_delay_s):
+            if value is None or isinstance(value, str | tuple) or item.name == "torque_delay_s":
+                continue
+            positive(f"[preparation] {item.name}", value)
+        delays = self.torque_delay_s
+        if delays is not None and not all(map(isfinite, np.atleast_1d(delays))):
             raise RecordingError("[preparation] torque_delay_s expects a number of s; correct it")
         one_of("[preparation] filter", self.filter, FILTERS)
         one_of("[preparation] derivative", self.derivative, DERIVATIVES)

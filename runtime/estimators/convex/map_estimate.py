@@ -61,15 +61,17 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     bounds = bounds_of(problem, is_passive=True)
     # Weights from the residuals of a thinned log, then of all samples.
     for _ in range(PASSES):
-        phi, minimum, _ = _fitted(lib, compress(lib, few, weights), bounds, weights, prior, kappa)
+        phi, minimum, _ = _fitted(
+            lib, _primed(problem, compress(lib, few, weights)), bounds, weights, prior, kappa
+        )
         rest = residuals(lib, few, minimum.pi, phi)
         weights = weights_from(noise(rest, lib, phi.size), few.tau)
     statistics = problem.statistics(weights)
-    phi, minimum, _ = _fitted(lib, statistics, bounds, weights, prior, kappa)
+    phi, minimum, _ = _fitted(lib, _primed(problem, statistics), bounds, weights, prior, kappa)
     # The autocorrelation of the residuals sets γ = κ s²/N_eff of the last pass.
     ratio = inflation(residuals(lib, train, minimum.pi, phi), weights)
     phi, (minimum, notes), held = _solved(
-        lib, statistics, bounds, weights, prior, kappa, ratio, constraints
+        lib, _primed(problem, statistics, ratio), bounds, weights, prior, kappa, ratio, constraints
     )
     notes += notes_of(held, bounds, lib.joint_names, problem.friction_names)
     return Fit(
@@ -138,6 +140,16 @@ def _solved(
         return eliminated.phi(minimum.pi), lib.base_matrix @ minimum.pi, (minimum, notes)
 
     return within_bounds(statistics, bounds, solved)
+
+
+def _primed(problem: Problem, statistics: Statistics, inflation: float = 1.0) -> Statistics:
+    """The statistics with the prior of the friction coefficients, where the problem has one."""
+    known = problem.friction_prior
+    if known is None:
+        return statistics
+    data, _ = reduce(statistics, problem.train.equations)
+    noise = max(data.variance, LEAST_VARIANCE) * inflation
+    return statistics.merged(known.statistics(statistics, noise))
 
 
 def _thinned(samples: Samples) -> Samples:

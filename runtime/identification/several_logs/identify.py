@@ -35,7 +35,10 @@ from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import default_terms, geared
 from runtime.recording.preprocessing import split
 
-ONE_LOG_ONLY = ("preparation", "validation", "test", "lam0", "controller", "certify", "refit")
+ONE_LOG_ONLY = (
+    *("preparation", "validation", "test", "lam0", "controller", "certify", "refit"),
+    "friction_prior",
+)
 """Fields of `Settings` that belong to one log, or that the comparison of the logs needs."""
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from runtime.errors import RecordingError
 from runtime.inspection.checks.signals import REST_SPEED
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Preparation, Recipe, Recording
@@ -170,8 +171,14 @@ def _stale(
         return preparation, [_repeated(INFO, count, share, remedy, evidence)]
     tick = _tick(recording)
     remedy = "write clock_tick under [preparation] if the controller's period is known"
-    if tick is not None:
-        before, rebuilt, skipped = _fit_of_clocks(recording, tick)
+    fit = None if tick is None else _fit_of_clocks(recording, tick)
+    if tick is not None and fit is None:
+        remedy = (
+            "the logged velocities do not rebuild its clock, so the rows stay; use a low-pass far "
+            "below the rate of the log"
+        )
+    elif tick is not None and fit is not None:
+        before, rebuilt, skipped = fit
         evidence |= {"misfit_logged": before, "misfit_rebuilt": rebuilt, "tick_s": tick}
         if rebuilt < BETTER * before:
             preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
@@ -213,9 +220,16 @@ def _tick(recording: Recording) -> float | None:
     return float(f"{near[0]:.6g}") if near and recording.dq is not None else None
 
 
-def _fit_of_clocks(recording: Recording, tick: float) -> tuple[float, float, int]:
-    """‖Δq − v Δt‖ / ‖Δq‖ on the logged and on the rebuilt clock, and the skipped ticks."""
-    rebuilt = repair_clock(recording, tick)
+def _fit_of_clocks(recording: Recording, tick: float) -> tuple[float, float, int] | None:
+    """‖Δq − v Δt‖ / ‖Δq‖ on the logged and on the rebuilt clock, and the skipped ticks.
+
+    None where the velocities give another duration than the log: of an encoder that differentiates
+    on another clock, or of a filter.
+    """
+    try:
+        rebuilt = repair_clock(recording, tick)
+    except RecordingError:
+        return None
     steps = np.diff(rebuilt.t)
     return _misfit(recording), _misfit(rebuilt), int(np.sum(np.round(steps / tick) - 1))
 

@@ -124,33 +124,46 @@ def _resampled(rate_hz: float, count: int, filled: int, max_gap_s: float, left: 
     )
 
 
-def advance_torque(recording: Recording, delay_s: float) -> Recording:
+def advance_torque(recording: Recording, delay_s: float | tuple[float, ...]) -> Recording:
     """Compensate a delay δ of τ: τ(t) ← τ_log(t + δ), linear between samples, within each segment.
 
     Args:
         recording: the data.
-        delay_s: δ [s].
+        delay_s: δ, one number or one per joint [s].
 
     Returns:
         The rows for which τ is known.
 
     Raises:
-        RecordingError: there is no τ, or every segment is shorter than δ.
+        RecordingError: there is no τ, the number of delays is not that of the joints, or every
+            segment is shorter than δ.
     """
     if recording.tau is None:
         raise RecordingError("torque_delay_s expects τ, but there is none; leave it out")
+    n = recording.n_joints
+    delays = np.atleast_1d(np.asarray(delay_s, dtype=np.float64))
+    if len(delays) not in {1, n}:
+        raise RecordingError(
+            f"torque_delay_s expects one number or {n}, got {len(delays)}; give one per joint"
+        )
+    each = np.broadcast_to(delays, (n,))
     t = recording.t
     moved, keep = np.array(recording.tau), np.zeros(len(t), dtype=bool)
     slack = 1e-9
     for part in segments(t):
-        at = t[part] + delay_s
         logged = t[part]
         moved[part] = np.stack(
-            [np.interp(at, logged, row) for row in recording.tau[part].T], axis=1
+            [
+                np.interp(logged + delay, logged, row)
+                for row, delay in zip(recording.tau[part].T, each, strict=True)
+            ],
+            axis=1,
         )
-        keep[part] = (at >= logged[0] - slack) & (at <= logged[-1] + slack)
+        known_from, known_to = logged[0] - delays.min(), logged[-1] - delays.max()
+        keep[part] = (logged >= known_from - slack) & (logged <= known_to + slack)
+    shown = ", ".join(f"{1e3 * delay:.3g}" for delay in delays)
     return recording.replace(tau=moved).take(
-        keep, f"Advanced τ by {1e3 * delay_s:.3g} ms, its delay behind q ({keep.sum()} rows left)."
+        keep, f"Advanced τ by {shown} ms, its delay behind q ({keep.sum()} rows left)."
     )
 
 

@@ -1,0 +1,97 @@
+"""Options --delay and --encoder-bias, and the table of the drives of a result."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from rich.table import Table
+
+from runtime.cli.common import console, say
+from runtime.cli.log_options import AUTO, PER_JOINT
+from runtime.errors import IdentificationError
+from runtime.estimators.regression.recorded_delay import sign_of_delay
+from runtime.identification.drive.result import DriveRequest
+from runtime.recording import Preparation, Recording
+from runtime.recording.commanded_torque import COMMANDED
+
+
+def drive_request(
+    recording: Recording, delay: str | None, bias: bool | None, method: str
+) -> DriveRequest | None:
+    """What is estimated of the drives.
+
+    Args:
+        recording: log with the source of its torque.
+        delay: value of --delay.
+        bias: value of --encoder-bias.
+        method: name of the estimator.
+
+    Returns:
+        The request; None where the torque is measured and nothing is estimated, or the estimator
+        of a commanded torque is another than map.
+    """
+    estimated = delay in {AUTO, PER_JOINT}
+    commanded = recording.torque_source == COMMANDED
+    wanted = bias if bias is not None else commanded and estimated
+    if not (estimated or wanted or (commanded and method == "map")):
+        return None
+    return DriveRequest(delay=estimated, per_joint=delay == PER_JOINT, bias=wanted)
+
+
+def delayed(recording: Recording, preparation: Preparation | None, delay: str | None) -> Any:
+    """Preparation with the number of --delay.
+
+    Args:
+        recording: log with the source of its torque.
+        preparation: of the other options; None for that of the recipe.
+        delay: value of --delay.
+
+    Returns:
+        The preparation; as it was where --delay gives no number.
+
+    Raises:
+        IdentificationError: the value is neither a number nor one of the words.
+    """
+    if delay is None or delay in {AUTO, PER_JOINT}:
+        return preparation
+    try:
+        seconds = float(delay)
+        if not math.isfinite(seconds) or abs(seconds) > 1.0:
+            raise ValueError
+    except ValueError:
+        raise IdentificationError(
+            f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
+        ) from None
+    usual = preparation or recording.preparation
+    return replace(usual, torque_delay_s=sign_of_delay(recording) * seconds or None)
+
+
+def print_drives(facts: Mapping[str, Any]) -> None:
+    """Print delay and drives of result.json, value ± standard deviation."""
+    drives = facts["drive"]
+    if not drives:
+        return
+    names = ("armature", "viscous", "coulomb", "offset", "encoder_bias")
+    kept = [name for name in names if any(drive[name] is not None for drive in drives)]
+    table = Table("joint", title="Drives: value ± standard deviation, SI units")
+    for name in kept:
+        table.add_column(name.replace("_", " "), justify="right")
+    for drive in drives:
+        cells = (_cell(drive[name], drive["sigma"][name]) for name in kept)
+        table.add_row(drive["joint"], *cells)
+    console.print(table)
+    delays = facts["delay_s"]
+    for each in [delays] if isinstance(delays, dict) else delays or []:
+        where = f" of {each['log']}" if "log" in each else ""
+        say(f"delay of the torque{where}: {_cell(each['value'], each['sigma'], 1e3)} ms")
+    unknown = [d["joint"] for d in drives if d["encoder_bias_verdict"].startswith("not ident")]
+    if unknown:
+        say(f"encoder bias: not identifiable from this motion at {', '.join(unknown)}")
+
+
+def _cell(value: float | None, sigma: float | None, factor: float = 1.0) -> str:
+    if value is None:
+        return "–"
+    spread = "" if sigma is None else f" ± {factor * sigma:.2g}"
+    return f"{factor * value:.4g}{spread}"

@@ -1,0 +1,132 @@
+"""Profile of the loss over the delay of the torque, by linear least squares at every delay.
+
+    τ(t + δ) = W x + e,   L(δ) = Σ_j N_eff/2 · ln s_j²(δ),   s_j² the residual variance of joint j
+
+δ is the time by which the log stamps τ late (`Preparation.torque_delay_s`); a commanded torque that
+acts d later has δ = −d. N_eff is the effective sample size of the residuals. The interval holds all
+δ with L(δ) − L(δ̂) ≤ 1.92, half the 95 % quantile of χ² with one degree of freedom.
+Source: profile likelihood of Gaussian noise with unknown variances (Murphy & van der Vaart 2000).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.library import Array
+
+CHI_SQUARE_95 = 3.841458820694124
+"""95 % quantile of χ² with one degree of freedom."""
+PASSES = 2
+"""Passes in which the weights of the joints follow their residuals at the best delay."""
+FLAT_SHARE = 0.5
+"""Width of the interval over the width of the searched range from which on the profile is flat."""
+
+
+@dataclass(frozen=True, slots=True)
+class DelayProfile:
+    """Loss over the delay.
+
+    Attributes:
+        delays: δ that were tried, (M,) [s], ascending.
+        loss: L(δ) − min L, (M,); 1.92 at the ends of the interval.
+        best: δ̂, least point of a parabola through the three lowest losses [s].
+        interval: first and last δ within the interval [s].
+        variance: residual variance of every joint at every delay, (M, n) [(N·m)²].
+    """
+
+    delays: Array
+    loss: Array
+    best: float
+    interval: tuple[float, float]
+    variance: Array
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether the data do not determine a delay within the range."""
+        wide = self.interval[1] - self.interval[0]
+        k = int(np.argmin(self.loss))
+        at_end = k in {0, len(self.loss) - 1}
+        return at_end or wide > FLAT_SHARE * float(self.delays[-1] - self.delays[0])
+
+    @property
+    def sigma(self) -> float:
+        """Half the width of the interval over 1.96 [s]."""
+        return (self.interval[1] - self.interval[0]) / 3.92
+
+    @property
+    def gain(self) -> float:
+        """Share of the squared residual that δ̂ removes, geometric mean of the joints."""
+        zero, best = int(np.argmin(np.abs(self.delays))), int(np.argmin(self.loss))
+        used = (self.variance[zero] > 0) & (self.variance[best] > 0)
+        ratio = np.log(self.variance[best, used] / self.variance[zero, used])
+        return float(1.0 - np.exp(ratio.mean())) if used.any() else 0.0
+
+
+def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) -> DelayProfile:
+    """Profile of the loss over the delay.
+
+    Args:
+        rows: W, (N, n, p); a row of zeros where a joint is left out.
+        torque: δ [s] → τ at the instants of the rows shifted by δ, (N, n) [N·m, N].
+        delays: δ to try, (M,) [s], ascending and evenly spaced, 0 among them.
+
+    Returns:
+        The profile with its minimum and interval.
+    """
+    count, n, p = rows.shape
+    shifted = [torque(float(delay)) for delay in delays]
+    flat = rows.reshape(count * n, p)
+    lengths = np.linalg.norm(flat, axis=0)
+    flat = flat / np.where(lengths > 0, lengths, 1.0)
+    start = shifted[int(np.argmin(np.abs(delays)))]
+    scale = 1.0 / np.maximum(start.std(axis=0), 1e-12 * float(start.std()) + 1e-300)
+    rests = shifted
+    best = 0
+    for _ in range(PASSES):
+        # Weighted orthonormal basis of the columns: one product per delay.
+        weighted = flat * np.tile(scale, count)[:, None]
+        left, sigma, _ = np.linalg.svd(weighted, full_matrices=False)
+        left = left[:, sigma > 1e-9 * max(float(sigma.max(initial=0.0)), 1e-300)]
+        rests = []
+        for tau in shifted:
+            target = (tau * scale).ravel()
+            rests.append(((target - left @ (left.T @ target)).reshape(count, n)) / scale)
+        variance = np.array([np.mean(rest**2, axis=0) for rest in rests])
+        floor = 1e-12 * float(np.mean(start**2)) + 1e-300
+        logs = np.log(np.maximum(variance, floor))
+        best = int(np.argmin(logs.sum(axis=1)))
+        scale = 1.0 / np.sqrt(np.maximum(variance[best], floor))
+    inflation = coloured_noise_of_rows(rows * scale[:, None], rests[best] * scale).inflation
+    loss = logs.sum(axis=1) * count / inflation / 2
+    loss = loss - loss.min()
+    middle = _vertex(delays, loss, best)
+    return DelayProfile(delays, loss, middle, _interval(delays, loss, best), variance)
+
+
+def _vertex(x: Array, y: Array, k: int) -> float:
+    """Least point of the parabola through the lowest value and its neighbours."""
+    if not 0 < k < len(x) - 1:
+        return float(x[k])
+    low, mid, high = y[k - 1 : k + 2]
+    curve = low - 2 * mid + high
+    return (
+        float(x[k] - (x[k + 1] - x[k]) * (high - low) / (2 * curve)) if curve > 0 else float(x[k])
+    )
+
+
+def _interval(x: Array, y: Array, k: int) -> tuple[float, float]:
+    """Crossings of half the quantile on both sides; √y of a parabola is linear."""
+    root, limit = np.sqrt(y), np.sqrt(CHI_SQUARE_95 / 2)
+    ends = []
+    for side in (range(k, 0, -1), range(k, len(x) - 1)):
+        end = float(x[0] if side.step < 0 else x[-1])
+        for i in side:
+            j = i - 1 if side.step < 0 else i + 1
+            if root[j] >= limit:
+                share = (limit - root[i]) / (root[j] - root[i])
+                end = float(x[i] + share * (x[j] - x[i]))
+                break
+        ends.append(end)
+    return ends[0], ends[1]

@@ -1,0 +1,190 @@
+"""Linearised model of links, friction, delay and encoder bias around one identified model.
+
+    e = τ(t + δ) − Y(q + b, dq, ddq) π − F φ
+    ∂e/∂d = s τ̇,   ∂e/∂b_j = −∂(Y π)/∂q_j,   δ = s d
+
+The Newton step in (d, b) at the most probable (π, φ) and the covariance of all unknowns come from
+the same information matrix,
+
+    H = XᵀW X / S + κ ∇²D(π) + 1/σ_b²,
+
+with X of all unknowns, S the density of the residual noise and D the entropic prior (Laplace's
+approximation, MacKay 2003, Ch. 27). Columns of π are in units of its prior.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from runtime.estimators.convex import bodies_of
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
+
+ROUGH_ROWS = 600
+"""Rows of the passes before the last: rows of a low-passed log are nearly redundant."""
+MOST_ROWS, STRETCHES = 6000, 8
+"""Rows above which only as many, in contiguous stretches, are used."""
+_H = 1e-6
+"""Step of the central difference in q [rad, m]: its error is 1e-12 relative, rounding 1e-10."""
+_RANK = 1e-9
+"""Singular value of unit columns, over the largest, below which a direction is undetermined."""
+_INVOLVED = 1e-6
+"""Share of a coefficient in an undetermined direction above which it has no standard deviation."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinearisedDrive:
+    """Newton step and standard deviations.
+
+    Attributes:
+        delay_step: step of d, (m,) [s].
+        bias_step: step of b, (n,) [rad, m]; empty where b is not an unknown.
+        delay_sigma: (m,) [s].
+        bias_sigma: (n,) or empty [rad, m].
+        phi_sigma: (n, k); NaN where a coefficient is not determined.
+    """
+
+    delay_step: Array
+    bias_step: Array
+    delay_sigma: Array
+    bias_sigma: Array
+    phi_sigma: Array
+
+
+def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:
+    """Columns ∂(Y π)/∂q of the encoder biases, by central differences of the exact model.
+
+    Args:
+        lib: library of the robot.
+        samples: N samples with accelerations.
+        pi: π, (10 n,).
+
+    Returns:
+        (N, n, n): entry (i, j) is the change of torque i per rad of joint j.
+    """
+    n = lib.n_joints
+    columns = np.empty((len(samples), n, n))
+    for j in range(n):
+        step = np.zeros(n)
+        step[j] = _H
+        ahead = lib.inverse_dynamics(samples.q + step, samples.dq, samples.ddq, pi)
+        behind = lib.inverse_dynamics(samples.q - step, samples.dq, samples.ddq, pi)
+        columns[:, :, j] = (ahead - behind) / (2 * _H)
+    return columns
+
+
+def linearised(
+    lib: Library,
+    samples: Samples,
+    pi: Array,
+    phi: Array,
+    weights: Array,
+    *,
+    kappa: float,
+    torque_rate: Array,
+    biases: Array,
+    bias_prior: float,
+    rough: bool = False,
+) -> LinearisedDrive:
+    """Newton step of delay and biases, and the standard deviations of all unknowns.
+
+    Args:
+        lib: library of the robot.
+        samples: training samples at the present delay and biases.
+        pi: most probable π there, (10 n,), strictly consistent.
+        phi: most probable friction coefficients, (n, k).
+        weights: 1/s_j² of the residuals, (n,).
+        kappa: trust κ in the URDF.
+        torque_rate: ∂e/∂d, (N, n, m); m = 0 without a delay, 1 for one, n for one per joint.
+        biases: present b, (n,), or empty where b is not an unknown [rad, m].
+        bias_prior: standard deviation of its prior, which is centred at zero [rad, m].
+        rough: use `ROUGH_ROWS` rows, for a step that others follow.
+
+    Returns:
+        Steps and standard deviations.
+    """
+    n, k, n_base = lib.n_joints, phi.shape[1], len(lib.base_matrix)
+    scale = np.sqrt(weights)
+    rest = (samples.tau - samples.rigid(lib, pi) - samples.friction(phi)) * scale
+    further = -torque_rate
+    if biases.size:
+        further = np.concatenate([further, bias_columns(lib, samples, pi)], axis=2)
+    further = further * scale[:, None]
+    # The gradient in π and φ vanishes at the most probable model: d and b alone drive the step.
+    pull = np.einsum("ijk,ij->k", further, rest)
+    taken = _taken(len(samples), rough)
+    part = samples.rows(taken)
+    rows = np.concatenate([part.base_rows(lib), part.friction_rows()], axis=2) * scale[:, None]
+    rows = np.concatenate([rows, further[taken]], axis=2)
+    rest = rest[taken]
+    # One orthogonal factorisation gives the information and the basis for the noise.
+    flat = rows.reshape(-1, rows.shape[2])
+    lengths = np.linalg.norm(flat, axis=0)
+    triangle = np.linalg.qr(flat / np.where(lengths > 0, lengths, 1.0), mode="r") * lengths
+    slope = flat.T @ rest.ravel()
+    noise = np.sqrt(max(_density(rows, triangle, slope, rest), np.finfo(float).tiny))
+    # Rows that are left out between others lower S as much as N; stretches lower N alone.
+    share = len(samples) / len(part)
+    more, coarse = (1.0, share) if rough else (np.sqrt(share), 1.0)
+    # Columns of π in units of the prior, (κ ∇²D)^(-1/2): there the prior is the identity.
+    shrink = block_diag(*bodies_of(lib).spread(pi)) / np.sqrt(kappa)
+    data = np.hstack([triangle[:, :n_base] @ (lib.base_matrix @ shrink), triangle[:, n_base:]])
+    slope = np.concatenate([np.zeros(len(pi) + n * k), pull / (coarse * noise**2)])
+    prior = np.zeros(data.shape[1])
+    prior[: len(pi)] = 1.0
+    if biases.size:
+        prior[-n:] = 1.0 / bias_prior
+        slope[-n:] -= biases / bias_prior**2
+    rows_of_all = np.vstack([data * (more / noise), np.diag(prior)])
+    lengths = np.linalg.norm(rows_of_all, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    _, sizes, turn = np.linalg.svd(np.linalg.qr(rows_of_all / lengths, mode="r"))
+    present = sizes > _RANK * float(sizes.max(initial=1e-300))
+    root = turn[present].T / sizes[present] / lengths[:, None]
+    absent = np.abs(turn[~present]).max(axis=0, initial=0.0) > _INVOLVED
+    sigma = np.where(absent, np.nan, np.linalg.norm(root, axis=1))
+    step = root @ (root.T @ slope)
+    first, m = len(pi) + n * k, torque_rate.shape[2]
+    return LinearisedDrive(
+        delay_step=step[first : first + m],
+        bias_step=step[first + m :],
+        delay_sigma=sigma[first : first + m],
+        bias_sigma=sigma[first + m :],
+        phi_sigma=sigma[len(pi) : first].reshape(n, k),
+    )
+
+
+def _density(rows: Array, triangle: Array, slope: Array, rest: Array) -> float:
+    """S of the residual that the linearised model leaves, from the basis Q = X R⁻¹ of its columns.
+
+    Args:
+        rows: X, weighted, (N, n, p).
+        triangle: R, (p, p).
+        slope: Xᵀ e, (p,).
+        rest: e, weighted, (N, n).
+
+    Returns:
+        The density in units of the weights.
+    """
+    lengths = np.linalg.norm(triangle, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    _, sizes, turn = np.linalg.svd(triangle / lengths)
+    present = sizes > _RANK * float(sizes.max(initial=1e-300))
+    root = turn[present].T / sizes[present] / lengths[:, None]
+    basis = rows @ root
+    left = rest - basis @ (root.T @ slope)
+    return coloured_noise_of_basis([(basis, left)], 1).density
+
+
+def _taken(count: int, rough: bool) -> NDArray[np.int64]:
+    """Evenly spread rows for a rough step, else all rows, or contiguous stretches of a long log."""
+    if rough:
+        return np.arange(0, count, max(1, count // ROUGH_ROWS))
+    if count <= MOST_ROWS:
+        return np.arange(count)
+    length = MOST_ROWS // STRETCHES
+    starts = np.linspace(0, count - length, STRETCHES).astype(int)
+    return np.concatenate([np.arange(start, start + length) for start in starts])

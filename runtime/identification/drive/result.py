@@ -1,0 +1,101 @@
+"""Estimate of the drives of a robot: delay, encoder bias, armature and friction of every joint."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from runtime.library import Array
+
+COLUMNS = {"armature": "rotor", "viscous": "viscous", "coulomb": "coulomb", "offset": "offset"}
+"""Key of a drive in result.json → friction column."""
+DETERMINED = 0.5
+"""σ of an encoder bias over that of its prior below which the motion counts as informative."""
+
+
+@dataclass(frozen=True, slots=True)
+class DriveRequest:
+    """What is estimated beside the parameters.
+
+    Attributes:
+        delay: whether a delay is estimated.
+        per_joint: one delay per joint instead of one for the log.
+        bias: whether the encoder biases are estimated.
+    """
+
+    delay: bool = False
+    per_joint: bool = False
+    bias: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DriveFit:
+    """Drives of a robot with standard deviations; NaN where a value is not determined.
+
+    Attributes:
+        delay: d, (1,) for the log or (n,) per joint [s]; empty where it was not estimated.
+        delay_sigma: of the same shape [s].
+        bias: b of q_true = q + b, (n,) [rad, m]; NaN where it was not estimated.
+        bias_sigma: (n,) [rad, m].
+        bias_prior: standard deviation of the prior of b [rad, m].
+        phi_sigma: standard deviations of φ, (n, k).
+    """
+
+    delay: Array
+    delay_sigma: Array
+    bias: Array
+    bias_sigma: Array
+    bias_prior: float
+    phi_sigma: Array
+
+    def verdicts(self) -> tuple[str, ...]:
+        """Per joint: whether gravity and motion determine the encoder bias."""
+        return tuple(
+            "not estimated"
+            if not np.isfinite(sigma)
+            else "identified"
+            if sigma < DETERMINED * self.bias_prior
+            else "not identifiable from this motion"
+            for sigma in self.bias_sigma
+        )
+
+    def delay_facts(self) -> Any:
+        """`delay_s` of result.json: {value, sigma}, one per joint in a list, or None."""
+        each = [
+            {"value": _number(d), "sigma": _number(s)}
+            for d, s in zip(self.delay, self.delay_sigma, strict=True)
+        ]
+        return None if not each else each[0] if len(each) == 1 else each
+
+    def facts(
+        self, joints: tuple[str, ...], phi: Array, columns: tuple[str, ...]
+    ) -> list[dict[str, Any]]:
+        """`drive` of result.json.
+
+        Args:
+            joints: names of the joints.
+            phi: friction coefficients, (n, k).
+            columns: names of the k columns.
+
+        Returns:
+            One table per joint; None where a column was not fitted or is not determined.
+        """
+        place = {key: columns.index(name) for key, name in COLUMNS.items() if name in columns}
+        tables, verdicts = [], self.verdicts()
+        for j, joint in enumerate(joints):
+            sigma = {
+                key: _number(self.phi_sigma[j, place[key]]) if key in place else None
+                for key in COLUMNS
+            }
+            values = {
+                key: None if sigma[key] is None else _number(phi[j, place[key]]) for key in COLUMNS
+            }
+            values["encoder_bias"] = _number(self.bias[j])
+            sigma["encoder_bias"] = _number(self.bias_sigma[j])
+            verdict = {"encoder_bias_verdict": verdicts[j]}
+            tables.append({"joint": joint, **values, "sigma": sigma, **verdict})
+        return tables
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -45,8 +45,8 @@ class MonitoredModel:
 
     @property
     def delay_s(self) -> float:
-        """Delay of τ behind q in the log [s]."""
-        return self.preparation.torque_delay_s or 0.0
+        """Delay of τ behind q in the log, the mean of the joints' [s]."""
+        return float(np.mean(self.preparation.torque_delay_s or 0.0))
 
     @property
     def inertial(self) -> Array:

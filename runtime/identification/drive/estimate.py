@@ -6,14 +6,14 @@ The first d is the minimum of the profile of the loss (`recorded_delay`).
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex import CAD
 from runtime.estimators.methods import chosen_method
-from runtime.estimators.regression.recorded_delay import recorded_delay, sign_of_delay
+from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
 from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.drive.linearised import LinearisedDrive, linearised
 from runtime.identification.drive.result import DriveFit, DriveRequest
@@ -40,6 +40,18 @@ MOST_STEP = (0.02, 0.05)
 BIAS_PRIOR = 0.02
 """Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
 hand, a degree."""
+
+MOST_SIGMA = 0.02
+"""Standard deviation of a delay above which it is not determined [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """Delay and its standard deviation, (1,) or (n,) [s], and biases (n,) [rad, m]."""
+
+    delay: Array
+    delay_sigma: Array
+    bias: Array
 
 
 @one_blas_thread
@@ -74,47 +86,83 @@ def identify_drive(
     preparation = settings.preparation or recording.preparation
     terms = settings.friction_columns or default_terms(recording) or Friction(columns=())
     terms = geared(terms, recording, lib)
-    sign, n = sign_of_delay(recording), lib.n_joints
-    given = np.atleast_1d(np.asarray(preparation.torque_delay_s or 0.0, dtype=float)) * sign
-    delay = given
-    notes: tuple[str, ...] = ()
+    n = lib.n_joints
+    given = np.asarray(preparation.torque_delay_s or 0.0, dtype=float)
+    delay = np.atleast_1d(given) * sign_of_delay(recording)
+    unknown: str | None = None
     if request.delay:
         seen = before_test(recording, settings.splitting)  # the delay is of the training, too
         first = recorded_delay(seen, lib, preparation, terms)
         if first.profile.is_flat:
             low, high = (1e3 * end for end in first.interval_s)
-            request = replace(request, delay=False)
-            notes = (
-                "the log does not determine a delay: the loss is flat or least at the end of the "
-                f"range ({low:.0f} to {high:.0f} ms); record a faster motion, or give "
-                "torque_delay_s under [preparation]",
-            )
+            unknown = f"the loss is flat from {low:.0f} to {high:.0f} ms, or least at an end"
         else:
-            delay = np.full(n if request.per_joint else 1, first.delay_s)
+            start = np.full(n if request.per_joint else 1, first.delay_s)
+            done = _newton(recording, lib, settings, request, preparation, start)
+            late, spread = done.delay, done.delay_sigma
+            if np.all(spread < MOST_SIGMA) and np.all(np.abs(late) < LATEST_S):
+                return _certified(recording, lib, settings, request, preparation, done, progress)
+            unknown = f"its standard deviation is {1e3 * np.max(spread):.0f} ms"
+    request = replace(request, delay=False)
+    done = _newton(recording, lib, settings, request, preparation, delay)
+    result = _certified(recording, lib, settings, request, preparation, done, progress)
+    if unknown is None:
+        return result
+    sentence = (
+        f"the log does not determine a delay: {unknown}; record a faster motion, or give "
+        "torque_delay_s under [preparation]"
+    )
+    return replace(result, notes=(sentence, *result.notes))
+
+
+def _newton(
+    recording: Recording,
+    lib: Library,
+    settings: Settings,
+    request: DriveRequest,
+    preparation: Preparation,
+    delay: Array,
+) -> _Point:
+    """Most probable delay and biases, from a first delay."""
+    n = lib.n_joints
     bias = np.zeros(n)
-    for _ in range(PASSES):
+    sigma = np.full(delay.shape, np.inf)
+    for _ in range(PASSES if request.delay or request.bias else 0):
         result = _at(recording, lib, replace(settings, certify=False), preparation, delay, bias)
         step = _linearised(result, settings, request, bias, rough=True)
-        move, turn = step.delay_step, step.bias_step
-        size = np.concatenate([move / step.delay_sigma, turn / step.bias_sigma])
-        if not size.size or np.nanmax(np.abs(size)) < DONE:
+        sigma = step.delay_sigma
+        size = np.concatenate([step.delay_step / sigma, step.bias_step / step.bias_sigma])
+        if np.nanmax(np.abs(size)) < DONE:
             break
         if request.delay:
-            delay = delay + np.clip(move, -MOST_STEP[0], MOST_STEP[0])
+            delay = delay + np.clip(step.delay_step, -MOST_STEP[0], MOST_STEP[0])
         if request.bias:
-            bias = bias + np.clip(turn, -MOST_STEP[1], MOST_STEP[1])
-    result = _at(recording, lib, settings, preparation, delay, bias, progress)
-    step = _linearised(result, settings, request, bias)
-    empty = np.full(n, np.nan)
+            bias = bias + np.clip(step.bias_step, -MOST_STEP[1], MOST_STEP[1])
+    return _Point(delay, sigma, bias)
+
+
+def _certified(
+    recording: Recording,
+    lib: Library,
+    settings: Settings,
+    request: DriveRequest,
+    preparation: Preparation,
+    point: _Point,
+    progress: Callable[[int, float], None] | None,
+) -> Identification:
+    """The identification at a point, with certificates and standard deviations."""
+    result = _at(recording, lib, settings, preparation, point.delay, point.bias, progress)
+    step = _linearised(result, settings, request, point.bias)
+    empty = np.full(lib.n_joints, np.nan)
     drive = DriveFit(
-        delay=delay if request.delay else np.zeros(0),
+        delay=point.delay if request.delay else np.zeros(0),
         delay_sigma=step.delay_sigma,
-        bias=bias if request.bias else empty,
+        bias=point.bias if request.bias else empty,
         bias_sigma=step.bias_sigma if request.bias else empty,
         bias_prior=BIAS_PRIOR,
         phi_sigma=step.phi_sigma,
     )
-    return replace(result, drive=drive, notes=(*notes, *result.notes))
+    return replace(result, drive=drive)
 
 
 def _require(settings: Settings, recording: Recording) -> None:

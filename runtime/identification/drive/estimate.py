@@ -81,6 +81,8 @@ def identify_drive(
     _require(settings, recording)
     recording = independent_joints(recording, lib)
     recipe = recording.recipe
+    # Delay, biases and intervals belong to the rows of the training: no second fit to all rows.
+    settings = replace(settings, refit=False)
     if settings.splitting is None and (recipe is None or recipe.split is None):
         settings = replace(settings, splitting=SPLIT)
     preparation = settings.preparation or recording.preparation

@@ -25,6 +25,7 @@ from runtime.cli.motion_output import (
     write_motion_log,
 )
 from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.planned_noise import NOISE_HELP
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RuntimeFault
@@ -127,14 +128,7 @@ def excite_command(
     zero_jerk: Annotated[
         bool, typer.Option("--zero-jerk", help="Begin and end with zero jerk too.")
     ] = False,
-    noise: Annotated[
-        str,
-        typer.Option(
-            metavar="σ",
-            help="Standard deviation of the torque noise, N·m: one number or one per joint "
-            "with commas.",
-        ),
-    ] = "0.05",
+    noise: Annotated[str, typer.Option(metavar="σ|LOG", help=f"{NOISE_HELP}.")] = "0.05",
     log_rate: Annotated[
         float, typer.Option(help="Rate at which the robot will record the motion, Hz.")
     ] = 100.0,
@@ -242,7 +236,7 @@ def excite_command(
     lib = open_robot(robot, yes)
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
-    planned = information_of(lib, noise, log_rate, earlier_log, payload_only, friction)
+    planned, note = information_of(lib, noise, log_rate, earlier_log, payload_only, friction)
     # The document's criterion is a function of the regressor alone.
     is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or payload_only
     rate = ROWS if export_rate is None else export_rate
@@ -302,9 +296,9 @@ def excite_command(
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
 
         written += write_pictures(profile_of(motion), path.with_suffix(".png"))
-    print_design(optimum, expected, len(lib.base_columns))
-    for note in design_notes(lib, duration, optimum.trajectory.duration):
-        say(note)
+    print_design(optimum, expected, len(lib.base_columns), note)
+    for sentence in design_notes(lib, duration, optimum.trajectory.duration):
+        say(sentence)
     stages = {100 * share: at_speed(motion, share) for share in speeds}
     for percent, stage in stages.items():
         for line in certificate_headline(stage.certificate, percent):

@@ -10,6 +10,7 @@ import typer
 from runtime.cli.common import Robot, console, say
 from runtime.cli.log_options import Cutoff, Rate, Recipe, Run
 from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.planned_noise import NOISE_HELP
 from runtime.cli.predict_situation import Situation, situation_of
 from runtime.cli.predict_tables import (
     EarlierLogs,
@@ -61,9 +62,9 @@ def predict_command(
     noise: Annotated[
         str | None,
         typer.Option(
-            metavar="σ",
-            help="Standard deviation of the torque noise, N·m: one number or one per joint with "
-            f"commas; default from the residuals of a log with torque, else {NOISE:g}.",
+            metavar="σ|LOG",
+            help=f"{NOISE_HELP}; default from the residuals of MOTION where it is a log with "
+            f"torque, else {NOISE:g}.",
         ),
     ] = None,
     log_rate: Annotated[
@@ -167,6 +168,8 @@ def _show(situation: Situation, now: Expected, steps: tuple[GainOfRecording, ...
         console.print(link_table(now, lib))
         say(torque_sentence(_unseen(now, lib)))
     say(payload_sentence(now, alone))
+    if not situation.from_residuals and situation.planned.sentence():
+        say(situation.planned.sentence())
     if steps:
         console.print(gain_table(steps))
         say(verdict(steps))

@@ -4,9 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.cli.predict_tables import torque_noise
+from runtime.cli.planned_noise import TorqueNoise, planned_noise
 from runtime.errors import IdentificationError
-from runtime.excitation.search.information import NOISE, information
+from runtime.excitation.search.information import NOISE
 from runtime.identification.expected_accuracy import (
     Expected,
     Knowledge,
@@ -29,7 +29,8 @@ class Situation:
         moved: samples of the motion.
         noise: σ of the torque, (n,) N·m.
         unit: samples per independent sample, at least 1.
-        from_residuals: whether `noise` is from the residuals of a log.
+        from_residuals: whether `noise` is from the residuals of the motion itself.
+        planned: noise that was given, or that of a planned motion.
         known: prior and earlier logs.
     """
 
@@ -38,6 +39,7 @@ class Situation:
     noise: Array
     unit: float
     from_residuals: bool
+    planned: TorqueNoise
     known: Knowledge
 
     def expected(self, more: MotionSamples | None = None, seconds: float = 0.0) -> Expected:
@@ -69,6 +71,8 @@ class Situation:
         low, high = self.noise.min(), self.noise.max()
         size = f"{low:.3g}" + ("" if low == high else f"–{high:.3g}")
         origin = " (RMS of the log's residuals)" if self.from_residuals else ""
+        if self.planned.log is not None and not self.from_residuals:
+            origin = f" (RMS of the residuals of {self.planned.log})"
         count = len(self.moved.samples)
         effective = (
             f", as good as {count / self.unit:.0f} independent ones" if self.unit > 1 else ""
@@ -92,6 +96,7 @@ class Situation:
             "n_eff": count / self.unit,
             "torque_noise": self.noise.tolist(),
             "noise_from_residuals": self.from_residuals,
+            "noise_log": None if self.from_residuals else self.planned.log,
             "friction": list(self.moved.columns),
             "earlier_logs_count": self.known.earlier is not None,
         }
@@ -109,7 +114,7 @@ def situation_of(
     Args:
         lib: the robot.
         moved: the motion.
-        noise: value of --noise, N·m.
+        noise: value of --noise, N·m, or a log.
         earlier: logs that are recorded already.
         payload_only: only the last link is unknown.
 
@@ -119,18 +124,18 @@ def situation_of(
     Raises:
         RuntimeFault: the noise is out of range, or an earlier log cannot be read.
     """
-    given = None if noise is None else information(lib, torque_noise(noise, lib.n_joints)).noise
+    given = None if noise is None else planned_noise(lib, noise, moved.columns)
+    planned = given or TorqueNoise(np.full(lib.n_joints, NOISE))
     residual_noise: Noise | None = noise_of(lib, moved)
     known = replace(Knowledge.of(lib), payload_only=payload_only)
     if residual_noise is not None:
         known = replace(known, pi=residual_noise.pi)
-    sigma = (
-        given if given is not None else residual_noise.sigma if residual_noise is not None else None
-    )
-    if sigma is None:
-        sigma = np.full(lib.n_joints, NOISE)
+    is_own = given is None and residual_noise is not None
+    sigma = residual_noise.sigma if is_own and residual_noise is not None else planned.sigma
     if earlier:
         logs = [read_recording(log, joints=lib.joint_names) for log in earlier]
         known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
-    unit = residual_noise.inflation if residual_noise is not None else 1.0
-    return Situation(lib, moved, sigma, unit, given is None and residual_noise is not None, known)
+    unit = planned.rows_per_independent(moved.rate)
+    if residual_noise is not None and planned.log is None:
+        unit = residual_noise.inflation
+    return Situation(lib, moved, sigma, unit, is_own, planned, known)

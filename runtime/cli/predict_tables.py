@@ -8,7 +8,8 @@ import numpy as np
 import typer
 from rich.table import Column, Table
 
-from runtime.cli.common import console, numbers_option, say
+from runtime.cli.common import console, say
+from runtime.cli.planned_noise import planned_noise
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.posterior_spread import DETERMINED
 from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, information
@@ -34,23 +35,6 @@ PayloadOnly = Annotated[
         help="Only the ten parameters of the last link are unknown; the arm is known.",
     ),
 ]
-
-
-def torque_noise(text: str, joints: int) -> Array:
-    """Standard deviation of the torque noise from --noise.
-
-    Args:
-        text: one number, or one per joint with commas, N·m.
-        joints: n.
-
-    Returns:
-        (n,) N·m.
-
-    Raises:
-        IdentificationError: the text is something else.
-    """
-    count = joints if "," in text else 1
-    return np.broadcast_to(np.array(numbers_option(text, count, "--noise")), joints).copy()
 
 
 def friction_columns(text: str) -> tuple[str, ...]:
@@ -81,40 +65,43 @@ def information_of(
     logs: Sequence[str] | None,
     payload_only: bool,
     friction: str | None = None,
-) -> Information:
+) -> tuple[Information, str]:
     """Noise, rate, earlier logs and unknowns of a planned log.
 
     Args:
         lib: library of the robot.
-        noise: value of --noise, N·m.
-        rate: rate at which the log will be recorded, Hz.
+        noise: value of --noise, N·m, or a log.
+        rate: rate at which the log will be recorded, Hz; dependent rows count as fewer.
         logs: earlier logs.
         payload_only: only the ten parameters of the last link are unknown.
         friction: value of --friction; None is the default of `information`.
 
     Returns:
-        Settings of the criteria of a motion.
+        Settings of the criteria of a motion, and what the noise leaves out, a sentence or "".
 
     Raises:
         RuntimeFault: a value is out of range, or an earlier log cannot be read.
     """
-    sigma = torque_noise(noise, lib.n_joints)
+    information(lib, rate=rate)  # raises where the rate is out of range
     columns = None if friction is None else friction_columns(friction)
-    planned = information(lib, sigma, rate, payload=payload_only, friction=columns)
+    torque = planned_noise(lib, noise, columns)
+    sigma, independent = torque.sigma, rate / torque.rows_per_independent(rate)
+    planned = information(lib, sigma, independent, payload=payload_only, friction=columns)
     if not logs:
-        return planned
+        return planned, torque.sentence()
     recordings = [read_recording(log, joints=lib.joint_names) for log in logs]
     known = information_of_logs(lib, recordings, sigma, FRICTION if columns is None else columns)
-    return replace(planned, earlier=known)
+    return replace(planned, earlier=known), torque.sentence()
 
 
-def print_design(optimum: Design, expected: Prediction, columns: int) -> None:
+def print_design(optimum: Design, expected: Prediction, columns: int, note: str) -> None:
     """Print the criteria of a design, their spread over the starts, and the expected accuracy.
 
     Args:
         optimum: the designed motion.
         expected: accuracy of a log of it.
         columns: number of base parameters.
+        note: what the expected accuracy leaves out; empty for nothing.
     """
     say(
         f"condition number {optimum.condition:.4f} of the column-normalised base regressor "
@@ -132,7 +119,7 @@ def print_design(optimum: Design, expected: Prediction, columns: int) -> None:
         best = min(optimum.variations)
         say(f"{len(optimum.variations)} variations of the best starts, cond: best {best:.4g}")
     console.print(criteria_table(expected))
-    for sentence in prediction_sentences(expected):
+    for sentence in (*prediction_sentences(expected), *([note] if note else [])):
         say(sentence)
     for assumption in optimum.assumptions:
         say(f"note: {assumption}")

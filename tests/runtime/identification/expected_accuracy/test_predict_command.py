@@ -66,6 +66,33 @@ def test_predict(
     assert reported["torque_noise"] == pytest.approx([0.05] * 7, rel=0.1)
 
 
+def test_noise_of_a_log_counts_its_model_error(
+    command: Command, lib: Library, motion: Path, noisy: Recording, tmp_path: Path
+) -> None:
+    """Oracle: `predict` of that log, which has the same motion, rate, residuals and N_eff."""
+    rippled = noisy.replace(tau=noisy.tau + 0.3 * np.sin(8 * noisy.q))
+    write_recording(rippled, tmp_path / "log.npz")
+    robot, names = ("--robot", lib.folder), ("--friction", ",".join(FRICTION))
+    plan = ("predict", motion, *robot, *names)
+    by_log = json.loads(command(*plan, "--noise", "log.npz", "--json").out)
+    white = json.loads(command(*plan, "--noise", "0.05", "--json").out)
+    measured = json.loads(command("predict", "log.npz", *robot, *names, "--json").out)
+    assert (by_log["noise_log"], by_log["noise_from_residuals"]) == ("ideal", False)
+    assert (white["noise_log"], measured["noise_log"]) == (None, None)
+    assert by_log["torque_noise"] == measured["torque_noise"]
+    assert by_log["n_eff"] == pytest.approx(measured["n_eff"], rel=1e-9)
+    assert by_log["n_eff"] < 0.5 * by_log["n_samples"]
+    least_squares = [r["base_parameters"]["least_squares"] for r in (by_log, measured, white)]
+    # Rounding × cond² of raw columns.
+    assert least_squares[0] == pytest.approx(least_squares[1], rel=1e-6)
+    assert (np.array(least_squares[0]) > 2 * np.array(least_squares[2])).all()
+    note = "note: σ counts independent torque noise alone"
+    assert note in command(*plan).out
+    ran = command(*plan, "--noise", "log.npz")
+    assert note not in ran.out
+    assert "(RMS of the residuals of ideal)" in ran.out
+
+
 def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -> None:
     """Oracle: information of an earlier log with unknown friction adds as numbers over β."""
     dq = moved.samples.dq
@@ -88,6 +115,8 @@ def test_earlier_logs_reach_the_prediction(lib: Library, moved: MotionSamples) -
         (("still.json",), "nothing moves in 'still'"),
         (("motion.json", "--noise", "0"), "torque noise above 0"),
         (("motion.json", "--noise", "1,2"), "--noise needs 7 numbers"),
+        (("motion.json", "--noise", "nowhere.csv"), "nowhere.csv"),
+        (("motion.json", "--noise", "other.npz"), "has 6 joints, the robot 'fr3"),
         (("motion.json", "--log-rate", "0"), "sampling rate above 0 Hz"),
         (("motion.json", "--rate", "50"), "is a planned motion; give --log-rate"),
         (("other.npz", "--log-rate", "50"), "is a log; give --rate to decimate it"),

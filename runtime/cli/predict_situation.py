@@ -130,12 +130,12 @@ def situation_of(
     known = replace(Knowledge.of(lib), payload_only=payload_only)
     if residual_noise is not None:
         known = replace(known, pi=residual_noise.pi)
-    is_own = given is None and residual_noise is not None
-    sigma = residual_noise.sigma if is_own and residual_noise is not None else planned.sigma
+    from_residuals = given is None and residual_noise is not None
+    sigma = residual_noise.sigma if from_residuals and residual_noise is not None else planned.sigma
     if earlier:
         logs = [read_recording(log, joints=lib.joint_names) for log in earlier]
         known = replace(known, earlier=information_of_logs(lib, logs, sigma, moved.columns))
     unit = planned.rows_per_independent(moved.rate)
     if residual_noise is not None and planned.log is None:
         unit = residual_noise.inflation
-    return Situation(lib, moved, sigma, unit, is_own, planned, known)
+    return Situation(lib, moved, sigma, unit, from_residuals, planned, known)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.mass_unit import mass_unit
 from runtime.estimators.problem import Origin, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.settings import Settings, settings_from
@@ -105,7 +106,7 @@ def assemble(
         lib=lib,
         train=fitted,
         validation=unseen,
-        weights=thesis_weights(fitted.tau),
+        weights=thesis_weights(fitted.tau, mass_unit(lib, lib.pi0)),
         start=lib.lam0 if chosen.lam0 is None else np.asarray(chosen.lam0, dtype=float),
         seed=chosen.seed,
         progress=progress,

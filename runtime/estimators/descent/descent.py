@@ -25,7 +25,8 @@ STATUS = {
 class Descent:
     """Problem with its objective, its compressed training and validation samples, and a start.
 
-    x0 = [λ, ψ], or [θ, ψ] with log-Cholesky coordinates θ where `cholesky` is set.
+    x0 = [λ, ψ], or [θ, ψ] with log-Cholesky coordinates θ where `cholesky` is set. `unit` is the
+    unit of mass of the problem, kg.
     """
 
     problem: Problem
@@ -34,6 +35,7 @@ class Descent:
     validation: Statistics
     x0: Array
     cholesky: bool = False
+    unit: float = 1.0
 
     def bodies(self, x: Array) -> Array:
         """π (10 n,) at x."""
@@ -46,7 +48,11 @@ class Descent:
 
 
 def descent_of(
-    problem: Problem, objective: TorqueObjective, x0: Array, cholesky: bool = False
+    problem: Problem,
+    objective: TorqueObjective,
+    x0: Array,
+    cholesky: bool = False,
+    unit: float = 1.0,
 ) -> Descent:
     """Descent from x0 with the compressed samples that it needs.
 
@@ -55,13 +61,13 @@ def descent_of(
         objective: torque loss over the training samples.
         x0: first point, (10 n + n k,).
         cholesky: whether x0 begins with log-Cholesky coordinates.
+        unit: unit of mass of the problem, kg.
 
     Returns:
         The descent.
     """
-    return Descent(
-        problem, objective, problem.statistics(), problem.validation_statistics(), x0, cholesky
-    )
+    train, validation = problem.statistics(), problem.validation_statistics()
+    return Descent(problem, objective, train, validation, x0, cholesky, unit)
 
 
 def least_squares(statistics: Statistics, unit: Array) -> LeastSquares:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,8 +11,17 @@ from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset, Watch, descend, descend_many
 from runtime.estimators.descent.descent import Descent, descent_of
 from runtime.estimators.descent.levenberg_marquardt import levenberg_descend
+from runtime.estimators.descent.newton import newton_descend
+from runtime.estimators.mass_unit import in_unit, mass_unit
 from runtime.estimators.method import Method
-from runtime.estimators.optimizers import AdamOptions, LevenbergOptions, Outcome, StoppingRule
+from runtime.estimators.optimizers import (
+    AdamOptions,
+    LevenbergOptions,
+    Outcome,
+    Status,
+    StoppingRule,
+    Trace,
+)
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Array, Library
@@ -71,6 +81,8 @@ def fit_adam(problem: Problem, preset: str | Preset | None = None) -> Fit:
 def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
     """Descend by Levenberg–Marquardt from the first guess with its best friction.
 
+    Where it stops short of an optimum on the boundary of consistency, Newton's method goes on.
+
     Args:
         problem: samples, weights and first guess.
         cholesky: descend in log-Cholesky coordinates instead of λ.
@@ -79,7 +91,21 @@ def fit_levenberg(problem: Problem, cholesky: bool = False) -> Fit:
         π and φ of the last point.
     """
     descent = start_of(problem, cholesky)
-    return fit_of(descent, levenberg_descend(descent, LevenbergOptions()))
+    outcome = levenberg_descend(descent, LevenbergOptions())
+    if outcome.status in {Status.MAX_ITERATIONS, Status.STALLED}:
+        descent, outcome = _in_cholesky(descent, outcome)
+        outcome = newton_descend(descent, outcome)
+    return fit_of(descent, outcome)
+
+
+def _in_cholesky(descent: Descent, outcome: Outcome) -> tuple[Descent, Outcome]:
+    """A descent and its end in log-Cholesky coordinates."""
+    if descent.cholesky:
+        return descent, outcome
+    lib, size = descent.problem.lib, descent.problem.start.size
+    safe, _ = _thickened(lib, descent.bodies(outcome.x))
+    x = np.concatenate([lib.cholesky_from_pi(safe), outcome.x[size:]])
+    return replace(descent, x0=x, cholesky=True), replace(outcome, x=x)
 
 
 @one_blas_thread
@@ -123,13 +149,15 @@ def start_of(problem: Problem, cholesky: bool = False) -> Descent:
     Returns:
         The descent with its compressed samples.
     """
+    unit = mass_unit(problem.lib, problem.lib.pi_from_lam(problem.start))
+    problem = in_unit(problem, unit)
     objective = TorqueObjective(problem.lib, problem.train, problem.weights)
     guess = problem.lib.pi_from_lam(problem.start)
     phi = best_friction(problem.statistics(), guess, problem.train.columns.shape[1:])
     bodies = problem.start
     if cholesky:
         bodies = problem.lib.cholesky_from_pi(problem.lib.nearest_realisable(guess, THINNEST_AXIS))
-    return descent_of(problem, objective, objective.join(bodies, phi), cholesky)
+    return descent_of(problem, objective, objective.join(bodies, phi), cholesky, unit)
 
 
 def fit_of(descent: Descent, outcome: Outcome) -> Fit:
@@ -142,16 +170,20 @@ def fit_of(descent: Descent, outcome: Outcome) -> Fit:
     Returns:
         The fit.
     """
-    lib = descent.problem.lib
+    lib, unit = descent.problem.lib, descent.unit
     lam, phi = descent.objective.split(outcome.x)
-    pi, notes = _thickened(lib, descent.bodies(outcome.x))
+    pi, notes = _thickened(lib, unit * descent.bodies(outcome.x))
+    trace = outcome.trace
+    if unit != 1:  # L in (N·m)² again
+        losses = (tuple(unit**2 * np.array(row)) for row in (trace.training, trace.validation))
+        trace = Trace(trace.iteration, *losses)
     return Fit(
         pi=pi,
-        phi=phi,
-        lam=lib.lam_from_pi(pi) if notes or descent.cholesky else lam,
+        phi=unit * phi,
+        lam=lib.lam_from_pi(pi) if notes or descent.cholesky or unit != 1 else lam,
         status=outcome.status.value,
         iterations=outcome.iterations,
-        trace=outcome.trace,
+        trace=trace,
         notes=notes,
     )
 

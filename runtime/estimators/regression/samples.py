@@ -14,9 +14,17 @@ THESIS_SIGMA = 0.5
 """Regularisation of Eq. 4.8, N·m."""
 
 
-def thesis_weights(tau: Array) -> Array:
-    """Weights w_k ∝ 1/(τ_rms,k² + σ²) with mean 1, (n,), from the torque (N, n) (Eq. 4.8)."""
-    raw = 1.0 / (np.mean(tau**2, axis=0) + THESIS_SIGMA**2)
+def thesis_weights(tau: Array, unit: float = 1.0) -> Array:
+    """Weights w_k ∝ 1/(τ_rms,k² + σ²) with mean 1 (Eq. 4.8).
+
+    Args:
+        tau: torque, (N, n) [N·m, N].
+        unit: unit of mass of the robot, kg; σ is proportional to it.
+
+    Returns:
+        w, (n,).
+    """
+    raw = 1.0 / (np.mean(tau**2, axis=0) + (unit * THESIS_SIGMA) ** 2)
     return raw / raw.mean()
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset
+from runtime.estimators.mass_unit import mass_unit
 from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.residuals import residuals
@@ -182,7 +183,7 @@ def assemble_streamed(
         lib=lib,
         train=train,
         validation=validation,
-        weights=thesis_weights(train.tau),
+        weights=thesis_weights(train.tau, mass_unit(lib, lib.pi0)),
         start=lib.lam0,
         seed=chosen.seed,
         pieces=samples,

@@ -1,0 +1,130 @@
+"""Newton's method in log-Cholesky coordinates θ: the last steps to the boundary of consistency.
+
+    H = JᵀJ + Σ_k ∂(∂π_k/∂θ_kᵀ g_k)/∂θ_k,   g = ∂L/∂π
+
+Levenberg–Marquardt drops the second term, which is the whole curvature next to the boundary, where
+semi-axes tend to 0: hundreds of its steps do not converge. With the term every step lowers the
+distance by a factor. λ is not used here: where two semi-axes are 0, the angle between them has no
+effect, and such points hold back a descent.
+Source: Nocedal & Wright 2006, Ch. 3 (modified Newton) and Ch. 10 (large residuals).
+"""
+
+import numpy as np
+
+from runtime.estimators.descent.descent import Descent, least_squares
+from runtime.estimators.optimizers import Outcome, Status, trace_of
+from runtime.library import Array
+
+MOST_STEPS = 600
+"""Limit of Newton steps; 10 to 60 are usual, 400 where several links end on the boundary."""
+DECREASE = 1e-8
+"""Predicted decrease of L, relative, below which the descent has converged. The loss is then within
+some 1e-6 of its minimum, while noise moves it by 1/√N."""
+DIFFERENCE = 1e-5
+"""Step of central differences, relative to the coordinate, which counts as 1e-3 at least. The error
+of J is then 1e-10."""
+ARMIJO = 1e-4
+"""Share of the predicted decrease that a step must reach."""
+_LEAST = 1e-14
+"""Smallest curvature, relative to the largest."""
+_HALVINGS = 30
+
+
+def newton_descend(descent: Descent, start: Outcome, most_steps: int = MOST_STEPS) -> Outcome:
+    """Go on from the end of another descent by Newton's method.
+
+    Args:
+        descent: problem in log-Cholesky coordinates.
+        start: end of the other descent, in the same coordinates.
+        most_steps: limit of steps.
+
+    Returns:
+        The last point, never worse than the first, with the steps and the trace of both.
+    """
+    objective, x = _Loss(descent), start.x
+    loss, status, step = objective.value(x), Status.MAX_ITERATIONS, 0
+    rows = list(
+        zip(start.trace.iteration, start.trace.training, start.trace.validation, strict=True)
+    )
+    try:
+        while step < most_steps:
+            move, predicted = _step(*objective.slope(x))
+            if predicted <= DECREASE * loss:
+                status = Status.CONVERGED
+                break
+            # Halve until the loss falls by a share of what the slope predicts (Armijo).
+            sizes = 0.5 ** np.arange(_HALVINGS)
+            tried = ((float(size), objective.value(x + size * move)) for size in sizes)
+            better = next((s for s in tried if s[1] < loss - 2 * ARMIJO * s[0] * predicted), None)
+            if better is None:
+                status = Status.STALLED
+                break
+            x, loss, step = x + better[0] * move, better[1], step + 1
+            rows.append((start.iterations + step, loss, descent.validation_loss(x)))
+            if descent.problem.progress is not None:
+                descent.problem.progress(start.iterations + step, loss)
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    validation = rows[-1][2] if step else start.validation
+    return Outcome(x, validation, start.iterations + step, status, trace_of(rows))
+
+
+def _step(gradient: Array, hessian: Array) -> tuple[Array, float]:
+    """−|H|⁻¹ g and the decrease ½ gᵀ|H|⁻¹g: negative curvature is descended as positive is."""
+    values, vectors = np.linalg.eigh(hessian)
+    sizes = np.maximum(np.abs(values), _LEAST * max(float(np.abs(values).max()), 1e-300))
+    along = vectors.T @ gradient
+    return -vectors @ (along / sizes), float(np.sum(along**2 / sizes)) / 2
+
+
+class _Loss:
+    """L of compressed samples with gradient and Hessian in x = [θ, ψ]."""
+
+    def __init__(self, descent: Descent) -> None:
+        lib = descent.problem.lib
+        self._descent, self._squares = (
+            descent,
+            least_squares(descent.statistics, descent.objective.unit),
+        )
+        self._size = descent.problem.start.size
+        self._jacobian = lib.cholesky_jacobian
+        base = len(lib.base_matrix)
+        self._over_pi = self._squares.factor[:, :base] @ lib.base_matrix
+        self._over_psi = self._squares.factor[:, base:]
+
+    def _residual(self, x: Array) -> Array:
+        pi, psi = self._descent.bodies(x), x[self._size :]
+        return np.asarray(self._over_pi @ pi + self._over_psi @ psi - self._squares.target)
+
+    def value(self, x: Array) -> float:
+        """L at x; infinite where it is not finite."""
+        with np.errstate(all="ignore"):
+            residual = self._residual(x)
+            value = float(residual @ residual + self._squares.rest) * self._squares.scale
+        return value if np.isfinite(value) else np.inf
+
+    def slope(self, x: Array) -> tuple[Array, Array]:
+        """Gradient and Hessian of L at x."""
+        residual, size = self._residual(x), self._size
+        bodies = x[:size]
+        blocks = self._jacobian(bodies)
+        links, width = blocks.shape[:2]
+        over_pi = self._over_pi.reshape(-1, links, width)
+        by_theta = np.einsum("rki,kij->rkj", over_pi, blocks).reshape(-1, size)
+        jacobian = np.hstack([by_theta, self._over_psi])
+        # Second term: ∂(∂π/∂θᵀ g)/∂θ of all links at once, one coordinate of each at a time.
+        pull = (self._over_pi.T @ residual).reshape(links, width)
+        hessian = jacobian.T @ jacobian
+        for j in range(width):
+            change = np.zeros((links, width))
+            change[:, j] = DIFFERENCE * np.maximum(np.abs(bodies.reshape(links, width)[:, j]), 1e-3)
+            ahead, behind = (
+                np.einsum("kij,ki->kj", self._jacobian(bodies + sign * change.ravel()), pull)
+                for sign in (1, -1)
+            )
+            column = (ahead - behind) / (2 * change[:, j : j + 1])
+            for k in range(links):
+                hessian[k * width : (k + 1) * width, k * width + j] += column[k]
+        hessian = (hessian + hessian.T) / 2
+        factor = 2 * self._squares.scale
+        return factor * (jacobian.T @ residual), factor * hessian

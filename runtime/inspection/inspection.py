@@ -12,6 +12,7 @@ from pathlib import Path
 from runtime.errors import RecordingError, RuntimeFault
 from runtime.inspection.checks import (
     clock,
+    drives,
     gravity,
     joint_order,
     model_fit,
@@ -29,7 +30,8 @@ from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
-from runtime.recording.friction import ROTOR, names_where
+from runtime.recording.commanded_torque import COMMANDED
+from runtime.recording.friction import DRIVE, ROTOR, names_where
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.plausibility import require_joints
 from runtime.recording.reader import Raw, locate, read_raw, recording_of
@@ -123,6 +125,8 @@ def inspect_log(
     elif blind or any(f.kind == "position_range" for f in findings):
         sentence = "the torque was not checked; correct the clock and the positions first"
         findings.append(Finding("not_judged", INFO, sentence))
+    elif recording.torque_source == COMMANDED:
+        _commanded(checks, lib)
     else:
         _torque(checks, lib, propose)
         findings += signals.little_torque(checks.recording, lib)
@@ -213,6 +217,24 @@ def _of_file(raw: Raw) -> list[Finding]:
     return findings
 
 
+def _commanded(checks: _Checks, lib: Library) -> None:
+    """Law, delay and drives of a commanded torque; unit, sign and order are those of the law."""
+    checks.findings += drives.commanded(checks.recording, checks.plan)
+    try:
+        checks.run(lambda r, p: drives.delay(r, lib, p))
+        checks.findings += drives.rotor(checks.recording, lib, checks.plan)
+        usual = drives.filtered(checks.recording, checks.plan.preparation)
+        _, failing = choose_regressor(checks.recording, lib, usual)
+        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
+        if checks.plan.preparation.filter == "none":
+            late = checks.plan.preparation.torque_delay_s
+            checks.plan = checks.plan.replace(preparation=replace(usual, torque_delay_s=late))
+        checks.findings.append(model_fit.one_run(checks.recording.duration))
+    except RuntimeFault as fault:
+        sentence = f"the torque could not be checked: {fault}"
+        checks.findings.append(Finding("not_judged", WARNING, sentence))
+
+
 def _torque(checks: _Checks, lib: Library, propose: bool) -> None:
     """Order, sign and unit of τ, then its fit to the model."""
     terms = checks.plan.friction or _terms(checks.plan)
@@ -251,7 +273,7 @@ def _torque(checks: _Checks, lib: Library, propose: bool) -> None:
             checks.findings += model_fit.tool(torque_rows) + model_fit.coupling(
                 torque_rows, matrix, terms
             )
-        checks.findings.append(model_fit.one_run(torque_rows))
+        checks.findings.append(model_fit.one_run(torque_rows.whole.duration))
     except RuntimeFault as fault:
         sentence = f"the torque could not be checked: {fault}"
         checks.findings.append(Finding("not_judged", WARNING, sentence))
@@ -275,6 +297,8 @@ def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
 
 def _terms(plan: Recipe) -> Friction:
     """Friction columns to propose, with those of motors where the gear couples them."""
+    if plan.law is not None:
+        return Friction(DRIVE)
     gear = plan.gear
     coupled = any(x != 0.0 for i, row in enumerate(gear) for j, x in enumerate(row) if i != j)
     motors = (ROTOR.name, *names_where(lambda column: column.of_motors))

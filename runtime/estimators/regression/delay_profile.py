@@ -45,10 +45,9 @@ class DelayProfile:
     @property
     def is_flat(self) -> bool:
         """Whether the data do not determine a delay within the range."""
-        wide = self.interval[1] - self.interval[0]
-        k = int(np.argmin(self.loss))
-        at_end = k in {0, len(self.loss) - 1}
-        return at_end or wide > FLAT_SHARE * float(self.delays[-1] - self.delays[0])
+        low, high = self.interval
+        is_cut = low <= self.delays[0] or high >= self.delays[-1]
+        return bool(is_cut or high - low > FLAT_SHARE * (self.delays[-1] - self.delays[0]))
 
     @property
     def sigma(self) -> float:

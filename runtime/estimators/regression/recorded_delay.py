@@ -79,7 +79,7 @@ def recorded_delay(
     """
     whole = prepare(
         recording.replace(columns=None, column_names=(), motors=None),
-        _filtered(recording, preparation),
+        filtered(recording, preparation),
         terms,
         lib=lib,
     )
@@ -110,14 +110,22 @@ def recorded_delay(
     return RecordedDelay(delay_profile(columns, torque, delays), sign_of_delay(recording))
 
 
-def _filtered(recording: Recording, preparation: Preparation) -> Preparation:
-    """The preparation without delay, decimation and rest, with a low-pass."""
+def filtered(recording: Recording, preparation: Preparation) -> Preparation:
+    """The preparation without delay, decimation and removal of rest, with a low-pass.
+
+    Args:
+        recording: in SI units.
+        preparation: of the recipe.
+
+    Returns:
+        The same with its own filter, or with one of `CUTOFF_HZ` where it has none.
+    """
     usual = replace(
         preparation, rate_hz=None, rest_speed=None, torque_delay_s=None, regressor="acceleration"
     )
     if usual.filter != "none":
         return usual
     cutoff = min(CUTOFF_HZ, SHARE * recording.rate_hz)
-    grid = usual.max_gap_s or 4.0 / recording.rate_hz
-    trim = min(1.0 / cutoff, 0.05 * recording.duration)
+    grid = usual.max_gap_s or float(f"{4.0 / recording.rate_hz:.3g}")
+    trim = float(f"{min(1.0 / cutoff, 0.05 * recording.duration):.3g}")
     return replace(usual, filter="butterworth", cutoff_hz=cutoff, max_gap_s=grid, trim_s=trim)

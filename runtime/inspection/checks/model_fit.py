@@ -281,14 +281,14 @@ def coupling(torque_rows: TorqueRows, matrix: Array, terms: Friction) -> list[Fi
     ]
 
 
-def one_run(torque_rows: TorqueRows) -> Finding:
-    """Note that a test on a part of the same run underestimates the error (trap 12)."""
+def one_run(duration_s: float) -> Finding:
+    """Note that a test on a part of the same run of this duration [s] is optimistic (trap 12)."""
     return Finding(
         "one_run",
         INFO,
-        f"this is one run of {torque_rows.whole.duration:.3g} s: a test on a part of it "
+        f"this is one run of {duration_s:.3g} s: a test on a part of it "
         "underestimates the error of the model; record another motion for the test",
-        {"duration_s": torque_rows.whole.duration},
+        {"duration_s": duration_s},
         trap=12,
     )
 

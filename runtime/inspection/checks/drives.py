@@ -1,0 +1,199 @@
+"""Checks of a commanded torque: its law, its delay, and the share of the drives (traps 2, 4).
+
+    τ(t − d) = Y π0 + F φ + J ddq
+
+A commanded torque includes what rotors and friction of the drives take before it reaches the links.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from runtime.estimators.regression.recorded_delay import filtered, recorded_delay
+from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.inspection.checks.torque_rows import least_squares
+from runtime.inspection.finding import INFO, WARNING, Finding
+from runtime.library import Array, Library
+from runtime.recording import Friction, Preparation, Recipe, Recording
+from runtime.recording.friction import DRIVE, ROTOR
+from runtime.recording.preprocessing import prepare
+
+DOMINANT = 0.5
+"""Share of the torque that the links leave unexplained from which on the drives dominate."""
+REMOVED = 0.5
+"""Share of that rest that the drives must explain."""
+STILL = 0.02
+"""Travel [rad or m] below which a joint does not count."""
+LATE = 4.0
+"""Delay over its standard deviation from which on it is to be corrected."""
+
+
+def commanded(recording: Recording, plan: Recipe) -> list[Finding]:
+    """The torque is that of a control law (trap 4).
+
+    Args:
+        recording: with the source of its torque.
+        plan: recipe, with the law.
+
+    Returns:
+        "commanded_torque".
+    """
+    law = plan.law
+    if law is None:
+        return []
+    return [
+        Finding(
+            "commanded_torque",
+            INFO,
+            f"the log measures no torque: τ is commanded by its {law}; it includes rotors and "
+            "friction, and a wrong gain kp scales masses and friction alike; check kp and kd with "
+            "the driver of the robot",
+            {"law": law.law, "source": recording.torque_source},
+            trap=4,
+        )
+    ]
+
+
+def delay(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, list[Finding]]:
+    """Delay of a commanded torque behind its stamp (trap 2).
+
+    Measured: profile of the loss over the delay, with the links of the URDF and free drives.
+
+    Args:
+        recording: in SI units and the order of the model.
+        lib: library of the robot.
+        plan: recipe so far.
+
+    Returns:
+        The recipe with the delay, and "delay" with profile and interval; without a value where
+        the loss is flat.
+
+    Raises:
+        RuntimeFault: the recording cannot be prepared, or is too short.
+    """
+    found = recorded_delay(recording, lib, plan.preparation, Friction(DRIVE))
+    profile, value = found.profile, found.delay_s
+    low, high = found.interval_s
+    evidence: dict[str, Any] = {
+        "interval_s": [low, high],
+        "profile": {
+            "delay_s": [float(found.sign * x) for x in profile.delays],
+            "loss": [float(x) for x in profile.loss],
+        },
+    }
+    if profile.is_flat:
+        sentence = (
+            "the delay of the commanded torque is not determined: the loss is flat or least at an "
+            f"end of the range (interval {1e3 * low:.0f} to {1e3 * high:.0f} ms); record a faster "
+            "motion, or take the delay from the driver"
+        )
+        return plan, [Finding("delay", INFO, sentence, {"delay_s": None, **evidence}, trap=2)]
+    evidence = {"delay_s": value, "sigma_s": profile.sigma, "gain": profile.gain, **evidence}
+    written = plan.preparation.torque_delay_s
+    sentence = (
+        f"the commanded torque acts {1e3 * value:.1f} ms after its stamp (95 % interval "
+        f"{1e3 * low:.1f} to {1e3 * high:.1f} ms, with the links of the URDF)"
+    )
+    if written is not None:
+        sentence += f"; the recipe has torque_delay_s = {written} under [preparation]"
+        return plan, [Finding("delay", INFO, sentence, evidence, trap=2)]
+    if abs(value) < LATE * profile.sigma:
+        return plan, [Finding("delay", INFO, sentence, evidence, trap=2)]
+    late = float(f"{found.sign * value:.3g}")
+    sentence += (
+        f": shifting it removes {100 * profile.gain:.0f} % of the squared residual; estimate it "
+        f"with identify --delay auto, or set torque_delay_s = {late:g} under [preparation]"
+    )
+    shifted = replace(plan.preparation, torque_delay_s=late)
+    return plan.replace(preparation=shifted), [
+        Finding("delay", WARNING, sentence, evidence, trap=2)
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class _Shares:
+    """Median of ‖rest_j‖/‖τ_j‖ over the moving joints, and rotor inertia (n,) [kg·m², kg].
+
+    The median leaves out a gripper that presses against its stop.
+    """
+
+    links: float
+    friction: float
+    drives: float
+    armature: Array
+
+
+def rotor(recording: Recording, lib: Library, plan: Recipe) -> list[Finding]:
+    """Rotors and friction that take most of the torque.
+
+    Measured: share of the torque that the links of the URDF leave, alone, with friction and with
+    rotor inertia as well.
+
+    Args:
+        recording: in SI units and the order of the model.
+        lib: library of the robot.
+        plan: recipe, with the delay.
+
+    Returns:
+        "rotor" where the links leave more than `DOMINANT` and the drives explain `REMOVED` of it.
+
+    Raises:
+        RuntimeFault: the recording cannot be prepared.
+    """
+    shares = _shares(recording, lib, plan.preparation)
+    if shares.links < DOMINANT or shares.drives > (1 - REMOVED) * shares.links:
+        return []
+    columns = plan.friction.columns if plan.friction else ()
+    handled = ROTOR.name in columns
+    strong = [int(j) for j in np.flatnonzero(shares.armature > 0)]
+    proposals = ", ".join(f"{lib.joint_names[j]} {shares.armature[j]:.2g}" for j in strong)
+    sentence = (
+        f"rotors and friction of the drives dominate: the links of the URDF alone leave "
+        f"{100 * shares.links:.0f} % of the torque unexplained (median of the joints), with "
+        f"viscous and Coulomb friction "
+        f"{100 * shares.friction:.1f} %, with rotor inertia as well {100 * shares.drives:.1f} %; "
+    )
+    sentence += (
+        "the recipe has the column rotor"
+        if handled
+        else f"use the friction columns {', '.join(DRIVE)}"
+    )
+    if strong:
+        sentence += f"; first rotor inertias {proposals} kg·m²"
+    evidence = {
+        "unexplained_by_links": shares.links,
+        "unexplained_with_friction": shares.friction,
+        "unexplained_with_rotors": shares.drives,
+        "armature": [float(x) for x in shares.armature],
+    }
+    level = INFO if handled else WARNING
+    return [Finding("rotor", level, sentence, evidence)]
+
+
+def _shares(recording: Recording, lib: Library, preparation: Preparation) -> _Shares:
+    late = preparation.torque_delay_s
+    usual = replace(filtered(recording, preparation), torque_delay_s=late)
+    bare = recording.replace(columns=None, column_names=(), motors=None)
+    samples = samples_of(prepare(bare, usual, Friction(DRIVE), lib=lib), lib)
+    size = np.linalg.norm(samples.tau, axis=0)
+    moving = (np.ptp(samples.q, axis=0) > STILL) & (size > 0)
+    if not moving.any():
+        return _Shares(0.0, 0.0, 0.0, np.zeros(lib.n_joints))
+    rest = samples.tau - samples.rigid(lib, lib.pi0)
+    friction, _ = _left(samples, rest, DRIVE.index(ROTOR.name))
+    drives, x = _left(samples, rest, len(DRIVE))
+
+    def share(values: Array) -> float:
+        return float(np.median(np.linalg.norm(values[:, moving], axis=0) / size[moving]))
+
+    armature = np.where(moving, np.maximum(x[:, DRIVE.index(ROTOR.name)], 0.0), 0.0)
+    return _Shares(share(rest), share(friction), share(drives), armature)
+
+
+def _left(samples: Samples, rest: Array, columns: int) -> tuple[Array, Array]:
+    """Residual (N, n) and coefficients (n, k) of the first columns, joint by joint."""
+    fits = [
+        least_squares(samples.columns[:, j, :columns], rest[:, j]) for j in range(rest.shape[1])
+    ]
+    return np.stack([left for _, left in fits], axis=1), np.stack([x for x, _ in fits])

@@ -18,10 +18,12 @@ from runtime.library import Array
 
 CHI_SQUARE_95 = 3.841458820694124
 """95 % quantile of χ² with one degree of freedom."""
+CHI_SQUARE_999 = 10.827566170662733
+"""99.9 % quantile: the range of a delay that is determined ends within the delays tried."""
 PASSES = 2
 """Passes in which the weights of the joints follow their residuals at the best delay."""
 FLAT_SHARE = 0.5
-"""Width of the interval over the width of the searched range from which on the profile is flat."""
+"""Width of the 99.9 % interval over that of the range from which on the profile is flat."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ class DelayProfile:
     @property
     def is_flat(self) -> bool:
         """Whether the data do not determine a delay within the range."""
-        low, high = self.interval
+        low, high = _interval(self.delays, self.loss, CHI_SQUARE_999 / 2)
         is_cut = low <= self.delays[0] or high >= self.delays[-1]
         return bool(is_cut or high - low > FLAT_SHARE * (self.delays[-1] - self.delays[0]))
 
@@ -101,7 +103,7 @@ def delay_profile(rows: Array, torque: Callable[[float], Array], delays: Array) 
     loss = logs.sum(axis=1) * count / inflation / 2
     loss = loss - loss.min()
     middle = _vertex(delays, loss, best)
-    return DelayProfile(delays, loss, middle, _interval(delays, loss, best), variance)
+    return DelayProfile(delays, loss, middle, _interval(delays, loss, CHI_SQUARE_95 / 2), variance)
 
 
 def _vertex(x: Array, y: Array, k: int) -> float:
@@ -115,17 +117,15 @@ def _vertex(x: Array, y: Array, k: int) -> float:
     )
 
 
-def _interval(x: Array, y: Array, k: int) -> tuple[float, float]:
-    """Crossings of half the quantile on both sides; √y of a parabola is linear."""
-    root, limit = np.sqrt(y), np.sqrt(CHI_SQUARE_95 / 2)
+def _interval(x: Array, y: Array, limit: float) -> tuple[float, float]:
+    """Outermost crossings of a limit; √y of a parabola is linear."""
+    root, level = np.sqrt(y), np.sqrt(limit)
+    inside = np.flatnonzero(y <= limit)
     ends = []
-    for side in (range(k, 0, -1), range(k, len(x) - 1)):
-        end = float(x[0] if side.step < 0 else x[-1])
-        for i in side:
-            j = i - 1 if side.step < 0 else i + 1
-            if root[j] >= limit:
-                share = (limit - root[i]) / (root[j] - root[i])
-                end = float(x[i] + share * (x[j] - x[i]))
-                break
-        ends.append(end)
+    for i, j in ((int(inside[0]), int(inside[0]) - 1), (int(inside[-1]), int(inside[-1]) + 1)):
+        if not 0 <= j < len(x):
+            ends.append(float(x[i]))
+            continue
+        share = (level - root[i]) / (root[j] - root[i])
+        ends.append(float(x[i] + share * (x[j] - x[i])))
     return ends[0], ends[1]

@@ -13,7 +13,7 @@ from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
 
 COMMANDS = (
-    *("inspect", "identify", "compare", "payload", "gains", "evaluate", "observe"),
+    *("inspect", "identify", "compare", "payload", "gains", "evaluate", "observe", "sample"),
     *(
         "export",
         "excite",

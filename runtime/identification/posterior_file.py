@@ -69,17 +69,9 @@ class Posterior:
         beta = np.hstack([beta, np.zeros((len(beta), phi.shape[1] - beta.shape[1]))])
         return np.vstack([beta, self._usual(phi)])
 
-    def phi_of(self, system: Elimination, pi: Array) -> Array:
-        """Best friction coefficients at π.
-
-        Args:
-            system: of `reduced`.
-            pi: π, (10 n,).
-
-        Returns:
-            φ, (n k,), the offset averaged over logs.
-        """
-        return self._usual(system.phi(pi)[:, None])[:, 0]
+    def usual_phi_slope(self, system: Elimination) -> Array:
+        """Slope ∂φ/∂π of the best φ, (n k, 10 n), the offset averaged over logs."""
+        return self._usual(self.phi_slope(system))
 
     def usual_phi_root(self, system: Elimination) -> Array:
         """Root of the covariance of φ at known π, (n k, rank), the offset averaged over logs."""

@@ -70,6 +70,10 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ("observe", "good.csv", "--model", "result", "--out", "out"),
         ("out/contacts.json", "out/external_torque.npz", "out/external_torque.png"),
     ),
+    "sample": (
+        ("sample", "result", "--count", 2, "--out", "out"),
+        ("out/samples.json", "out/samples.npz", "out/model_0001.xml", "out/model_0002.xml"),
+    ),
     "inspect": (("inspect", "good.csv", "--plot", "p.png"), ("p.png",)),
     "predict": (("predict", "good.csv", "--plot", "p.png"), ("p.png",)),
     "view": (("view", "good.json", "--html", "v.html"), ("v.html",)),

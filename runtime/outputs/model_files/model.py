@@ -9,6 +9,7 @@ from runtime.errors import ExportError, ShapeError
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.library import Array, Library
 from runtime.outputs.model_files.bodies import row
+from runtime.outputs.model_files.engines.answer import STATES
 from runtime.outputs.model_files.fixed_links import LinkBodies, divide_bodies
 from runtime.outputs.model_files.joint_friction import JointFriction, joint_friction
 from runtime.outputs.model_files.urdf_tree import Tree, read_tree
@@ -25,6 +26,7 @@ class IdentifiedModel:
         tree: links and joints of the URDF.
         bodies: rigid bodies of the links.
         friction: damping, dry friction and rotor inertia of the joints.
+        states: number of random states at which a reloaded file is compared.
     """
 
     lib: Library
@@ -32,6 +34,7 @@ class IdentifiedModel:
     tree: Tree
     bodies: LinkBodies
     friction: JointFriction
+    states: int = STATES
 
     def comment(self, content: str, *more: str) -> tuple[str, ...]:
         """Comment lines at the head of a file.
@@ -57,7 +60,13 @@ class IdentifiedModel:
 
 
 def make_model(
-    lib: Library, pi: ArrayLike, terms: Friction | None = None, phi: ArrayLike | None = None
+    lib: Library,
+    pi: ArrayLike,
+    terms: Friction | None = None,
+    phi: ArrayLike | None = None,
+    *,
+    tree: Tree | None = None,
+    states: int = STATES,
 ) -> IdentifiedModel:
     """Model of a robot; its links may be physically inconsistent, see `require_consistent`.
 
@@ -66,6 +75,8 @@ def make_model(
         pi: (10 n,) identified parameters [kg, kg·m, kg·m²].
         terms: friction columns, where some were identified.
         phi: (n, k) their coefficients [N·m or N per unit of the column].
+        tree: of the URDF of the library, where it is read already.
+        states: number of random states at which a reloaded file is compared.
 
     Returns:
         The model.
@@ -86,9 +97,9 @@ def make_model(
             f"not written: expected finite parameters, got others for {links}; "
             "identify the robot again"
         )
-    tree = read_tree(lib)
+    tree = read_tree(lib) if tree is None else tree
     friction = joint_friction(lib, terms, None if phi is None else np.asarray(phi, dtype=float))
-    return IdentifiedModel(lib, flat, tree, divide_bodies(lib, flat, tree), friction)
+    return IdentifiedModel(lib, flat, tree, divide_bodies(lib, flat, tree), friction, states)
 
 
 def require_no_coupling(model: IdentifiedModel, kind: str) -> None:

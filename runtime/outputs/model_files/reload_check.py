@@ -32,7 +32,7 @@ def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install:
     if reloaded is None:
         return unchecked(install)
     lib = model.lib
-    expected = lib.inverse_dynamics(*random_states(lib), model.pi)
+    expected = lib.inverse_dynamics(*random_states(lib, len(reloaded.tau)), model.pi)
     difference = torque_difference(reloaded.tau, expected)
     if not difference <= TOLERANCE:
         raise ExportError(
@@ -49,7 +49,7 @@ def compare_reloaded(model: IdentifiedModel, reloaded: Reloaded | None, install:
                     f"'{lib.joint_names[k]}' is {read[k]:g}, expected {value:g}; "
                     "report this as a fault of symgen"
                 )
-    return verified(reloaded.engine, difference)
+    return verified(reloaded.engine, difference, len(reloaded.tau))
 
 
 def torque_difference(tau: Array, expected: Array) -> float:
@@ -65,19 +65,20 @@ def torque_difference(tau: Array, expected: Array) -> float:
     return float(np.abs(tau - expected).max() / np.abs(expected).max())
 
 
-def verified(engine: str, difference: float) -> str:
+def verified(engine: str, difference: float, states: int = STATES) -> str:
     """Sentence on a file that passed the check.
 
     Args:
         engine: name and version of the program that read the file.
         difference: `torque_difference` [-].
+        states: number of random states.
 
     Returns:
         The sentence that `export` prints.
     """
     return (
         f"verified: reloaded by {engine}, torques agree to {difference:.1e} of the largest torque "
-        f"at {STATES} random states"
+        f"at {states} random states"
     )
 
 

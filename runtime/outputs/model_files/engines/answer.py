@@ -37,9 +37,17 @@ class Reloaded:
     armature: Array | None = None
 
 
-def random_states(lib: Library) -> tuple[Array, Array, Array]:
-    """Random q, dq, ddq, each (1000, n), the same for every engine [rad, rad/s, rad/s²; m]."""
-    q, dq, ddq = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, STATES, lib.n_joints))
+def random_states(lib: Library, count: int = STATES) -> tuple[Array, Array, Array]:
+    """Random states, the same for every engine.
+
+    Args:
+        lib: the robot.
+        count: number of states.
+
+    Returns:
+        q, dq, ddq, (count, n) each [rad, rad/s, rad/s²; m].
+    """
+    q, dq, ddq = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, count, lib.n_joints))
     return q, dq, ddq
 
 

@@ -6,17 +6,24 @@ import numpy as np
 
 from runtime.library import Array, Library
 from runtime.outputs.model_files.bodies import RigidBody
-from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, pi_of, random_states
+from runtime.outputs.model_files.engines.answer import (
+    STATES,
+    Reloaded,
+    Unreadable,
+    pi_of,
+    random_states,
+)
 
 INSTALL = "pip install mujoco"
 
 
-def reload(text: str, lib: Library) -> Reloaded | None:
+def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     """Read an MJCF by MuJoCo.
 
     Args:
         text: the file.
         lib: the robot.
+        count: number of random states of the torques.
 
     Returns:
         What MuJoCo read; None where it is not installed.
@@ -40,7 +47,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
     # Contacts and dry friction are constraints, which are not part of the inverse dynamics.
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     order = [int(model.joint(name).dofadr[0]) for name in lib.joint_names]
-    data, states = mujoco.MjData(model), random_states(lib)
+    data, states = mujoco.MjData(model), random_states(lib, count)
     tau = np.empty_like(states[0])
     for k, rows in enumerate(zip(*states, strict=True)):
         data.qpos[order], data.qvel[order], data.qacc[order] = rows

@@ -9,17 +9,18 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, PINOCCHIO_NAMES
-from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, random_states
+from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreadable, random_states
 
 INSTALL = "pip install pin"
 
 
-def reload(text: str, lib: Library) -> Reloaded | None:
+def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     """Read a URDF by pinocchio.
 
     Args:
         text: the file.
         lib: the robot.
+        count: number of random states of the torques.
 
     Returns:
         What pinocchio read; None where it is not installed.
@@ -48,7 +49,7 @@ def reload(text: str, lib: Library) -> Reloaded | None:
     pi = [model.inertias[joint.id].toDynamicParameters()[order] for joint in joints]
     return Reloaded(
         f"pinocchio {pinocchio.__version__}",
-        _torques(pinocchio, model, lib, joints),
+        _torques(pinocchio, model, lib, joints, count),
         np.array(pi),
         damping=np.asarray(model.damping)[velocity],
         friction=np.asarray(model.friction)[velocity],
@@ -73,12 +74,12 @@ def _with_limits(text: str) -> str:
     return tostring(root, "unicode")
 
 
-def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any]) -> Array:
+def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any], count: int) -> Array:
     """τ of the reloaded model for the independent joints, (N, n); all joints matched by name."""
     data = model.createData()
     velocity = [joint.idx_v for joint in joints]
     position, v, a = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
-    states, coupling = random_states(lib), lib.manifest.coupling
+    states, coupling = random_states(lib, count), lib.manifest.coupling
     q, dq, ddq = (lib.all_positions(states[0]), *map(lib.all_velocities, states[1:]))
     tau = np.empty_like(q)
     for k in range(len(q)):

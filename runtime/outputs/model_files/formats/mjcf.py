@@ -62,7 +62,7 @@ def check_mjcf(model: IdentifiedModel, text: str) -> str:
         ExportError: the torques, the friction or the rotor inertias differ.
         Unreadable: MuJoCo refuses the file.
     """
-    return compare_reloaded(model, mujoco.reload(text, model.lib), mujoco.INSTALL)
+    return compare_reloaded(model, mujoco.reload(text, model.lib, model.states), mujoco.INSTALL)
 
 
 def _descend(model: IdentifiedModel, parent: Element, link: str) -> None:

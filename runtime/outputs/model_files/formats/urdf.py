@@ -33,7 +33,9 @@ def check_urdf(model: IdentifiedModel, text: str) -> str:
     Raises:
         ExportError: the torques or the friction differ.
     """
-    return compare_reloaded(model, pinocchio.reload(text, model.lib), pinocchio.INSTALL)
+    return compare_reloaded(
+        model, pinocchio.reload(text, model.lib, model.states), pinocchio.INSTALL
+    )
 
 
 def _remove_driving_friction(tree: Tree) -> list[str]:

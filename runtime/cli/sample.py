@@ -1,0 +1,81 @@
+"""`symgen sample`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from runtime.cli.common import Seed, console, say
+from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
+from runtime.cli.prepared_log import listed
+from runtime.cli.robot import Yes, open_robot
+from runtime.errors import IdentificationError
+from runtime.identification.posterior_file import read_posterior
+from runtime.identification.saved_result import read_result, require_model
+from runtime.monitoring.posterior_draws import draw_models
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from runtime.outputs.model_files.sampled_models import TABLE, sample_paths, write_samples
+
+MOST = 100_000
+"""Largest number of models."""
+
+
+def sample_command(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")],
+    count: Annotated[int, typer.Option(metavar="N", help="Number of models.")] = 100,
+    to: Annotated[
+        str,
+        typer.Option(metavar="A,B,…", help="Formats with commas, such as mjcf,urdf."),
+    ] = "mjcf",
+    seed: Seed = 0,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the files; default RESULT/samples."),
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
+    ] = None,
+    yes: Yes = False,
+    overwrite: Overwrite = False,
+) -> None:
+    r"""Draw models from the posterior of an identification.
+
+    Each draw has its own masses, centres of mass, inertias, friction and rotor inertias, with the
+    correlations that the log leaves between them, and is physically consistent. Train a controller
+    on all of them to make it robust against what the identification does not know.
+
+    \b
+    symgen sample results/first-map --count 1000 --to mjcf --seed 1
+    symgen sample results/first-map --count 20 --to mjcf,urdf --out robots/plausible
+
+    Every file is read again by the program that it is meant for. samples.json lists the files and
+    the factors of each draw relative to the result, samples.npz π and φ.
+    """
+    if not 1 <= count <= MOST:
+        raise IdentificationError(f"expected --count from 1 to {MOST}, got {count}; correct it")
+    names = tuple(each.name for each in EXPORT_FORMATS.records() if each.holds_inertia)
+    kinds = listed(to, names, "--to")
+    folder = out or (result if result.is_dir() else result.parent) / "samples"
+    paths = sample_paths(folder, count, kinds)
+    files = tuple(path.name for path in paths)
+    require_result_folder(folder, ResultFolder("sample", files, "factors"), overwrite)
+    saved = read_result(result)
+    lib = open_robot(robot or saved.robot, yes)
+    notes = require_model(saved, lib, result, same_bodies=True)
+    posterior = read_posterior(result, saved, lib)
+    with console.status("drawing models"):
+        draws = draw_models(lib, saved, posterior, count, np.random.default_rng(seed))
+    with console.status("writing models"):
+        facts = write_samples(lib, saved, draws, kinds, folder, seed)
+    say(
+        f"{count} models, effective sample size {facts['effective_sample_size']:.0f}; "
+        f"{100 * draws.acceptance:.0f} % of the trajectories were accepted"
+    )
+    for kind, sentence in facts["checks"].items():
+        say(f"{kind}: {sentence}")
+    for note in notes:
+        say(f"note: {note}")
+    if saved.net is not None:
+        say("note: the friction network of the method nn has no counterpart in these formats")
+    say(f"files: {folder / TABLE}")

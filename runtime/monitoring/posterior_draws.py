@@ -1,0 +1,208 @@
+"""Draws from the posterior of an identified model, every one physically consistent.
+
+    U(π) = ‖A π − b‖² / 2S + κ Σ_k [tr(P0_k⁻¹ P_k) − log det P_k],   p(π) ∝ exp(−U)  where P_k ≻ 0
+
+One Hamiltonian Monte Carlo chain per draw, all chains at once, in coordinates z with
+π = π* + L z, where π* is the most probable model and L the root of Laplace's covariance: there the
+density is close to a standard normal one. Chains start from normal draws, so that they only have to
+correct what Laplace's approximation leaves; draws of different chains are independent. What the
+result differs from data with hardly any prior (`estimate_error`) is added with a normal factor, so
+that the draws spread as the intervals of the result do. Friction follows from π by its conditional
+normal distribution. Source: Neal 2011, Sec. 5.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.convex import (
+    Bodies,
+    Prior,
+    bodies_of,
+    convex_problem,
+    prior_of,
+    solve,
+    spread_of,
+)
+from runtime.estimators.convex.eliminate_friction import Reduced
+from runtime.identification.posterior_file import Posterior
+from runtime.identification.saved_result import SavedResult
+from runtime.library import Array, Library
+from runtime.parallel import one_blas_thread
+from runtime.recording.friction import names_where
+
+TRAJECTORIES = 12
+"""Hamiltonian trajectories of each chain."""
+LEAPS = 6
+"""Leapfrog steps of one trajectory; with STEP its length is a quarter of a period."""
+STEP = 0.25
+"""Leapfrog step in units of the standard deviation."""
+START = 0.7
+"""Size of the first draws in units of Laplace's: fewer of them lie outside the cone."""
+REDRAWS = 50
+"""Draws of friction, or of a factor, that are tried before it is set to zero."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draws:
+    """Models that the data and the prior allow.
+
+    Attributes:
+        pi: (N, 10 n_links), every link strictly consistent.
+        phi: (N, n, k) friction coefficients.
+        mode: most probable π, (10 n_links,).
+        acceptance: share of accepted trajectories.
+        effective: effective number of independent draws, from what a chain keeps of its state over
+            the second half of its trajectories; at most N.
+    """
+
+    pi: Array
+    phi: Array
+    mode: Array
+    acceptance: float
+    effective: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Density:
+    """U and its gradient in z, for many chains at once."""
+
+    bodies: Bodies
+    prior: Prior
+    rows: Array
+    target: Array
+    kappa: float
+    mode: Array
+    root: Array
+
+    def pi(self, z: Array) -> Array:
+        """π of every chain, (N, 10 n)."""
+        return np.asarray(self.mode + z @ self.root.T)
+
+    def energy(self, z: Array) -> Array:
+        """U of every chain, (N,); infinite where a link is not consistent."""
+        pi = self.pi(z)
+        P = self.bodies.pseudo_inertia(pi.ravel())
+        values = np.linalg.eigvalsh(P)
+        inside = (values[:, 0] > 0).reshape(len(z), -1).all(axis=1)
+        log_det = np.log(np.maximum(values, 1e-300)).sum(axis=1).reshape(len(z), -1).sum(axis=1)
+        misfit = pi @ self.rows.T - self.target
+        cost = np.einsum("ij,ij->i", misfit, misfit) / 2
+        return np.where(inside, cost + self.kappa * (pi @ self.prior.slope - log_det), np.inf)
+
+    def slope(self, z: Array) -> Array:
+        """∂U/∂z, (N, 10 n); outside the cone that of −log |det P|."""
+        pi = self.pi(z)
+        inverse = np.linalg.inv(self.bodies.pseudo_inertia(pi.ravel()))
+        barrier = self.bodies.against(inverse).reshape(pi.shape)
+        gradient = (pi @ self.rows.T - self.target) @ self.rows
+        gradient += self.kappa * (self.prior.slope - barrier)
+        return np.asarray(gradient @ self.root)
+
+
+@one_blas_thread
+def draw_models(
+    lib: Library, saved: SavedResult, posterior: Posterior, count: int, rng: np.random.Generator
+) -> Draws:
+    """Draw models from a posterior.
+
+    Args:
+        lib: library of the robot.
+        saved: the result; its φ is the mean of the friction at its π.
+        posterior: of the same result.
+        count: N.
+        rng: source of the draws.
+
+    Returns:
+        The draws.
+
+    Raises:
+        IdentificationError: the number is not above 0.
+    """
+    if count < 1:
+        raise IdentificationError(f"expected one model or more, got {count}; correct --count")
+    data, system = posterior.reduced(lib)
+    density = _density(lib, posterior, data)
+    z, acceptance, kept = _chains(density, count, rng)
+    pi = _with_error(density, density.pi(z), posterior.pi_root[:, lib.pi0.size :], rng)
+    # φ | π is normal around what the result states at its π.
+    mean = saved.phi.ravel() + (pi - posterior.pi) @ posterior.usual_phi_slope(system).T
+    phi = _friction(mean, posterior.usual_phi_root(system), saved.friction.columns, rng)
+    effective = count * (1 - kept) / (1 + kept)
+    return Draws(pi, phi.reshape(count, *saved.phi.shape), density.mode, acceptance, effective)
+
+
+def _density(lib: Library, posterior: Posterior, data: Reduced) -> _Density:
+    known = posterior.information
+    prior, bodies = prior_of(lib, known.centre, floor=0.0), bodies_of(lib)
+    # The mode of U: γ = κ S / N in the units of the convex problem.
+    gamma = known.kappa * known.density / data.count
+    mode = solve(lib, convex_problem(data, prior, gamma)).pi
+    scale = np.sqrt(known.density)
+    rows, target = data.factor / scale, data.target / scale
+    root = spread_of(bodies, mode, rows, known.kappa).root
+    return _Density(bodies, prior, rows, target, known.kappa, mode, root)
+
+
+def _chains(density: _Density, count: int, rng: np.random.Generator) -> tuple[Array, float, float]:
+    """Last state of every chain, share of accepted trajectories, correlation over half of them."""
+    size = density.mode.size
+    z = START * rng.standard_normal((count, size))
+    energy = density.energy(z)
+    while not np.isfinite(energy).all():  # half as far until all bodies exist
+        outside = ~np.isfinite(energy)
+        z[outside] /= 2
+        energy[outside] = density.energy(z[outside])
+    accepted, middle = 0, z
+    for k in range(TRAJECTORIES):
+        if k == TRAJECTORIES // 2:
+            middle = z.copy()
+        momentum = rng.standard_normal(z.shape)
+        # Lengths that vary keep a chain from returning to where it was.
+        step = STEP * rng.uniform(0.8, 1.2)
+        before = energy + np.einsum("ij,ij->i", momentum, momentum) / 2
+        new, p = z.copy(), momentum - step / 2 * density.slope(z)
+        for leap in range(LEAPS):
+            new += step * p
+            p -= (step if leap < LEAPS - 1 else step / 2) * density.slope(new)
+        reached = density.energy(new)
+        after = reached + np.einsum("ij,ij->i", p, p) / 2
+        is_taken = np.log(rng.uniform(size=count)) < before - after
+        z, energy = np.where(is_taken[:, None], new, z), np.where(is_taken, reached, energy)
+        accepted += int(is_taken.sum())
+    kept = 0.0
+    if count > 2:
+        a, b = middle - middle.mean(axis=0), z - z.mean(axis=0)
+        kept = float(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b)))
+    return z, accepted / (TRAJECTORIES * count), min(max(kept, 0.0), 1.0)
+
+
+def _with_error(density: _Density, pi: Array, errors: Array, rng: np.random.Generator) -> Array:
+    """π + Σ ε d with normal factors ε of the errors d, (10 n, m), all links consistent."""
+    for error in errors.T:
+        pending = np.arange(len(pi))
+        for _ in range(REDRAWS):
+            moved = pi[pending] + rng.standard_normal((len(pending), 1)) * error
+            values = np.linalg.eigvalsh(density.bodies.pseudo_inertia(moved.ravel()))
+            inside = (values[:, 0] > 0).reshape(len(pending), -1).all(axis=1)
+            pi[pending[inside]] = moved[inside]
+            pending = pending[~inside]
+            if not pending.size:
+                break
+    return pi
+
+
+def _friction(mean: Array, root: Array, names: tuple[str, ...], rng: np.random.Generator) -> Array:
+    """φ of every model, (N, n k), without coefficients below 0 where that would drive a joint."""
+    phi = mean + rng.standard_normal((len(mean), root.shape[1])) @ root.T
+    known = names_where(lambda column: column.is_nonnegative)
+    columns = np.array([name in known for name in names], dtype=bool)
+    bounded = np.tile(columns, phi.shape[1] // max(len(names), 1))
+    for _ in range(REDRAWS):
+        wrong = (phi[:, bounded] < 0).any(axis=1)
+        if not wrong.any():
+            break
+        again = rng.standard_normal((int(wrong.sum()), root.shape[1])) @ root.T
+        phi[wrong] = mean[wrong] + again
+    return np.where(bounded & (phi < 0), 0.0, phi)

@@ -94,7 +94,7 @@ class _Density:
     def slope(self, z: Array) -> Array:
         """∂U/∂z, (N, 10 n); outside the cone that of −log |det P|."""
         pi = self.pi(z)
-        inverse = np.linalg.inv(self.bodies.pseudo_inertia(pi.ravel()))
+        inverse: Array = np.asarray(np.linalg.inv(self.bodies.pseudo_inertia(pi.ravel())), float)
         barrier = self.bodies.against(inverse).reshape(pi.shape)
         gradient = (pi @ self.rows.T - self.target) @ self.rows
         gradient += self.kappa * (self.prior.slope - barrier)

@@ -62,7 +62,8 @@ def write_samples(
     Raises:
         ExportError: a file does not give the torques of its draw when it is reloaded.
     """
-    tree, sentences = read_tree(lib), {}
+    tree = read_tree(lib)
+    sentences: dict[str, str] = {}
     for k, (pi, phi) in enumerate(zip(draws.pi, draws.phi, strict=True)):
         states = STATES if k == 0 else FEW
         model = make_model(lib, pi, saved.friction, phi, tree=tree, states=states)

@@ -80,7 +80,7 @@ def observe_command(
     run: Run = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
-    r"""Compute the external torque of a log by an identified model, and find contacts.
+    r"""Compute the external torque of a log and find contacts.
 
     A generalised-momentum observer with the identified model, friction, rotors and the delay of the
     torque: the result is positive where the environment pushes in the direction of the joint. A

@@ -56,6 +56,8 @@ STARTS_FOR_PROCESSES = {True: 10, False: 4}
 A process takes two seconds to begin, as long as one start with all limits; a start in document mode
 takes a third of that.
 """
+EXPORT_MARGIN = 0.95
+"""Default share of the limits that an exported motion uses."""
 ROWS = 1000.0
 """Default rate of the sampled motion, Hz."""
 
@@ -187,6 +189,14 @@ def excite_command(
     torque_fraction: Annotated[
         float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
     ] = 0.95,
+    margin: Annotated[
+        float | None,
+        typer.Option(
+            help="Share of every limit that the motion may use, 0 to 1; distances and the box have "
+            f"margins in m. Default {EXPORT_MARGIN:g} with --export, which leaves the rest to the "
+            "robot's controller, else 1.",
+        ),
+    ] = None,
     viscous: Annotated[
         str | None,
         typer.Option(
@@ -258,6 +268,7 @@ def excite_command(
     if formats:
         require_consent(unchecked_limits(lib, safety), accepted)  # before the search, too
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
+    used = margin if margin is not None else EXPORT_MARGIN if formats else 1.0
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     with Progress(console=console, transient=True) as progress:
@@ -280,12 +291,13 @@ def excite_command(
                 information=planned if is_informed else None,
                 safety=safety,
                 home=rest,
+                margin=used,
             ),
             progress=report,
             processes=processes if processes is not None else side_by_side,
             scheduler=scheduler,
         )
-    optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory))
+    optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=used))
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
     write_trajectory(optimum, lib, path, expected)
     written = [path]

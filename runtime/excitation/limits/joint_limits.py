@@ -26,7 +26,22 @@ class Limits:
         duration: float,
         step: float = LIMIT_STEP,
         basis: Basis = COSINE,
+        share: float = 1.0,
     ) -> None:
+        """Limits on a grid.
+
+        Args:
+            lib: the robot.
+            home: (n,) start and end position, rad or m.
+            harmonics: functions of the basis per joint.
+            duration: t_f, s.
+            step: of the grid, s.
+            basis: functions of the motion.
+            share: of every limit, and of the way from home to the ends, that may be used.
+
+        Raises:
+            IdentificationError: home is not inside the limits.
+        """
         limits = lib.limits()
         self.assumptions: list[str] = []
         low, high = (f"{DEFAULT_RANGE:.4g} {side} home" for side in ("below", "above"))
@@ -44,10 +59,10 @@ class Limits:
         end = duration / 2 if basis.is_symmetric else duration
         t = np.linspace(0, end, int(np.ceil(end / step)) + 1)
         phi = basis.at(lib, harmonics, t, duration)
-        self._up, self._down = upper - home, home - lower
+        self._up, self._down = share * (upper - home), share * (home - lower)
         self._rows = {"position": phi[..., 0], "velocity": phi[..., 1]}
         self._rows["acceleration"] = phi[..., 2]
-        self._bounds = {"velocity": speed, "acceleration": accel}
+        self._bounds = {"velocity": share * speed, "acceleration": share * accel}
 
     def _or(
         self, values: Array, missing: float | Array, what: str, lib: Library, described: str = ""
@@ -60,7 +75,7 @@ class Limits:
         return np.where(unknown, missing, values)
 
     def use(self, a: Array) -> dict[str, Array]:
-        """Largest |value| / limit per joint, (n,), for each kind of limit."""
+        """Largest |value| over the share of the limit, per joint (n,), for each kind of limit."""
         q = self._rows["position"] @ a.T
         shares = {"position": np.maximum((q / self._up).max(0), (-q / self._down).max(0))}
         for kind, bound in self._bounds.items():

@@ -9,11 +9,28 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.excitation.limits.nonlinear_limits import Constraint
+from runtime.excitation.limits.distance_limits import TipSpeed
+from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, Torque, TorqueRate
 from runtime.library import Array
 
 NEAR = -0.35
 """Rows above this value are linearised; what lies lower stays below 0 within a step."""
+
+
+def spared(constraint: Constraint, share: float) -> float:
+    """Amount by which g is raised so that g ≤ 0 leaves a share of the limit unused.
+
+    Args:
+        constraint: kind of the limit.
+        share: of the limit that may be used, above 0 and up to 1.
+
+    Returns:
+        1 − share where g is use − 1, (1 − share²)/2 for the speed of the tip, whose g is in
+        squares, and 0 for places and distances.
+    """
+    if isinstance(constraint, TipSpeed):
+        return (1 - share**2) / 2
+    return 1 - share if isinstance(constraint, Braking | Torque | TorqueRate) else 0.0
 
 
 class LimitRows:
@@ -26,6 +43,7 @@ class LimitRows:
         basis: Array,
         half: bool,
         tightened: float = 0.0,
+        share: float = 1.0,
     ) -> None:
         """Rows of constraints on a grid.
 
@@ -35,9 +53,10 @@ class LimitRows:
             basis: φ_m and three derivatives at times over the whole duration, (N, M, 4).
             half: the motion is its own mirror image, so that even constraints use its first half.
             tightened: added to every g.
+            share: of every limit that may be used; distances and places have margins instead.
         """
         self._constraints, self._home, self._basis = tuple(constraints), home, basis
-        self._tightened = tightened
+        self._tightened = [tightened + spared(each, share) for each in self._constraints]
         middle = (len(basis) + 1) // 2
         # The merit comes first and the rows of the same point after it: values are computed once.
         self._seen: tuple[Array, list[Array]] = np.zeros(0), []
@@ -56,8 +75,10 @@ class LimitRows:
         if not np.array_equal(self._seen[0], a):
             motion = self.motion(a)
             parts = [
-                constraint.values(motion[:, :count]).T + self._tightened
-                for constraint, count in zip(self._constraints, self._counts, strict=True)
+                constraint.values(motion[:, :count]).T + tightened
+                for constraint, count, tightened in zip(
+                    self._constraints, self._counts, self._tightened, strict=True
+                )
             ]
             self._seen = a.copy(), parts
         return list(self._seen[1])

@@ -131,7 +131,9 @@ def require_speed(speed: float) -> float:
     return speed
 
 
-def pulled_inside(lib: Library, trajectory: Trajectory, most: float = 1e-3) -> Trajectory:
+def pulled_inside(
+    lib: Library, trajectory: Trajectory, most: float = 1e-3, share: float = 1.0
+) -> Trajectory:
     """Scale joints that slightly exceed their own limits back onto them.
 
     A design that touches its limits at samples exceeds them between samples by the error of the
@@ -141,12 +143,13 @@ def pulled_inside(lib: Library, trajectory: Trajectory, most: float = 1e-3) -> T
         lib: the robot.
         trajectory: its motion.
         most: largest excess that is removed, as a share of the limit.
+        share: of the limits that the motion may use.
 
     Returns:
         The motion with smaller coefficients of the joints concerned.
     """
     bounds, _ = joint_bounds(lib, trajectory)
-    use = bounds.max(axis=0)
+    use = bounds.max(axis=0) / share
     touched = (use > 1) & (use <= 1 + most)
     # The bound scales with a; 1e-9 is far above the rounding of its second evaluation.
     rho = np.where(touched, use * (1 + 1e-9), 1.0)

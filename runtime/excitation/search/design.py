@@ -80,7 +80,7 @@ def design(
             instead of `processes`; they need this package and the robot's folder under the same
             path.
         **keywords: single options of `DesignSettings`, which replace those of `settings`:
-            duration, harmonics, starts, seed, home, criterion, basis, information, safety.
+            duration, harmonics, starts, seed, home, criterion, basis, information, safety, margin.
 
     Returns:
         The best motion with its cost and the costs of the other searches.
@@ -96,6 +96,7 @@ def design(
     problem = SearchProblem(
         *(lib.folder, lib.level, rest, settings.harmonics, settings.duration, settings.seed),
         *(settings.basis, settings.criterion, settings.information, settings.safety),
+        margin=settings.margin,
     )
     search = Search(lib, problem)
     search.require_rank()

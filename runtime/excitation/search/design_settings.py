@@ -36,6 +36,8 @@ class DesignSettings:
             which only some criteria accept.
         safety: limits beyond position, velocity and acceleration of the joints; None keeps these
             alone, as the document does.
+        margin: share of every limit that the motion may use, 0 < margin ≤ 1; distances and places
+            have margins of their own in `safety`.
 
     Raises:
         IdentificationError: a duration, a number of harmonics or of starts without a meaning.
@@ -50,6 +52,7 @@ class DesignSettings:
     basis: Basis = COSINE
     information: Information | None = None
     safety: Safety | None = None
+    margin: float = 1.0
 
     def __post_init__(self) -> None:
         possible = SHORTEST <= self.duration <= LONGEST and 1 <= self.harmonics <= MOST_HARMONICS
@@ -58,6 +61,11 @@ class DesignSettings:
                 f"a trajectory needs a positive duration up to {LONGEST:g} s, of {SHORTEST:g} s or "
                 f"more, at least one harmonic and one start, at most {MOST_HARMONICS} harmonics, "
                 f"got {self.duration:g} s, {self.harmonics}, {self.starts}"
+            )
+        if not 0 < self.margin <= 1:
+            raise IdentificationError(
+                f"a margin above 0 and up to 1 is needed, got {self.margin:g}; 0.95 leaves 5 % of "
+                "every limit to the controller"
             )
 
 

@@ -96,12 +96,14 @@ def repaired(lib: Library, search: Search, a: Array) -> Finished:
 def _limits(lib: Library, search: Search, duration: float) -> Limits:
     problem, basis = search.problem, search.basis
     size = basis.size(problem.harmonics)
-    return Limits(lib, problem.home, size, duration, step=STEP, basis=basis)
+    share = problem.margin
+    return Limits(lib, problem.home, size, duration, step=STEP, basis=basis, share=share)
 
 
 def _with_use(search: Search, fine: Limits, a: Array, duration: float) -> Finished:
-    use = {kind: float(values.max()) for kind, values in fine.use(a).items()}
-    by_constraint = search.limit_rows(STEP, duration=duration).by_constraint(a)
+    margin = search.problem.margin
+    use = {kind: margin * float(values.max()) for kind, values in fine.use(a).items()}
+    by_constraint = search.limit_rows(STEP, duration=duration, share=1.0).by_constraint(a)
     for constraint, values in zip(search.constraints, by_constraint, strict=True):
         largest = use_of(constraint, float(values.max()))
         use[constraint.kind] = max(largest, use.get(constraint.kind, largest))

@@ -73,6 +73,7 @@ class SearchProblem:
         criterion: one of `CRITERIA`.
         information: of the unknowns; None is all base parameters by their regressor alone.
         safety: limits beyond those of joints; None as in the document.
+        margin: share of every limit that may be used.
     """
 
     folder: Path
@@ -85,6 +86,7 @@ class SearchProblem:
     criterion: str = "cond"
     information: Information | None = None
     safety: Safety | None = None
+    margin: float = 1.0
 
     def search(self) -> "Search":
         """Search with the library of the folder, which is loaded here."""
@@ -104,7 +106,7 @@ class Search:
         self.goal = self.criterion.goal(lib, problem.home, problem.information)
         shape = self._grid = (lib, problem.home, size, problem.duration)
         self.cost = ConditionCost(*shape, self.basis, problem.information)
-        self.limits = Limits(*shape, basis=self.basis)
+        self.limits = Limits(*shape, basis=self.basis, share=problem.margin)
         self.constraints = constraints(lib, problem.home, problem.safety)
         require_rest(self.constraints, problem.home)
         self._seed, self._shape = problem.seed, (lib.n_joints, size)
@@ -211,7 +213,7 @@ class Search:
     def refined(self, a: Array) -> Array:
         """Coefficients at the same optimum on a finer grid; `inside` alone would lose 0.5 %."""
         step = min(max(FINE_STEP, self._grid[-1] / 2 / FINE_POINTS), LIMIT_STEP)
-        fine = Limits(*self._grid, step=step, basis=self.basis)
+        fine = Limits(*self._grid, step=step, basis=self.basis, share=self.problem.margin)
         matrix, bound = fine.inequalities()
         x = np.linalg.solve(self._spread, inside(fine, a).ravel())
         rows = LinearRows(matrix @ self._spread, bound)
@@ -224,7 +226,11 @@ class Search:
         return self.coefficients(x[None])[0]
 
     def limit_rows(
-        self, step: float, tightened: float = 0.0, duration: float | None = None
+        self,
+        step: float,
+        tightened: float = 0.0,
+        duration: float | None = None,
+        share: float | None = None,
     ) -> LimitRows:
         """Nonlinear limits on a grid.
 
@@ -232,6 +238,7 @@ class Search:
             step: of the grid, s.
             tightened: added to every g.
             duration: of the same path, s; None is that of the problem.
+            share: of every limit that may be used; None is the margin of the problem.
 
         Returns:
             The rows.
@@ -240,7 +247,8 @@ class Search:
         end = designed if duration is None else duration
         t = np.linspace(0, end, 2 * int(np.ceil(end / 2 / step)) + 1)
         phi = self.basis.at(lib, size, t, end)
-        return LimitRows(self.constraints, home, phi, self.basis.is_symmetric, tightened)
+        used = self.problem.margin if share is None else share
+        return LimitRows(self.constraints, home, phi, self.basis.is_symmetric, tightened, used)
 
     def coefficients(self, points: Array) -> Array:
         """Coefficients a of K points x, (K, n, M)."""

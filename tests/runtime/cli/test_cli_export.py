@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from runtime.excitation import Design, Safety, Trajectory, design
-from runtime.excitation.proof.certificate import Certificate, certificate_of
+from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
 from runtime.library import Library
 from tests.plugins import install_toy
 from tests.runtime.conftest import Command
@@ -126,6 +126,10 @@ def test_excite_exports_what_it_can_prove(command: Command, lib: Library, tmp_pa
     pictures = ("m.png", "m-speed.png", "m-space.png")
     assert {path.name for path in tmp_path.iterdir()} == {"m.json", *pictures, *expected}
     assert f"trajectory: m.json, {', '.join(pictures)}" in ran.out
+    uses = json.loads((tmp_path / "m.certificate.json").read_text())["uses"]
+    shares = [use["bound"] for use in uses if use["limit"] not in DISTANCES]
+    # An exported motion leaves 5 % of every limit; 1e-8 is rounding.
+    assert 0.94 < max(shares) <= 0.95 + 1e-8
     slow = (tmp_path / "m-speed10.libfranka.csv").read_text()
     assert len(re.findall("^[0-9]", slow, re.MULTILINE)) == 40_001
 

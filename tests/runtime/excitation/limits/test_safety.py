@@ -16,7 +16,7 @@ import pytest
 from runtime.errors import IdentificationError
 from runtime.excitation import Design, Safety, design
 from runtime.excitation.limits.unchecked import UNCHECKED
-from runtime.excitation.proof.certificate import certificate_of
+from runtime.excitation.proof.certificate import DISTANCES, certificate_of
 from runtime.excitation.proof.certified_motion import pulled_inside
 from runtime.excitation.search.single_start import Search, SearchProblem
 from runtime.library import Library, ProxyFacts
@@ -219,3 +219,23 @@ def test_no_room_is_explained(lib: Library) -> None:
     search = Search(lib, problem)
     with pytest.raises(IdentificationError, match=r"no room for a motion.*tip box \(. m..\) and"):
         search._shrunk(search._random(0), 0.0)
+
+
+def test_a_margin_leaves_a_share_of_every_limit(lib: Library) -> None:
+    """Property: bounds over all t of the certificate, which is against the whole limits."""
+    shape = {"duration": 3.0, "harmonics": 2, "starts": 1, "safety": Safety(table=0.0)}
+    use = []
+    for margin in (1.0, 0.9):
+        result = design(lib, margin=margin, **shape)
+        trajectory = pulled_inside(lib, result.trajectory, share=margin)
+        proof = certificate_of(lib, trajectory, shape["safety"])
+        assert proof.holds
+        use.append(max(u.bound for u in proof.uses if u.kind not in DISTANCES))
+        sampled = max(u for kind, u in result.use.items() if kind not in DISTANCES)
+        assert sampled == pytest.approx(use[-1], abs=1e-3)  # chords between samples
+    # Some limit is reached in both; 1e-8 is the rounding that `pulled_inside` leaves.
+    assert 0.999 < use[0] <= 1.0
+    assert 0.899 < use[1] <= 0.9 + 1e-8
+    for margin in (0.0, 1.1, np.nan):
+        with pytest.raises(IdentificationError, match="a margin above 0 and up to 1 is needed"):
+            design(lib, margin=margin)

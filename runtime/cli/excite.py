@@ -29,14 +29,7 @@ from runtime.cli.planned_noise import NOISE_HELP
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import RuntimeFault
-from runtime.excitation import (
-    BASES,
-    CRITERIA,
-    DesignSettings,
-    basis_of,
-    design,
-    predict,
-)
+from runtime.excitation import BASES, CRITERIA, DesignSettings, basis_of, design, predict
 from runtime.excitation.limits.safety import TABLE_MARGIN
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits

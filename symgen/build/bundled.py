@@ -9,3 +9,11 @@ ROBOTS = Path(__file__).parents[1] / "robots"
 def bundled_robots() -> list[str]:
     """Names of the robots that come with symgen."""
     return sorted(path.stem for path in ROBOTS.glob("*.urdf"))
+
+
+def bundled_name(text: str) -> str | None:
+    """Name of the bundled robot whose URDF has this text; None for other robots."""
+    for name in bundled_robots():
+        if (ROBOTS / f"{name}.urdf").read_text(encoding="utf-8") == text:
+            return name
+    return None

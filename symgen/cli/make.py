@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symgen.build.bundled import bundled_robots
+from symgen.build.bundled import bundled_name, bundled_robots
 from symgen.cli.common import (
     DEFAULT_ROOT,
     BaseOption,
@@ -103,6 +103,7 @@ def build_command(
     python -m symgen build                             the Franka Research 3
     python -m symgen build --urdf my.urdf --name my    your robot
     python -m symgen build --urdf my.urdf --name my --tip tool0 --gravity 0,9.81,0
+    python -m symgen build --robot fr3 --name fr3_six --lock fr3_joint7=0
     """
     from symgen.build.config import read_masses
     from symgen.build.pipeline import build
@@ -111,12 +112,14 @@ def build_command(
 
     options = ChainOptions(base, tip, _vector(gravity), read_locks(lock or []), snap)
     if urdf is None:
-        if options != ChainOptions() or name or project or config or masses or mechanism:
+        if project or config or masses or mechanism:
             raise BuildError(
-                "the options --name, --base, --tip, --gravity, --lock, --snap, --project, "
-                "--masses, --mechanism and --config belong to your own robot; give its --urdf too"
+                "the options --project, --masses, --mechanism and --config belong to your own "
+                "robot; give its --urdf too"
             )
         request = bundled_request(robot)
+        if options != ChainOptions() or name:
+            request = _changed_request(request, name, options)
     else:
         options = replace(
             options,
@@ -187,11 +190,28 @@ def clean_command(
         say(f"{folder}: clean")
 
 
+def _changed_request(
+    bundled: "BuildRequest", name: str | None, options: "ChainOptions"
+) -> "BuildRequest":
+    """A bundled robot that is cut, locked or mounted otherwise, with what is left of its limits."""
+    from symgen.build.reduced_config import reduced_config
+    from symgen.chain import read_chain
+
+    if name is None or name in bundled_robots():
+        raise BuildError(
+            f"a changed '{bundled.name}' needs a --name that no bundled robot has, "
+            f"such as {bundled.name}_changed"
+        )
+    whole, chain = read_chain(bundled.urdf), read_chain(bundled.urdf, options)
+    config = reduced_config(bundled.config, whole, chain)
+    return replace(bundled, name=name, options=options, config=config)
+
+
 def _request_from_urdf(
     urdf: Path, name: str | None, options: "ChainOptions", project: bool, config: list[Path] | None
 ) -> "BuildRequest":
     from symgen.build.config import RobotConfig, read_config
-    from symgen.build.request import BuildRequest
+    from symgen.build.request import BuildRequest, bundled_request
 
     if name is None:
         raise BuildError(
@@ -200,9 +220,10 @@ def _request_from_urdf(
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
     text = read_urdf(urdf)
-    return BuildRequest(
-        name, text, options, read_config(*config) if config else RobotConfig(), project
-    )
+    if config is None and not project and (robot := bundled_name(text)) is not None:
+        return _changed_request(bundled_request(robot), name, options)
+    facts = read_config(*config) if config else RobotConfig()
+    return BuildRequest(name, text, options, facts, project)
 
 
 def _vector(text: str | None) -> tuple[float, float, float] | None:

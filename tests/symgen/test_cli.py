@@ -119,7 +119,9 @@ def test_bad_files(tiny: Path, urdf: Path, capsys: pytest.CaptureFixture[str]) -
 
 def test_options_without_urdf(tiny: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Property: options of an own robot are not silently dropped for a bundled one."""
-    for arguments in (["--tip", "x"], ["--project"], ["--gravity", "0,0,1"], ["--name", "x"]):
+    for arguments in (["--tip", "x"], ["--gravity", "0,0,1"]):
+        assert "needs a --name" in refuses(capsys, tiny.parent, "build", *arguments)
+    for arguments in (["--project"], ["--name", "x", "--project"]):
         assert "give its --urdf too" in refuses(capsys, tiny.parent, "build", *arguments)
     assert "no bundled robot is called" in refuses(capsys, tiny.parent, "build", "--robot", "r2")
 

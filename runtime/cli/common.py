@@ -90,7 +90,7 @@ def torque_table(facts: dict[str, Any]) -> Table:
     percent, rms = facts["torque_error_percent"], facts["torque_rms"]
     table = Table(
         Column("joint", overflow="fold"),
-        title=f"{facts['robot']}, {facts['method']}: torque error on test data",
+        title=f"{facts['robot']}, {facts['method']}: torque error on {tested_on(facts)} data",
     )
     for head in ("before %", "after %", "before RMS", "after RMS", "unit"):
         table.add_column(head, justify="right")
@@ -117,6 +117,12 @@ def torque_table(facts: dict[str, Any]) -> Table:
     return table
 
 
+def tested_on(facts: dict[str, Any]) -> str:
+    """Part of the log that errors are computed on, "test" or, without a test part, "training"."""
+    samples = facts.get("recording", {}).get("samples", {})
+    return "training" if samples.get("test") == 0 else "test"
+
+
 def share_table(facts: dict[str, Any]) -> Table | None:
     """Torque errors of the URDF, of the URDF with friction fitted, and of the identified model.
 
@@ -126,7 +132,9 @@ def share_table(facts: dict[str, Any]) -> Table | None:
     percent = facts["torque_error_percent"]
     if "urdf_friction_overall" not in percent:
         return None
-    table = Table(Column("model"), Column("torque error on test data %", justify="right"))
+    table = Table(
+        Column("model"), Column(f"torque error on {tested_on(facts)} data %", justify="right")
+    )
     for name, key in MODELS:
         table.add_row(name, f"{percent[key]:.3f}")
     return table

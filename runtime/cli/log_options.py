@@ -106,9 +106,11 @@ Parts = Annotated[
     str | None,
     typer.Option(
         "--split",
-        metavar="A,B",
+        metavar="A,B|all",
         help="Fractions of the duration: training from 0 to A, validation from A to B, test from "
-        "B to 1; default from the recipe, else 0.48,0.6.",
+        "B to 1; all trains on all rows, for a test by evaluate with another log. Methods that do "
+        "not stop by the validation part train on it as well. Default from the recipe, else "
+        "0.48,0.6.",
     ),
 ]
 Stream = Annotated[

@@ -17,6 +17,7 @@ from runtime.inspection.friction_choice import choose_friction
 from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
 from runtime.recording import (
+    EVERYTHING,
     Friction,
     Preparation,
     Recording,
@@ -260,6 +261,8 @@ def _hz(text: str | None) -> float | None:
 def _split(text: str | None) -> Split | None:
     if text is None:
         return None
+    if text == "all":
+        return EVERYTHING
     a, b = numbers_option(text, 2, "--split")
     if not 0 < a < b < 1:
         raise IdentificationError(f"--split needs 0 < A < B < 1, got '{text}'")

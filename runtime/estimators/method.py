@@ -27,6 +27,7 @@ class Method:
             streamed logs, several logs, and rows without accelerations.
         bounds_friction: its viscous, Coulomb and rotor coefficients are ≥ 0.
         every_joint: needs an equation per joint, not the power of all joints.
+        uses_validation: stops or chooses by the validation part, which it does not train on.
         needs_controller: simulates the robot under the controller of the recording.
         unfiltered: works on the unfiltered recording, so that no low-pass is missed.
         columns: friction columns that it can use; None for any.
@@ -48,6 +49,7 @@ class Method:
     from_statistics: bool = False
     bounds_friction: bool = False
     every_joint: bool = False
+    uses_validation: bool = False
     needs_controller: bool = False
     unfiltered: bool = False
     columns: tuple[str, ...] | None = None

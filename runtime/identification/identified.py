@@ -87,6 +87,7 @@ class Identification(Framed):
         trained: fit to the training part alone, whose errors, loss and gap are reported, where π
             and φ are those of all rows; None where they are those of the training part.
         drive: delay, encoder biases and standard deviations of φ; None where not estimated.
+        is_joined: the training part includes the validation part, which nothing is tuned by.
     """
 
     method: str
@@ -117,6 +118,7 @@ class Identification(Framed):
     urdf_phi: Array | None = None
     trained: TrainedModel | None = None
     drive: DriveFit | None = None
+    is_joined: bool = False
 
     def __repr__(self) -> str:
         source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"
@@ -213,6 +215,13 @@ class Identification(Framed):
     def before(self, recording: Recording) -> Array:
         """τ̂ of the URDF's parameters without friction, (N, n)."""
         return samples_of(recording, self.lib).rigid(self.lib, self.lib.pi0)
+
+    @property
+    def has_test(self) -> bool:
+        """Whether the errors are those of rows that were not trained on."""
+        if self.streamed is not None:
+            return self.streamed.spans["test"] != self.streamed.spans["train"]
+        return not np.array_equal(self.train.t, self.test.t)
 
     @property
     def gap(self) -> float:

@@ -44,6 +44,7 @@ class Assembly:
         pieces: name of a part → its recordings, one piece at a time, where `parts` hold only some
             of the rows; None where `parts` are whole.
         notes: sentences on what was left out.
+        is_joined: the training part includes the validation part.
     """
 
     problem: Problem
@@ -52,6 +53,7 @@ class Assembly:
     one_run: bool
     pieces: Callable[[str], Iterable[Recording]] | None = None
     notes: tuple[str, ...] = ()
+    is_joined: bool = False
 
     def recordings(self, name: str) -> Iterable[Recording]:
         """All rows of "train", "validation" or "test", one piece at a time."""
@@ -66,6 +68,7 @@ def assemble(
     settings: Settings | str | None = None,
     *,
     progress: Callable[[int, float], None] | None = None,
+    is_joined: bool = False,
     **keywords: Any,
 ) -> Assembly:
     """Prepare, split and weight a recording.
@@ -75,6 +78,7 @@ def assemble(
         lib: library of the robot.
         settings: as for `identify`; method, preset, prior and certify do not count here.
         progress: called by methods that iterate, with iteration and best validation loss.
+        is_joined: train on the validation part as well, where it is not a recording of its own.
         **keywords: single fields of `Settings`, which replace those of `settings`.
 
     Returns:
@@ -90,7 +94,8 @@ def assemble(
     terms = chosen.friction_columns or default_terms(recording) or Friction(columns=())
     terms = geared(terms, recording, lib)
     usual = preparation or recording.preparation
-    parts = _parts(recording, lib, chosen, terms)
+    is_joined = is_joined and chosen.validation is None
+    parts = _parts(recording, lib, chosen, terms, is_joined)
     rounding = rounding_of(parts[0], lib)
     train, validation, test = (without_columns(part, rounding) for part in parts)
     parts = train, validation, test
@@ -122,7 +127,8 @@ def assemble(
         friction_prior=chosen.friction_prior,
     )
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
-    return Assembly(problem, parts, terms, chosen.test is None, notes=notes)
+    one_run = chosen.test is None
+    return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined)
 
 
 def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:
@@ -140,7 +146,7 @@ def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:
 
 
 def _parts(
-    recording: Recording, lib: Library, settings: Settings, terms: Friction
+    recording: Recording, lib: Library, settings: Settings, terms: Friction, is_joined: bool
 ) -> tuple[Recording, Recording, Recording]:
     """Prepared training, validation and test recording."""
     validation, test = settings.validation, settings.test
@@ -155,7 +161,7 @@ def _parts(
         raise IdentificationError("give both a validation and a test recording, or neither")
     recipe = recording.recipe
     shares = settings.splitting or (recipe.split if recipe else None) or Split()
-    first, second, third = split(done[0], shares)
+    first, second, third = split(done[0], shares, is_joined)
     return first, second, third
 
 

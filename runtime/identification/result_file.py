@@ -192,6 +192,13 @@ def _recording_facts(result: Identification) -> dict[str, Any]:
     samples = {name: len(r) for name, r in parts.items()}
     if result.streamed is not None:
         ends, samples = result.streamed.spans, result.streamed.samples
+    counted = [
+        name
+        for name in parts
+        if name == "train" or (result.has_test and not (name == "validation" and result.is_joined))
+    ]
+    ends = {name: ends[name] for name in counted}
+    samples = {name: samples[name] if name in counted else 0 for name in parts}
     spans = ", ".join(f"{name} {a:.2f}–{b:.2f} s" for name, (a, b) in ends.items())
     return {
         "name": result.train.name.removesuffix("/train"),

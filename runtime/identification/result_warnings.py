@@ -88,7 +88,12 @@ def warnings_of(
             "determines are those of the URDF; record a motion that moves every joint"
         )
     warnings += _negative(result)
-    if result.one_run:
+    if not result.has_test:
+        warnings.append(
+            "all rows were used for the training, so that the errors are those of the training "
+            "data; test the model by evaluate with another log"
+        )
+    elif result.one_run:
         warnings.append(
             "training, validation and test are parts of one run, which underestimates the error; "
             "record a second trajectory for the test"

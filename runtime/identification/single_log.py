@@ -59,8 +59,10 @@ def identify(
         RuntimeFault: the data or settings do not make an identification problem.
     """
     chosen = settings_for(lib, settings_from(settings, keywords))
-    chosen_method(chosen.method, chosen.preset, chosen.prior)  # before the recording is prepared
-    return identify_assembled(assemble(recording, lib, chosen, progress=progress), chosen)
+    method = chosen_method(chosen.method, chosen.preset, chosen.prior)
+    joins = not METHODS[method].uses_validation
+    assembly = assemble(recording, lib, chosen, progress=progress, is_joined=joins)
+    return identify_assembled(assembly, chosen)
 
 
 @one_blas_thread
@@ -119,6 +121,7 @@ def identify_assembled(
         validation=parts[1],
         test=parts[2],
         one_run=assembly.one_run,
+        is_joined=assembly.is_joined,
         seed=problem.seed,
         notes=(*assembly.notes, *fit.notes, *note_for(lib)),
         net=fit.net,

@@ -6,11 +6,12 @@ from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.recipes.recipe_file import bundled_names, load_recipe
 from runtime.recording.recipes.recipe_text import recipe_text
 from runtime.recording.recording import Recording
-from runtime.recording.settings import REGRESSORS, Friction, Preparation, Split
+from runtime.recording.settings import EVERYTHING, REGRESSORS, Friction, Preparation, Split
 from runtime.recording.streamed import StreamedRecording, is_large, open_streamed
 from runtime.recording.writer import write_recording
 
 __all__ = [
+    "EVERYTHING",
     "REGRESSORS",
     "Friction",
     "Preparation",

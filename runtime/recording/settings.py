@@ -92,7 +92,10 @@ class Preparation:
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """Parts of the duration: (from, to) as fractions, one after the other."""
+    """Parts of the duration: (from, to) as fractions, one after the other, or all of them (0, 1).
+
+    With (0, 1) three times, `EVERYTHING`, all rows train, and errors are those of the training.
+    """
 
     train: tuple[float, float] = (0.0, 0.48)
     validation: tuple[float, float] = (0.48, 0.6)
@@ -101,6 +104,8 @@ class Split:
     def __post_init__(self) -> None:
         edges = (*self.train, *self.validation, *self.test)
         pairs = (self.train, self.validation, self.test)
+        if self.is_everything:
+            return
         if (
             any(len(pair) != 2 or pair[0] >= pair[1] for pair in pairs)
             or list(edges) != sorted(edges)
@@ -111,6 +116,19 @@ class Split:
                 "split expects train, validation and test as [from, to] in this order, not empty, "
                 f"not overlapping, within [0, 1], got {[list(pair) for pair in pairs]}; correct it"
             )
+
+    @property
+    def is_everything(self) -> bool:
+        """Whether all rows train and no part is left for a test."""
+        return self.train == self.validation == self.test == (0.0, 1.0)
+
+    def joined(self) -> tuple[float, float]:
+        """Training and validation part as one, for methods that nothing is tuned for."""
+        return self.train[0], self.validation[1]
+
+
+EVERYTHING = Split((0.0, 1.0), (0.0, 1.0), (0.0, 1.0))
+"""All rows for training; the test is another log."""
 
 
 @dataclass(frozen=True, slots=True)

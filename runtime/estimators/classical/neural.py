@@ -78,5 +78,6 @@ NEURAL = Method(
     fit_neural,
     label="neural",
     default_columns=INPUTS,
+    uses_validation=True,
     when_recommended="friction beyond the linear columns is why, so try --friction auto too",
 )

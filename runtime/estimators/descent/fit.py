@@ -209,6 +209,7 @@ ADAM = Method(
     fit_adam,
     label="λ-Adam",
     from_statistics=True,
+    uses_validation=True,
     takes_preset=True,
     in_batches=in_batches,
 )
@@ -217,6 +218,7 @@ LEVENBERG_MARQUARDT = Method(
     "Levenberg-Marquardt in λ on the compressed data, consistent by construction",
     fit_levenberg,
     from_statistics=True,
+    uses_validation=True,
 )
 LOG_CHOLESKY = Method(
     "log-cholesky",
@@ -224,4 +226,5 @@ LOG_CHOLESKY = Method(
     partial(fit_levenberg, cholesky=True),
     label="log-cholesky",
     from_statistics=True,
+    uses_validation=True,
 )

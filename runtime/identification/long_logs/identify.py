@@ -17,7 +17,12 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.mass_unit import mass_unit
-from runtime.estimators.methods import chosen_method, methods_from_statistics, require_method
+from runtime.estimators.methods import (
+    METHODS,
+    chosen_method,
+    methods_from_statistics,
+    require_method,
+)
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import (
@@ -132,6 +137,7 @@ def assemble_streamed(
     settings: Settings | str | None = None,
     *,
     progress: Callable[[str], None] | None = None,
+    is_joined: bool = False,
     **keywords: Any,
 ) -> StreamedAssembly:
     """Assemble the problem of a log that stays in its file.
@@ -141,6 +147,7 @@ def assemble_streamed(
         lib: library of the robot.
         settings: as for `identify`, without validation, test, lam0 and controller.
         progress: called with a phrase that names the present step.
+        is_joined: train on the validation part as well.
         **keywords: single fields of `Settings`, which replace those of `settings`.
 
     Returns:
@@ -164,7 +171,8 @@ def assemble_streamed(
     terms = geared(terms, head, lib)
     blocks = blocks_of(log, lib, preparation, terms)
     report(f"windows of {len(blocks)} blocks")
-    spans = _spans(blocks, chosen.splitting or (recipe.split if recipe else None) or Split())
+    shares = chosen.splitting or (recipe.split if recipe else None) or Split()
+    spans = _spans(blocks, shares, is_joined)
     parts = {name: _windows(blocks, name, *span) for name, span in spans.items()}
     rounding = rounding_of(parts["train"], lib)
     parts = {name: without_columns(part, rounding) for name, part in parts.items()}
@@ -194,7 +202,9 @@ def assemble_streamed(
     require_enough(train, lib)
     windows = (parts["train"], parts["validation"], parts["test"])
     notes = left_out_note(rounding, lib.joint_names, train_names)
-    assembly = Assembly(problem, windows, terms, one_run=True, pieces=recordings, notes=notes)
+    assembly = Assembly(
+        problem, windows, terms, one_run=True, pieces=recordings, notes=notes, is_joined=is_joined
+    )
     return StreamedAssembly(assembly, blocks, spans, report)
 
 
@@ -227,7 +237,8 @@ def identify_streamed(
     chosen = settings_for(lib, settings_from(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
     require_streamable(method, chosen.preset)
-    whole = assemble_streamed(log, lib, chosen, progress=progress)
+    joins = not METHODS[method].uses_validation
+    whole = assemble_streamed(log, lib, chosen, progress=progress, is_joined=joins)
     result = identify_assembled(whole.assembly, chosen)
     errors = whole.errors(result)
     counts = whole.counts()
@@ -242,7 +253,7 @@ def _head(log: StreamedRecording, lib: Library) -> Recording:
     return head
 
 
-def _spans(blocks: Blocks, parts: Split) -> dict[str, tuple[float, float]]:
+def _spans(blocks: Blocks, parts: Split, is_joined: bool) -> dict[str, tuple[float, float]]:
     """First instant of every part and that of the next part [s], by name."""
     first, last = blocks.span()
 
@@ -250,9 +261,10 @@ def _spans(blocks: Blocks, parts: Split) -> dict[str, tuple[float, float]]:
         end = blocks.half_step if share == 1.0 else 0.0  # the last instant belongs to the log
         return first + share * (last - first) + end
 
-    return {
-        name: (instant(getattr(parts, name)[0]), instant(getattr(parts, name)[1])) for name in PARTS
-    }
+    shares = {name: getattr(parts, name) for name in PARTS}
+    if is_joined:
+        shares["train"] = parts.joined()
+    return {name: (instant(a), instant(b)) for name, (a, b) in shares.items()}
 
 
 def _windows(blocks: Blocks, name: str, first: float, last: float) -> Recording:

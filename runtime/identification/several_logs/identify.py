@@ -8,6 +8,8 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import (
+    DEFAULT,
+    METHODS,
     chosen_method,
     methods_from_statistics,
     require_method,
@@ -80,9 +82,10 @@ def identify_logs(
     # The joint fit: all training parts in one recording, likewise validation and test.
     shares = chosen.splitting or (recipe.split if recipe else None) or Split()
     fit = _Fit(lib, chosen, terms)
-    cut = [split(log, shares) for log in prepared]
+    joins = not METHODS[chosen.method or DEFAULT].uses_validation
+    cut = [split(log, shares, joins) for log in prepared]
     train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))
-    result = fit.of(train, validation, test, progress=progress)
+    result = replace(fit.of(train, validation, test, progress=progress), is_joined=joins)
     offsets = None
     if OFFSET in terms.columns:
         offsets = result.phi[:, -len(names) :].T

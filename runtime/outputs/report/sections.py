@@ -42,7 +42,12 @@ def headline(result: Result) -> str:
         verb = "decreased" if after < before else "increased"
         change = f"{verb} from {_percent(before)} to {_percent(after)}"
     end = "all links are physically consistent" if result.consistent else _inconsistent(result)
-    return f"The torque error on the test split {change}; {end}."
+    part = (
+        "training data (no test split)"
+        if result.recording.samples.get("test") == 0
+        else "test split"
+    )
+    return f"The torque error on the {part} {change}; {end}."
 
 
 def _inconsistent(result: Result) -> str:

@@ -243,7 +243,9 @@ def decimate(recording: Recording, rate_hz: float) -> Recording:
     )
 
 
-def split(recording: Recording, parts: Split) -> tuple[Recording, Recording, Recording]:
+def split(
+    recording: Recording, parts: Split, is_joined: bool = False
+) -> tuple[Recording, Recording, Recording]:
     """Train, validation and test parts by fractions of the duration; [from, to), the last one
     closed.
 
@@ -253,6 +255,7 @@ def split(recording: Recording, parts: Split) -> tuple[Recording, Recording, Rec
     Args:
         recording: as read.
         parts: fractions.
+        is_joined: the training part includes the validation part.
 
     Returns:
         Train, validation and test.
@@ -263,7 +266,8 @@ def split(recording: Recording, parts: Split) -> tuple[Recording, Recording, Rec
     share = (recording.t - recording.t[0]) / (recording.duration or 1.0)
 
     def part(name: str) -> Recording:
-        first, last = getattr(parts, name)
+        joins = is_joined and name == "train"
+        first, last = parts.joined() if joins else getattr(parts, name)
         rows = (share >= first) & ((share < last) | ((last == 1.0) & (share <= 1.0)))
         label = f"{recording.name}/{name}" if recording.name else name
         sentence = (

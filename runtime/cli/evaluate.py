@@ -14,8 +14,8 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of
 from runtime.identification.result_file import error_facts
-from runtime.identification.saved_result import read_result, require_model
-from runtime.recording import Preparation, read_recording
+from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.recording import Preparation, Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import is_filtered, prepare
@@ -25,6 +25,9 @@ RAW = (
     "the model was identified from a low-passed log, but this log is not filtered; give the same "
     "--cutoff and --rate as identify"
 )
+
+_FILTER = ("filter", "cutoff_hz", "window_s", "order")
+"""Fields of a preparation that decide which band the torque has."""
 
 Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")]
 
@@ -85,6 +88,8 @@ def evaluate_command(
     errors = [metrics.torque_error(samples.tau, tau) for tau in both]
     if is_filtered(saved.history) and not is_filtered(prepared.history):
         notes.append(RAW)
+    else:
+        notes += _other_filter(saved, prepared)
     figures: dict[str, Any] = {
         "robot": lib.name,
         "method": saved.method,
@@ -99,3 +104,24 @@ def evaluate_command(
         console.print(torque_table(figures))
         for note in notes:
             say(f"note: {note}")
+
+
+def _other_filter(saved: SavedResult, prepared: Recording) -> list[str]:
+    """Sentence on filters of identify and evaluate that differ; none where they agree."""
+    then, now = saved.preparation, prepared.prepared or Preparation()
+    unknown = then.filter == "none" and is_filtered(saved.history)  # results of earlier versions
+    if unknown or all(getattr(then, key) == getattr(now, key) for key in _FILTER):
+        return []
+    return [
+        f"the model was identified with {_filter_of(then)}, this log is evaluated with "
+        f"{_filter_of(now)}: the errors do not compare; give --cutoff and --rate of identify"
+    ]
+
+
+def _filter_of(preparation: Preparation) -> str:
+    if preparation.filter == "none":
+        return "no filter"
+    if preparation.filter == "butterworth":
+        return f"a low-pass at {preparation.cutoff_hz:g} Hz of order {preparation.order}"
+    kind = "a mean" if preparation.filter == "average" else "a Savitzky–Golay filter"
+    return f"{kind} over {preparation.window_s:g} s"

@@ -85,7 +85,20 @@ def identify_logs(
     joins = not METHODS[chosen.method or DEFAULT].uses_validation
     cut = [split(log, shares, joins) for log in prepared]
     train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))
-    result = replace(fit.of(train, validation, test, progress=progress), is_joined=joins)
+    result = fit.of(train, validation, test, progress=progress)
+    # The joined rows are prepared already; the result states how.
+    train, validation, test = (
+        part.replace(prepared=prepared[0].prepared)
+        for part in (result.train, result.validation, result.test)
+    )
+    result = replace(
+        result,
+        train=train,
+        validation=validation,
+        test=test,
+        is_joined=joins,
+        notes=(*result.notes, *_unlike(prepared, names)),
+    )
     offsets = None
     if OFFSET in terms.columns:
         offsets = result.phi[:, -len(names) :].T
@@ -123,6 +136,18 @@ def _names(logs: Sequence[NamedLog], settings: Settings) -> list[str]:
             f"one of {', '.join(methods_from_statistics())}"
         )
     return names
+
+
+def _unlike(prepared: Sequence[Recording], names: Sequence[str]) -> tuple[str, ...]:
+    """Sentence on logs that are prepared in another way than the first, if there are such."""
+    first = prepared[0].prepared
+    others = [name for log, name in zip(prepared, names, strict=True) if log.prepared != first]
+    if not others:
+        return ()
+    return (
+        f"prepared in another way than {names[0]}: {', '.join(others)}; the result states the "
+        f"preparation of {names[0]}; give one recipe, or --cutoff and --rate, for all logs",
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,8 +39,14 @@ class Butterworth:
 
 
 def is_filtered(history: Iterable[str]) -> bool:
-    """Whether one of these filters is among the steps of a recording."""
-    return any(step.startswith(FILTERED) for step in history)
+    """Whether one of these filters is among the steps of a recording.
+
+    Steps of joined logs begin with the name of their log and a colon.
+    """
+    return any(
+        step.startswith(FILTERED) or any(f": {word}" in step for word in FILTERED)
+        for step in history
+    )
 
 
 def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butterworth:

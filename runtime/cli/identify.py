@@ -42,6 +42,7 @@ from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs import identify_streamed, require_streamable
 from runtime.identification.result_file import write_result
+from runtime.identification.result_warnings import still_joints
 from runtime.identification.settings import Settings
 from runtime.identification.several_logs import LogAgreement
 from runtime.identification.single_log import identify
@@ -251,6 +252,9 @@ def _finish(result: Identification, folder: Path, agreement: LogAgreement | None
     from runtime.outputs.report import write_report  # matplotlib is slow to import
 
     facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
+    first = still_joints(result)
+    for warning in first:
+        say(f"warning: {warning}")
     console.print(torque_table(facts))
     shares = share_table(facts)
     if shares is not None:
@@ -276,7 +280,7 @@ def _finish(result: Identification, folder: Path, agreement: LogAgreement | None
     if result.uncertainty is not None:
         say(f"advice: {result.uncertainty.advice()}")
     say(f"time of the method: {result.seconds:.3f} s")
-    for warning in facts["warnings"]:
+    for warning in facts["warnings"][len(first) :]:
         say(f"note: {warning}")
     if result.is_consistent:
         say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")

@@ -59,6 +59,14 @@ def payload_command(
     ] = None,
     cutoff: CutoffHz = None,
     rate: Rate = None,
+    gain_error: Annotated[
+        float,
+        typer.Option(
+            metavar="SHARE",
+            help="Standard deviation of the torque gain of every joint, relative to one, which the "
+            "intervals include; 0.05 for 5 %.",
+        ),
+    ] = 0.0,
     overwrite: Overwrite = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print payload.json instead.")] = False,
 ) -> None:
@@ -89,6 +97,7 @@ def payload_command(
         arm=read_arm_model(model, lib) if model else arm_model(lib),
         empty=bare,
         preparation=preparation_of(loaded, cutoff, rate),
+        gain_error=gain_error,
     )
     paths = write_payload(payload, lib, folder, command_line())
     if as_json:

@@ -69,7 +69,7 @@ def warnings_of(
     Returns:
         The notes of the result, then one sentence per warning.
     """
-    warnings = list(result.notes)
+    warnings = [*still_joints(result), *result.notes]
     if result.train.torque_source == COMMANDED:
         warnings.append(
             "the torque is commanded by a control law, not measured: errors are shares of the "
@@ -82,11 +82,6 @@ def warnings_of(
         )
     if after.overall > UNEXPLAINED:
         warnings.append(_unexplained(result, after))
-    if still := _still(result):
-        warnings.append(
-            f"{', '.join(still)} never moved in training: parameters that only such a motion "
-            "determines are those of the URDF; record a motion that moves every joint"
-        )
     warnings += _negative(result)
     if not result.has_test:
         warnings.append(
@@ -162,11 +157,25 @@ def _negative(result: Identification) -> list[str]:
     ]
 
 
-def _still(result: Identification) -> list[str]:
-    """Joints that do not move in the whole training part; none for a streamed log, whose rows are
-    not all in memory.
+def still_joints(result: Identification) -> tuple[str, ...]:
+    """Sentence on joints that do not move in the whole training part, the first that matters.
+
+    None for a streamed log, whose rows are not all in memory.
     """
     if result.streamed is not None:
-        return []
-    spans = np.ptp(result.train.q, axis=0)
-    return [name for name, span in zip(result.lib.joint_names, spans, strict=True) if span < STILL]
+        return ()
+    names = np.array(result.lib.joint_names)
+    still = names[np.ptp(result.train.q, axis=0) < STILL]
+    if not len(still):
+        return ()
+    if len(still) == len(names):
+        return (
+            "no joint moves in the training part: the data determine at most the gravity torque "
+            "of one pose, and all parameters are those of the URDF; record a motion that moves "
+            "every joint",
+        )
+    return (
+        f"{', '.join(still)} never moved in training ({len(still)} of {len(names)} joints): "
+        "parameters that only such a motion determines are those of the URDF; record a motion "
+        "that moves every joint",
+    )

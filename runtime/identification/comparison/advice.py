@@ -76,7 +76,7 @@ def advise(rows: Sequence[Row], n_base: int) -> Advice:
         f"take {take}: {why}",
         _consistency(ran),
         _inconsistent(ran, take),
-        _boundary(sound),
+        _boundary(sound, take),
         _prior(ran[take], take, n_base),
         _overfit(ran, take),
         _truth(ran, take),
@@ -110,14 +110,18 @@ def _choice(sound: dict[str, Figures]) -> tuple[str, str]:
     inside = {name: f for name, f in sound.items() if not f.is_boundary}
     if DEFAULT not in sound:
         take = _best(inside or sound)
-        return take, f"the best prediction of all consistent results ({DEFAULT} has none)"
+        which = "results off the boundary of consistency" if inside else "consistent results"
+        return take, f"the best prediction of all {which} ({DEFAULT} has none)"
     rivals = {
         name: f for name, f in inside.items() if name != DEFAULT and _beats(f, sound[DEFAULT])
     }
     if not rivals:
+        others = "other consistent result"
+        if len(inside) < len(sound):
+            others += " off the boundary of consistency"
         return DEFAULT, (
             "the default; its links are physically consistent, it states its uncertainty, and no "
-            "other consistent result predicts significantly better"
+            f"{others} predicts significantly better"
         )
     take = _best(rivals)
     reason = (
@@ -157,14 +161,25 @@ def _inconsistent(ran: dict[str, Figures], take: str) -> str:
     )
 
 
-def _boundary(sound: dict[str, Figures]) -> str:
+def _boundary(sound: dict[str, Figures], take: str) -> str:
     edge = [name for name, f in sound.items() if f.is_boundary]
     if not edge:
         return ""
-    return (
+    sentence = (
         f"on the boundary of consistency: {', '.join(edge)}; a link there is a plate or a rod, "
         "which is a limit of the constraints rather than a measurement"
     )
+    left_out = [name for name in edge if name not in {take, DEFAULT}]
+    if left_out:
+        sentence += f", so that {', '.join(left_out)} had no share in the choice"
+    better = [name for name in left_out if _beats(sound[name], sound[take])]
+    if better:
+        best = _best({name: sound[name] for name in better})
+        sentence += (
+            f", although {best} predicts significantly better ({_held(sound[best])} against "
+            f"{_held(sound[take])} of {take} on the validation part)"
+        )
+    return sentence
 
 
 def _prior(f: Figures, take: str, n_base: int) -> str:

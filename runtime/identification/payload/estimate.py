@@ -20,8 +20,10 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.payload.arm_error import arm_covariance
 from runtime.identification.payload.body import NAMES, Body, body_of
 from runtime.identification.payload.differential import empty_residual
+from runtime.identification.payload.gain_error import gain_covariance
 from runtime.identification.payload.mount import Mount, mount_of
 from runtime.identification.payload.reading import ArmModel, arm_model
+from runtime.identification.payload.sentences import notes_of, status_of
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
 from runtime.parallel import one_blas_thread
@@ -44,8 +46,6 @@ _SILENT = 1e-9
 """Varying part of the columns over the columns, below which it is rounding."""
 _PRIOR_SHARE = 0.5
 """σ of a value over σ of the prior, above which the prior dominates the value."""
-_MODEL_ERROR = 0.1
-"""Residual over the torque of the payload, above which the model of the arm dominates the error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +67,7 @@ class Payload:
         arm: origin of the arm's model.
         status: one sentence.
         notes: sentences of advice.
+        gain_error: standard deviation of the torque gains that the covariances include.
     """
 
     mount: Mount
@@ -83,6 +84,7 @@ class Payload:
     arm: str
     status: str
     notes: tuple[str, ...]
+    gain_error: float = 0.0
 
     def _repr_html_(self) -> str:
         """The ten values with their standard deviations, as a table for notebooks."""
@@ -107,6 +109,7 @@ def identify_payload(
     empty: Recording | None = None,
     preparation: Preparation | None = None,
     kappa: float = NONE,
+    gain_error: float = 0.0,
 ) -> Payload:
     """Identify π and b of a payload: τ − Y π_arm − F φ_arm = Y_k π + b + e.
 
@@ -118,6 +121,8 @@ def identify_payload(
         empty: run of the same motion without the payload; None for none.
         preparation: steps for both recordings; None is that of the recipe.
         kappa: weight of the prior; 1 is next to none.
+        gain_error: standard deviation of the torque gains of the joints, relative to one, which
+            the intervals include.
 
     Returns:
         The payload with its covariance and advice.
@@ -125,6 +130,11 @@ def identify_payload(
     Raises:
         RuntimeFault: the recordings are too short, do not fit the robot, or do not move the link.
     """
+    if not 0.0 <= gain_error < 1.0:
+        raise IdentificationError(
+            f"expected a gain error from 0 up to 1, relative to the gain, got {gain_error:g}; "
+            "0.05 stands for 5 %"
+        )
     mount, model = mount_of(lib, link), arm or arm_model(lib)
     run, residual, columns = _rows(recording, lib, mount, model, preparation)
     if len(run) < FEWEST:
@@ -142,12 +152,22 @@ def identify_payload(
         solution = replace(
             solution, covariance=solution.covariance + extra, white=solution.white + extra
         )
-    return _payload(solution, mount, columns, model, empty is not None)
+    if gain_error:
+        # Against an empty run the gains act on the torque of the payload alone.
+        torque = residual if empty is not None else run.required("tau")
+        extra = gain_covariance(columns, torque, solution.fitted, solution.shape, gain_error)
+        solution = replace(
+            solution, covariance=solution.covariance + extra, white=solution.white + extra
+        )
+    return _payload(solution, mount, columns, model, empty is not None, gain_error)
 
 
 @dataclass(frozen=True, slots=True)
 class _Solution:
-    """Most probable π in the link's frame, with the covariances of prior, white and real noise."""
+    """Most probable π in the link's frame, with the covariances of prior, white and real noise.
+
+    `shape` is the covariance at unit noise of the rows that the noise `fitted` weights.
+    """
 
     pi: Array
     prior: Array
@@ -158,6 +178,8 @@ class _Solution:
     covariance: Array
     n_effective: float
     converged: bool
+    shape: Array
+    fitted: Array
 
 
 def _rows(
@@ -198,6 +220,7 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
     noise, spread = np.ones(n), float(np.abs(residual).max())
     used, pi, errors = 1 + N_PARAMETERS / n, prior.centre, target
     for done in range(PASSES + 1):
+        fitted = noise  # of the rows of this pass
         # Rows over their noise, reduced to a triangle: later steps do not depend on N.
         scaled = (rows / noise[:, None]).reshape(-1, rows.shape[2])
         aim = (target / noise).ravel()
@@ -239,6 +262,8 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
         covariance=coloured.density * shape,
         n_effective=count / coloured.inflation,
         converged=minimum.converged,
+        shape=shape,
+        fitted=fitted,
     )
 
 
@@ -250,7 +275,12 @@ def _ball(mount: Mount) -> Array:
 
 
 def _payload(
-    solution: _Solution, mount: Mount, columns: Array, model: ArmModel, differential: bool
+    solution: _Solution,
+    mount: Mount,
+    columns: Array,
+    model: ArmModel,
+    differential: bool,
+    gain_error: float,
 ) -> Payload:
     """The solution in the mount's frame, with status and advice."""
     turn = mount.to_frame
@@ -280,41 +310,7 @@ def _payload(
         differential=differential,
         prior_dominated=weak,
         arm=model.origin,
-        status=_status(known, weak, solution.converged),
-        notes=_notes(weak, share, model, differential),
+        gain_error=gain_error,
+        status=status_of(known, weak, solution.converged),
+        notes=notes_of(weak, share, model, differential, gain_error),
     )
-
-
-def _status(body: Body, weak: tuple[str, ...], converged: bool) -> str:
-    if not converged:
-        return "not converged; check the recording for outliers and the unit of the torque"
-    if body.mass < 3 * body.sigma[0]:
-        return f"no significant payload ({1e3 * body.mass:.1f} g, σ {1e3 * body.sigma[0]:.1f} g)"
-    if "mass" in weak:
-        return "the recording does not determine the mass; move the payload against gravity"
-    return f"identified {body.mass:.4f} kg ± {1.96 * body.sigma[0]:.4f} kg (95 %)"
-
-
-def _notes(
-    weak: tuple[str, ...], share: float, model: ArmModel, differential: bool
-) -> tuple[str, ...]:
-    notes = []
-    if weak:
-        notes.append(
-            f"the prior rather than the data determines {', '.join(weak)}; record a motion with "
-            "faster rotations about all axes of the payload"
-        )
-    if not (differential or model.is_exact):
-        notes.append(
-            "the intervals include the error of the arm's model, estimated from the residual; "
-            "against a run without the payload it cancels, and they are far narrower"
-        )
-    if share > _MODEL_ERROR and not differential:
-        notes.append(
-            f"the residual is {100 * share:.0f} % of the payload's torque, so that the error of "
-            "the arm's model exceeds that of the sensors; record the same motion without the "
-            "payload, or give a model identified on the empty arm"
-        )
-    if not model.phi.size and not differential:
-        notes.append("friction of the arm is taken as zero; give a model or an empty run")
-    return tuple(notes)

@@ -73,6 +73,7 @@ def load_facts(payload: Payload, lib: Library) -> dict[str, Any]:
         "notes": list(payload.notes),
         "arm": payload.arm,
         "differential": payload.differential,
+        "gain_error": payload.gain_error,
         "mass": body.mass,
         "com": body.com.tolist(),
         "inertia": body.inertia.tolist(),

@@ -1,13 +1,17 @@
 """result_warnings: what is said of an answer that deserves no trust, and of none that does."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from runtime import Identification
+from runtime import Identification, Recording, write_recording
 from runtime.identification.metrics import TorqueError
 from runtime.identification.result_warnings import warnings_of
+from runtime.library import Library
+from tests.runtime.conftest import Command
 
 JOINTS = np.ones(7)
 
@@ -48,6 +52,23 @@ def test_joints_that_never_move(panda_adam: Identification) -> None:
     q[:, [1, 4]] = np.linspace(1.0, 1.0005, len(q))[:, None]
     still = replace(panda_adam, train=panda_adam.train.replace(q=q))
     assert "fr3_joint2, fr3_joint5 never moved" in said(still, 4.0, 2.0)
+
+
+@pytest.mark.parametrize(("moving", "words"), [(0, "no joint moves"), (2, "(5 of 7 joints)")])
+def test_rest_is_said_first(
+    clean: Recording, lib: Library, command: Command, tmp_path: Path, moving: int, words: str
+) -> None:
+    """Property: before the table of errors, and first in result.json."""
+    rest = np.arange(7) >= moving
+    still = clean.replace(
+        q=np.where(rest, clean.q[0], clean.q), dq=np.where(rest, 0.0, clean.dq), ddq=None
+    )
+    write_recording(still, tmp_path / "still.npz")
+    ran = command("identify", "still.npz", "--robot", lib.folder, "--out", "out")
+    assert ran.code == 0, ran.err
+    assert words in ran.out
+    assert ran.out.index("warning: ") < ran.out.index("torque error on test data")
+    assert words in json.loads((tmp_path / "out" / "result.json").read_text())["warnings"][0]
 
 
 def test_an_answer_shown_in_a_notebook_is_a_line(panda_adam: Identification) -> None:

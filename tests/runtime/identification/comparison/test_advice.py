@@ -63,6 +63,12 @@ def test_the_default_is_taken() -> None:
     assert "--friction auto" in nets.sentences[0]
     edge = advice_on(ran("map"), ran("adam", 1.2, is_boundary=True))
     assert edge.take == "map"
+    assert "no other consistent result off the boundary of consistency" in edge.sentences[0]
+    assert says(edge, "so that adam had no share in the choice, although adam predicts")
+    assert says(edge, "(1.2 % against 1.4 % of map on the validation part)")
+    alone = advice_on(ran("adam"), ran("pc-ols", 1.2, is_boundary=True))
+    assert "of all results off the boundary of consistency (map has none)" in alone.sentences[0]
+    assert says(alone, "although pc-ols predicts significantly better")
     # The same mean, but all of the gain in one block: chance.
     lucky = NOISE * 1.4**2
     lucky[:40] *= 0.1

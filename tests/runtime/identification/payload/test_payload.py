@@ -297,3 +297,29 @@ def test_noise_of_short_coloured_runs_is_neither_flattered_nor_counted_twice(loa
         )
     assert 2 < np.mean(shares) < 9.0  # (1 + ρ)/(1 − ρ) at frequency zero, less above
     assert np.mean(ratios) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("differential", [True, False])
+def test_intervals_include_errors_of_the_gains(differential, loaded, lib, arm):
+    """Oracle: the spread of the mass over 30 draws of gains with 5 %, which without the option
+    exceeds its σ fivefold; √(χ²/30) is within 0.55 and 1.5 at its 1e-4 quantiles.
+    """
+    rng = np.random.default_rng(4)
+    more = {"arm": arm, "empty": loaded[1] if differential else None}
+    masses, sigma = [], 0.0
+    for _ in range(30):
+        gains = 1 + 0.05 * rng.normal(size=7)
+        runs = [
+            run.replace(tau=run.tau * gains + NOISE * rng.normal(size=run.tau.shape))
+            for run in loaded
+        ]
+        if differential:
+            more["empty"] = runs[1]
+        payload = identify_payload(runs[0], lib, gain_error=0.05, **more)
+        masses.append(payload.body.mass)
+        sigma += payload.body.sigma[0] / 30
+    assert 0.55 < np.std(masses) / sigma < 1.5
+    assert "independent errors of the torque gains of 5 %" in " ".join(payload.notes)
+    exact = identify_payload(runs[0], lib, **more)
+    assert exact.body.sigma[0] < 0.2 * sigma
+    assert "assume that the torque gains are exact" in " ".join(exact.notes)

@@ -16,8 +16,8 @@ COULOMB = np.array([0.5, 0.5, 0.4, 0.6, 0.3, 0.2, 0.1])
 VISCOUS = np.array([0.5, 0.5, 0.4, 0.4, 0.2, 0.15, 0.1])
 SPEED = 0.03
 FRICTION = Friction(("coulomb", "viscous"), SPEED)
-# Nearly all for training: the methods are evaluated on another motion, without noise.
-SPLIT = Split((0.0, 0.9), (0.9, 0.95), (0.95, 1.0))
+# 90 % for training, with the validation part for most methods; the test is another motion.
+SPLIT = Split((0.0, 0.85), (0.85, 0.9), (0.9, 1.0))
 
 
 def preparation(cutoff: float | None) -> Preparation:

@@ -253,7 +253,7 @@ def _head(log: StreamedRecording, lib: Library) -> Recording:
     return head
 
 
-def _spans(blocks: Blocks, parts: Split, is_joined: bool) -> dict[str, tuple[float, float]]:
+def _spans(blocks: Blocks, parts: Split, is_joined: bool = False) -> dict[str, tuple[float, float]]:
     """First instant of every part and that of the next part [s], by name."""
     first, last = blocks.span()
 

@@ -9,6 +9,7 @@ import pytest
 from runtime import Identification, Recording, identify
 from runtime.errors import RuntimeFault
 from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import friction_error
 from runtime.identification.metrics import torque_error
 from runtime.identification.result_file import (
     condition_number,
@@ -35,6 +36,8 @@ def test_result_says_what_a_reader_needs(panda_adam: Identification, folder: Pat
     facts = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     r, tau = panda_adam, panda_adam.test.tau
     before, after = (torque_error(tau, x) for x in (r.before(r.test), r.predict_recording(r.test)))
+    between = friction_error(r)
+    assert between is not None
     assert (facts["method"], facts["robot"], facts["consistent"]) == ("adam", "fr3", True)
     # Written with all digits.
     assert facts["torque_error_percent"] == {
@@ -42,8 +45,14 @@ def test_result_says_what_a_reader_needs(panda_adam: Identification, folder: Pat
         "after": after.percent.tolist(),
         "before_overall": before.overall,
         "after_overall": after.overall,
+        "urdf_friction": between.percent.tolist(),
+        "urdf_friction_overall": between.overall,
     }
-    assert facts["torque_rms"] == {"before": before.rms.tolist(), "after": after.rms.tolist()}
+    assert facts["torque_rms"] == {
+        "before": before.rms.tolist(),
+        "after": after.rms.tolist(),
+        "urdf_friction": between.rms.tolist(),
+    }
     assert facts["gap_to_convex_optimum"] == r.gap
     assert facts["seconds"] == r.seconds > 0
     assert facts["pi"] == r.pi.tolist()

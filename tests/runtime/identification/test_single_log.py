@@ -197,13 +197,18 @@ def test_interruption_keeps_the_best(lib: Library, ideal_runs: Runs) -> None:
 
 
 def test_a_split_recording_is_cut_in_order(lib: Library, ideal_runs: Runs) -> None:
-    """Property: 48 / 12 / 40 % by default, every sample in one part."""
-    result = identify(ideal_runs[0], lib, "ols")
+    """Property: 48 / 12 / 40 % by default, every sample in one part, for a method that stops by
+    the validation part; for another the validation part is the end of the training part.
+    """
+    result = identify(ideal_runs[0], lib, "lm")
     parts = (result.train, result.validation, result.test)
     assert [len(part) for part in parts] == [480, 120, 401]
     assert np.array_equal(np.concatenate([part.t for part in parts]), ideal_runs[0].t)
-    half = identify(ideal_runs[0], lib, "ols", splitting=Split((0, 0.5), (0.5, 0.9), (0.9, 1)))
+    half = identify(ideal_runs[0], lib, "lm", splitting=Split((0, 0.5), (0.5, 0.9), (0.9, 1)))
     assert [len(p) for p in (half.train, half.validation, half.test)] == [500, 400, 101]
+    joined = identify(ideal_runs[0], lib, "ols")
+    assert [len(p) for p in (joined.train, joined.test)] == [600, 401]
+    assert np.array_equal(joined.train.t[480:], joined.validation.t)
 
 
 def test_friction_is_identified(lib: Library, noisy: Recording) -> None:
@@ -245,8 +250,11 @@ def test_too_few_samples_are_refused(lib: Library, ideal_runs: Runs) -> None:
     """Property: fewer equations than unknowns determine nothing, by whatever method."""
     short = ideal_runs[0].take(slice(0, 12), "cut")
     for method in METHODS:
+        # Six rows of training, with the validation part where the method trains on it.
+        edges = (0.48, 0.7) if METHODS[method].uses_validation else (0.3, 0.48)
+        parts = Split((0, edges[0]), edges, (edges[1], 1))
         with pytest.raises(IdentificationError, match="42 equations for 43 unknowns"):
-            identify(short, lib, method, splitting=Split((0, 0.48), (0.48, 0.7), (0.7, 1)))
+            identify(short, lib, method, splitting=parts)
 
 
 def test_unknown_friction_is_refused(lib: Library, ideal_runs: Runs) -> None:

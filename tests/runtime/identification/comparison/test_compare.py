@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import runtime
-from runtime import identify, read_recording, write_recording
+from runtime import read_recording, write_recording
 from runtime.cli import app
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import METHODS
@@ -21,6 +21,7 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.identification.comparison import FAILED, NOT_RUN, RAN, compare
 from runtime.identification.metrics import torque_error
 from runtime.identification.problem_setup import assemble
+from runtime.identification.single_log import identify_assembled
 from runtime.library import Library
 from runtime.recording import Friction
 from tests.runtime.conftest import Command
@@ -81,13 +82,13 @@ def test_every_method_has_a_row(facts_of_all: dict[str, Any]) -> None:
 
 
 def test_rows_say_what_identify_says(lib: Library) -> None:
-    """Oracle: identify on the same log, and the figures by their definitions."""
+    """Oracle: identify on the same training part, and the figures by their definitions."""
     log = read_recording(EXAMPLE)
     terms = Friction(("viscous", "coulomb"), 0.03)
     assembly = assemble(log, lib, friction_columns=terms)
     made = {row.method: row for row in compare(assembly, ("map", "ols", "pc-ols")).rows}
     for method, row in made.items():
-        alone = identify(log, lib, method, friction_columns=terms)
+        alone = identify_assembled(assembly, method)
         assert row.status == alone.status
         error = torque_error(alone.test.tau, alone.predict_recording(alone.test))
         figures = row.figures

@@ -30,9 +30,11 @@ def is_refitted(assembly: Assembly, settings: Settings, method: str) -> bool:
         methods stop by the validation part, or simulate the training part.
     """
     rows_of_joints = assembly.problem.train.equations == assembly.problem.lib.n_joints
+    train, _, test = assembly.parts
     return (
         settings.refit
         and assembly.one_run
+        and not np.array_equal(train.t, test.t)  # else all rows train already
         and assembly.pieces is None
         and rows_of_joints
         and not METHODS[method].needs_samples(settings.preset)
@@ -50,7 +52,8 @@ def with_all_rows(assembly: Assembly) -> Assembly:
     """
     problem = assembly.problem
     test = samples_of(assembly.parts[2], problem.lib)
-    rows = joined((problem.train, problem.validation, test))
+    rest = (test,) if assembly.is_joined else (problem.validation, test)
+    rows = joined((problem.train, *rest))
     whole = replace(problem, train=rows, origin=None, terms=assembly.friction)
     return replace(assembly, problem=whole)
 

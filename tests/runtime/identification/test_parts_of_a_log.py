@@ -56,6 +56,18 @@ def test_a_split_trains_on_everything(lib, noisy):
     assert torque_errors(result)[1].overall == pytest.approx(expected, rel=1e-12)  # rounding
 
 
+@pytest.mark.parametrize("method", ["map", "pc-ols", "lm"])
+def test_a_second_fit_takes_every_row_once(lib, noisy, method):
+    """Oracle: the fit to everything; rows of the validation part do not count twice."""
+    settings = {"friction_columns": Friction()}
+    again = identify(noisy, lib, method, refit=True, splitting=PARTS, **settings)
+    whole = identify(noisy, lib, method, refit=True, splitting=EVERYTHING, **settings)
+    assert again.trained is not None
+    assert whole.trained is None
+    # Weights of map and pc-ols start from other rows; the rows of the fit are the same.
+    np.testing.assert_allclose(again.uncertainty.n_eff, whole.uncertainty.n_eff, rtol=0.02)
+
+
 def test_the_command_says_what_was_trained_on(command, lib, tmp_path):
     """Property: rows per part, the sentence on the split, and titles of tables."""
     words = ("identify", EXAMPLE, "--robot", lib.folder, "--friction", "viscous", "--out", "out")

@@ -121,7 +121,7 @@ def test_the_site_has_every_page(site: Path) -> None:
     names = (site / "reference/api/index.html").read_text(encoding="utf-8")
     assert "identify_payload" in names
     assert "fr3_mass_matrix" in (site / "reference/c.html").read_text(encoding="utf-8")
-    for name in ("fr3", "own-robot", "payload", "realtime"):
+    for name in ("fr3", "own-robot", "payload", "realtime", "z1"):
         assert (site / f"tutorials/{name}.html").exists()
 
 

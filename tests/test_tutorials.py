@@ -11,7 +11,7 @@ from runtime.errors import RuntimeFault
 from runtime.library import Library
 from tests.markdown import blocks, form, run
 
-NAMES = ("fr3", "own-robot", "payload", "realtime")
+NAMES = ("fr3", "own-robot", "payload", "realtime", "z1")
 FILE = re.compile(r"[\w.]+\.(?:toml|urdf|c)\b")
 
 
@@ -25,8 +25,15 @@ def desk(tmp_path: Path, fr3: Library, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_tutorial_runs(name: str, desk: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tutorial_runs(
+    name: str, desk: Path, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
+) -> None:
     """Oracle: commands, interpreter and compiler; what is shown is printed, up to its numbers."""
+    if name == "z1":
+        data = request.getfixturevalue("shared_data") / "data" / "unitree_air"
+        (desk / "z1.npz").symlink_to(data / "z1.npz")
+        library = request.getfixturevalue("robot")("unitree_z1")
+        (desk / "generated" / "unitree_z1").symlink_to(library.folder)
     if name == "realtime" and shutil.which("cc") is None:
         pytest.skip("SKIPPED LOUDLY: no C compiler called cc on this machine")
     printed: list[str] = []

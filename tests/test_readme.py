@@ -16,7 +16,8 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
 from runtime.simulation.controller_file import read_controller
 from symgen.build.config import read_config
-from symgen.cli.common import read_mechanism
+from symgen.chain.mechanism import Mechanism
+from symgen.cli.common import read_mechanism, read_source
 from tests.markdown import blocks, run_all
 
 ROOT = Path(__file__).parents[1]
@@ -141,6 +142,9 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         elif "trust" in block:
             kinds.append("prior")
             assert len(read_prior(path, fr3).constraints.bounds) > 4
+        elif "[[link]]" in block:
+            kinds.append("rows")
+            assert read_source(path, Mechanism())[1].coupling[0].joint == "coupler_joint"
         elif "[[coupling]]" in block:
             kinds.append("mechanism")
             assert len(read_mechanism(path).spring) == 2
@@ -149,7 +153,7 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         else:
             kinds.append("robot")
             assert read_config(path).home is not None
-    assert set(kinds) == {"recipe", "controller", "prior", "plugin", "robot", "mechanism"}
+    assert set(kinds) == {"recipe", "controller", "prior", "plugin", "robot", "mechanism", "rows"}
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

@@ -40,7 +40,7 @@ class Coupling:
     """q_all = A q + b of N joints, n of them independent.
 
     Attributes:
-        independent: (n,) indices of the independent joints, ascending.
+        independent: (n,) indices of the independent joints, in the order of q.
         matrix: (N, n) A, a unit row for every independent joint.
         offset: (N,) b [rad, m].
     """
@@ -86,7 +86,7 @@ def read_coupling(
     Args:
         joints: names of the N moving joints.
         rows: one per dependent joint.
-        independent: names of the independent joints; empty: those without a row.
+        independent: names of the independent joints in the order of q; empty: those without a row.
 
     Returns:
         The coupling; None where every joint is independent.
@@ -117,7 +117,7 @@ def read_coupling(
     table = _substituted(joints, by_joint, free)
     matrix = np.array([[table[name][0].get(m, 0.0) for m in free] for name in joints])
     offset = np.array([table[name][1] for name in joints])
-    if independent and set(independent) != set(free):
+    if independent:
         free, matrix, offset = _solved(joints, independent, free, matrix, offset)
     places = tuple(joints.index(name) for name in free)
     return Coupling(places, tuple(map(tuple, matrix.tolist())), tuple(offset.tolist()))
@@ -183,7 +183,9 @@ def _solved(
                 f"independent names '{name}', which is not a moving joint of this robot; "
                 f"its moving joints are {listing(joints)}"
             )
-    named = tuple(name for name in joints if name in wanted)
+    named = tuple(dict.fromkeys(wanted))
+    if set(named) == set(free):  # only another order, without rounding
+        return named, matrix[:, [free.index(name) for name in named]], offset
     places = [joints.index(name) for name in named]
     part = matrix[places]
     if len(named) != len(free) or np.linalg.cond(part) > 1 / _SINGULAR:

@@ -8,12 +8,12 @@
 The signs are those of τ: a torque that the drives must apply is positive.
 """
 
-import math
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 from typing import Any
 
 from symgen.chain.coupling import CouplingRow
+from symgen.chain.entry import MechanismTable
 from symgen.errors import UrdfError
 
 Vector = tuple[float, ...]
@@ -74,7 +74,7 @@ class Mechanism:
 
     Attributes:
         coupling: rows of dependent joints; a row replaces the <mimic> of its joint.
-        independent: names of the independent joints; empty: those without a row.
+        independent: names of the independent joints in the order of q; empty: those without a row.
         friction: further coordinates with friction.
         spring: springs.
         known_torque: torque curves.
@@ -143,101 +143,51 @@ def table_from_mechanism(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def _coupling(entry: dict[str, Any], where: str) -> CouplingRow:
-    what = f"{where}: [[coupling]]"
-    _require_keys(entry, ("joint", "of", "offset"), what)
-    return CouplingRow(
-        _name(entry, "joint", what), _factors(entry, what), _number(entry, "offset", what, 0.0)
-    )
+    table = MechanismTable(entry, f"{where}: [[coupling]]")
+    table.require_keys(("joint", "of", "offset"))
+    return CouplingRow(table.text("joint"), table.factors(), table.number("offset", 0.0))
 
 
 def _friction(entry: dict[str, Any], where: str) -> FrictionCoordinate:
-    what = f"{where}: [[friction]]"
-    _require_keys(entry, ("name", "of"), what)
-    return FrictionCoordinate(_name(entry, "name", what), _factors(entry, what))
+    table = MechanismTable(entry, f"{where}: [[friction]]")
+    table.require_keys(("name", "of"))
+    return FrictionCoordinate(table.text("name"), table.factors())
 
 
 def _spring(entry: dict[str, Any], index: int, where: str) -> Spring:
-    what = f"{where}: [[spring]]"
+    table = MechanismTable(entry, f"{where}: [[spring]]")
     points = ("parent", "child", "parent_xyz", "child_xyz")
-    _require_keys(entry, ("name", "joint", "of", *points, "rest", "stiffness"), what)
+    table.require_keys(("name", "joint", "of", *points, "rest", "stiffness"))
     name = entry.get("name", str(index + 1))
     if not isinstance(name, str) or not name or not name.replace("_", "a").isalnum():
-        raise UrdfError(f"{what} needs a name of letters, digits and _, got {name!r}")
-    stiffness = _number(entry, "stiffness", what) if "stiffness" in entry else None
-    if any(key in entry for key in points):
-        if "of" in entry or "joint" in entry:
-            raise UrdfError(f"{what} '{name}' has joints and points of links; keep one of them")
-        return Spring(
-            name,
-            parent=_name(entry, "parent", what),
-            child=_name(entry, "child", what),
-            parent_xyz=_numbers(entry, "parent_xyz", what, 3),
-            child_xyz=_numbers(entry, "child_xyz", what, 3),
-            rest=_number(entry, "rest", what, 0.0),
-            stiffness=stiffness,
-        )
-    rest = _number(entry, "rest", what, 0.0)
-    return Spring(name, of=_along(entry, what), rest=rest, stiffness=stiffness)
+        raise UrdfError(f"{table.what} needs a name of letters, digits and _, got {name!r}")
+    rest = table.number("rest", 0.0)
+    stiffness = table.number("stiffness") if "stiffness" in entry else None
+    if not any(key in entry for key in points):
+        return Spring(name, of=table.along(), rest=rest, stiffness=stiffness)
+    if "of" in entry or "joint" in entry:
+        raise UrdfError(f"{table.what} '{name}' has joints and points of links; keep one of them")
+    return Spring(
+        name,
+        parent=table.text("parent"),
+        child=table.text("child"),
+        parent_xyz=table.numbers("parent_xyz", 3),
+        child_xyz=table.numbers("child_xyz", 3),
+        rest=rest,
+        stiffness=stiffness,
+    )
 
 
 def _known_torque(entry: dict[str, Any], where: str) -> KnownTorque:
-    what = f"{where}: [[known_torque]]"
-    _require_keys(entry, ("joint", "of", "polynomial", "x", "torque"), what)
-    of = _along(entry, what)
+    table = MechanismTable(entry, f"{where}: [[known_torque]]")
+    table.require_keys(("joint", "of", "polynomial", "x", "torque"))
+    of = table.along()
     if "polynomial" in entry:
-        return KnownTorque(of, polynomial=_numbers(entry, "polynomial", what))
-    x, torque = _numbers(entry, "x", what), _numbers(entry, "torque", what)
+        return KnownTorque(of, polynomial=table.numbers("polynomial"))
+    x, torque = table.numbers("x"), table.numbers("torque")
     if len(x) != len(torque) or len(x) < 2 or any(b <= a for a, b in pairwise(x)):
         raise UrdfError(
-            f"{what} needs two points or more with ascending x and one torque each, got "
+            f"{table.what} needs two points or more with ascending x and one torque each, got "
             f"{len(x)} x and {len(torque)} torques"
         )
     return KnownTorque(of, x=x, torque=torque)
-
-
-def _along(entry: dict[str, Any], what: str) -> dict[str, float]:
-    """Factors of joints from `joint = "j"` or `of = {…}`."""
-    if "joint" in entry and "of" not in entry:
-        return {_name(entry, "joint", what): 1.0}
-    return _factors(entry, what)
-
-
-def _require_keys(entry: dict[str, Any], keys: tuple[str, ...], what: str) -> None:
-    for key in entry:
-        if key not in keys:
-            raise UrdfError(f"{what} has the unknown key '{key}'; known are {', '.join(keys)}")
-
-
-def _name(entry: dict[str, Any], key: str, what: str) -> str:
-    value = entry.get(key)
-    if not isinstance(value, str) or not value:
-        raise UrdfError(f'{what} needs {key} = "NAME", got {value!r}')
-    return value
-
-
-def _factors(entry: dict[str, Any], what: str) -> dict[str, float]:
-    of = entry.get("of")
-    if not isinstance(of, dict) or not of or not all(map(_is_number, of.values())):
-        raise UrdfError(f"{what} needs of = {{JOINT = factor, …}} with finite factors, got {of!r}")
-    return {joint: float(factor) for joint, factor in of.items()}
-
-
-def _number(entry: dict[str, Any], key: str, what: str, default: float | None = None) -> float:
-    value = entry.get(key, default)
-    if not _is_number(value):
-        raise UrdfError(f"{what} needs a finite number for {key}, got {value!r}")
-    return float(value)  # type: ignore[arg-type]
-
-
-def _numbers(entry: dict[str, Any], key: str, what: str, count: int | None = None) -> Vector:
-    value = entry.get(key)
-    size = f"{count} finite numbers" if count else "a list of finite numbers"
-    fits = isinstance(value, list) and value and all(map(_is_number, value))
-    if not fits or (count is not None and len(value or ()) != count):
-        raise UrdfError(f"{what} needs {size} for {key}, got {value!r}")
-    return tuple(float(x) for x in value or ())
-
-
-def _is_number(value: Any) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return number and math.isfinite(value)

@@ -107,6 +107,37 @@ def read_mechanism(path: Path | None) -> "Mechanism":
     return mechanism_from_table(table, f"'{path}'")
 
 
+def read_source(path: Path, mechanism: "Mechanism") -> tuple[str, "Mechanism"]:
+    """Return the URDF of a file of robots, and the mechanism.
+
+    Args:
+        path: URDF, or TOML file of modified DH rows (`symgen.chain.dh`).
+        mechanism: that of --mechanism.
+
+    Returns:
+        Text of the URDF, and the mechanism of both files.
+
+    Raises:
+        BuildError: the file cannot be read, or both files describe a mechanism.
+        UrdfError: a row of the TOML file is wrong.
+    """
+    from symgen.chain.dh import robot_from_rows
+    from symgen.chain.mechanism import Mechanism
+
+    if path.suffix != ".toml":
+        return read_urdf(path), mechanism
+    try:
+        table = toml_of(path)
+    except (OSError, ValueError) as error:
+        raise BuildError(f"cannot read the robot '{path}': {error}") from None
+    text, stated = robot_from_rows(table, f"'{path}'")
+    if stated != Mechanism() and mechanism != Mechanism():
+        raise BuildError(
+            f"'{path}' and --mechanism both describe a mechanism; move all tables into one of them"
+        )
+    return text, mechanism if stated == Mechanism() else stated
+
+
 def read_locks(items: list[str]) -> dict[str, float]:
     """Return the values of --lock JOINT=VALUE by joint, rad or m.
 

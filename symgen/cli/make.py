@@ -24,7 +24,7 @@ from symgen.cli.common import (
     folders_of,
     read_locks,
     read_mechanism,
-    read_urdf,
+    read_source,
     say,
 )
 from symgen.errors import BuildError
@@ -38,7 +38,11 @@ if TYPE_CHECKING:
 def build_command(
     robot: Annotated[str, typer.Option(help="Name of a bundled robot, see `symgen list`.")] = "fr3",
     urdf: Annotated[
-        Path | None, typer.Option(help="URDF of your own robot; needs --name.", dir_okay=False)
+        Path | None,
+        typer.Option(
+            help="URDF of your own robot, or TOML of modified DH rows; needs --name.",
+            dir_okay=False,
+        ),
     ] = None,
     name: Annotated[
         str | None,
@@ -219,11 +223,19 @@ def _request_from_urdf(
         )
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
+<<<<<<< HEAD
     text = read_urdf(urdf)
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return _changed_request(bundled_request(robot), name, options)
     facts = read_config(*config) if config else RobotConfig()
     return BuildRequest(name, text, options, facts, project)
+=======
+    text, mechanism = read_source(urdf, options.mechanism)
+    options = replace(options, mechanism=mechanism)
+    return BuildRequest(
+        name, text, options, read_config(*config) if config else RobotConfig(), project
+    )
+>>>>>>> 0757ffd (Robots of modified DH rows in TOML; the order of q by independent; master and manipulator of the dVRK as such files)
 
 
 def _vector(text: str | None) -> tuple[float, float, float] | None:

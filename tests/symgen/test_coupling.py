@@ -75,7 +75,10 @@ def test_named_independent_joints_are_solved_for() -> None:
     )
     assert ours is not None
     assert others is not None
-    assert others.independent == (1, 2)
+    assert others.independent == (2, 1)
+    turned = coupled(WRIST | {"independent": ["left_lift", "trunk_turn"]}).coupling
+    assert turned is not None
+    np.testing.assert_array_equal(turned.matrix, np.array(ours.matrix)[:, ::-1])
     posture = np.array(ours.matrix) @ [0.3, -0.7] + ours.offset
     again = np.array(others.matrix) @ posture[list(others.independent)] + others.offset
     np.testing.assert_allclose(again, posture, atol=1e-15)

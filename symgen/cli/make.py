@@ -223,19 +223,12 @@ def _request_from_urdf(
         )
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
-<<<<<<< HEAD
-    text = read_urdf(urdf)
+    text, mechanism = read_source(urdf, options.mechanism)
+    options = replace(options, mechanism=mechanism)
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return _changed_request(bundled_request(robot), name, options)
     facts = read_config(*config) if config else RobotConfig()
     return BuildRequest(name, text, options, facts, project)
-=======
-    text, mechanism = read_source(urdf, options.mechanism)
-    options = replace(options, mechanism=mechanism)
-    return BuildRequest(
-        name, text, options, read_config(*config) if config else RobotConfig(), project
-    )
->>>>>>> 0757ffd (Robots of modified DH rows in TOML; the order of q by independent; master and manipulator of the dVRK as such files)
 
 
 def _vector(text: str | None) -> tuple[float, float, float] | None:

@@ -22,6 +22,7 @@ from runtime.cli.motion_output import (
     export_stages,
     files_of,
     json_path,
+    require_short_stages,
     write_motion_log,
 )
 from runtime.cli.overwriting import Overwrite, require_unused
@@ -263,6 +264,7 @@ def excite_command(
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
     used = margin if margin is not None else EXPORT_MARGIN if formats else 1.0
     speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
+    require_short_stages(duration, speeds)
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts + variation_count(wanted, starts))

@@ -5,12 +5,30 @@ from pathlib import Path
 
 from runtime.cli.common import say
 from runtime.errors import RuntimeFault
-from runtime.excitation import Design
+from runtime.excitation import LONGEST, Design
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certified_motion import CertifiedMotion, certified, slowed
 from runtime.library import Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
+
+
+def require_short_stages(duration: float, shares: Sequence[float]) -> None:
+    """Refuse stages that are too slow to be certified.
+
+    Args:
+        duration: of the designed motion, s.
+        shares: speeds of the stages over the designed one.
+
+    Raises:
+        RuntimeFault: the slowest stage is longer than `LONGEST`.
+    """
+    slowest = duration / min(shares)
+    if slowest > LONGEST:
+        raise RuntimeFault(
+            f"expected stages up to {LONGEST:g} s, but --speed {100 * min(shares):g} makes the "
+            f"motion of {duration:g} s {slowest:.3g} s long; give a larger --speed"
+        )
 
 
 def files_of(

@@ -73,7 +73,7 @@ def require_result_folder(folder: Path, kind: ResultFolder, overwrite: bool) -> 
     with suppress(OSError, ValueError):
         facts = json_of(folder / kind.files[0])
         if isinstance(facts, dict) and kind.key in facts:
-            _announce(f"the earlier result of {kind.command} in '{folder}' is replaced")
+            _announce(f"the earlier result of {kind.command} in '{folder}' will be replaced")
             return
     require_unused((folder / name for name in kind.files), overwrite)
 
@@ -90,7 +90,7 @@ def require_page(path: Path, overwrite: bool) -> None:
     """
     with suppress(OSError, ValueError):
         if PAGE in bytes_of(path)[:2000]:
-            _announce(f"the earlier page '{path}' is replaced")
+            _announce(f"the earlier page '{path}' will be replaced")
             return
     require_unused([path], overwrite)
 

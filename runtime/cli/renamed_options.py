@@ -1,5 +1,6 @@
 """Option names of earlier versions, refused with a sentence that names the present option."""
 
+from contextlib import suppress
 from typing import Any
 
 from typer.core import TyperCommand
@@ -29,8 +30,12 @@ RENAMED = {
 """Command → old option → the option to give instead, and what the old name means now."""
 
 
+SMALLEST, LARGEST = 1e-12, 1e12
+"""Sizes of the numbers of options, besides 0, in SI units: beyond them results overflow."""
+
+
 class RefusingCommand(TyperCommand):
-    """A command that refuses the option names of earlier versions."""
+    """A command that refuses the option names of earlier versions, and numbers of absurd size."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the command line.
@@ -43,7 +48,8 @@ class RefusingCommand(TyperCommand):
             The words that no option or argument took.
 
         Raises:
-            RuntimeFault: one of them is an option's earlier name.
+            RuntimeFault: one of them is an option's earlier name, or a number that is too small or
+                too large.
         """
         renamed = RENAMED.get(self.name or "", {})
         for word in args:
@@ -55,4 +61,20 @@ class RefusingCommand(TyperCommand):
                     f"'{self.name}' has no option {name} any more; give {renamed[name]}"
                 )
         rest: list[str] = super().parse_args(ctx, args)
+        for param in self.params:
+            if param.param_type_name == "option" and param.name in ctx.params:
+                _require_usual(param.opts[0], ctx.params[param.name])
         return rest
+
+
+def _require_usual(option: str, value: Any) -> None:
+    """Refuse numbers of an option, alone or with commas, beyond `SMALLEST` and `LARGEST`."""
+    for each in value if isinstance(value, (list, tuple)) else [value]:
+        for word in str(each).split(",") if isinstance(each, (str, float)) else []:
+            with suppress(ValueError):  # a name
+                size = abs(float(word))
+                if 0 < size < SMALLEST or size > LARGEST:
+                    raise RuntimeFault(
+                        f"{option} expects a number from {SMALLEST:g} to {LARGEST:g} in size, got "
+                        f"{word[:40]}; give it in SI units"
+                    )

@@ -150,13 +150,14 @@ def notes_of(
         held: coefficients at a bound, n k of them.
         bounds: of all coefficients.
         joints: names of the joints, (n,).
-        names: names of the columns, (k,).
+        names: names of the columns, (k,); empty where they are unknown.
 
     Returns:
         Sentences on coefficients held at 0, small and large, and on those at another bound.
     """
     if not held.flags.any():
         return ()
+    names = names or [f"column {k + 1}" for k in range(len(held.phi) // len(joints))]
     at = [f"{name} of {joint}" for joint in joints for name in names]
     # The upper bound is where the torque is `MOST` times that of the joint.
     share = MOST * np.abs(held.free) / np.where(bounds.upper > 0, bounds.upper, 1.0)

@@ -9,6 +9,9 @@ from runtime.recording import Recording
 OUTSIDE = 1.0
 """Distance beyond a joint limit from which on the unit, order or robot is wrong [rad, m]."""
 
+SMALLEST = 1e-9
+"""Largest torque below which nothing was measured, or the unit is wrong [N·m, N]."""
+
 SLOWEST = 2.0
 """Rate below which differences of positions do not determine the velocity [Hz]."""
 
@@ -30,9 +33,11 @@ def require_plausible(recording: Recording, lib: Library) -> None:
         raise IdentificationError(
             f"the recording '{recording.name}' has no torque, which identification needs"
         )
-    if not recording.tau.any():
+    largest = float(np.abs(recording.tau).max())
+    if largest < SMALLEST:
+        much = f"at most {largest:.2g} N·m" if largest else "0 throughout"
         raise IdentificationError(
-            f"the torque of the recording '{recording.name}' is 0 throughout; log the measured one"
+            f"the torque of the recording '{recording.name}' is {much}; log the measured one"
         )
     require_motion(recording, lib)
     _require_sign(recording, lib)

@@ -22,6 +22,8 @@ FloatArray = NDArray[np.float64]
 SIGNALS = ("q", "dq", "ddq", "tau")
 ALL = (*SIGNALS, "columns", "rows")
 """Names of all arrays with one entry per instant."""
+SHORTEST_STEP, LATEST = 1e-12, 1e12
+"""Bounds of a clock in any unit of time [s]; beyond them derivatives overflow."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,13 +118,21 @@ class Recording(Framed):
         self._check_time()
 
     def _check_time(self) -> None:
-        backward = np.flatnonzero(~(np.diff(self.t) > 0.0))
+        steps = np.diff(self.t)
+        backward = np.flatnonzero(~(steps > 0.0))
         if backward.size:
             i = int(backward[0])
             raise RecordingError(
                 f"expected time that increases, but it goes from {self.t[i]:.9g} s to "
                 f"{self.t[i + 1]:.9g} s at row {i + 1} (and at {backward.size - 1} more); "
                 "sort the log or cut it into runs"
+            )
+        far = float(np.abs(self.t[[0, -1]]).max())
+        near = float(steps.min(initial=np.inf))
+        if not (near >= SHORTEST_STEP and far <= LATEST):
+            raise RecordingError(
+                f"expected time in s, up to {LATEST:g} s in steps from {SHORTEST_STEP:g} s, got "
+                f"{far:.3g} s and a step of {near:.3g} s; state the unit of time in a recipe"
             )
 
     def __len__(self) -> int:

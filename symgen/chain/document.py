@@ -15,6 +15,8 @@ from symgen.errors import UrdfError
 
 MOVING = ("revolute", "continuous", "prismatic")
 """Types of joints that can be modelled as moving."""
+MOST_LINKS = 500
+"""Most links of a URDF: look-ups and comparisons take a time that grows with their square."""
 
 
 class Document:
@@ -206,6 +208,11 @@ def parse(text: str) -> Element:
         ) from None
     except (ParseError, ValueError) as error:
         raise UrdfError(f"the URDF is not well-formed XML ({error}); correct the file") from None
+    count = len(root.findall("link"))
+    if count > MOST_LINKS:
+        raise UrdfError(
+            f"expected at most {MOST_LINKS} links, got {count}; select a part of the robot"
+        )
     if root.tag != "robot":
         raise UrdfError(f"expected a URDF whose first element is <robot>, got <{root.tag}>")
     for element in root.iter():

@@ -15,6 +15,7 @@ from symgen.inspect.model import WARNING, Array, Body, Finding, Model
 _SAME_MASS = 1e-6
 _SAME_COM = 1e-3  # m: mirrored parts differ by a washer
 _SAME_INERTIA = 0.02  # of the trace
+_PRODUCTS = np.triu_indices(3, 1)
 _COUNTS = 0.005  # of the trace for products, of the size for offsets: above it signs count
 
 SHARE = 0.1
@@ -102,7 +103,7 @@ def _are_mirror_images(one: Body, two: Body) -> bool:
         abs(one.mass - two.mass) <= _SAME_MASS * one.mass
         and np.abs(np.abs(one.com) - np.abs(two.com)).max() <= _SAME_COM
         and np.abs(np.abs(one.inertia) - np.abs(two.inertia)).max() <= _SAME_INERTIA * trace
-        and _signs(one.inertia[np.triu_indices(3, 1)], _COUNTS * trace).any()
+        and _signs(one.inertia[_PRODUCTS], _COUNTS * trace).any()
     )
 
 
@@ -111,11 +112,10 @@ def _explained(one: Body, two: Body) -> bool:
     trace = float(np.trace(np.abs(one.inertia)))
     place = max(2 * _SAME_COM, _COUNTS * one.size)
     a, b = _signs(one.com, place), _signs(two.com, place)
-    upper = np.triu_indices(3, 1)
-    p, q = (_signs(body.inertia[upper], _COUNTS * trace) for body in (one, two))
+    p, q = (_signs(body.inertia[_PRODUCTS], _COUNTS * trace) for body in (one, two))
     for s in itertools.product((-1, 1), repeat=3):
         signs = np.array(s)
-        turned = np.outer(signs, signs)[upper]
+        turned = np.outer(signs, signs)[_PRODUCTS]
         if (a * b * (signs * a * b - 1) == 0).all() and (p * q * (turned * p * q - 1) == 0).all():
             return True
     return False

@@ -226,6 +226,23 @@ def test_modules_of_the_working_directory_are_not_imported(module: str, tmp_path
     assert ran.returncode == 0, ran.stderr
 
 
+def test_workers_import_nothing_of_the_working_directory(tiny: Path, tmp_path: Path) -> None:
+    """Property: a worker and the tracker of semaphores begin as `python -c` in that directory."""
+    for name in ("pickle", "runpy", "socket", "signal", "tempfile", "struct"):
+        (tmp_path / f"{name}.py").write_text(f"open('owned-{name}', 'w').close()\n")
+    words = ("excite", "--robot", tiny, "--duration", "2", "--harmonics", "2", "--document")
+    ran = subprocess.run(
+        [sys.executable, "-m", "runtime", *words, "--starts", "2", "--processes", "2"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert not list(tmp_path.glob("owned*")), ran.stderr
+    assert ran.returncode == 0, ran.stderr
+
+
 def test_bundled_names_are_names() -> None:
     """Property: what the package ships can be loaded by name."""
     assert bundled_request("fr3").name == "fr3"

@@ -150,7 +150,7 @@ def test_a_result_of_the_same_command_is_replaced_and_it_is_printed(
     assert command(*words).code == 0
     again = command(*words)
     assert again.code == 0
-    assert f"the earlier result of {case} in 'out' is replaced" in again.err
+    assert f"the earlier result of {case} in 'out' will be replaced" in again.err
     (desk.folder / files[0]).write_text(json.dumps({"robot": "fr3"}))
     assert command(*words).code == 2
 
@@ -160,7 +160,7 @@ def test_the_page_of_a_folder(desk: Desk, command: Command) -> None:
     assert command(*desk.identify("good.csv")).code == 0
     again = command("report", "out")
     assert again.code == 0
-    assert "the earlier page 'out/report.html' is replaced" in again.err
+    assert "the earlier page 'out/report.html' will be replaced" in again.err
     page = desk.folder / "out" / "report.html"
     page.write_text("<p>mine</p>")
     for words in (("report", "out"), ("report", "out", "--out", "out/report.html")):

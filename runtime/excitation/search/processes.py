@@ -24,6 +24,8 @@ Started = tuple[int, float, Array]
 Rounds = Iterable[list[Task]]
 """Tasks of one round after another; a round is made when all tasks of the last have ended."""
 
+SAFE_PATH = "PYTHONSAFEPATH"
+"""Environment variable of `python -P`."""
 _here: list[Search] = []
 """Search of a worker process, which loads its library once."""
 
@@ -63,18 +65,19 @@ def side_by_side(
         IdentificationError: a worker died.
     """
     context = _Spawning()
-    pool = ProcessPoolExecutor(
-        processes,
-        context,
-        initializer=_prepare,
-        initargs=(problem,),
-    )
+    with _safe_path():
+        pool = ProcessPoolExecutor(
+            processes,
+            context,
+            initializer=_prepare,
+            initargs=(problem,),
+        )
     waiting: set[Future[Started]] = set()
     try:
         for tasks in rounds:
             left = tasks[::-1]
             while left or waiting:
-                with _without_interrupts():
+                with _without_interrupts(), _safe_path():
                     while left and len(waiting) < processes:
                         waiting.add(pool.submit(_start, left.pop()))
                 done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
@@ -133,6 +136,24 @@ class _Spawning(SpawnContext):
         """Terminate all processes, whatever they are doing."""
         for process in self._begun:
             process.terminate()
+
+
+@contextmanager
+def _safe_path() -> Iterator[None]:
+    """Interpreters that begin meanwhile import nothing from the working directory.
+
+    A worker, and the process that counts semaphores, begin as `python -c`, whose path starts
+    with that directory; the path of this process replaces it only after the first imports.
+    """
+    before = os.environ.get(SAFE_PATH)
+    os.environ[SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[SAFE_PATH]
+        else:
+            os.environ[SAFE_PATH] = before
 
 
 @contextmanager

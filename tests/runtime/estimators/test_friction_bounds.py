@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from runtime import Recording, identify
-from runtime.estimators.friction_bounds import MOST, Bounds, within_bounds
+from runtime.estimators.friction_bounds import MOST, Bounds, Held, notes_of, within_bounds
 from runtime.estimators.regression import Statistics
 from runtime.identification.identified import Identification, torque_errors
 from runtime.identification.result_warnings import warnings_of
@@ -20,6 +20,15 @@ ROTOR = Friction(("viscous", "coulomb", "offset", "rotor"))
 
 def warnings(result: Identification) -> str:
     return " ".join(warnings_of(result, *torque_errors(result)))
+
+
+def test_columns_without_names_are_numbered():
+    """Property: `predict` fits a log whose columns have no names."""
+    flags = np.array([False, True, True, False])
+    held = Held(flags, np.array([1.0, -2.0, -3.0, 1.0]), np.array([1.0, 0.0, 0.0, 1.0]))
+    bounds = Bounds(np.zeros(4), np.ones(4))
+    (note,) = notes_of(held, bounds, ("a", "b"), ())
+    assert "column 2 of a (-2 unbounded), column 1 of b (-3 unbounded)" in note
 
 
 @pytest.fixture(scope="module")

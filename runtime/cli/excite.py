@@ -22,7 +22,7 @@ from runtime.cli.motion_output import (
     export_stages,
     files_of,
     json_path,
-    require_short_stages,
+    stage_speeds,
     write_motion_log,
 )
 from runtime.cli.overwriting import Overwrite, require_unused
@@ -36,7 +36,7 @@ from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
 from runtime.excitation.motion_profile import profile_of
-from runtime.excitation.proof.certified_motion import certified, pulled_inside, require_speed
+from runtime.excitation.proof.certified_motion import certified, pulled_inside
 from runtime.excitation.search.criteria import criterion_of
 from runtime.excitation.search.information import FRICTION
 from runtime.excitation.search.variations import variation_count
@@ -263,8 +263,7 @@ def excite_command(
         require_consent(unchecked_limits(lib, safety), accepted)  # before the search, too
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
     used = margin if margin is not None else EXPORT_MARGIN if formats else 1.0
-    speeds = [require_speed(percent / 100) for percent in speed or [100.0]]
-    require_short_stages(duration, speeds)
+    speeds = stage_speeds(duration, speed or [100.0])
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts + variation_count(wanted, starts))

@@ -7,28 +7,39 @@ from runtime.cli.common import say
 from runtime.errors import RuntimeFault
 from runtime.excitation import LONGEST, Design
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
-from runtime.excitation.proof.certified_motion import CertifiedMotion, certified, slowed
+from runtime.excitation.proof.certified_motion import (
+    CertifiedMotion,
+    certified,
+    require_speed,
+    slowed,
+)
 from runtime.library import Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
 
-def require_short_stages(duration: float, shares: Sequence[float]) -> None:
-    """Refuse stages that are too slow to be certified.
+def stage_speeds(duration: float, percents: Sequence[float]) -> list[float]:
+    """Speeds of the stages over that of the designed motion.
 
     Args:
         duration: of the designed motion, s.
-        shares: speeds of the stages over the designed one.
+        percents: speeds in % of the designed one.
+
+    Returns:
+        One share per stage.
 
     Raises:
-        RuntimeFault: the slowest stage is longer than `LONGEST`.
+        IdentificationError: a speed is not above 0 and up to 100 %.
+        RuntimeFault: the slowest stage is longer than `LONGEST`, too long to be certified.
     """
+    shares = [require_speed(percent / 100) for percent in percents]
     slowest = duration / min(shares)
     if slowest > LONGEST:
         raise RuntimeFault(
             f"expected stages up to {LONGEST:g} s, but --speed {100 * min(shares):g} makes the "
             f"motion of {duration:g} s {slowest:.3g} s long; give a larger --speed"
         )
+    return shares
 
 
 def files_of(

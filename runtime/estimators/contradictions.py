@@ -72,7 +72,7 @@ def _of_gains(lib: Library, test: GainTest) -> str:
 
 
 def _of_prior(test: PriorTest, is_torque_wrong: bool) -> str:
-    size = f"{test.statistic / test.threshold:.2g} times the threshold"
+    size = f"{test.excess:.2g} times the threshold"
     if not 1 / SCALE < test.scale < SCALE:
         return (
             f"the measured torque is {test.scale:.3g} times that of the URDF: the unit or sign of "

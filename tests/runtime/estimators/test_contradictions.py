@@ -14,6 +14,7 @@ from runtime.excitation import Trajectory
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording
 from runtime.simulation import Plant, ideal
+from runtime.simulation.virtual_robot import perturbed
 
 TERMS = Friction(("viscous", "coulomb", "offset"), 0.03)
 FILTERED = Preparation(filter="butterworth", cutoff_hz=8.0)
@@ -61,6 +62,22 @@ def test_an_unknown_payload_is_named(lib, trajectories, payload, method):
     # A body on the axis of joint 7 has the same base parameters on link 6.
     assert "contradict the inertia of fr3_link7" in words or "of fr3_link6" in words
     assert "the URDF is wrong rather than the log" in words
+
+
+def test_small_unknown_payloads_are_named(lib, trajectories):
+    """Oracle: 0.5 kg in the hand on three motions; the test of all links together saw 11 of 12."""
+    words = [advice(logged(lib, trajectories[k % 3], k, 0.5), lib) for k in range(12)]
+    # 50 of 50 are named with the robot of the URDF, 48 of 50 with robots 10 % off.
+    assert all("contradict the inertia" in w for w in words)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_robots_within_the_prior_raise_no_alarm(lib, trajectories, seed):
+    """Property: 20 % off the URDF in every direction is what the prior of 25 % allows."""
+    rng = np.random.default_rng(seed)
+    pi = perturbed(lib, lib.pi0, 0.2, rng)
+    plant = Plant(pi, viscous=0.5, coulomb=0.3, torque_noise=0.05)
+    assert "do not trust" not in advice(ideal(lib, trajectories[seed], plant, rng=rng), lib)
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e-3])

@@ -2,6 +2,7 @@
 
     trust = "cad"                     # cad | gripper | none, or κ itself
     total_mass = [17.0, 18.5]         # kg; one number holds exactly
+    armature_from = "robot.xml"       # MJCF or URDF; see `armature_prior` for [armature]
 
     [link.fr3_link7]
     mass = [0.5, 1.5]                 # kg
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from runtime.errors import IdentificationError
+from runtime.estimators.armature_prior import read_armature
 from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import Constraints, Row
 from runtime.files import toml_of
@@ -34,6 +36,7 @@ MIRRORED = {
 }
 """Entries of π that vanish for a body that is symmetric about a plane of its link frame."""
 _LARGEST = sys.float_info.max
+_KEYS = ("trust", "total_mass", "link", "armature", "armature_from")
 _LINK_KEYS = ("mass", "com_box", "com_hull", "symmetry")
 
 
@@ -44,10 +47,13 @@ class PriorFile:
     Attributes:
         kappa: trust κ in the URDF; None where the file does not state it.
         constraints: linear priors.
+        armature: rotor inertia and its standard deviation per joint, (n, 2) [kg·m², kg], infinite
+            without a prior; None where the file states none.
     """
 
     kappa: float | None
     constraints: Constraints
+    armature: Array | None = None
 
 
 def read_prior(path: Path, lib: Library) -> PriorFile:
@@ -77,7 +83,7 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
             f"the prior '{path}' expects a table [link.NAME] for each link that it describes, got "
             f"{tables[no_table[0]]!r:.40} for '{no_table[0]}'; write such a table"
         )
-    unknown = [k for k in facts if k not in {"trust", "total_mass", "link"}]
+    unknown = [k for k in facts if k not in _KEYS]
     unknown += [f"link.{k}" for k in links if k not in lib.link_names]
     unknown += [
         f"link.{k}.{key}" for k, table in links.items() for key in table if key not in _LINK_KEYS
@@ -85,7 +91,8 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
     if unknown:
         raise IdentificationError(
             f"the prior '{path}' has an unknown entry '{unknown[0]}'; known are trust, total_mass, "
-            f"and {', '.join(_LINK_KEYS)} of the links {', '.join(lib.link_names)}"
+            f"armature, armature_from, and {', '.join(_LINK_KEYS)} of the links "
+            f"{', '.join(lib.link_names)}"
         )
     rows = _Rows(lib, path)
     if "total_mass" in facts:
@@ -100,7 +107,8 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
         if "symmetry" in table:
             rows.symmetry(link, table["symmetry"])
     constraints = Constraints(tuple(rows.equations), tuple(rows.bounds))
-    return PriorFile(_trust(facts.get("trust"), path), constraints)
+    armature = read_armature(facts, path, lib)
+    return PriorFile(_trust(facts.get("trust"), path), constraints, armature)
 
 
 class _Rows:

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.armature_prior import friction_prior_of
 from runtime.estimators.mass_unit import mass_unit
-from runtime.estimators.problem import Origin, Problem
+from runtime.estimators.problem import FrictionPrior, Origin, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.identification.settings import Settings, settings_from
 from runtime.library import Array, Library
@@ -124,11 +125,30 @@ def assemble(
         ),
         column_names=parts[0].column_names,
         left_out=rounding.ravel(),
-        friction_prior=chosen.friction_prior,
+        friction_prior=known_friction(chosen, parts[0].column_names),
     )
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
     one_run = chosen.test is None
     return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined)
+
+
+def known_friction(settings: Settings, columns: tuple[str, ...]) -> FrictionPrior | None:
+    """Prior of the friction coefficients, of the settings or of the armature in a file of priors.
+
+    Args:
+        settings: of the identification.
+        columns: names of the friction columns.
+
+    Returns:
+        The prior; None without one.
+
+    Raises:
+        IdentificationError: the file states armature, and no column is that of rotors.
+    """
+    prior = settings.prior
+    if settings.friction_prior is not None or prior is None or prior.armature is None:
+        return settings.friction_prior
+    return friction_prior_of(prior.armature, columns)
 
 
 def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:

@@ -18,6 +18,7 @@ from runtime.estimators.regression.samples import Samples, samples_of
 from runtime.identification.drive.linearised import LinearisedDrive, linearised
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
+from runtime.identification.problem_setup import known_friction
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
 from runtime.library import Array, Library
@@ -217,6 +218,7 @@ def _linearised(
     if request.delay:
         rate = _torque_rate(result, samples, request.per_joint)
     prior = settings.prior
+    known = known_friction(settings, result.friction.columns)
     return linearised(
         lib,
         samples,
@@ -227,6 +229,7 @@ def _linearised(
         torque_rate=rate,
         biases=bias if request.bias else np.zeros(0),
         bias_prior=BIAS_PRIOR,
+        phi_prior=None if known is None else known.sigma,
         rough=rough,
     )
 

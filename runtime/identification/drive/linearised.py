@@ -87,6 +87,7 @@ def linearised(
     torque_rate: Array,
     biases: Array,
     bias_prior: float,
+    phi_prior: Array | None = None,
     rough: bool = False,
 ) -> LinearisedDrive:
     """Newton step of delay and biases, and the standard deviations of all unknowns.
@@ -101,6 +102,7 @@ def linearised(
         torque_rate: ∂e/∂d, (N, n, m); m = 0 without a delay, 1 for one, n for one per joint.
         biases: present b, (n,), or empty where b is not an unknown [rad, m].
         bias_prior: standard deviation of its prior, which is centred at zero [rad, m].
+        phi_prior: standard deviations of the prior of φ, (n, k), infinite without; None for none.
         rough: use `ROUGH_ROWS` rows, for a step that others follow.
 
     Returns:
@@ -135,6 +137,8 @@ def linearised(
     slope = np.concatenate([np.zeros(len(pi) + n * k), pull / (coarse * noise**2)])
     prior = np.zeros(data.shape[1])
     prior[: len(pi)] = 1.0
+    if phi_prior is not None:
+        prior[len(pi) : len(pi) + n * k] = 1.0 / phi_prior.ravel()
     if biases.size:
         prior[-n:] = 1.0 / bias_prior
         slope[-n:] -= biases / bias_prior**2

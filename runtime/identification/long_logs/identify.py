@@ -36,6 +36,7 @@ from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import (
     PARTS,
     Assembly,
+    known_friction,
     require_enough,
     rounding_of,
 )
@@ -198,6 +199,7 @@ def assemble_streamed(
         terms=terms,
         column_names=train_names,
         left_out=rounding.ravel(),
+        friction_prior=known_friction(chosen, train_names),
     )
     require_enough(train, lib)
     windows = (parts["train"], parts["validation"], parts["test"])

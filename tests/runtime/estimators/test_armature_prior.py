@@ -1,0 +1,74 @@
+"""Prior of rotor inertia: files, models, the mean of an undetermined rotor, refusals."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import IdentificationError
+from runtime.estimators.prior_file import read_prior
+from runtime.identification.single_log import identify
+from runtime.library import Library
+from runtime.recording import Friction, Recording
+
+MJCF = '<mujoco><joint name="fr3_joint2" armature="0.2"/><joint name="x" armature="9"/></mujoco>'
+
+
+def test_values_of_a_file_and_of_a_model(lib: Library, tmp_path: Path) -> None:
+    """Property: a stated value replaces that of the model; other joints have no prior."""
+    (tmp_path / "arm.xml").write_text(MJCF)
+    path = tmp_path / "prior.toml"
+    path.write_text('armature_from = "arm.xml"\n[armature]\nfr3_joint1 = [0.1, 0.01]\n')
+    armature = read_prior(path, lib).armature
+    assert armature is not None
+    assert armature[0].tolist() == [0.1, 0.01]
+    assert armature[1].tolist() == [0.2, 0.1]
+    assert np.isinf(armature[2:, 1]).all()
+
+
+def test_the_prior_pulls_a_rotor_to_its_mean(
+    lib: Library, noisy: Recording, tmp_path: Path
+) -> None:
+    """Property: a tight prior holds the rotor, a wide one leaves it where the data have it.
+
+    Joint 1 turns about a vertical axis, so that only the sum of its rotor and the inertia of the
+    link is in the data: the tight prior is met to a thousandth of its standard deviation.
+    """
+    path, terms = tmp_path / "prior.toml", Friction(("viscous", "coulomb", "rotor"))
+    rotor = {}
+    for sigma in (1e-4, 1e4):
+        path.write_text(f"[armature]\nfr3_joint1 = [0.1, {sigma}]\n")
+        result = identify(
+            noisy, lib, prior=read_prior(path, lib), friction_columns=terms, certify=False
+        )
+        rotor[sigma] = result.phi[0, 2]
+    free = identify(noisy, lib, friction_columns=terms, certify=False).phi[0, 2]
+    assert rotor[1e-4] == pytest.approx(0.1, abs=1e-4)
+    assert rotor[1e4] == pytest.approx(free, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[armature]\nelbow = 0.1\n", "unknown joint 'elbow'"),
+        ("[armature]\nfr3_joint1 = -0.1\n", "armature of fr3_joint1"),
+        ("[armature]\nfr3_joint1 = [0.1, 0.1, 0.1]\n", "armature of fr3_joint1"),
+        ("armature = 3\n", "expects a table"),
+        ('armature_from = "none.xml"\n', "cannot be read"),
+        ("armature_from = 3\n", "cannot be read"),
+    ],
+)
+def test_a_wrong_prior_is_refused(lib: Library, tmp_path: Path, text: str, expected: str) -> None:
+    """Property: one sentence that names the entry."""
+    path = tmp_path / "prior.toml"
+    path.write_text(text)
+    with pytest.raises(IdentificationError, match=expected):
+        read_prior(path, lib)
+
+
+def test_armature_needs_the_column(lib: Library, noisy: Recording, tmp_path: Path) -> None:
+    """Property: a prior of rotors without rotors in the model is refused, with the remedy."""
+    path = tmp_path / "prior.toml"
+    path.write_text("[armature]\nfr3_joint1 = 0.1\n")
+    with pytest.raises(IdentificationError, match="add rotor to --friction"):
+        identify(noisy, lib, prior=read_prior(path, lib), friction_columns=Friction(("viscous",)))

@@ -4,8 +4,14 @@
 
 All columns are prepared once, with Coulomb columns of three widths ε, and compressed to one
 triangular factor per block. A candidate is a choice of columns of these factors, so that its
-cross-validation costs some small least squares. The rule is that of `friction_choice`, which tries
-more models and searches their widths.
+cross-validation costs some small least squares
+
+    x_b = argmin ‖R x − r‖² + (N/N_eff) ‖L⁻¹ (β − β₀)‖²,   L Lᵀ = K Σ_π Kᵀ,  x = [β; φ]
+
+over the blocks other than b, with the spread Σ_π of the inertial prior of `map` about the URDF.
+Without it a slow log, one block of which moves as no other does, counts against every friction
+model.
+`friction_choice` tries more models and searches their widths.
 """
 
 from collections.abc import Sequence
@@ -15,10 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
+from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.estimators.regression import Statistics, compress
+from runtime.estimators.regression.residuals import inflation
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.friction import unresolved, without_columns
@@ -28,6 +37,11 @@ DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
 """Columns of the candidates."""
 SPEEDS = (0.01, 0.03, 0.1)
 """Widths ε of the Coulomb column that are tried, rad/s or m/s."""
+MOST_LOSS = 0.05
+"""Mean square error above the best, relative to it, that a simpler candidate may have: five blocks
+of a slow log differ so much that one standard error would admit any loss."""
+UNKNOWN = 1e3
+"""Factor on the spread of the prior of robots whose URDF states no masses."""
 ROWS = 4000
 """Rows that the choice uses, evenly spread."""
 _PASSES = 2
@@ -116,14 +130,14 @@ def choose_default_friction(
 
 
 def _simplest(scores: Sequence[Array]) -> int:
-    """First candidate whose score is within one standard error of the best."""
+    """First candidate within one standard error, and `MOST_LOSS`, of the best score."""
     best = min(scores, key=lambda score: float(score.mean()))
     least = float(best.mean())
 
     def is_near(score: Array) -> bool:
         gap = score - best
         error = float(gap.std(ddof=1) / np.sqrt(len(gap)))
-        return float(gap.mean()) <= max(error, LEAST_GAIN * least)
+        return float(gap.mean()) <= max(min(error, MOST_LOSS * least), LEAST_GAIN * least)
 
     return next(k for k, score in enumerate(scores) if is_near(score))
 
@@ -134,7 +148,7 @@ class _Trial:
 
     Attributes:
         blocks: statistics of every block.
-        others: statistics of all other blocks together.
+        others: statistics of all other blocks together, with the prior.
         joints: number n of joints.
     """
 
@@ -177,22 +191,37 @@ def _trial(done: Recording, lib: Library) -> _Trial:
     for _ in range(_PASSES):
         stats = [compress(lib, block, weights) for block in blocks]
         x, _rank = solved([stats[0].merged(*stats[1:])])
-        weights = _weights_of(lib, blocks, x)
+        rests = _residuals(lib, blocks, x)
+        variance = np.mean(np.concatenate(rests) ** 2, axis=0)
+        weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
     stats = [compress(lib, block, weights) for block in blocks]
+    prior = _prior(lib, stats[0], inflation(np.concatenate(rests), weights))
     others = [
-        rest[0].merged(*rest[1:])
+        rest[0].merged(*rest[1:], prior)
         for k in range(len(stats))
         if (rest := [s for i, s in enumerate(stats) if i != k])
     ]
     return _Trial(tuple(stats), tuple(others), lib.n_joints)
 
 
-def _weights_of(lib: Library, blocks: list[Samples], x: Array) -> Array:
-    """1/σ_j² of the residuals of [β; φ]."""
-    beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :]
-    power = np.zeros(blocks[0].equations)
-    for block in blocks:
-        rest = block.base_rigid(lib, beta) + block.friction(phi.reshape(lib.n_joints, -1))
-        power += np.sum((block.tau - rest) ** 2, axis=0)
-    variance = power / sum(map(len, blocks))
-    return np.asarray(1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30))
+def _prior(lib: Library, like: Statistics, samples_per_independent: float) -> Statistics:
+    """Rows √(N/N_eff) L⁻¹ (β − β₀) of the inertial prior, of no sample."""
+    matrix, pi = lib.base_matrix, lib.pi0
+    spread = bodies_of(lib).spread(prior_of(lib, pi).centre) / np.sqrt(CAD)
+    links = matrix.reshape(len(matrix), -1, N_PARAMETERS)
+    root = np.einsum("bki,kij->bkj", links, spread).reshape(matrix.shape)
+    covariance = root @ root.T * (UNKNOWN**2 if lib.placeholders else 1.0)
+    values, vectors = np.linalg.eigh(covariance)
+    scale = np.sqrt(samples_per_independent / np.maximum(values, 1e-12 * values[-1]))
+    rows = scale[:, None] * vectors.T
+    whole = np.zeros_like(like.factor)
+    target = np.zeros_like(like.target)
+    whole[: len(rows), : len(rows)] = rows
+    target[: len(rows)] = rows @ (matrix @ pi)
+    return replace(like, factor=whole, target=target, rest=0.0, n_samples=0.0)
+
+
+def _residuals(lib: Library, blocks: list[Samples], x: Array) -> list[Array]:
+    """Residuals of [β; φ] on every block."""
+    beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :].reshape(lib.n_joints, -1)
+    return [b.tau - b.base_rigid(lib, beta) - b.friction(phi) for b in blocks]

@@ -11,7 +11,6 @@ e · d is piecewise linear with kinks where p_i = ±h_i: its zero is exact. The 
 is that of |P − Q| with both closest points fixed in their links. Source: Danskin's theorem.
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -19,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation.limits.carried_body import CarriedBox
-from runtime.excitation.limits.distance_limits import LENGTH
-from runtime.excitation.limits.sampled_motion import SampledMotion, times
+from runtime.excitation.limits.distance_limits import Clearance
 from runtime.library import Array, Library, ProxyFacts
 
 LABEL = "carried body"
@@ -107,51 +105,8 @@ def _closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]
     return start + best[:, None] * direction, way(best[:, None])[:, 0]
 
 
-class _OfBox(ABC):
-    """Constraint (margin − distance) / 0.1 m of a carried box."""
-
-    orders: ClassVar[int] = 1
-    even: ClassVar[bool] = True
-    lib: Library
-    margin: float
-
-    def distances(self, motion: Array) -> Array:
-        """Distance of every row, (N, R) m."""
-        return self._measured(motion[0])[0]
-
-    def values(self, motion: Array) -> Array:
-        """Values margin − distance, in 0.1 m."""
-        return (self.margin - self.distances(motion)) / LENGTH
-
-    def slopes(self, motion: Array) -> Array:
-        """Slopes −∂distance/∂q."""
-        return -self._measured(motion[0])[1][:, :, None] / LENGTH
-
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """Values, and rates −∂distance/∂q dq."""
-        distance, slope = self._measured(sampled.motion[0])
-        return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
-
-    def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Distance of a row at a value of the constraint.
-
-        Args:
-            row: index of the row.
-            g: value of the constraint there.
-
-        Returns:
-            Distance and margin [m] and their unit.
-        """
-        del row
-        return self.margin - g * LENGTH, self.margin, "m"
-
-    @abstractmethod
-    def _measured(self, q: Array) -> tuple[Array, Array]:
-        """Distances (N, R) m and their slopes by q, (N, R, n)."""
-
-
 @dataclass(frozen=True, slots=True)
-class CarriedClearance(_OfBox):
+class CarriedClearance(Clearance):
     """Distances of a box in the hand from the capsules of other links."""
 
     kind: ClassVar[str] = "self-collision"
@@ -166,7 +121,8 @@ class CarriedClearance(_OfBox):
         """The body and the capsule of every row."""
         return tuple(f"{LABEL} and {proxy.name}" for proxy in self.proxies)
 
-    def _measured(self, q: Array) -> tuple[Array, Array]:
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Distance of the box from every capsule, (N, R) m, and its slopes by q, (N, R, n)."""
         poses = _Poses.at(self.lib, q)
         # Frame of the box in the base frame.
         axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
@@ -191,7 +147,7 @@ class CarriedClearance(_OfBox):
 
 
 @dataclass(frozen=True, slots=True)
-class CarriedHeight(_OfBox):
+class CarriedHeight(Clearance):
     """Height of the lowest corner of a box in the hand above a horizontal plane."""
 
     kind: ClassVar[str] = "table"
@@ -202,7 +158,8 @@ class CarriedHeight(_OfBox):
     box: CarriedBox
     height: float
 
-    def _measured(self, q: Array) -> tuple[Array, Array]:
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Height of the lowest corner, (N, 1) m, and its slopes by q, (N, 1, n)."""
         poses = _Poses.at(self.lib, q)
         axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
         center = poses.placed(self.link, np.array(self.box.center))

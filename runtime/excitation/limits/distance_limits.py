@@ -8,6 +8,7 @@
 | table | proxy | (margin − height) / 0.1 m |
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -105,13 +106,54 @@ class TipSpeed:
         return self.limit * float(np.sqrt(max(0.0, 1 + 2 * g))), self.limit, "m/s"
 
 
+class Clearance(ABC):
+    """Constraint (margin − distance) / 0.1 m of R distances, with one margin or one per row [m]."""
+
+    orders: ClassVar[int] = 1
+    even: ClassVar[bool] = True
+    lib: Library
+    margin: Array | float
+
+    @abstractmethod
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Distances (N, R) m at positions (N, n), and their slopes by q, (N, R, n)."""
+
+    def distances(self, motion: Array) -> Array:
+        """Distance of every row, (N, R) m."""
+        return self.distances_and_slopes(motion[0])[0]
+
+    def values(self, motion: Array) -> Array:
+        """Values margin − distance, in 0.1 m."""
+        return np.asarray((self.margin - self.distances(motion)) / LENGTH)
+
+    def slopes(self, motion: Array) -> Array:
+        """Slopes −∂distance/∂q."""
+        return -self.distances_and_slopes(motion[0])[1][:, :, None] / LENGTH
+
+    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
+        """Values, and rates −∂distance/∂q dq."""
+        distance, slope = self.distances_and_slopes(sampled.motion[0])
+        return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
+
+    def measured(self, row: int, g: float) -> tuple[float, float, str]:
+        """Distance of a row at a value of the constraint.
+
+        Args:
+            row: index of the row.
+            g: value of the constraint there.
+
+        Returns:
+            Distance and margin [m] and their unit.
+        """
+        margin = float(self.margin if np.ndim(self.margin) == 0 else np.asarray(self.margin)[row])
+        return margin - g * LENGTH, margin, "m"
+
+
 @dataclass(frozen=True, slots=True)
-class LinkClearance:
+class LinkClearance(Clearance):
     """Distances between links, each pair with its margin [m]."""
 
     kind: ClassVar[str] = "self-collision"
-    orders: ClassVar[int] = 1
-    even: ClassVar[bool] = True
     lib: Library
     margin: Array
     pairs: tuple[str, ...]
@@ -121,44 +163,16 @@ class LinkClearance:
         """Both links of every pair."""
         return self.pairs
 
-    def distances(self, motion: Array) -> Array:
-        """Distance of every pair, (N, R) m."""
-        return self.lib.clearance(motion[0])[0]
-
-    def values(self, motion: Array) -> Array:
-        """Values margin − distance, in 0.1 m."""
-        return (self.margin - self.distances(motion)) / LENGTH
-
-    def slopes(self, motion: Array) -> Array:
-        """Slopes −∂distance/∂q."""
-        return -self.lib.clearance(motion[0])[1][:, :, None] / LENGTH
-
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """Values, and rates −∂distance/∂q dq."""
-        distance, slope = self.lib.clearance(sampled.motion[0])
-        return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
-
-    def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Distance of a pair at a value of the constraint.
-
-        Args:
-            row: index of the row.
-            g: value of the constraint there.
-
-        Returns:
-            Distance and margin [m] and their unit.
-        """
-        margin = float(self.margin[row])
-        return margin - g * LENGTH, margin, "m"
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Distance of every pair, (N, R) m, and its slopes by q, (N, R, n)."""
+        return self.lib.clearance(q)
 
 
 @dataclass(frozen=True, slots=True)
-class TableClearance:
+class TableClearance(Clearance):
     """Heights of proxies above the plane z = height of the base frame, with a margin [m]."""
 
     kind: ClassVar[str] = "table"
-    orders: ClassVar[int] = 1
-    even: ClassVar[bool] = True
     lib: Library
     height: float
     margin: float
@@ -171,43 +185,10 @@ class TableClearance:
         """Names of the proxies."""
         return self.proxies
 
-    def distances(self, motion: Array) -> Array:
-        """Height of every proxy above the table, (N, R) m."""
-        return self._heights(motion)[0]
-
-    def values(self, motion: Array) -> Array:
-        """Values margin − height, in 0.1 m."""
-        return (self.margin - self.distances(motion)) / LENGTH
-
-    def slopes(self, motion: Array) -> Array:
-        """Slopes −∂height/∂q."""
-        return -self._heights(motion)[1][:, :, None] / LENGTH
-
-    def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
-        """Values, and rates −∂height/∂q dq."""
-        height, slope = self.lib.plane_clearance(sampled.motion[0], self._plane)
-        rate = times(slope, sampled.motion[1])[:, self.rows]
-        return (self.margin - height[:, self.rows]) / LENGTH, rate / -LENGTH
-
-    @property
-    def _plane(self) -> Array:
-        return np.array([0.0, 0.0, 1.0, self.height])
-
-    def _heights(self, motion: Array) -> tuple[Array, Array]:
-        heights, slopes = self.lib.plane_clearance(motion[0], self._plane)
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Height of every proxy above the table, (N, R) m, and its slopes by q, (N, R, n)."""
+        heights, slopes = self.lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, self.height]))
         return heights[:, self.rows], slopes[:, self.rows]
-
-    def measured(self, row: int, g: float) -> tuple[float, float, str]:
-        """Height of a proxy at a value of the constraint.
-
-        Args:
-            row: index of the row.
-            g: value of the constraint there.
-
-        Returns:
-            Height and margin [m] and their unit.
-        """
-        return self.margin - g * LENGTH, self.margin, "m"
 
 
 def use_of(constraint: Constraint, g: float) -> float:

@@ -3,7 +3,7 @@
     σ² = ∫_0^{f_s} S_e(f) |H(f)|² df + var(r above f_s)
 
 S_e is the spectrum of the residual that `identify` has kept from its test part, which the model
-has not seen, and H the observer. The filter of that log removes what lies above f_s; there the
+has not seen, and H the observer. f_s is 10 Hz, or below the filter of that log; above it the
 variance of r itself counts, in short blocks of the observed log, without those in which it is far
 above the median: these hold contacts. Reversals of a joint are left out of S_e, because thresholds
 add its dry friction there.
@@ -25,6 +25,9 @@ from runtime.recording.preprocessing import segments
 
 KEPT = 0.6
 """Share of a low-pass's cut-off up to which it leaves a residual as it is (2 % in amplitude)."""
+SLOW_HZ = 10.0
+"""Frequency above which the noise of r is that of the observed log in any case: the residual of an
+unfiltered log contains the derivative of a noisy speed, which the observer does not."""
 AVERAGE_CUTOFF = 0.443
 """Cut-off of a moving average times its window."""
 BLOCK_S = 0.25
@@ -47,13 +50,13 @@ class HeldOutResidual:
         t: (N,) with holes [s].
         rest: τ − τ̂, (N, n) [N·m, N].
         is_used: (N, n), False next to reversals of a joint.
-        limit_hz: frequency up to which the filter of the log has kept it; None without a filter.
+        limit_hz: frequency up to which it counts.
     """
 
     t: Array
     rest: Array
     is_used: NDArray[np.bool_]
-    limit_hz: float | None
+    limit_hz: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +128,7 @@ def read_held_out(result: Path, model: MonitoredModel) -> HeldOutResidual:
         "savitzky-golay": preparation.window_s and preparation.order / (2 * preparation.window_s),
     }.get(preparation.filter)
     usable = ~near(t, model.is_slow(dq), REVERSAL_S, REVERSAL_S)
-    return HeldOutResidual(t, rest, usable, cutoff and KEPT * cutoff)
+    return HeldOutResidual(t, rest, usable, min(KEPT * cutoff, SLOW_HZ) if cutoff else SLOW_HZ)
 
 
 def near(t: Array, event: NDArray[np.bool_], before_s: float, after_s: float) -> NDArray[np.bool_]:
@@ -166,9 +169,7 @@ def noise_of_observer(
     Returns:
         Noise per joint.
     """
-    limit = 0.4 * settings.rate_hz
-    if held_out.limit_hz is not None:
-        limit = min(limit, held_out.limit_hz)
+    limit = min(0.4 * settings.rate_hz, held_out.limit_hz)
     power, cosine, largest = _slow(settings, held_out, limit)
     slow = np.maximum(power - model_variance, power / 4)
     fast, step = _fast(settings.rate_hz, t, r, limit)

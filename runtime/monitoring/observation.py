@@ -3,9 +3,9 @@
     threshold_j(t) = z_j √(σ_j² + band_j(t)²) + dry_j(t) + Δ |dτ_j/dt|
 
 σ_j is the noise of r in free motion, band_j the standard deviation of the model's torque by its
-posterior at the present state, z_j follows from the rate of false alarms. dry_j is the dry friction
-of the joint at rest and for 0.1 s after a reversal, where its direction is uncertain, else 0. The
-last term covers torque and position that lie up to a sampling step Δ apart.
+posterior at the present state, z_j follows from the rate of false alarms. dry_j is twice the dry
+friction of the joint at rest and for 0.1 s after a reversal, where it may act in either direction,
+else 0. The last term covers torque and position that lie up to a sampling step Δ apart.
 """
 
 from dataclasses import dataclass, replace
@@ -191,7 +191,7 @@ def _state_terms(
         if detector.root is not None:
             band[part][s.steps :] = _band(lib, detector, detector.root, position, speed)
         slow = near(t[part][s.steps :], detector.model.is_slow(speed), 0.0, REVERSAL_S)
-        extra[part][s.steps :] = slow * detector.model.dry_friction
+        extra[part][s.steps :] = slow * (2 * detector.model.dry_friction)
         lag = max(s.steps, SLOPE_STEPS)
         extra[part][s.steps + lag :] += np.abs(torque[lag:] - torque[:-lag]) / lag
     return band, extra

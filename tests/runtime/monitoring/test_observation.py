@@ -1,5 +1,6 @@
 """Contacts of a real arm: none in free motion, pushes that we add are found in time."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -9,6 +10,8 @@ import pytest
 from runtime import Recording, write_recording
 from runtime.library import Library
 from runtime.monitoring.contacts import contacts_of
+from runtime.monitoring.model import model_of
+from runtime.monitoring.noise import read_held_out
 from runtime.monitoring.wrench import link_jacobian, wrench_at
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
@@ -126,3 +129,18 @@ def test_wrench_of_a_push_at_the_last_link(lib: Library) -> None:
     assert wrench.rank == 6
     np.testing.assert_allclose([*wrench.force, *wrench.moment], w, atol=1e-9)
     assert wrench_at(lib, q, np.ones(7), "fr3_link3").rank == 3
+
+
+@pytest.mark.parametrize(
+    ("filter_of_log", "limit"), [({"cutoff_hz": 10.0}, 6.0), ({"filter": "none"}, 10.0)]
+)
+def test_residuals_count_below_the_filter_of_their_log(
+    filter_of_log: dict[str, float], limit: float, lib: Library, monitored: Monitored
+) -> None:
+    """Property: above it r of the observed log counts; accelerations of a raw log never do."""
+    model = model_of(monitored.saved, lib)
+    preparation = dataclasses.replace(model.preparation, **filter_of_log)
+    changed = dataclasses.replace(model, preparation=preparation)
+    held_out = read_held_out(monitored.folder, changed)
+    assert held_out.limit_hz == pytest.approx(limit)
+    assert not held_out.is_used.all()  # reversals are left out

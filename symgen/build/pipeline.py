@@ -26,7 +26,13 @@ from symgen.build.request import BuildRequest
 from symgen.build.user_builds import is_recorded, record_build
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, Joint, read_chain
-from symgen.chain.assumed_bodies import GIVEN, PLACEHOLDER, PLACEHOLDER_MASS
+from symgen.chain.assumed_bodies import (
+    GIVEN,
+    MASSLESS,
+    MASSLESS_KG,
+    PLACEHOLDER,
+    PLACEHOLDER_MASS,
+)
 from symgen.documents import json_of
 from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
@@ -223,6 +229,12 @@ def _assumed(chain: Chain) -> list[str]:
         notes.append(
             f"mass of {', '.join(given)} as stated by --masses; centre of mass and inertia are "
             "those of a solid rod between the joints"
+        )
+    specks = [link for link, source in chain.assumed.items() if source == MASSLESS]
+    if specks:
+        notes.append(
+            f"{', '.join(specks)} have no mass; each counts as {MASSLESS_KG:g} kg, so that "
+            "forward dynamics mean nothing where all links that a joint moves are such"
         )
     if placeholders:
         notes.append(

@@ -7,36 +7,46 @@ nothing.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from symgen.chain.document import MOVING, Document, listing, origin
+from symgen.chain.document import MOVING, Document, listing, numbers, origin
 from symgen.errors import UrdfError
 
 GIVEN = "given mass"
 """Origin of a body whose mass was stated."""
 PLACEHOLDER = "placeholder"
 """Origin of a body about which nothing is known."""
+MASSLESS = "no mass"
+"""Origin of the speck that stands for a link without mass whose joint takes part in a coupling."""
+MASSLESS_KG = 1e-9
+"""Mass of a speck, kg: a millionth of a gram, far below the rounding of any torque."""
 PLACEHOLDER_MASS = 1.0
 """Mass of a placeholder, kg."""
 _LEAST_RADIUS = 0.05
 """Least radius of a body, m: about that of a robot's wrist."""
 
 
-def assume_bodies(document: Document, masses: Mapping[str, float]) -> dict[str, str]:
+def assume_bodies(
+    document: Document,
+    masses: Mapping[str, float],
+    followers: Mapping[str, Collection[str]] | None = None,
+) -> dict[str, str]:
     """Write <inertial> elements for links that have none.
 
     Where no moving link has one and no mass is stated, every moving link becomes a placeholder. A
-    single link without mass among others stays as it is, and `read_chain` refuses it.
+    single link without mass among others becomes a speck where its joint takes part in a coupling,
+    as hands of published robots do. Else it stays as it is, and `read_chain` refuses it.
 
     Args:
         document: the URDF, which is changed.
         masses: link → kg.
+        followers: dependent joint → names of its masters.
 
     Returns:
-        Link → `GIVEN` or `PLACEHOLDER`.
+        Link → `GIVEN`, `PLACEHOLDER` or `MASSLESS`.
 
     Raises:
         UrdfError: a mass is not positive, or its link does not exist or has an <inertial>.
@@ -54,14 +64,37 @@ def assume_bodies(document: Document, masses: Mapping[str, float]) -> dict[str, 
             )
         if not (math.isfinite(mass) and mass > 0):
             raise UrdfError(f"--masses: expected a mass above 0 kg for '{link}', got {mass:g}")
-    moving = [document.child_link(j) for j in document.joints if document.kind(j) in MOVING]
+    moving_joints = [j for j in document.joints if document.kind(j) in MOVING]
+    moving = [document.child_link(j) for j in moving_joints]
     origins = dict.fromkeys(masses, GIVEN)
     bodies = [link for first in moving for link in (first, *_fixed_to(document, first))]
     if not masses and all(document.links[link].find("inertial") is None for link in bodies):
         origins = dict.fromkeys(moving, PLACEHOLDER)
     for link in origins:
         _write_body(document, link, masses.get(link, PLACEHOLDER_MASS))
-    return origins
+    coupled = dict(followers or {})
+    taking_part = {*coupled, *(master for masters in coupled.values() for master in masters)}
+    specks = [
+        document.child_link(joint)
+        for joint in moving_joints
+        if joint in taking_part
+        and document.child_link(joint) not in origins
+        and not _has_mass(document, document.child_link(joint))
+    ]
+    for link in specks:
+        for node in document.links[link].findall("inertial"):
+            document.links[link].remove(node)
+        _write_body(document, link, MASSLESS_KG)
+    return origins | dict.fromkeys(specks, MASSLESS)
+
+
+def _has_mass(document: Document, link: str) -> bool:
+    """Whether a link, or one that is fixed to it, states a mass above 0."""
+    for body in (link, *_fixed_to(document, link)):
+        node = document.links[body].find("inertial/mass")
+        if node is not None and numbers(node.get("value", ""), 1, f"link '{body}': mass")[0] > 0:
+            return True
+    return False
 
 
 def _fixed_to(document: Document, link: str) -> Iterator[str]:

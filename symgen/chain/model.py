@@ -149,7 +149,9 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
     """
     options = options or ChainOptions()
     document, gravity, removed = normalise(text, options)
-    new = {} if options.masses is None else assume_bodies(document, options.masses)
+    rows = (*mimic_rows(document), *options.mechanism.coupling)
+    followers = {row.joint: tuple(row.of) for row in rows if row.joint in document.joints}
+    new = {} if options.masses is None else assume_bodies(document, options.masses, followers)
     for name in document.links:
         _check_inertial(document, name)
     urdf = document.text()

@@ -29,6 +29,10 @@ ROUNDING = 1e-13
 """Singular value, relative to the largest, below which only rounding error is left."""
 _SAMPLES_PER_COLUMN = 4
 """Random states per column of Y."""
+_LARGE = 12
+"""Links above which W has `_FEW` states, or enough for `_SAMPLES_PER_COLUMN` rows per column."""
+_FEW = 120
+"""States of a large robot; a column that only one joint feels still has ten times its family."""
 _SNAP_DIGITS = 12
 """Decimals to which an entry of K is rounded."""
 _SNAP_WITHIN = 2e-14
@@ -85,6 +89,8 @@ def numeric_base(
     n, links = len(chain.coordinates), len(chain.joints)
     rng = np.random.default_rng(seed)
     samples = _SAMPLES_PER_COLUMN * N_PARAMETERS * links
+    if links > _LARGE:  # n rows per state: a few states suffice, and W stays small
+        samples = max(_FEW, -(-samples // n))
     # Turns and travels of order one: revolute states in rad, prismatic ones in m.
     q = rng.uniform(-np.pi, np.pi, (samples, n))
     dq, ddq = rng.normal(0, 2, (2, samples, n))
@@ -128,7 +134,8 @@ def _preference(chain: Chain, column: int) -> tuple[int, int]:
 
 def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
     """First `rank` columns in the given order outside the span of their predecessors."""
-    basis = np.zeros((unit.shape[0], 0))
+    vectors = np.empty((unit.shape[0], rank), order="F")
+    basis = vectors[:, :0]
     residuals: list[tuple[float, int]] = []
     for k in order:
         v = unit[:, k]
@@ -136,7 +143,8 @@ def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
             v = v - basis @ (basis.T @ v)
         length = float(np.linalg.norm(v))
         if length > 1.0 / CLEAR_GAP**1.5 and basis.shape[1] < rank:
-            basis = np.column_stack([basis, v / length])
+            vectors[:, basis.shape[1]] = v / length
+            basis = vectors[:, : basis.shape[1] + 1]
             residuals.append((length, k))
     if len(residuals) < rank:
         raise RankError(

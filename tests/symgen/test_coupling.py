@@ -185,6 +185,18 @@ def test_published_grippers_move_like_the_projected_tree(
     assert accel < 1e6 * ROUNDING  # condition of M: 1 kg m² at the shoulder, 0.03 kg of a finger
 
 
+def test_a_follower_without_mass_is_a_speck() -> None:
+    """Property: a massless link whose joint follows others builds; its torque stays the same."""
+    bare = TREE.replace('<mass value="0.6"/>', '<mass value="0"/>')
+    with pytest.raises(UrdfError, match=r"link 'left_hand' moves .* has no mass"):
+        read_chain(bare, ChainOptions(masses={}))
+    chain = coupled(WRIST, bare, masses={})
+    assert chain.assumed == {"left_hand": "no mass"}
+    assert chain.joints[2].mass == 1e-9
+    *exact, _ = differences(chain, 5)
+    assert max(exact) < ROUNDING
+
+
 def test_base_parameters_explain_the_torque() -> None:
     """Property: Y = Y_b K at new states; K has full row rank."""
     chain = coupled(WRIST)

@@ -95,7 +95,10 @@ def programs() -> list[tuple[str, str, set[str]]]:
     ]
 
 
-@pytest.mark.parametrize(("program", "name", "options"), programs(), ids=str)
+@pytest.mark.parametrize(
+    ("program", "name", "options"),
+    [pytest.param(*case, id=" ".join(case[:2])) for case in programs()],
+)
 def test_every_command_that_writes_has_the_option(
     program: str, name: str, options: set[str]
 ) -> None:

@@ -5,39 +5,31 @@ files, then units, order and clock of the motion, then order, sign and unit of t
 fit of the model.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from runtime.errors import RecordingError, RuntimeFault
+from runtime.errors import RecordingError
+from runtime.inspection.check_run import CheckRun
 from runtime.inspection.checks import (
     clock,
-    drives,
-    gravity,
+    frozen,
     joint_order,
-    model_fit,
     motion,
+    outlying_rows,
     signals,
-    torque_signs,
     units,
 )
 from runtime.inspection.checks.column_names import meaning
 from runtime.inspection.checks.file_layout import draft
-from runtime.inspection.checks.torque_rows import TorqueRows, rough, torque_rows_of
-from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
-from runtime.inspection.regressor_choice import choose_regressor
+from runtime.inspection.torque_checks import check_commanded, check_torque, proposed_terms
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
-from runtime.recording import Friction, Preparation, Recipe, Recording, load_recipe
+from runtime.recording import Recipe, Recording, load_recipe
 from runtime.recording.commanded_torque import COMMANDED
-from runtime.recording.friction import DRIVE, ROTOR, names_where
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.plausibility import require_joints
-from runtime.recording.reader import Raw, locate, read_raw, recording_of
-
-_STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
-"""Factors of decimation that are proposed."""
+from runtime.recording.reader import Raw, locate, read_raw
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +100,10 @@ def inspect_log(
     findings += _of_file(raw)
     plan, backward = clock.order_of_time(raw, raw.plan)
     findings += backward
-    checks = _Checks(raw, plan, findings)
+    checks = CheckRun(raw, plan, findings)
     require_joints(checks.recording, lib)
+    checks.run(frozen.frozen)
+    checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
     checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
     checks.run(lambda r, p: units.units(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
@@ -126,9 +120,9 @@ def inspect_log(
         sentence = "the torque was not checked; correct the clock and the positions first"
         findings.append(Finding("not_judged", INFO, sentence))
     elif recording.torque_source == COMMANDED:
-        _commanded(checks, lib)
+        check_commanded(checks, lib)
     else:
-        _torque(checks, lib, propose)
+        check_torque(checks, lib, propose)
         findings += signals.little_torque(checks.recording, lib)
     motors = any(f.kind == "position_range" for f in findings) and not checks.plan.gear
     # Columns of coupled motors are proposed once the gear matrix is known.
@@ -140,37 +134,6 @@ def inspect_log(
         recording=checks.recording,
         rest=tuple(signals.rest_spans(checks.recording)),
     )
-
-
-class _Checks:
-    """The plan so far, the recording read with it, and the findings."""
-
-    def __init__(self, raw: Raw, plan: Recipe, findings: list[Finding]) -> None:
-        self._raw, self.plan, self.findings = raw, plan, findings
-        self.recording = recording_of(replace(raw, plan=plan))
-
-    def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:
-        """Run a check, and read the log again where it changes the plan."""
-        plan, findings = check(self.recording, self.plan)
-        self.findings += findings
-        if plan != self.plan:
-            self.plan = plan
-            self.recording = recording_of(replace(self._raw, plan=plan))
-
-    def run_on_torque(
-        self,
-        check: Callable[[TorqueRows, Recipe], tuple[Recipe, list[Finding]]],
-        lib: Library,
-        terms: Friction,
-    ) -> None:
-        """Run a check of the torque on prepared rows."""
-        torque_rows = self.torque_rows(lib, terms)
-        self.run(lambda _, plan: check(torque_rows, plan))
-
-    def torque_rows(self, lib: Library, terms: Friction) -> TorqueRows:
-        """Prepared rows of the recording, read with the plan so far."""
-        usual = rough(self.recording, self.plan.preparation)
-        return torque_rows_of(self.recording, lib, usual, terms)
 
 
 def _read(
@@ -217,95 +180,7 @@ def _of_file(raw: Raw) -> list[Finding]:
     return findings
 
 
-def _commanded(checks: _Checks, lib: Library) -> None:
-    """Law, delay and drives of a commanded torque; unit, sign and order are those of the law."""
-    checks.findings += drives.commanded(checks.recording, checks.plan)
-    try:
-        checks.run(lambda r, p: drives.delay(r, lib, p))
-        checks.findings += drives.rotor(checks.recording, lib, checks.plan)
-        usual = drives.filtered(checks.recording, checks.plan.preparation)
-        _, failing = choose_regressor(checks.recording, lib, usual)
-        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
-        if checks.plan.preparation.filter == "none":
-            late = checks.plan.preparation.torque_delay_s
-            checks.plan = checks.plan.replace(preparation=replace(usual, torque_delay_s=late))
-        checks.findings.append(model_fit.one_run(checks.recording.duration))
-    except RuntimeFault as fault:
-        sentence = f"the torque could not be checked: {fault}"
-        checks.findings.append(Finding("not_judged", WARNING, sentence))
-
-
-def _torque(checks: _Checks, lib: Library, propose: bool) -> None:
-    """Order, sign and unit of τ, then its fit to the model."""
-    terms = checks.plan.friction or _terms(checks.plan)
-    try:
-        for check in (
-            torque_signs.torque_order,
-            torque_signs.joint_signs,
-            torque_signs.scale,
-            gravity.gravity,
-        ):
-            checks.run_on_torque(check, lib, terms)
-        preparation = checks.plan.preparation
-        if propose and preparation.filter == "none":
-            choice = choose_cutoff(checks.recording, lib, preparation, checks.plan.split, terms)
-            checks.plan = checks.plan.replace(preparation=_thinned(choice, checks.recording))
-            checks.findings.append(Finding("cutoff", INFO, choice.sentence))
-        usual = rough(checks.recording, checks.plan.preparation)
-        _, failing = choose_regressor(checks.recording, lib, usual)
-        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
-        torque_rows = checks.torque_rows(lib, terms)
-        matrix = model_fit.fit_rows(torque_rows)
-        late = model_fit.delay(torque_rows, matrix, checks.plan)
-        if late:
-            shifted = replace(
-                checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
-            )
-            checks.plan = checks.plan.replace(preparation=shifted)
-            torque_rows = checks.torque_rows(lib, terms)
-            matrix = model_fit.fit_rows(torque_rows)
-        tau = checks.recording.required("tau")
-        strange = model_fit.unexplained(torque_rows, matrix)
-        checks.findings += late + strange + model_fit.too_good(torque_rows, matrix, tau)
-        torque = checks.plan.torque
-        guessed = not checks.plan.gear and torque is not None and torque.unit == "A"
-        if not strange and not guessed:  # wrong gains look like a tool or a coupling
-            checks.findings += model_fit.tool(torque_rows) + model_fit.coupling(
-                torque_rows, matrix, terms
-            )
-        checks.findings.append(model_fit.one_run(torque_rows.whole.duration))
-    except RuntimeFault as fault:
-        sentence = f"the torque could not be checked: {fault}"
-        checks.findings.append(Finding("not_judged", WARNING, sentence))
-
-
-def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
-    """The chosen preparation, decimated to the rate that its band needs, without intervals of
-    rest.
-    """
-    ready = choice.preparation
-    grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
-    most = grid / (ROWS_PER_CUTOFF * choice.chosen.cutoff_hz)
-    step = max(k for k in _STEPS if k <= max(most, 1.0))
-    return replace(
-        ready,
-        trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
-        rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
-        rest_speed=ready.rest_speed or signals.REST_SPEED,
-    )
-
-
-def _terms(plan: Recipe) -> Friction:
-    """Friction columns to propose, with those of motors where the gear couples them."""
-    if plan.law is not None:
-        return Friction(DRIVE)
-    gear = plan.gear
-    coupled = any(x != 0.0 for i, row in enumerate(gear) for j, x in enumerate(row) if i != j)
-    motors = (ROTOR.name, *names_where(lambda column: column.of_motors))
-    return Friction(columns=(*Friction().columns, *(motors if coupled else ())))
-
-
 def _completed(plan: Recipe, lib: Library) -> Recipe:
     """The plan with the robot's name and friction columns, complete for `identify`."""
-    friction = plan.friction or _terms(plan)
+    friction = plan.friction or proposed_terms(plan)
     return plan.replace(robot=lib.name, friction=replace(friction, gear=()))

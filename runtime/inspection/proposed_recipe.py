@@ -15,7 +15,7 @@ _TABLES = (
     *("time", "position", "velocity", "acceleration", "torque", "gear"),
     *("preparation", "split", "friction"),
 )
-_KEYS = ("description", "robot", "run", "joints")
+_KEYS = ("description", "robot", "run", "joints", "leave_out")
 
 
 def recipe_text(inspection: Inspection) -> str:

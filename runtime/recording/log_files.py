@@ -58,6 +58,7 @@ class LogFiles:
             joints=self.recipe.joints or default.joints,
             name=self.recipe.name,
             gear=self.recipe.gear,
+            leave_out=self.recipe.leave_out,
             law=law,
             torque=default.torque if law is None else None,
         )

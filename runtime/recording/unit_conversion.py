@@ -20,6 +20,8 @@ FIELDS = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "t
 _AS_MEASURED = {"desired_position": "position", "desired_velocity": "velocity"}
 HUGE = 1e9
 HUGE_TIME = 1e20  # nanoseconds since 1970 are 2e18
+INSTANT = 1e-7
+"""Rounding of instants [s], those of 1970 included."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +82,8 @@ def converted(
     if "columns" in raw:
         signals["columns"] = raw["columns"].values[keep].reshape(len(t), -1, max(n_columns, 1))
     t, signals, repeated = _without_repeats(t, signals)
-    return Converted(t, signals, (*dropped, *notes, *steps, *repeated))
+    t, signals, omitted = _without_intervals(t, signals, plan.leave_out)
+    return Converted(t, signals, (*dropped, *notes, *steps, *repeated, *omitted))
 
 
 def usable_rows(raw: dict[str, LogTable]) -> tuple[NDArray[np.int64], list[str]]:
@@ -216,4 +219,22 @@ def _without_repeats(
         return t, signals, []
     keep = np.concatenate([[True], ~same])
     note = f"Dropped {int(same.sum())} rows that were written twice, stamp and values."
+    return t[keep], {key: values[keep] for key, values in signals.items()}, [note]
+
+
+def _without_intervals(
+    t: FloatArray, signals: dict[str, Any], intervals: tuple[tuple[float, float], ...]
+) -> tuple[FloatArray, dict[str, Any], list[str]]:
+    """Leave out the rows of some intervals [s], both ends included."""
+    keep = np.ones(len(t), dtype=bool)
+    for first, last in intervals:
+        keep &= (t < first - INSTANT) | (t > last + INSTANT)
+    if keep.all():
+        return t, signals, []
+    if not keep.any():
+        raise RecordingError(
+            "leave_out of the recipe leaves no row; shorten its intervals, which are in s of the "
+            f"recording's clock ({t[0]:.6g} to {t[-1]:.6g} s)"
+        )
+    note = f"Left out {int(np.sum(~keep))} rows in the intervals of the recipe."
     return t[keep], {key: values[keep] for key, values in signals.items()}, [note]

@@ -7,8 +7,10 @@ the steps of [preparation] that handle it.
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.inspection.checks.lost_rows import lost_rows
 from runtime.inspection.checks.signals import REST_SPEED
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Preparation, Recipe, Recording
@@ -26,6 +28,8 @@ samples."""
 BETTER = 0.7
 """Misfit of Δq = v Δt on the rebuilt clock over that on the logged one, below which the rebuilt
 clock is proposed."""
+BRIDGED_S = 0.06
+"""Longest gap that is interpolated where rows are left out [s]: single rows, not bursts."""
 _GAP_STEPS = 10.0
 _COUNTS = 5.0
 """Encoder counts per row above which a repeated value is not the resolution of the encoder."""
@@ -80,21 +84,25 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
 
     Returns:
         The recipe with the preparation that handles them; "repeated_rows", "holes",
-        "dropped_ticks" and "jitter".
+        "dropped_ticks", "jitter" and "restamped".
     """
     logged = raw.values["position"]
     preparation, findings = _stale(
         recording, plan, logged if len(logged) == len(recording) else None
     )
-    if len(recording) < 10 or plan.time is None or plan.time.rate_hz is not None:
-        return plan, findings
+    if not findings:
+        preparation, findings = _lost(recording, preparation)
+    constant = plan.time is None or plan.time.rate_hz is not None
+    if len(recording) < 10 or (constant and not plan.leave_out):
+        return plan.replace(preparation=preparation), findings
     ticking = preparation.clock_tick is not None
     steps = np.diff(recording.t)
     median = float(np.median(steps))
-    holes = np.flatnonzero(steps > max(HOLE_S, _GAP_STEPS * median))
+    holes = np.flatnonzero((steps > max(HOLE_S, _GAP_STEPS * median)) & ~_left_out(recording, plan))
     even = steps[steps <= HOLE * median]
     spread = np.quantile(even, [0.001, 0.999]) / median
-    skipped = int(np.sum((steps > HOLE * median) & (steps <= max(HOLE_S, _GAP_STEPS * median))))
+    missed = (steps > HOLE * median) & (steps <= max(HOLE_S, _GAP_STEPS * median))
+    skipped = int(np.sum(missed & ~_left_out(recording, plan)))
     handled = plan.preparation.max_gap_s is not None
     level = INFO if handled else WARNING
     if holes.size:
@@ -138,12 +146,31 @@ def clock(recording: Recording, plan: Recipe, raw: Raw) -> tuple[Recipe, list[Fi
         )
     uniform = float(np.abs(steps / median - 1.0).max()) <= JITTER
     if not uniform and not handled:
-        gap = (
-            max(4.0 * median, 0.02) if not ticking else max(20.0 * (preparation.clock_tick or 0), 0)
-        )
+        gap = max(4.0 * median, 0.02, BRIDGED_S if plan.leave_out else 0.0)
+        if ticking:
+            gap = 20.0 * (preparation.clock_tick or 0.0)
         rate = None if ticking else _nice_rate(1.0 / median)
         preparation = replace(preparation, max_gap_s=float(f"{gap:.3g}"), grid_hz=rate)
     return plan.replace(preparation=preparation), findings
+
+
+def _left_out(recording: Recording, plan: Recipe) -> NDArray[np.bool_]:
+    """Steps of time across rows that the recipe leaves out, (N − 1,)."""
+    before, after = recording.t[:-1], recording.t[1:]
+    across = np.zeros(len(before), dtype=bool)
+    for first, last in plan.leave_out:
+        across |= (before < first) & (after > last)
+    return across
+
+
+def _lost(recording: Recording, preparation: Preparation) -> tuple[Preparation, list[Finding]]:
+    """Rows lost before the log was stamped, and the clock rebuilt from Δq = v Δt where it fits."""
+    findings = [] if preparation.clock_tick is not None else lost_rows(recording)
+    tick = _tick(recording) if findings else None
+    fit = _fit_of_clocks(recording, tick) if tick is not None else None
+    if tick is not None and fit is not None and fit[1] < BETTER * fit[0]:
+        preparation = replace(preparation, clock_tick=tick, max_gap_s=20 * tick)
+    return preparation, findings
 
 
 def _stale(

@@ -126,5 +126,6 @@ def least_squares(matrix: Array, target: Array) -> tuple[Array, Array]:
     """
     lengths = np.linalg.norm(matrix, axis=0)
     lengths = np.where(lengths > 0, lengths, 1.0)
-    x = np.linalg.lstsq(matrix / lengths, target, rcond=1e-9)[0] / lengths
+    scaled = np.linalg.lstsq(matrix / lengths, target, rcond=1e-9)[0]
+    x = (scaled.T / lengths).T  # (p,) or (p, k)
     return x, np.asarray(target - matrix @ x)

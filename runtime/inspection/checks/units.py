@@ -101,6 +101,7 @@ def _velocity_and_time(
     if plan.time is not None and plan.time.rate_hz is not None:
         rate = recording.rate_hz / seen
         time = replace(plan.time, rate_hz=float(f"{rate:.3g}"))
+        plan = plan.replace(leave_out=_scaled(plan, recording.rate_hz / (time.rate_hz or rate)))
         findings.append(
             Finding(
                 "missing_clock",
@@ -132,7 +133,10 @@ def _in_units(
     if clock != 1.0 and plan.time is not None:
         factor = UNITS["time"][plan.time.unit] * clock
         unit = min(UNITS["time"], key=lambda u: abs(np.log(UNITS["time"][u] / factor)))
-        plan = plan.replace(time=replace(plan.time, unit=unit))
+        plan = plan.replace(
+            time=replace(plan.time, unit=unit),
+            leave_out=_scaled(plan, UNITS["time"][unit] / UNITS["time"][plan.time.unit]),
+        )
         findings.append(
             Finding(
                 "time_unit",
@@ -156,6 +160,11 @@ def _in_units(
             )
         )
     return plan, findings
+
+
+def _scaled(plan: Recipe, factor: float) -> tuple[tuple[float, float], ...]:
+    """Intervals of the recipe on a clock that runs `factor` times as fast."""
+    return tuple((first * factor, last * factor) for first, last in plan.leave_out)
 
 
 def _rate_only(recording: Recording, plan: Recipe) -> list[Finding]:

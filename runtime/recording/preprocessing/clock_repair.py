@@ -14,7 +14,9 @@ from runtime.recording import Recording
 from runtime.recording.recording import FloatArray
 
 SLOW = 0.1
-MAX_DRIFT = 0.05
+MAX_DRIFT = 0.15
+"""Largest change of the duration: a log that lost a tenth of its rows and was stamped at a constant
+rate is repaired; wrong units differ by factors, and a wrong tick by its whole error."""
 
 
 def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recording:
@@ -33,7 +35,7 @@ def repair_clock(recording: Recording, tick: float, slow: float = SLOW) -> Recor
         The remaining rows on the rebuilt clock.
 
     Raises:
-        RecordingError: no dq, or the rebuilt duration is not that of the log within 5 %.
+        RecordingError: no dq, or the rebuilt duration is not that of the log within 15 %.
     """
     if recording.dq is None:
         raise RecordingError(

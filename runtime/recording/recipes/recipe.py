@@ -10,7 +10,7 @@ Nothing of this is guessed; a recipe states it. `recipe_file` reads recipes from
 
 import dataclasses
 from dataclasses import dataclass, field
-from math import pi
+from math import isfinite, pi
 
 from runtime.errors import RecordingError
 from runtime.recording.formats import FORMATS
@@ -141,6 +141,7 @@ class Recipe:
     run: str = ""
     topic: str = ""
     joints: tuple[str, ...] = ()
+    leave_out: tuple[tuple[float, float], ...] = ()
     source: Source = field(default_factory=Source)
     time: Time | None = None
     position: Signal | None = None
@@ -154,6 +155,12 @@ class Recipe:
     friction: Friction | None = None
 
     def __post_init__(self) -> None:
+        for each in self.leave_out:
+            if not all(map(isfinite, each)) or each[0] > each[1]:
+                raise RecordingError(
+                    "leave_out expects intervals [from, to] in s with from ≤ to, got "
+                    f"{list(each)}; write leave_out = [[1.0, 1.5]]"
+                )
         for kind, signal in self.signals().items():
             signal.check_unit(kind)
         if self.position is None and self.signals():

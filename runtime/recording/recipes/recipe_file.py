@@ -156,7 +156,7 @@ def _simple(value: Any, kind: Any) -> Any:
         kinds = inner[:1] * len(value) if inner[-1] is Ellipsis else inner
         if len(kinds) != len(value):
             return None
-        items = [_element(item, each) for item, each in zip(value, kinds, strict=True)]
+        items = [_simple(item, each) for item, each in zip(value, kinds, strict=True)]
         return None if any(item is None for item in items) else tuple(items)
     if origin is dict and isinstance(value, dict):
         return value if all(isinstance(item, str) for item in value.values()) else None

@@ -1,0 +1,154 @@
+"""Rows whose numbers cannot follow from those around them: bursts, spikes, shifted rows (trap 9).
+
+    d_k = |x_k − median(x_{k−2} … x_{k+2})|  >  max(20 · 95 % quantile of d, 2 % of the range of x)
+
+A step, as of Coulomb friction, has d = 0; noise and slow motion stay below the quantile. Positions
+have no steps: the same rule for their differences, with 2 % of the range of q, finds both ends of
+every jump, and two jumps within `APART` rows enclose a burst.
+"""
+
+import itertools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.inspection.finding import WARNING, Finding, joint_list
+from runtime.library import Array, Library
+from runtime.recording import Recipe, Recording
+from runtime.recording.preprocessing.segments import holes
+
+WINDOW = 5
+"""Rows of the median."""
+QUANTILE, TIMES, RANGE = 0.95, 20.0, 0.02
+"""Constants of the equation above. Corrupt rows are fewer than 5 % of a log; normal noise exceeds
+its 95 % quantile by a factor of 3 in millions of rows."""
+MOST = 0.05
+"""Share of the rows above which a signal is noisy rather than corrupt in places."""
+APART = 10
+"""Rows between two outliers that belong to different bursts."""
+FEWEST = 50
+"""Rows below which no quantile is taken."""
+MOST_SPANS = 200
+"""Intervals that a recipe takes."""
+_NAMES = {"q": "position", "dq": "velocity", "tau": "torque"}
+
+
+def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Recipe, list[Finding]]:
+    """Outliers of positions, velocities and torques.
+
+    Args:
+        recording: read with the plan.
+        plan: recipe so far.
+        lib: library of the robot.
+
+    Returns:
+        The recipe that leaves these rows out, and "outliers".
+    """
+    if len(recording) < FEWEST:
+        return plan, []
+    signals = {key: getattr(recording, key) for key in _NAMES}
+    marks = {key: _outliers(values) for key, values in signals.items() if values is not None}
+    marks["q"] |= _jumps(recording)
+    beside = _beside_gaps(recording)
+    marks = {key: mark & ~beside for key, mark in marks.items()}
+    marks = {key: mark for key, mark in marks.items() if mark.any()}
+    if not marks:
+        return plan, []
+    rows = np.any([mark.any(axis=1) for mark in marks.values()], axis=0)
+    if rows.mean() > MOST:
+        return plan, []
+    bursts = _bursts(rows)
+    t = recording.t
+    spans = tuple((float(t[a]), float(t[b - 1])) for a, b in bursts)
+    if len(spans) > MOST_SPANS:
+        return plan, []
+    said = [_sentence(key, signals[key], mark, lib) for key, mark in marks.items()]
+    places = ", ".join(f"{a:.4g} s" if a == b else f"{a:.4g}–{b:.4g} s" for a, b in spans[:5]) + (
+        f" and {len(spans) - 5} more" if len(spans) > 5 else ""
+    )
+    both = int(np.sum(np.sum([mark.any(axis=1) for mark in marks.values()], axis=0) > 1))
+    shifted = (
+        f"; in {both} rows several signals jump at once: these rows are corrupt (shifted columns, "
+        "lost bytes)"
+        if both
+        else ""
+    )
+    evidence = {
+        "rows": int(rows.sum()),
+        "corrupt_rows": both,
+        "spans_s": [list(span) for span in spans],
+        "joints": {
+            _NAMES[key]: [int(j) for j in np.flatnonzero(mark.any(axis=0))]
+            for key, mark in marks.items()
+        },
+    }
+    return plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans}))), [
+        Finding(
+            "outliers",
+            WARNING,
+            f"{int(rows.sum())} rows do not follow from those around them (at {places}): "
+            f"{'; '.join(said)}{shifted}; leave_out of the proposed recipe leaves them out",
+            evidence,
+            trap=9,
+        )
+    ]
+
+
+def _outliers(values: Array) -> NDArray[np.bool_]:
+    """Whether each value is far from the median of its neighbours, (N, n)."""
+    from scipy.ndimage import median_filter
+
+    middle = median_filter(values, size=(WINDOW, 1), mode="nearest")
+    far = np.abs(values - middle)
+    low, high = np.quantile(values, [0.01, 0.99], axis=0)
+    # Rows at rest have no noise in many logs and would lower the quantile.
+    moving = np.any(np.diff(values, axis=0, prepend=np.nan) != 0.0, axis=1)
+    usual = np.quantile(far[moving], QUANTILE, axis=0) if moving.any() else np.zeros(len(low))
+    return np.asarray(far > np.maximum(TIMES * usual, RANGE * (high - low) + 1e-300))
+
+
+def _beside_gaps(recording: Recording) -> NDArray[np.bool_]:
+    """Rows beside a gap of the clock, across which the arm may have moved, (N, 1)."""
+    gaps = np.concatenate([[False], holes(recording.t), [False]])
+    return np.asarray(gaps[1:] | gaps[:-1])[:, None]
+
+
+def _jumps(recording: Recording) -> NDArray[np.bool_]:
+    """Rows at both ends of jumps of q that are followed by another one, (N, n)."""
+    marks = np.zeros(recording.q.shape, dtype=bool)
+    # Differences, not speeds: uneven stamps change these.
+    steps = np.diff(recording.q, axis=0)
+    low, high = np.quantile(recording.q, [0.01, 0.99], axis=0)
+    jumps = _outliers(steps) & (np.abs(steps) > RANGE * (high - low))
+    jumps &= ~holes(recording.t)[:, None]
+    for j in range(jumps.shape[1]):
+        places = np.flatnonzero(jumps[:, j])
+        for a, b in itertools.pairwise(places):
+            if b - a <= APART:
+                marks[a + 1 : b + 1, j] = True
+    return marks
+
+
+def _bursts(rows: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and one past the last row of every burst; bursts of three and more gain two rows at
+    both ends, where values are off by less than the threshold.
+    """
+    places = np.flatnonzero(rows)
+    groups = np.split(places, np.flatnonzero(np.diff(places) > APART) + 1)
+    bursts = []
+    for group in groups:
+        pad = 2 if len(group) > 2 else 0
+        bursts.append((max(int(group[0]) - pad, 0), min(int(group[-1]) + 1 + pad, len(rows))))
+    return bursts
+
+
+def _sentence(key: str, values: Array, mark: NDArray[np.bool_], lib: Library) -> str:
+    """Joints and size of the outliers of one signal."""
+    joints = [int(j) for j in np.flatnonzero(mark.any(axis=0))]
+    peaks = np.where(mark, np.abs(values), 0.0).max(axis=0)
+    names = joint_list(lib.joint_names, joints)
+    count = int(mark.any(axis=1).sum())
+    limit = lib.limits()["effort"]
+    over = float(np.max(peaks[joints] / limit[joints]))
+    effort = f", {over:.2g} times the limit of effort" if key == "tau" and over > 1.0 else ""
+    return f"{_NAMES[key]} of {names} in {count} rows, up to {peaks[joints].max():.3g}{effort}"

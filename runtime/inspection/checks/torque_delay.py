@@ -1,0 +1,132 @@
+"""Delay δ of the time stamps of τ (trap 2): minimum over δ of ‖τ(t + δ) − W x‖.
+
+Rows near a reversal of a joint's speed are left out for that joint: friction has a memory there and
+lags behind the sign of dq, which looks like a delay of some 20 ms. A coarse search up to `LONGEST`
+finds the valley, a fine one its bottom.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.inspection.checks.torque_rows import TorqueRows
+from runtime.inspection.finding import WARNING, Finding
+from runtime.library import Array
+from runtime.recording import Recipe
+
+LONGEST, SHARE = 1.0, 0.1
+"""Largest delay that is searched [s], and its largest share of the duration."""
+COARSE, FINE = 0.1, 0.01
+"""Steps of the two searches, over the period of the cut-off: a quarter of it is the width of the
+valley."""
+NEAR = 0.1
+"""Time around a reversal of the speed that is left out [s]."""
+SLIDING = 0.1
+"""Speed over the largest one of the joint, below which friction may not be sliding."""
+FEWEST = 0.3
+"""Least share of the rows that must remain; else all are used."""
+SURE = 4.0
+"""Standard deviations from which on a delay is significant."""
+LATE_GAIN = 0.07
+"""Share of the squared residual that a delay must explain; smaller ones change the result less than
+the error of the friction model."""
+
+
+def delay(torque_rows: TorqueRows, matrix: Array, plan: Recipe) -> list[Finding]:
+    """Delay of τ behind q.
+
+    Args:
+        torque_rows: prepared rows.
+        matrix: W of `runtime.inspection.checks.model_fit.fit_rows`.
+        plan: recipe so far, with the cut-off.
+
+    Returns:
+        "time_shift" where the delay explains `LATE_GAIN` of the squared residual, is significant
+        and exceeds 0.3 samples.
+    """
+    whole = torque_rows.whole
+    period = 1.0 / (plan.preparation.cutoff_hz or 5.0)
+    reach = max(min(LONGEST, SHARE * whole.duration), 0.25 * period)
+    step = 1.0 / whole.rate_hz
+    search = _Search(torque_rows, matrix, reach)
+    coarse = np.arange(-reach, reach + COARSE * period / 2, COARSE * period)
+    first = coarse[int(np.argmin([search.cost(d) for d in coarse]))]
+    width = 1.5 * COARSE * period
+    grid = np.arange(max(first - width, -reach), min(first + width, reach), FINE * period)
+    cost = np.array([search.cost(d) for d in grid])
+    k = int(np.argmin(cost))
+    if not 0 < k < len(grid) - 1 or cost[k] <= 0:
+        return []
+    # A parabola through the least value and its neighbours resolves fractions of a step.
+    low, mid, high = cost[k - 1 : k + 2]
+    curve = (low - 2 * mid + high) / (grid[1] - grid[0]) ** 2
+    late = float(grid[k] - (high - low) / (2 * (grid[1] - grid[0]) * curve))
+    gain = 1.0 - mid / search.cost(0.0)
+    sigma = float(np.sqrt(2.0 * mid / curve / search.freedom(late)))
+    if gain < LATE_GAIN or abs(late) < SURE * sigma or abs(late) < 0.3 * step:
+        return []
+    which = "later" if late > 0 else "earlier"
+    return [
+        Finding(
+            "time_shift",
+            WARNING,
+            f"τ is stamped {1e3 * abs(late):.2f} ms {which} than q (± {1e3 * sigma:.2f} ms, "
+            f"{abs(late) / step:.2g} samples; up to {reach:.2g} s were searched): shifting it back "
+            f"removes {100 * gain:.0f} % of the squared residual; set torque_delay_s = {late:.2g} "
+            "under [preparation]",
+            {"delay_s": late, "sigma_s": sigma, "gain": gain, "searched_s": reach},
+            trap=2,
+        )
+    ]
+
+
+class _Search:
+    """Weighted squared residual of the fit as a function of δ."""
+
+    def __init__(self, torque_rows: TorqueRows, matrix: Array, reach: float) -> None:
+        """Rows whose shifted torque lies within the log for every |δ| ≤ reach."""
+        self._whole, t = torque_rows.whole, torque_rows.whole.t[torque_rows.rows]
+        self._tau = self._whole.required("tau")
+        inside = (t - reach > self._whole.t[0]) & (t + reach < self._whole.t[-1])
+        self._t, n = t[inside], self._tau.shape[1]
+        keep = _sliding(torque_rows)[inside]
+        enough = keep.mean(axis=0) > FEWEST
+        self._keep = keep | ~enough
+        rows = matrix.reshape(len(t), n, -1)[inside]
+        rows = rows * self._keep[:, :, None]
+        lengths = np.linalg.norm(rows.reshape(-1, rows.shape[2]), axis=0)
+        self._rows = rows / np.where(lengths > 0, lengths, 1.0)
+        flat = self._rows.reshape(len(rows) * n, -1)
+        # Orthonormal basis of W, so that a shifted torque costs one product.
+        left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
+        self._left = left[:, sizes > 1e-9 * sizes[0]]
+        power = self._rest(0.0).var(axis=0)
+        self._weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
+
+    def _rest(self, shift: float) -> Array:
+        at = self._t + shift
+        moved = np.stack([np.interp(at, self._whole.t, row) for row in self._tau.T], axis=1)
+        target = (moved * self._keep).ravel()
+        return np.asarray(target - self._left @ (self._left.T @ target)).reshape(moved.shape)
+
+    def cost(self, shift: float) -> float:
+        """Squared residual for one δ [s]; joints are weighted by their residual without delay."""
+        return float(np.sum(self._rest(shift) ** 2 @ self._weights))
+
+    def freedom(self, shift: float) -> float:
+        """Effective number of residuals."""
+        scale = np.sqrt(self._weights)
+        rows = self._rows * scale[:, None]
+        inflation = coloured_noise_of_rows(rows, self._rest(shift) * scale).inflation
+        return max(float(self._keep.sum()) / inflation - 1.0, 1.0)
+
+
+def _sliding(torque_rows: TorqueRows) -> NDArray[np.bool_]:
+    """Rows and joints far from a reversal of the speed, (N, n)."""
+    from scipy.ndimage import maximum_filter1d
+
+    dq, rate = torque_rows.whole.required("dq"), torque_rows.whole.rate_hz
+    slow = np.abs(dq) < SLIDING * np.abs(dq).max(axis=0)
+    width = 2 * round(NEAR * rate) + 1
+    near = maximum_filter1d(slow.astype(np.uint8), width, axis=0, mode="nearest")
+    return np.asarray(near[torque_rows.rows] == 0)

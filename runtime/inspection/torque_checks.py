@@ -1,0 +1,141 @@
+"""Checks of the torque in their order: columns, signs, unit, gravity, delay, fit of the model."""
+
+from dataclasses import replace
+
+from runtime.errors import RuntimeFault
+from runtime.inspection.check_run import CheckRun
+from runtime.inspection.checks import (
+    drives,
+    gear_coupling,
+    gravity,
+    measured_torque,
+    model_fit,
+    other_model,
+    position_columns,
+    signals,
+    torque_delay,
+    torque_signs,
+)
+from runtime.inspection.checks.torque_rows import rough
+from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
+from runtime.inspection.finding import INFO, WARNING, Finding
+from runtime.inspection.regressor_choice import choose_regressor
+from runtime.library import Library
+from runtime.recording import Friction, Preparation, Recipe, Recording
+from runtime.recording.friction import DRIVE, ROTOR, names_where
+
+_STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
+"""Factors of decimation that are proposed."""
+
+
+def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
+    """Order, sign and unit of τ, then its fit to the model.
+
+    Args:
+        checks: plan, recording and findings, to which those of the torque are added.
+        lib: library of the robot.
+        propose: True also chooses the cut-off.
+    """
+    terms = checks.plan.friction or proposed_terms(checks.plan)
+    try:
+        for check in (
+            position_columns.position_columns,
+            torque_signs.torque_order,
+            torque_signs.joint_signs,
+            torque_signs.scale,
+            gravity.gravity,
+        ):
+            checks.run_on_torque(check, lib, terms)
+        preparation = checks.plan.preparation
+        if propose and preparation.filter == "none":
+            choice = choose_cutoff(checks.recording, lib, preparation, checks.plan.split, terms)
+            checks.plan = checks.plan.replace(preparation=_thinned(choice, checks.recording))
+            checks.findings.append(Finding("cutoff", INFO, choice.sentence))
+        usual = rough(checks.recording, checks.plan.preparation)
+        _, failing = choose_regressor(checks.recording, lib, usual)
+        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
+        if any(f.kind == "gravity" for f in checks.findings):
+            return  # the model of the log is another one
+        _check_fit(checks, lib, terms)
+    except RuntimeFault as fault:
+        sentence = f"the torque could not be checked: {fault}"
+        checks.findings.append(Finding("not_judged", WARNING, sentence))
+
+
+def check_commanded(checks: CheckRun, lib: Library) -> None:
+    """Law, delay and drives of a commanded torque; unit, sign and order are those of the law.
+
+    Args:
+        checks: plan, recording and findings, to which those of the torque are added.
+        lib: library of the robot.
+    """
+    checks.findings += drives.commanded(checks.recording, checks.plan)
+    try:
+        checks.run(lambda r, p: drives.delay(r, lib, p))
+        checks.findings += drives.rotor(checks.recording, lib, checks.plan)
+        usual = drives.filtered(checks.recording, checks.plan.preparation)
+        _, failing = choose_regressor(checks.recording, lib, usual)
+        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
+        if checks.plan.preparation.filter == "none":
+            late = checks.plan.preparation.torque_delay_s
+            checks.plan = checks.plan.replace(preparation=replace(usual, torque_delay_s=late))
+        checks.findings.append(model_fit.one_run(checks.recording.duration))
+    except RuntimeFault as fault:
+        sentence = f"the torque could not be checked: {fault}"
+        checks.findings.append(Finding("not_judged", WARNING, sentence))
+
+
+def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
+    """Delay of τ, whether it was measured, and what the model lacks."""
+    torque_rows = checks.torque_rows(lib, terms)
+    matrix = model_fit.fit_rows(torque_rows)
+    tau = checks.recording.required("tau")
+    computed = measured_torque.not_measured(torque_rows, matrix, tau)
+    gain = [] if computed else other_model.joint_gain(torque_rows, matrix)
+    late = [] if computed or gain else torque_delay.delay(torque_rows, matrix, checks.plan)
+    if late:
+        shifted = replace(
+            checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
+        )
+        checks.plan = checks.plan.replace(preparation=shifted)
+        torque_rows = checks.torque_rows(lib, terms)
+        matrix = model_fit.fit_rows(torque_rows)
+        computed = measured_torque.not_measured(torque_rows, matrix, tau)
+    strange = model_fit.unexplained(torque_rows, matrix)
+    checks.findings += late + strange + computed
+    torque = checks.plan.torque
+    guessed = torque is not None and torque.unit == "A" and not checks.plan.gear
+    guessed = guessed and any(f.kind == "torque_unit" for f in checks.findings)
+    if not strange and not guessed:  # wrong gains look like a tool or a coupling
+        checks.findings += gain
+        tool = [] if gain else model_fit.tool(torque_rows)
+        coupled = [] if gain else gear_coupling.coupling(torque_rows, matrix, terms)
+        other = [] if gain or tool else other_model.other_robot(torque_rows, matrix)
+        checks.findings += tool + coupled + other
+    checks.findings.append(model_fit.one_run(torque_rows.whole.duration))
+
+
+def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
+    """The chosen preparation, decimated to the rate that its band needs, without intervals of
+    rest.
+    """
+    ready = choice.preparation
+    grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
+    most = grid / (ROWS_PER_CUTOFF * choice.chosen.cutoff_hz)
+    step = max(k for k in _STEPS if k <= max(most, 1.0))
+    return replace(
+        ready,
+        trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
+        rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
+        rest_speed=ready.rest_speed or signals.REST_SPEED,
+    )
+
+
+def proposed_terms(plan: Recipe) -> Friction:
+    """Friction columns to propose, with those of motors where the gear couples them."""
+    if plan.law is not None:
+        return Friction(DRIVE)
+    gear = plan.gear
+    coupled = any(x != 0.0 for i, row in enumerate(gear) for j, x in enumerate(row) if i != j)
+    motors = (ROTOR.name, *names_where(lambda column: column.of_motors))
+    return Friction(columns=(*Friction().columns, *(motors if coupled else ())))

@@ -11,6 +11,7 @@ from runtime.cli.robot import Yes, open_robot
 from runtime.errors import ExportError
 from runtime.identification.saved_result import read_result, require_model
 from runtime.outputs.model_files import EXPORT_FORMATS, export_model
+from runtime.outputs.model_files.drives import drives_of
 
 
 def _list_formats(wanted: bool) -> None:
@@ -62,7 +63,14 @@ def export_command(
     notes = require_model(saved, lib, result, same_bodies=True)
     terms, folder = saved.friction, out or result / "export"
     done = export_model(
-        lib, saved.pi, kinds, folder, terms=terms, phi=saved.phi, overwrite=overwrite
+        lib,
+        saved.pi,
+        kinds,
+        folder,
+        terms=terms,
+        phi=saved.phi,
+        drives=drives_of(saved.facts),
+        overwrite=overwrite,
     )
     for each in done:
         say(f"{each.kind}: {f'{each.path} ({each.sentence})' if each.path else each.sentence}")

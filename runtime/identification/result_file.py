@@ -17,6 +17,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import BAND_SAMPLES
 from runtime.files import replacing
 from runtime.identification import metrics
+from runtime.identification.drive.result_facts import torque_facts
 from runtime.identification.identified import Identification, friction_error, torque_errors
 from runtime.identification.posterior_file import write_posterior
 from runtime.identification.result_schema import FORMAT
@@ -48,9 +49,7 @@ def result_facts(result: Identification, command: str) -> dict[str, Any]:
         "joints": list(lib.joint_names),
         "units": ["N" if j.kind == "prismatic" else "N*m" for j in lib.manifest.joints],
         "recording": _recording_facts(result),
-        "torque_source": result.train.torque_source,
-        "delay_s": None if result.drive is None else result.drive.delay_facts(),
-        "drive": _drive_facts(result),
+        **torque_facts(result),
         **error_facts(before, after, friction_error(result)),
         "links": _link_facts(result),
         "consistent": result.is_consistent,
@@ -284,12 +283,6 @@ def _friction_facts(result: Identification) -> dict[str, Any] | None:
         "values": result.usual_phi.tolist(),
         **({} if motors is None else {"gear": motors.tolist()}),
     } | _net_facts(result)
-
-
-def _drive_facts(result: Identification) -> list[dict[str, Any]] | None:
-    if result.drive is None:
-        return None
-    return result.drive.facts(result.lib.joint_names, result.phi, result.friction.columns)
 
 
 def _net_facts(result: Identification) -> dict[str, Any]:

@@ -93,6 +93,8 @@ KEYS: tuple[Key, ...] = (
     Key("recording.split", "text", "instants of the parts, a phrase", unit="s", older=""),
     Key("torque_source", "text", "measured, commanded (by a control law) or current (times a gain)",
         is_optional=True),
+    Key("control_law", "table?", "law, kp, kd, effort_limit and gear of a commanded torque, one "
+        "number per joint or for all; null for a measured one", is_optional=True),
     Key("delay_s", "any", "{value, sigma} of the delay of the torque; one per joint in a list, or "
         "{log, value, sigma} per log; null where it was not estimated", unit="s",
         is_optional=True),

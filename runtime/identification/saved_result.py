@@ -5,7 +5,7 @@ placements. Another gravity, other inertials or a newer generator leave π valid
 fixed links counted into the moving ones mean that π belongs to other bodies.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +61,7 @@ class SavedResult:
         history: sentences on the preparation of the log.
         preparation: settings of the preparation.
         model: model of the parameters; None in files that lack it.
+        facts: the whole content of the file.
     """
 
     robot: str
@@ -74,6 +75,7 @@ class SavedResult:
     history: tuple[str, ...]
     preparation: Preparation
     model: ModelOfResult | None
+    facts: dict[str, Any] = field(default_factory=dict)
 
 
 def model_facts(lib: Library) -> dict[str, Any]:
@@ -128,8 +130,9 @@ def read_result(folder: Path) -> SavedResult:
             phi=np.array(terms["values"], dtype=float),
             net=net and FrictionNet(np.array(net["theta"]), np.array(net["scale"])),
             history=tuple(map(str, facts["recording"]["history"])),
-            preparation=Preparation(**facts["recording"]["preparation"]),
+            preparation=_preparation(facts["recording"]["preparation"]),
             model=None if facts["model"] is None else _model(facts["model"]),
+            facts=facts,
         )
         links = n if saved.model is None else len(saved.model.kinds)
         whole = len(saved.units) == n and saved.pi.shape == (N_PARAMETERS * links,)
@@ -142,6 +145,12 @@ def read_result(folder: Path) -> SavedResult:
             f"'{folder}' holds no valid result.json; give the folder that identify wrote"
         ) from None
     return saved
+
+
+def _preparation(facts: dict[str, Any]) -> Preparation:
+    """Preparation; delays per joint are a list in the file."""
+    lists: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in facts.items()}
+    return Preparation(**lists)
 
 
 def _model(facts: dict[str, Any]) -> ModelOfResult:

@@ -153,6 +153,7 @@ def recording_of(raw: Raw) -> Recording:
         source=raw.source,
         recipe=raw.recipe,
         torque_source=raw.plan.torque_source,
+        law=raw.plan.law,
     )
     rate = f" at {recording.rate_hz:.6g} Hz (median)" if len(recording) > 1 else ""
     size = f"{len(recording)} rows of {recording.n_joints} joints{rate}"

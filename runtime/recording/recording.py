@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
 from runtime.recording.notebook import Framed, html_table
+from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.recipes.recipe import Recipe
 from runtime.recording.settings import Preparation
 
@@ -48,6 +49,7 @@ class Recording(Framed):
         recipe: the recipe it was read with; its defaults for preparation, split and friction.
         prepared: how it was prepared, None as read.
         torque_source: "measured", "commanded" by a control law, or "current" of the motors.
+        law: control law of a commanded torque.
     """
 
     t: FloatArray
@@ -66,6 +68,7 @@ class Recording(Framed):
     recipe: Recipe | None = None
     prepared: Preparation | None = None
     torque_source: str = "measured"
+    law: ControlLaw | None = None
 
     def __post_init__(self) -> None:
         def put(key: str, value: Any) -> None:

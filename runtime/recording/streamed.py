@@ -75,6 +75,7 @@ class StreamedRecording:
             source=self.source,
             recipe=self.recipe,
             torque_source=self.plan.torque_source,
+            law=self.plan.law,
             history=(*self.remarks, *data.notes),
         )
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from runtime.errors import ExportError, NotRealisableError
 from runtime.files import replacing
 from runtime.library import Library
+from runtime.outputs.model_files.drives import Drives
 from runtime.outputs.model_files.engines import Unreadable
 from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
@@ -71,6 +72,7 @@ def export_model(
     *,
     terms: Friction | None = None,
     phi: ArrayLike | None = None,
+    drives: Drives | None = None,
     overwrite: bool = False,
 ) -> list[Exported]:
     """Write some of `EXPORT_FORMATS` into a folder, each one if its check passes.
@@ -82,6 +84,7 @@ def export_model(
         folder: created where it is missing.
         terms: friction columns, where some were identified.
         phi: (n, k) their coefficients [N·m or N per unit of the column].
+        drives: gains, delay and standard deviations of the drives, where they are known.
         overwrite: replace existing files.
 
     Returns:
@@ -110,7 +113,8 @@ def export_model(
         chosen = EXPORT_FORMATS[kind]
         try:
             # Joint friction does not depend on whether the identified links are consistent.
-            model = make_model(lib, pi if chosen.holds_inertia else lib.pi0, terms, phi)
+            shown = pi if chosen.holds_inertia else lib.pi0
+            model = make_model(lib, shown, terms, phi, drives=drives)
             done.append(Exported(kind, path, _write(model, chosen, path)))
         except ExportError as error:
             done.append(Exported(kind, None, str(error), is_optional=not chosen.holds_inertia))

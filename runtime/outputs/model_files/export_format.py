@@ -44,6 +44,7 @@ EXPORT_FORMATS = Registry(
         "mjcf": f"{_FORMATS}.mjcf:MJCF",
         "sdf": f"{_FORMATS}.sdf:SDF",
         "inertials": f"{_FORMATS}.inertials:INERTIALS",
+        "actuators": f"{_FORMATS}.actuators:ACTUATORS",
         "friction": f"{_FORMATS}.friction:FRICTION",
         "header": f"{_FORMATS}.header:HEADER",
     },

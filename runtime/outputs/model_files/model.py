@@ -9,6 +9,7 @@ from runtime.errors import ExportError, ShapeError
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
 from runtime.library import Array, Library
 from runtime.outputs.model_files.bodies import row
+from runtime.outputs.model_files.drives import Drives
 from runtime.outputs.model_files.engines.answer import STATES
 from runtime.outputs.model_files.fixed_links import LinkBodies, divide_bodies
 from runtime.outputs.model_files.joint_friction import JointFriction, joint_friction
@@ -27,6 +28,7 @@ class IdentifiedModel:
         bodies: rigid bodies of the links.
         friction: damping, dry friction and rotor inertia of the joints.
         states: number of random states at which a reloaded file is compared.
+        drives: gains, delay and standard deviations of the drives; None where they are unknown.
     """
 
     lib: Library
@@ -35,6 +37,7 @@ class IdentifiedModel:
     bodies: LinkBodies
     friction: JointFriction
     states: int = STATES
+    drives: Drives | None = None
 
     def comment(self, content: str, *more: str) -> tuple[str, ...]:
         """Comment lines at the head of a file.
@@ -56,7 +59,8 @@ class IdentifiedModel:
     def robot_comment(self, *more: str) -> tuple[str, ...]:
         """Comment lines at the head of a file of bodies and joint friction."""
         notes = (*self.bodies.notes, *self.friction.notes)
-        return self.comment("Inertial parameters", *notes, *more)
+        late = self.drives.delay_note() if self.drives else ""
+        return self.comment("Inertial parameters", *notes, *((late,) if late else ()), *more)
 
 
 def make_model(
@@ -67,6 +71,7 @@ def make_model(
     *,
     tree: Tree | None = None,
     states: int = STATES,
+    drives: Drives | None = None,
 ) -> IdentifiedModel:
     """Model of a robot; its links may be physically inconsistent, see `require_consistent`.
 
@@ -77,6 +82,7 @@ def make_model(
         phi: (n, k) their coefficients [N·m or N per unit of the column].
         tree: of the URDF of the library, where it is read already.
         states: number of random states at which a reloaded file is compared.
+        drives: gains, delay and standard deviations of the drives, where they are known.
 
     Returns:
         The model.
@@ -99,7 +105,8 @@ def make_model(
         )
     tree = read_tree(lib) if tree is None else tree
     friction = joint_friction(lib, terms, None if phi is None else np.asarray(phi, dtype=float))
-    return IdentifiedModel(lib, flat, tree, divide_bodies(lib, flat, tree), friction, states)
+    bodies = divide_bodies(lib, flat, tree)
+    return IdentifiedModel(lib, flat, tree, bodies, friction, states, drives)
 
 
 def require_no_coupling(model: IdentifiedModel, kind: str) -> None:

@@ -70,6 +70,25 @@ def urdf_with_friction(text: str, lib: Library, urdf: str) -> str | None:
     return _applied(text, apply)
 
 
+def tables_of(text: str) -> dict[str, Any] | None:
+    """Tables of a YAML file; None where PyYAML is not installed.
+
+    Raises:
+        Unreadable: the file is not YAML of tables.
+    """
+    try:
+        import yaml
+    except ImportError:
+        return None
+    try:
+        tables = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise Unreadable(str(error)) from None
+    if not isinstance(tables, dict):
+        raise Unreadable("no tables")
+    return tables
+
+
 def _applied(text: str, apply: Callable[[dict[str, Any]], str]) -> str | None:
     try:
         import yaml

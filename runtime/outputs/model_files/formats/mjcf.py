@@ -39,12 +39,13 @@ def mjcf_text(model: IdentifiedModel) -> str:
         _capsules(model, top, tree.base)
     _descend(model, top, tree.base)
     actuators = SubElement(root, "actuator")
-    for name, effort in zip(lib.joint_names, lib.limits()["effort"], strict=True):
-        motor = SubElement(actuators, "motor", {"name": name, "joint": name})
-        if np.isfinite(effort) and effort > 0:
-            motor.attrib |= {"ctrllimited": "true", "ctrlrange": row(np.array([-effort, effort]))}
+    for j, effort in enumerate(lib.limits()["effort"]):
+        _actuator(model, actuators, j, float(effort))
     indent(root, space="  ")
-    comment = xml_comment(model.robot_comment("Motors take torque [N m] or force [N]."))
+    takes = "Motors take torque [N m] or force [N]."
+    if _has_gains(model):
+        takes = "Actuators take desired positions; kp and kv are the gains of the control law."
+    comment = xml_comment(model.robot_comment(takes))
     return comment + tostring(root, "unicode") + "\n"
 
 
@@ -63,6 +64,25 @@ def check_mjcf(model: IdentifiedModel, text: str) -> str:
         Unreadable: MuJoCo refuses the file.
     """
     return compare_reloaded(model, mujoco.reload(text, model.lib, model.states), mujoco.INSTALL)
+
+
+def _has_gains(model: IdentifiedModel) -> bool:
+    """Whether the gains of a control law are known for every joint."""
+    return model.drives is not None and None not in (*model.drives.kp, *model.drives.kd)
+
+
+def _actuator(model: IdentifiedModel, parent: Element, j: int, effort: float) -> None:
+    """A motor, or a position actuator with the gains of the control law, within the effort."""
+    name = model.lib.joint_names[j]
+    limited = {"name": name, "joint": name}
+    bound = {}
+    if np.isfinite(effort) and effort > 0:
+        bound = {"limited": "true", "range": row(np.array([-effort, effort]))}
+    if model.drives is None or not _has_gains(model):
+        SubElement(parent, "motor", limited | {f"ctrl{key}": v for key, v in bound.items()})
+        return
+    gains = {"kp": digits(model.drives.kp[j] or 0.0), "kv": digits(model.drives.kd[j] or 0.0)}
+    SubElement(parent, "position", limited | gains | {f"force{k}": v for k, v in bound.items()})
 
 
 def _descend(model: IdentifiedModel, parent: Element, link: str) -> None:

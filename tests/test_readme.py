@@ -16,8 +16,9 @@ from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
 from runtime.simulation.controller_file import read_controller
 from symgen.build.config import read_config
+from symgen.build.sources import Source, read_source
 from symgen.chain.mechanism import Mechanism
-from symgen.cli.common import read_mechanism, read_source
+from symgen.cli.common import read_mechanism
 from tests.markdown import blocks, run_all
 
 ROOT = Path(__file__).parents[1]
@@ -144,7 +145,7 @@ def test_toml_blocks_are_read(tmp_path, fr3):
             assert len(read_prior(path, fr3).constraints.bounds) > 4
         elif "[[link]]" in block:
             kinds.append("rows")
-            assert read_source(path, Mechanism())[1].coupling[0].joint == "coupler_joint"
+            assert read_source(Source(path), Mechanism())[1].coupling[0].joint == "coupler_joint"
         elif "[[coupling]]" in block:
             kinds.append("mechanism")
             assert len(read_mechanism(path).spring) == 2

@@ -210,7 +210,7 @@ def _coupled(chain: Chain) -> list[str]:
         return []
     free = {joint.name for joint in chain.coordinates}
     names = [joint.name for joint in chain.joints if joint.name not in free]
-    notes = [f"{', '.join(names)} follow other joints; q holds the {len(free)} independent joints"]
+    notes = [f"joints that follow others: {', '.join(names)}; q holds the {len(free)} other joints"]
     friction = list(friction_coordinates(chain))
     if len(friction) > len(free):
         notes.append(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from symgen.documents import text_of, toml_of
+from symgen.documents import toml_of
 from symgen.errors import BuildError
 
 if TYPE_CHECKING:
@@ -37,6 +37,21 @@ TipOption = Annotated[
 LockOption = Annotated[
     list[str] | None,
     typer.Option(metavar="JOINT=VALUE", help="Fix a joint at a position in rad or m; repeatable."),
+]
+ArgumentOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--arg", metavar="NAME=VALUE", help="Value of an argument of a xacro file; repeatable."
+    ),
+]
+PackageOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder of a ROS package, or of several, for package:// and $(find …); repeatable. "
+        "ROS_PACKAGE_PATH and AMENT_PREFIX_PATH are searched too.",
+        file_okay=False,
+    ),
 ]
 MechanismOption = Annotated[
     Path | None,
@@ -80,13 +95,24 @@ def read_urdf(urdf: Path) -> str:
     Raises:
         BuildError: the file cannot be read.
     """
-    try:
-        return text_of(urdf)
-    except UnicodeDecodeError as error:
-        raise BuildError(f"the URDF '{urdf}' is not UTF-8 text ({error.reason})") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise BuildError(f"cannot read the URDF '{urdf}': {reason}") from None
+    from symgen.build.sources.source import urdf_text
+
+    return urdf_text(urdf)
+
+
+def read_arguments(items: list[str]) -> dict[str, str]:
+    """Return the values of --arg NAME=VALUE by name.
+
+    Raises:
+        BuildError: an item is not of this form.
+    """
+    arguments = {}
+    for item in items:
+        name, mark, value = item.partition("=")
+        if not name or not mark:
+            raise BuildError(f"--arg needs NAME=VALUE, got '{item}'")
+        arguments[name] = value
+    return arguments
 
 
 def read_mechanism(path: Path | None) -> "Mechanism":
@@ -105,37 +131,6 @@ def read_mechanism(path: Path | None) -> "Mechanism":
     except (OSError, ValueError) as error:
         raise BuildError(f"cannot read the mechanism '{path}': {error}") from None
     return mechanism_from_table(table, f"'{path}'")
-
-
-def read_source(path: Path, mechanism: "Mechanism") -> tuple[str, "Mechanism"]:
-    """Return the URDF of a file of robots, and the mechanism.
-
-    Args:
-        path: URDF, or TOML file of modified DH rows (`symgen.chain.dh`).
-        mechanism: that of --mechanism.
-
-    Returns:
-        Text of the URDF, and the mechanism of both files.
-
-    Raises:
-        BuildError: the file cannot be read, or both files describe a mechanism.
-        UrdfError: a row of the TOML file is wrong.
-    """
-    from symgen.chain.dh import robot_from_rows
-    from symgen.chain.mechanism import Mechanism
-
-    if path.suffix != ".toml":
-        return read_urdf(path), mechanism
-    try:
-        table = toml_of(path)
-    except (OSError, ValueError) as error:
-        raise BuildError(f"cannot read the robot '{path}': {error}") from None
-    text, stated = robot_from_rows(table, f"'{path}'")
-    if stated != Mechanism() and mechanism != Mechanism():
-        raise BuildError(
-            f"'{path}' and --mechanism both describe a mechanism; move all tables into one of them"
-        )
-    return text, mechanism if stated == Mechanism() else stated
 
 
 def read_locks(items: list[str]) -> dict[str, float]:

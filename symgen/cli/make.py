@@ -12,25 +12,28 @@ import typer
 from symgen.build.bundled import bundled_name, bundled_robots
 from symgen.cli.common import (
     DEFAULT_ROOT,
+    ArgumentOption,
     BaseOption,
     ConfigOption,
     LockOption,
     MechanismOption,
     OverwriteOption,
+    PackageOption,
     RootOption,
     TipOption,
     app,
     console,
     folders_of,
+    read_arguments,
     read_locks,
     read_mechanism,
-    read_source,
     say,
 )
 from symgen.errors import BuildError
 
 if TYPE_CHECKING:
     from symgen.build.request import BuildRequest
+    from symgen.build.sources import Source
     from symgen.chain import ChainOptions
 
 
@@ -40,8 +43,16 @@ def build_command(
     urdf: Annotated[
         Path | None,
         typer.Option(
-            help="URDF of your own robot, or TOML of modified DH rows; needs --name.",
+            help="File of your own robot: URDF, xacro, MJCF or TOML of modified DH rows; "
+            "package://PACKAGE/path is searched in ROS packages. Needs --name.",
             dir_okay=False,
+        ),
+    ] = None,
+    description: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Published robot of robot_descriptions or example-robot-data, where installed.",
         ),
     ] = None,
     name: Annotated[
@@ -82,6 +93,8 @@ def build_command(
         ),
     ] = None,
     mechanism: MechanismOption = None,
+    arg: ArgumentOption = None,
+    package: PackageOption = None,
     config: ConfigOption = None,
     level: Annotated[
         list[str] | None,
@@ -112,14 +125,19 @@ def build_command(
     from symgen.build.config import read_masses
     from symgen.build.pipeline import build
     from symgen.build.request import bundled_request
+    from symgen.build.sources import Packages, Source, published_urdf
     from symgen.chain import ChainOptions
 
     options = ChainOptions(base, tip, _vector(gravity), read_locks(lock or []), snap)
+    if description is not None:
+        if urdf is not None:
+            raise BuildError("--urdf and --description both name a robot; give one of them")
+        urdf, name = published_urdf(description), name or description.lower()
     if urdf is None:
-        if project or config or masses or mechanism:
+        if project or config or masses or mechanism or arg or package:
             raise BuildError(
-                "the options --project, --masses, --mechanism and --config belong to your own "
-                "robot; give its --urdf too"
+                "the options --project, --masses, --mechanism, --arg, --package and --config "
+                "belong to your own robot; give its --urdf too"
             )
         request = bundled_request(robot)
         if options != ChainOptions() or name:
@@ -130,7 +148,8 @@ def build_command(
             masses=read_masses(masses) if masses else {},
             mechanism=read_mechanism(mechanism),
         )
-        request = _request_from_urdf(urdf, name, options, project, config)
+        source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())))
+        request = _request_from_urdf(source, name, options, project, config)
     with console.status(f"building {request.name}"):
         result = build(request, out, force, level or (), overwrite)
     for note in result.notes:
@@ -212,10 +231,15 @@ def _changed_request(
 
 
 def _request_from_urdf(
-    urdf: Path, name: str | None, options: "ChainOptions", project: bool, config: list[Path] | None
+    source: "Source",
+    name: str | None,
+    options: "ChainOptions",
+    project: bool,
+    config: list[Path] | None,
 ) -> "BuildRequest":
     from symgen.build.config import RobotConfig, read_config
     from symgen.build.request import BuildRequest, bundled_request
+    from symgen.build.sources import read_source
 
     if name is None:
         raise BuildError(
@@ -223,7 +247,7 @@ def _request_from_urdf(
         )
     if name in bundled_robots():
         raise BuildError(f"'{name}' is the name of a bundled robot; choose another --name")
-    text, mechanism = read_source(urdf, options.mechanism)
+    text, mechanism = read_source(source, options.mechanism)
     options = replace(options, mechanism=mechanism)
     if config is None and not project and (robot := bundled_name(text)) is not None:
         return _changed_request(bundled_request(robot), name, options)

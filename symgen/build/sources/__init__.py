@@ -1,0 +1,17 @@
+"""Robot files as users have them → text of a URDF and a mechanism.
+
+| source | module |
+|---|---|
+| URDF | read as it is |
+| `package://PACKAGE/path` | `packages` finds the folder of the ROS package |
+| `.xacro` | `xacro_file` expands it |
+| `.toml` of modified DH rows | `symgen.chain.dh` |
+| MJCF | `mjcf` reads it with MuJoCo |
+| name of a published robot | `published` |
+"""
+
+from symgen.build.sources.packages import Packages
+from symgen.build.sources.published import published_urdf
+from symgen.build.sources.source import Source, read_source
+
+__all__ = ["Packages", "Source", "published_urdf", "read_source"]

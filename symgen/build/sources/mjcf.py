@@ -1,0 +1,196 @@
+"""MJCF → URDF and couplings, by MuJoCo's compiler.
+
+Hinges become revolute, slides prismatic joints; several joints of a body are a chain through links
+of `SPECK_KG`. The frame of a link is at the anchor of its joint; at q = ref the body is where the
+file shows it. Linear equalities of two joints become couplings, `damping` and `frictionloss` stand
+in <dynamics>. A URDF has no place for armature, which the friction column `rotor` identifies.
+"""
+
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+import numpy as np
+import pinocchio
+
+from symgen.chain.coupling import CouplingRow
+from symgen.chain.mechanism import Mechanism
+from symgen.errors import BuildError
+
+SPECK_KG = 1e-9
+"""Mass of the links between several joints of one body, kg: below the rounding of any torque."""
+
+
+def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
+    """URDF of an MJCF file.
+
+    Args:
+        path: the file; it may include others.
+
+    Returns:
+        Text of the URDF, and the couplings of its joint equalities.
+
+    Raises:
+        BuildError: MuJoCo is not installed or rejects the file, or it has joints or equalities
+            without a counterpart.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise BuildError(
+            f"'{path}' is an MJCF file, which MuJoCo reads; run: pip install mujoco"
+        ) from None
+    mujoco.set_mju_user_warning(lambda _: None)  # else it writes MUJOCO_LOG.TXT
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        raise BuildError(f"MuJoCo rejects '{path}': {reason}; correct the file") from None
+    robot = Element("robot", {"name": path.stem})
+    names = _unique([model.body(k).name or f"body_{k}" for k in range(model.nbody)])
+    SubElement(robot, "link", {"name": names[0]})
+    shifts = {0: np.zeros(3)}  # body → anchor of its last joint in the body's frame
+    for body in range(1, model.nbody):
+        _add_body(robot, mujoco, model, body, names, shifts)
+    indent(robot, space="  ")
+    rows = tuple(_coupling(mujoco, model, k) for k in range(model.neq))
+    return tostring(robot, "unicode") + "\n", Mechanism(coupling=rows)
+
+
+def _unique(names: list[str]) -> list[str]:
+    seen: set[str] = set()
+    for k, name in enumerate(names):
+        names[k] = name if name not in seen else f"{name}_{k}"
+        seen.add(names[k])
+    return names
+
+
+def _add_body(
+    robot: Element,
+    mujoco: Any,
+    model: Any,
+    body: int,
+    names: list[str],
+    shifts: dict[int, np.ndarray],
+) -> None:
+    parent = int(model.body_parentid[body])
+    rotation = _matrix(mujoco, model.body_quat[body])
+    place = model.body_pos[body] - shifts[parent]
+    first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    above, anchor = names[parent], np.zeros(3)
+    for k in range(first, first + count):
+        name = model.joint(k).name or f"joint_{k}"
+        kind = int(model.jnt_type[k])
+        slides = kind == int(mujoco.mjtJoint.mjJNT_SLIDE)
+        if not slides and kind != int(mujoco.mjtJoint.mjJNT_HINGE):
+            raise BuildError(
+                f"joint '{name}' of the body '{names[body]}' is a ball or free joint; hinges and "
+                "slides can be modelled, so replace it, or remove it to fix the body"
+            )
+        last = k == first + count - 1
+        link = names[body] if last else f"{names[body]}_{name}"
+        # The frame of the link turns about its anchor; at q = ref it is where the file shows it.
+        new, axis = np.array(model.jnt_pos[k]), np.array(model.jnt_axis[k])
+        at = place + rotation @ (new - anchor)
+        ref = float(model.qpos0[model.jnt_qposadr[k]])
+        if slides:
+            at = at - rotation @ axis * ref
+        else:
+            rotation = rotation @ pinocchio.AngleAxis(-ref, axis).toRotationMatrix()
+        _add_joint(robot, model, k, name, above, link, at, rotation, slides)
+        above, place, rotation, anchor = link, np.zeros(3), np.eye(3), new
+        if not last:
+            SubElement(robot, "link", {"name": link}).append(_speck())
+    if not count:
+        _add_fixed(robot, f"{names[body]}_mount", above, names[body], place, rotation)
+    shifts[body] = anchor
+    element = SubElement(robot, "link", {"name": names[body]})
+    mass = float(model.body_mass[body])
+    if mass > 0:
+        turn = _matrix(mujoco, model.body_iquat[body])
+        inertia = turn @ np.diag(model.body_inertia[body]) @ turn.T
+        element.append(_inertial(mass, model.body_ipos[body] - anchor, inertia))
+
+
+def _add_joint(
+    robot: Element,
+    model: Any,
+    k: int,
+    name: str,
+    parent: str,
+    child: str,
+    at: np.ndarray,
+    rotation: np.ndarray,
+    slides: bool,
+) -> None:
+    limited = bool(model.jnt_limited[k])
+    kind = "prismatic" if slides else "revolute" if limited else "continuous"
+    joint = _add_fixed(robot, name, parent, child, at, rotation)
+    joint.set("type", kind)
+    SubElement(joint, "axis", {"xyz": _words(model.jnt_axis[k])})
+    if limited:
+        lower, upper = (f"{float(x):.17g}" for x in model.jnt_range[k])
+        effort = model.jnt_actfrcrange[k][1] if model.jnt_actfrclimited[k] else 0.0
+        limits = {"lower": lower, "upper": upper, "effort": f"{float(effort):.17g}"}
+        SubElement(joint, "limit", limits | {"velocity": "0"})
+    dof = int(model.jnt_dofadr[k])
+    damping, dry = float(np.min(model.dof_damping[dof])), float(model.dof_frictionloss[dof])
+    if damping or dry:
+        SubElement(joint, "dynamics", {"damping": f"{damping:.17g}", "friction": f"{dry:.17g}"})
+
+
+def _add_fixed(
+    robot: Element, name: str, parent: str, child: str, at: np.ndarray, rotation: np.ndarray
+) -> Element:
+    joint = SubElement(robot, "joint", {"name": name, "type": "fixed"})
+    rpy = pinocchio.rpy.matrixToRpy(rotation)
+    SubElement(joint, "origin", {"xyz": _words(at), "rpy": _words(rpy)})
+    SubElement(joint, "parent", {"link": parent})
+    SubElement(joint, "child", {"link": child})
+    return joint
+
+
+def _coupling(mujoco: Any, model: Any, k: int) -> CouplingRow:
+    """Row of an equality x_1 − ref_1 = c_0 + c_1 (x_2 − ref_2)."""
+    if int(model.eq_type[k]) != int(mujoco.mjtEq.mjEQ_JOINT):
+        raise BuildError(
+            f"the equality {k + 1} of the file is not one of joints; loops and tendons of MJCF "
+            "cannot be modelled, so remove it, or state [[coupling]] in a mechanism file"
+        )
+    first, second = (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
+    name = model.joint(first).name
+    c = np.array(model.eq_data[k][:5])
+    if np.any(c[2:]):
+        raise BuildError(
+            f"the equality of joint '{name}' is a polynomial of degree 2 or more, expected a "
+            "linear one; remove it, or state [[coupling]] in a mechanism file"
+        )
+    offset = float(c[0] + model.qpos0[model.jnt_qposadr[first]])
+    if second < 0:
+        return CouplingRow(name, {}, offset)
+    offset -= float(c[1] * model.qpos0[model.jnt_qposadr[second]])
+    return CouplingRow(name, {model.joint(second).name: float(c[1])}, offset)
+
+
+def _speck() -> Element:
+    return _inertial(SPECK_KG, np.zeros(3), SPECK_KG * 1e-4 * np.eye(3))
+
+
+def _inertial(mass: float, com: np.ndarray, inertia: np.ndarray) -> Element:
+    element = Element("inertial")
+    SubElement(element, "origin", {"xyz": _words(com)})
+    SubElement(element, "mass", {"value": f"{mass:.17g}"})
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    values = inertia[np.triu_indices(3)]
+    SubElement(element, "inertia", {k: f"{v:.17g}" for k, v in zip(keys, values, strict=True)})
+    return element
+
+
+def _matrix(mujoco: Any, quaternion: Any) -> np.ndarray:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.array(quaternion, dtype=float))
+    return matrix.reshape(3, 3)
+
+
+def _words(values: Any) -> str:
+    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))

@@ -1,0 +1,76 @@
+"""Folders of ROS packages: --package, then ROS_PACKAGE_PATH, then AMENT_PREFIX_PATH."""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from symgen.errors import BuildError
+
+_DEPTH = 4
+"""Levels below a folder of packages at which package.xml is searched."""
+_SCHEME = "package:/"
+
+
+@dataclass(frozen=True, slots=True)
+class Packages:
+    """Folders in which packages are searched.
+
+    Attributes:
+        folders: folder of a package, or a folder that holds packages.
+    """
+
+    folders: tuple[Path, ...] = ()
+
+    def folder(self, name: str) -> Path:
+        """Folder of a package.
+
+        Raises:
+            BuildError: no folder holds it.
+        """
+        for root in self._roots():
+            if root.name == name and root.is_dir():
+                return root
+            for found in _packages_below(root, name, _DEPTH):
+                return found
+        for prefix in _listed("AMENT_PREFIX_PATH"):
+            if (prefix / "share" / name).is_dir():
+                return prefix / "share" / name
+        raise BuildError(
+            f"the ROS package '{name}' is not found; name its folder with --package DIR, or set "
+            "ROS_PACKAGE_PATH or AMENT_PREFIX_PATH"
+        )
+
+    def file(self, path: Path) -> Path:
+        """A path, or the file that `package://PACKAGE/path` names.
+
+        Raises:
+            BuildError: the package is not found.
+        """
+        text = str(path)
+        if not text.startswith(_SCHEME):
+            return path
+        name, _, rest = text.removeprefix(_SCHEME).lstrip("/").partition("/")
+        return self.folder(name) / rest
+
+    def _roots(self) -> Sequence[Path]:
+        return (*self.folders, *_listed("ROS_PACKAGE_PATH"))
+
+
+def _listed(variable: str) -> Iterator[Path]:
+    for word in os.environ.get(variable, "").split(os.pathsep):
+        if word:
+            yield Path(word)
+
+
+def _packages_below(root: Path, name: str, depth: int) -> Iterator[Path]:
+    """Folders called `name` with a package.xml, at most `depth` levels below `root`."""
+    try:
+        entries = sorted(entry for entry in root.iterdir() if entry.is_dir())
+    except OSError:
+        return
+    for entry in entries:
+        if entry.name == name and (depth == _DEPTH or (entry / "package.xml").is_file()):
+            yield entry
+        elif depth > 1 and not entry.name.startswith(".") and not entry.is_symlink():
+            yield from _packages_below(entry, name, depth - 1)

@@ -1,0 +1,80 @@
+"""One file of any kind → text of a URDF and a mechanism."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from symgen.build.sources.mjcf import robot_from_mjcf
+from symgen.build.sources.packages import Packages
+from symgen.build.sources.xacro_file import expanded
+from symgen.chain.dh import robot_from_rows
+from symgen.chain.mechanism import Mechanism
+from symgen.documents import text_of, toml_of
+from symgen.errors import BuildError
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A robot file and what it takes to read it.
+
+    Attributes:
+        path: the file, or `package://PACKAGE/path`.
+        arguments: of xacro, name → value.
+        packages: where ROS packages are searched.
+    """
+
+    path: Path
+    arguments: Mapping[str, str] = field(default_factory=dict)
+    packages: Packages = field(default_factory=Packages)
+
+
+def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
+    """Return the URDF of a robot file, and the mechanism.
+
+    Args:
+        source: URDF, xacro, MJCF or TOML of modified DH rows.
+        mechanism: that of --mechanism.
+
+    Returns:
+        Text of the URDF, and the mechanism of both files.
+
+    Raises:
+        BuildError: the file cannot be read, or two files describe a mechanism.
+        UrdfError: the contents are wrong.
+    """
+    path = source.packages.file(source.path)
+    if source.arguments and path.suffix != ".xacro":
+        raise BuildError(f"--arg belongs to xacro files, and '{path}' is none; leave it out")
+    stated = Mechanism()
+    if path.suffix == ".xacro":
+        text = expanded(path, source.arguments, source.packages)
+    elif path.suffix == ".toml":
+        try:
+            table = toml_of(path)
+        except (OSError, ValueError) as error:
+            raise BuildError(f"cannot read the robot '{path}': {error}") from None
+        text, stated = robot_from_rows(table, f"'{path}'")
+    else:
+        text = urdf_text(path)
+        if "<mujoco" in text and "<robot" not in text:
+            text, stated = robot_from_mjcf(path)
+    if stated != Mechanism() and mechanism != Mechanism():
+        raise BuildError(
+            f"'{path}' and --mechanism both describe a mechanism; move all tables into one of them"
+        )
+    return text, mechanism if stated == Mechanism() else stated
+
+
+def urdf_text(path: Path) -> str:
+    """Text of a file of UTF-8.
+
+    Raises:
+        BuildError: the file cannot be read.
+    """
+    try:
+        return text_of(path)
+    except UnicodeDecodeError as error:
+        raise BuildError(f"the URDF '{path}' is not UTF-8 text ({error.reason})") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise BuildError(f"cannot read the URDF '{path}': {reason}") from None

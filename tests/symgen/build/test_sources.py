@@ -1,0 +1,192 @@
+"""Robot files as users have them: MJCF against MuJoCo, packages, xacro, published robots."""
+
+import importlib.util
+from pathlib import Path
+
+import casadi as ca
+import mujoco
+import numpy as np
+import pytest
+
+from symgen.build.facts import initial_parameters
+from symgen.build.sources import Packages, Source, published_urdf, read_source
+from symgen.chain import Chain, ChainOptions, read_chain
+from symgen.chain.mechanism import Mechanism, mechanism_from_table
+from symgen.errors import BuildError, SymgenError
+from symgen.mechanics.coordinates import all_positions
+from symgen.mechanics.dynamics import inverse_dynamics
+from tests.conftest import TINY_URDF
+
+HAND = """<mujoco model="hand"><compiler angle="radian" autolimits="true"/>
+  <option gravity="0 0 -9.81"><flag contact="disable"/></option>
+  <worldbody><body name="stand" pos="0.1 0 0.2" euler="0.2 0.1 0.3">
+    <body name="arm" pos="0 0.1 0.3" quat="0.9 0.1 0.3 0.2">
+      <joint name="lift" type="hinge" axis="0.6 0 0.8" pos="0.02 -0.03 0.05" range="-1 2"
+        ref="0.4" damping="0.3" frictionloss="0.2"/>
+      <joint name="slide" type="slide" axis="0 1 0" pos="0.02 0 0" ref="0.05"/>
+      <inertial pos="0.03 0.02 0.1" mass="2" fullinertia="0.02 0.03 0.025 0.001 0.002 -0.001"/>
+      <body name="finger" pos="0.2 0 0.1" euler="0 0.5 0">
+        <joint name="curl" type="hinge" axis="0 1 0" pos="0 0 0.02" ref="-0.2"/>
+        <inertial pos="0 0 0.05" mass="0.3" diaginertia="0.001 0.002 0.001"/>
+        <body name="nail" pos="0 0 0.1">
+          <inertial pos="0.01 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
+        </body>
+      </body>
+      <body name="thumb" pos="-0.1 0 0.1">
+        <joint name="bend" type="hinge" axis="1 0 0" ref="0.1"/>
+        <inertial pos="0 0 0.04" mass="0.2" diaginertia="0.001 0.001 0.0005"/>
+      </body>
+    </body></body></worldbody>
+  <equality><joint joint1="bend" joint2="curl" polycoef="0.3 -1.5 0 0 0"/></equality>
+</mujoco>"""
+
+
+def from_file(path: Path) -> Chain:
+    text, mechanism = read_source(Source(path), Mechanism())
+    return read_chain(text, ChainOptions(mechanism=mechanism))
+
+
+def test_mjcf_moves_like_mujoco(tmp_path: Path) -> None:
+    """Oracle: MuJoCo's inverse dynamics, projected on the equality; anchors, refs, two joints of
+    one body and a welded body included. 1e-9 kg of the link between two joints is below rounding.
+    """
+    path = tmp_path / "hand.xml"
+    path.write_text(HAND)
+    chain = from_file(path)
+    assert [joint.name for joint in chain.coordinates] == ["lift", "slide", "curl"]
+    assert (chain.joints[0].lower, chain.joints[0].upper) == (-1.0, 2.0)
+    pi, _ = initial_parameters(chain, False)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    model.dof_damping[:] = 0
+    data = mujoco.MjData(model)
+    at = [int(model.joint(joint.name).dofadr[0]) for joint in chain.joints]
+    assert chain.coupling is not None
+    A = np.array(chain.coupling.matrix)
+    x = [ca.SX.sym(name, 3) for name in ("q", "dq", "ddq")]
+    function = ca.Function(
+        "f", x, [all_positions(chain, x[0]), inverse_dynamics(chain, *x, ca.DM(pi))]
+    )
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        q, dq, ddq = rng.normal(0, [[0.5], [2], [5]], (3, 3))
+        positions, tau = (np.asarray(value).ravel() for value in function(q, dq, ddq))
+        data.qpos[at], data.qvel[at], data.qacc[at] = positions, A @ dq, A @ ddq
+        curl, bend = (data.joint(name).qpos[0] for name in ("curl", "bend"))
+        assert bend - 0.1 == pytest.approx(0.3 - 1.5 * (curl + 0.2), abs=1e-14)
+        mujoco.mj_inverse(model, data)
+        np.testing.assert_allclose(tau, A.T @ data.qfrc_inverse[at], atol=1e-7)
+
+
+def test_a_package_is_found_by_option_and_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: package:// through --package, ROS_PACKAGE_PATH and AMENT_PREFIX_PATH."""
+    folder = tmp_path / "src/robots/my_arm"
+    (folder / "urdf").mkdir(parents=True)
+    (folder / "package.xml").write_text("<package/>")
+    (folder / "urdf/arm.urdf").write_text(TINY_URDF)
+    name = Path("package://my_arm/urdf/arm.urdf")
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    for root in (folder, tmp_path / "src"):
+        source = Source(name, packages=Packages((root,)))
+        assert read_source(source, Mechanism())[0] == TINY_URDF
+    with pytest.raises(BuildError, match=r"package 'my_arm' is not found.*--package DIR"):
+        read_source(Source(name), Mechanism())
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"/nowhere:{tmp_path / 'src'}")
+    assert read_source(Source(name), Mechanism())[0] == TINY_URDF
+    monkeypatch.delenv("ROS_PACKAGE_PATH")
+    installed = tmp_path / "install/share/my_arm/urdf"
+    installed.mkdir(parents=True)
+    (installed / "arm.urdf").write_text(TINY_URDF)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "install"))
+    assert read_source(Source(name), Mechanism())[0] == TINY_URDF
+
+
+XACRO = """<robot name="x" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="mass" default="1.5"/><xacro:include filename="$(find parts)/rod.xacro"/>
+<link name="base"/><xacro:rod mass="$(arg mass)" length="$(arg length)"/></robot>"""
+ROD = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:macro name="rod" params="mass length">
+<link name="rod"><inertial><origin xyz="0 0 ${length / 2}"/><mass value="${mass}"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="swing" type="continuous">
+<parent link="base"/><child link="rod"/><axis xyz="0 1 0"/></joint>
+</xacro:macro></robot>"""
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("xacro") is None,
+    reason="SKIPPED LOUDLY: the package xacro is not installed",
+)
+def test_xacro_is_expanded_with_arguments_and_packages(tmp_path: Path) -> None:
+    """Property: --arg and $(find …) count; a missing argument is one sentence."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/package.xml").write_text("<package/>")
+    (tmp_path / "parts/rod.xacro").write_text(ROD)
+    path = tmp_path / "arm.urdf.xacro"
+    path.write_text(XACRO)
+    packages = Packages((tmp_path,))
+    source = Source(path, {"length": "0.4", "mass": "2.5"}, packages)
+    (joint,) = read_chain(read_source(source, Mechanism())[0]).joints
+    assert (joint.mass, joint.com) == (2.5, (0.0, 0.0, 0.2))
+    for bad, sentence in (
+        (Source(path, {}, packages), r"arm\.urdf\.xacro'.*length.*--arg NAME=VALUE"),
+        (Source(path, {"length": "long"}, packages), "xacro cannot expand"),
+        (Source(path, {"length": "1"}), "the ROS package 'parts' is not found"),
+        (Source(tmp_path / "no.xacro"), "there is no such file"),
+    ):
+        with pytest.raises(BuildError, match=sentence) as caught:
+            read_source(bad, Mechanism())
+        assert "\n" not in str(caught.value)
+
+
+def test_a_published_robot_is_found_by_name() -> None:
+    """Property: by the name of a URDF or of its folder; an unknown name lists near ones."""
+    if importlib.util.find_spec("hppfcl") is None and not _has_examples():
+        pytest.skip("SKIPPED LOUDLY: example-robot-data is not installed")
+    assert published_urdf("talos_full_v2").name == "talos_full_v2.urdf"
+    assert published_urdf("romeo").name == "romeo.urdf"
+    with pytest.raises(BuildError, match="'no_such_robot'"):
+        published_urdf("no_such_robot")
+
+
+def _has_examples() -> bool:
+    try:
+        return published_urdf("romeo").is_file()
+    except BuildError:
+        return False
+
+
+REFUSED = {
+    "free joint": (HAND.replace('type="slide" axis="0 1 0"', 'type="ball"'), "ball or free joint"),
+    "quadratic": (HAND.replace("0.3 -1.5 0 0 0", "0.3 -1.5 2 0 0"), "polynomial of degree 2"),
+    "weld": (
+        HAND.replace("<equality>", '<equality><weld body1="nail" body2="thumb"/>'),
+        "equality 1 of the file is not one of joints",
+    ),
+    "damaged": (HAND.replace("</mujoco>", ""), "MuJoCo rejects"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_mjcf_without_counterpart_is_refused(case: str, tmp_path: Path) -> None:
+    """Property: one sentence that names the joint, the equality or the file."""
+    text, sentence = REFUSED[case]
+    path = tmp_path / "hand.xml"
+    path.write_text(text)
+    with pytest.raises(SymgenError, match=sentence) as caught:
+        from_file(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_two_mechanisms_and_stray_arguments_are_refused(tmp_path: Path) -> None:
+    """Property: an option that would not count is named."""
+    path = tmp_path / "hand.xml"
+    path.write_text(HAND)
+    row = {"joint": "curl", "of": {"bend": 1.0}}
+    with pytest.raises(BuildError, match="both describe a mechanism"):
+        read_source(Source(path), mechanism_from_table({"coupling": [row]}, "M"))
+    with pytest.raises(BuildError, match="--arg belongs to xacro files"):
+        read_source(Source(path, {"a": "1"}), Mechanism())

@@ -102,6 +102,14 @@ def identify_command(
     split: Parts = None,
     controller: ControllerFile = None,
     stream: Stream = None,
+    robust: Annotated[
+        bool,
+        typer.Option(
+            "--robust",
+            help="Huber weights on blocks of training rows, for map, pc-ols, ols and wls; the "
+            "notes name the rows that count less.",
+        ),
+    ] = False,
     payload_of: PayloadOf = None,
     refit: Annotated[
         bool,
@@ -144,6 +152,7 @@ def identify_command(
         or delay
         or encoder_bias
         or friction == AUTO
+        or robust
         or not _is_streamable(method, preset)
     ):
         stream = False  # these need the samples of the whole log
@@ -151,7 +160,8 @@ def identify_command(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
     )
     known = None if prior is None else read_prior(prior, lib)
-    settings = settings_for(lib, Settings(method=method, preset=preset, prior=known, seed=seed))
+    wanted = Settings(method=method, preset=preset, prior=known, seed=seed, robust=robust)
+    settings = settings_for(lib, wanted)
     runs = runs_of(logs, run)
     several = f"{len(runs)}-" if len(runs) > 1 or payload_of else ""
     chosen = chosen_method(settings.method, settings.preset, settings.prior)
@@ -170,7 +180,7 @@ def identify_command(
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
         _finish(result, folder, agreement)
         return
-    data = read_prepared_log(lib, log, options, usable_columns([chosen]))
+    data = read_prepared_log(lib, log, options, usable_columns([chosen]), robust)
     if data.streamed is not None:
         if controller is not None:
             raise IdentificationError(

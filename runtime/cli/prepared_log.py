@@ -86,7 +86,11 @@ class PreparedLog:
 
 
 def read_prepared_log(
-    lib: Library, log: str, options: LogOptions, usable: Sequence[str] = ()
+    lib: Library,
+    log: str,
+    options: LogOptions,
+    usable: Sequence[str] = (),
+    robust: bool = False,
 ) -> PreparedLog:
     """Read a log and choose its cut-off, regressor and friction model where options say auto.
 
@@ -96,6 +100,7 @@ def read_prepared_log(
         options: values of the command's options.
         usable: columns to choose from where neither an option nor the recipe names a friction
             model; with none there is no choice.
+        robust: choose that friction model with the weights of --robust.
 
     Returns:
         The log with its preparation; `notes` hold one sentence per automatic choice.
@@ -134,7 +139,7 @@ def read_prepared_log(
     if usable and options.friction is None and default_terms(recording) is None:
         with console.status("choosing a friction model"):
             chosen = choose_default_friction(
-                recording, lib, prepared, parts, options.coulomb_speed, usable
+                recording, lib, prepared, parts, options.coulomb_speed, usable, robust
             )
         terms, notes = chosen.terms, (*notes, chosen.sentence)
     if terms is None or not chooses_friction:

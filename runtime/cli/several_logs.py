@@ -99,7 +99,13 @@ def identify_several(
     method = chosen_method(settings.method, settings.preset, settings.prior)
     usable = usable_columns([method])  # of the first log; the others get its friction model
     data = [
-        read_prepared_log(lib, log, replace(options, run=run, stream=False), () if k else usable)
+        read_prepared_log(
+            lib,
+            log,
+            replace(options, run=run, stream=False),
+            () if k else usable,
+            settings.robust,
+        )
         for k, (log, run) in enumerate(runs)
     ]
     names = _names(runs)

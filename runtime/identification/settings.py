@@ -45,6 +45,8 @@ class Settings:
             of the recording. Parameters and uncertainty are those of the second fit. Without
             effect where a separate test recording is given, and for methods that stop by the
             validation part or simulate the robot.
+        robust: Huber weights on blocks of training rows, for the methods that train on all rows
+            of joints; the notes of the result name the rows that count less.
         friction_prior: prior of the friction coefficients, for "map".
     """
 
@@ -61,6 +63,7 @@ class Settings:
     seed: int = 0
     certify: bool = True
     refit: bool = False
+    robust: bool = False
     friction_prior: FrictionPrior | None = None
 
     def require_default(self, names: tuple[str, ...], task: str) -> None:

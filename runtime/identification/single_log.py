@@ -21,6 +21,7 @@ from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.robust import require_robust, robust_problem
 from runtime.estimators.uncertainty import Uncertainty, uncertainty_of
 from runtime.identification.identified import Identification, TrainedModel, torque_of
 from runtime.identification.problem_setup import Assembly, assemble
@@ -50,7 +51,7 @@ def identify(
         progress: called by methods that iterate, with iteration and best validation loss.
         **keywords: single fields of `Settings`, which replace those of `settings`: method, preset,
             prior, preparation, splitting, friction_columns, validation, test, lam0, controller,
-            seed, certify, refit.
+            seed, certify, refit, robust.
 
     Returns:
         Parameters in SI units with their errors, certificates and prepared data.
@@ -84,9 +85,10 @@ def identify_assembled(
     """
     chosen = settings_for(assembly.problem.lib, settings_from(settings, keywords))
     method = chosen_method(chosen.method, chosen.preset, chosen.prior)
+    start = time.perf_counter()
+    given, assembly = assembly, _weighted(assembly, method, chosen)
     problem, parts = assembly.problem, assembly.parts
     lib = problem.lib
-    start = time.perf_counter()
     fit = fit_by(problem, method, chosen.preset, chosen.prior)
     seconds = time.perf_counter() - start
     statistics, optimum = fit.statistics or problem.statistics(), fit.optimum
@@ -127,7 +129,22 @@ def identify_assembled(
         net=fit.net,
         urdf_phi=best_friction(statistics, lib.pi0, fit.phi.shape) if fit.phi.size else None,
     )
-    return result if is_last else _refitted(result, with_all_rows(assembly), chosen)
+    if is_last:
+        return result
+    return _refitted(result, _weighted(with_all_rows(given), method, chosen), chosen)
+
+
+def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
+    """The assembly with weights of its training rows, where the settings request them."""
+    if not settings.robust:
+        return assembly
+    require_robust(method)
+    lib, t = assembly.problem.lib, assembly.parts[0].t
+    problem, weights = robust_problem(assembly.problem)
+    notes = assembly.notes
+    if len(t) == len(weights.weights):
+        notes += (weights.note(t, lib.joint_names),)
+    return replace(assembly, problem=problem, notes=notes)
 
 
 def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Identification:

@@ -25,6 +25,7 @@ from runtime.estimators.convex import CAD, bodies_of, prior_of
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.residuals import inflation
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.estimators.robust import explicit, scaled, weights_of_rows
 from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -72,6 +73,7 @@ def choose_default_friction(
     splitting: Split | None = None,
     coulomb_speed: float | None = None,
     allowed: Sequence[str] = DEFAULT_COLUMNS,
+    robust: bool = False,
 ) -> DefaultFriction:
     """Choose offset, viscous, Coulomb and rotor columns by cross-validation on contiguous blocks.
 
@@ -84,6 +86,7 @@ def choose_default_friction(
         splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
         coulomb_speed: ε [rad/s]; None chooses among `SPEEDS`.
         allowed: columns that the method can use.
+        robust: weight the rows as `identify` does with `robust`.
 
     Returns:
         The simplest candidate within one standard error of the best. Where the rows are too few
@@ -101,7 +104,7 @@ def choose_default_friction(
     terms = [Friction(("coulomb",), speed) for speed in speeds]
     done = prepare(bare, preparation, Friction(shared), *terms, lib=lib)
     try:
-        trial = _trial(done, lib)
+        trial = _trial(done, lib, robust)
     except IdentificationError as fault:
         return DefaultFriction(Friction(()), (), f"no friction was fitted: {fault}")
     names = [*shared, *("coulomb" for _ in speeds)]
@@ -173,7 +176,7 @@ def _error(block: Statistics, others: Statistics, left_out: NDArray[np.bool_]) -
     return float(rest @ rest + block.rest)
 
 
-def _trial(done: Recording, lib: Library) -> _Trial:
+def _trial(done: Recording, lib: Library, robust: bool) -> _Trial:
     """Compressed blocks of a prepared recording, weighted by the noise of the joints."""
     if done.columns is not None and done.tau is not None:
         done = without_columns(done, unresolved(done.columns, done.tau))
@@ -187,6 +190,10 @@ def _trial(done: Recording, lib: Library) -> _Trial:
         raise IdentificationError(
             f"{len(whole)} training rows are too few to choose a model; name one with --friction"
         )
+    if robust:
+        rows = explicit(lib, whole)
+        whole = scaled(rows, weights_of_rows(lib, rows).weights)
+        blocks = [whole.rows(cut) for cut in cuts]
     weights = thesis_weights(whole.tau)
     for _ in range(_PASSES):
         stats = [compress(lib, block, weights) for block in blocks]

@@ -59,7 +59,7 @@ from runtime.recording.recording import ALL
 
 WINDOWS, LENGTH = 24, 4096
 """Windows of a part, and prepared rows in each; ten of them give noise and correlations to 1 %."""
-WHOLE_ONLY = ("validation", "test", "lam0", "controller", "refit", "friction_prior")
+WHOLE_ONLY = ("validation", "test", "lam0", "controller", "refit", "robust", "friction_prior")
 """Fields of `Settings` that need a log held in memory."""
 
 

@@ -1,0 +1,252 @@
+"""Huber weights on blocks of rows: outliers that least squares would follow count less.
+
+    w_b = min(1, c/u_b) min(1, G c/u_b) min(1, (H/h_b)²),   u_b = max_j rms_b(r_j)/σ_j
+    σ_j = 1.4826 med |r_j|,   ln c = med ln u + K · 1.4826 med |ln u − med ln u|
+
+r are residuals of least squares over base parameters and friction with these weights (iteratively
+reweighted). Beyond G thresholds a block is no measurement of this robot, and its influence falls.
+h_b is the size of the regressor's rows in the block relative to the 90 % quantile of all blocks: a
+jump of the position has accelerations that would pull the fit towards itself. One weight per block
+and not per row, because residuals are autocorrelated. The first fit is trimmed least squares: gross
+outliers hide in the residuals of plain least squares.
+Source: Huber 1964; weights of the regressor: Mallows 1975; concentration steps: Rousseeuw & Van
+Driessen 2006; all of them on blocks: ours.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.errors import IdentificationError, NeedsError
+from runtime.estimators.methods import METHODS
+from runtime.estimators.problem import Problem
+from runtime.estimators.regression.compression import reference_triangle
+from runtime.estimators.regression.factor import from_triangle
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
+
+LENGTH = 10
+"""Rows of a block."""
+FEWEST = 20
+"""Blocks below which their spread is not known."""
+K = 3.0
+"""Threshold of ln u above its median in robust standard deviations."""
+G = 3.0
+"""Thresholds beyond which the influence of a block falls."""
+H = 3.0
+"""Size of a block's rows relative to the 90 % quantile above which they count less."""
+PASSES, STEADY = 15, 0.01
+"""Limit of the number of fits, and largest change of a weight at the end."""
+KEPT, STEPS, STARTS = 0.7, 6, 4
+"""Share of blocks that trimmed least squares fits, number of its steps, and parts of the log that
+are left out one by one to start it."""
+ROWS = 4000
+"""Rows that each of these fits takes, evenly spread."""
+ABSENT = 1e-12
+"""Weight of a block that a fit leaves out."""
+NORMAL = 1.4826
+"""Standard deviation over the median absolute deviation of a normal distribution."""
+_LISTED = 5
+
+
+@dataclass(frozen=True, slots=True)
+class RowWeights:
+    """Weights of rows.
+
+    Attributes:
+        weights: of every row, (N,), one value per block.
+        joints: index of the joint with the largest residual of every row's block, (N,).
+    """
+
+    weights: Array
+    joints: Array
+
+    def note(self, t: Array, names: Sequence[str]) -> str:
+        """Sentence on the blocks that count less.
+
+        Args:
+            t: instants of the rows, (N,) [s].
+            names: names of the joints.
+
+        Returns:
+            Instants, smallest weight and joint of the stretches with the smallest weights.
+        """
+        less = self.weights < 1.0
+        if not less.any():
+            return "robust: no row was down-weighted"
+        cuts = np.flatnonzero(np.diff(less.astype(int))) + 1
+        stretches = [s for s in np.split(np.arange(len(less)), cuts) if less[s[0]]]
+        stretches.sort(key=lambda s: float(self.weights[s].min()))
+        parts = []
+        for s in stretches[:_LISTED]:
+            row = s[int(np.argmin(self.weights[s]))]
+            name = names[int(self.joints[row])]
+            parts.append(f"{t[s[0]]:.2f}–{t[s[-1]]:.2f} s ({self.weights[row]:.2g}, {name})")
+        more = len(stretches) - len(parts)
+        return (
+            f"robust: {100 * less.mean():.1f} % of the training rows count less than the others, "
+            f"with these weights: {', '.join(parts)}{f' and {more} others' if more else ''}; look "
+            "at the log there"
+        )
+
+
+def require_robust(method: str) -> None:
+    """Refuse a method that takes no weights of rows.
+
+    Raises:
+        NeedsError: the method simulates, filters or stops by the validation part.
+    """
+    able = [m.name for m in METHODS.records() if m.from_statistics and not m.uses_validation]
+    if method not in able:
+        raise NeedsError(
+            f"the method {method} takes no weights of rows; use --robust with one of "
+            f"{', '.join(able)}"
+        )
+
+
+def robust_problem(problem: Problem) -> tuple[Problem, RowWeights]:
+    """The problem with its training rows scaled by √w.
+
+    Args:
+        problem: with all of its training samples in memory.
+
+    Returns:
+        The same problem with scaled rows, and their weights.
+
+    Raises:
+        IdentificationError: the samples are streamed, or too few.
+    """
+    train = problem.train
+    if problem.pieces is not None:
+        raise IdentificationError(
+            "weights of rows need the whole log in memory, but it is streamed; give --no-stream"
+        )
+    if len(train) < FEWEST * LENGTH:
+        raise IdentificationError(
+            f"robust weights need {FEWEST * LENGTH} training rows or more, got {len(train)}; "
+            "record for longer, or leave out --robust"
+        )
+    rows = explicit(problem.lib, train)
+    weights = weights_of_rows(problem.lib, rows)
+    return replace(problem, train=scaled(rows, weights.weights)), weights
+
+
+def weights_of_rows(lib: Library, rows: Samples) -> RowWeights:
+    """Weights by iteratively reweighted least squares over base parameters and friction.
+
+    Args:
+        lib: library of the robot.
+        rows: N samples with explicit rows of the regressor.
+
+    Returns:
+        Weights in (0, 1].
+    """
+    block = np.minimum(np.arange(len(rows)) // LENGTH, len(rows) // LENGTH - 1)
+    few = np.arange(0, len(rows), max(1, len(rows) // ROWS))
+    leverage = np.minimum(1.0, (H / _sizes(rows.base_rows(lib), block)) ** 2)
+
+    def fitted(weights: Array, spread: Array) -> tuple[Array, Array]:
+        """Spread of the residuals (n,), and residuals of the blocks over it (blocks, n)."""
+        part = scaled(rows.rows(few), weights[block[few]])
+        return _spread_of(_residual(lib, rows, part, 1.0 / spread**2), block)
+
+    # Trimmed least squares from fits to all blocks, and to all but a contiguous part of them.
+    equal = np.ones(rows.equations)
+    starts = [leverage]
+    for left_out in np.array_split(np.arange(len(leverage)), STARTS):
+        starts.append(np.where(np.isin(np.arange(len(leverage)), left_out), ABSENT, leverage))
+    states = [_concentrated(fitted(start, equal), leverage, fitted) for start in starts]
+    spread, power = min(states, key=lambda state: float(np.sum(np.log(state[0]))))
+    # Huber weights from there.
+    weights = leverage
+    for _ in range(PASSES):
+        u = np.log(np.maximum(power.max(axis=1), 1e-300))
+        middle = np.median(u)
+        bar = middle + K * NORMAL * np.median(np.abs(u - middle))
+        excess = np.minimum(0.0, bar - u)
+        now = leverage * np.exp(excess + np.minimum(0.0, excess + np.log(G)))
+        change = float(np.abs(now - weights).max())
+        weights = now
+        if change < STEADY:
+            break
+        spread, power = fitted(weights, spread)
+    return RowWeights(weights[block], np.argmax(power, axis=1)[block])
+
+
+def _concentrated(
+    state: tuple[Array, Array],
+    leverage: Array,
+    fitted: Callable[[Array, Array], tuple[Array, Array]],
+) -> tuple[Array, Array]:
+    """Least squares on the blocks with the smallest residuals, repeated `STEPS` times."""
+    spread, power = state
+    for _ in range(STEPS):
+        u = power.max(axis=1)
+        kept = u <= np.quantile(u, KEPT)
+        spread, power = fitted(np.where(kept, leverage, ABSENT), spread)
+    return spread, power
+
+
+def _spread_of(rest: Array, block: Array) -> tuple[Array, Array]:
+    """σ_j of residuals (N, n), (n,), and their RMS in every block over it, (blocks, n)."""
+    sigma = NORMAL * np.median(np.abs(rest), axis=0)
+    spread = np.maximum(sigma, 1e-9 * max(float(sigma.max()), 1e-300))
+    return spread, np.sqrt(_block_mean((rest / spread) ** 2, block))
+
+
+def explicit(lib: Library, samples: Samples) -> Samples:
+    """Samples with the rows of the regressor, which can be scaled.
+
+    Args:
+        lib: library of the robot.
+        samples: N samples.
+
+    Returns:
+        The same equations.
+    """
+    return replace(samples, base=samples.base_rows(lib), acceleration=None)
+
+
+def scaled(rows: Samples, weights: Array) -> Samples:
+    """Rows, columns and torque times √w.
+
+    Args:
+        rows: N samples with explicit rows of the regressor.
+        weights: w, (N,).
+
+    Returns:
+        Samples whose squared errors count w times.
+    """
+    root = np.sqrt(weights)[:, None]
+    base = None if rows.base is None else rows.base * root[:, :, None]
+    columns = rows.columns * root[:, :, None]
+    return replace(rows, tau=rows.tau * root, columns=columns, base=base)
+
+
+def _sizes(base: Array, block: Array) -> Array:
+    """Size of the regressor's rows in every block, the largest of all joints, over the quantile."""
+    usual = np.median(np.abs(base), axis=0)
+    usual = np.where(usual > 0, usual, np.sqrt(np.mean(base**2, axis=0)))
+    unit = base / np.where(usual > 0, usual, 1.0)
+    sizes = np.sqrt(_block_mean(np.sum(unit**2, axis=2), block))
+    high = np.quantile(sizes, 0.9, axis=0)
+    return np.asarray((sizes / np.where(high > 0, high, 1.0)).max(axis=1).clip(1e-9))
+
+
+def _residual(lib: Library, rows: Samples, part: Samples, weights: Array) -> Array:
+    """Residual of all rows for the least squares of some of them."""
+    triangle = reference_triangle(lib, part, weights, None)
+    s = from_triangle(triangle, float(len(part)), lib.base_matrix, "")
+    matrix, lengths = s.unit_columns()
+    x = np.linalg.lstsq(matrix, s.target, rcond=1e-9)[0] / lengths
+    rigid = rows.base_rigid(lib, x[: s.n_base])
+    phi = x[s.n_base :].reshape(rows.columns.shape[1:])
+    return rows.tau - rigid - (rows.friction(phi) if phi.size else 0.0)
+
+
+def _block_mean(values: Array, block: Array) -> Array:
+    """Mean of the rows (N, m) of every block, (blocks, m)."""
+    count = np.bincount(block)
+    sums = [np.bincount(block, column) for column in values.T]
+    return np.stack(sums, axis=1) / count[:, None]

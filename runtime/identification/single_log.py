@@ -51,7 +51,7 @@ def identify(
         progress: called by methods that iterate, with iteration and best validation loss.
         **keywords: single fields of `Settings`, which replace those of `settings`: method, preset,
             prior, preparation, splitting, friction_columns, validation, test, lam0, controller,
-            seed, certify, refit, robust.
+            seed, certify, refit, robust, friction_prior.
 
     Returns:
         Parameters in SI units with their errors, certificates and prepared data.

@@ -15,6 +15,7 @@ from defusedxml.ElementTree import fromstring
 from runtime.errors import ExportError
 from runtime.library import Library
 from runtime.outputs.model_files import EXPORT_FORMATS, IdentifiedModel, export, export_model
+from runtime.outputs.model_files.drives import KEYS, Drives
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model, random_states
 from tests.runtime.exporting import perturbed
@@ -29,6 +30,14 @@ def friction_of(lib: Library) -> np.ndarray:
     return phi
 
 
+def drives_of_arm(lib: Library) -> Drives:
+    """Drives with a delay and undetermined biases; gains are unknown, so that MJCF has motors."""
+    n = lib.n_joints
+    known, unknown = tuple(0.1 * (k + 1) for k in range(n)), (None,) * n
+    values = {key: unknown if key == "encoder_bias" else known for key in KEYS}
+    return Drives(lib.joint_names, values, values, known, known, unknown, unknown)
+
+
 def exported(lib: Library, folder: Path, *kinds: str) -> dict[str, tuple[str, str]]:
     """Kind → text of the file and the sentence; every file must have been verified."""
     done = export_model(
@@ -38,6 +47,7 @@ def exported(lib: Library, folder: Path, *kinds: str) -> dict[str, tuple[str, st
         folder,
         terms=TERMS,
         phi=friction_of(lib),
+        drives=drives_of_arm(lib),
     )
     assert [(each.kind, each.sentence[:9]) for each in done] == [
         (each.kind, "verified:") for each in done
@@ -170,12 +180,12 @@ def test_without_an_engine_the_file_is_left_unchecked(
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
     done = export_model(arm, perturbed(arm), tuple(EXPORT_FORMATS), tmp_path, terms=TERMS,
-                        phi=friction_of(arm))  # fmt: skip
+                        phi=friction_of(arm), drives=drives_of_arm(arm))  # fmt: skip
     needs = {
         "pinocchio": {"urdf", "inertials", "friction"},
         "mujoco": {"mjcf"},
         "pydrake": {"sdf"},
-        "yaml": {"inertials", "friction"},
+        "yaml": {"inertials", "friction", "actuators"},
     }
     unchecked = {each.kind for each in done if "not checked" in each.sentence}
     assert unchecked == needs[module]

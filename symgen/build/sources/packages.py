@@ -31,8 +31,8 @@ class Packages:
         for root in self._roots():
             if root.name == name and root.is_dir():
                 return root
-            for found in _packages_below(root, name, _DEPTH):
-                return found
+            for match in _packages_below(root, name, _DEPTH):
+                return match
         for prefix in _listed("AMENT_PREFIX_PATH"):
             if (prefix / "share" / name).is_dir():
                 return prefix / "share" / name

@@ -72,5 +72,5 @@ def _example_robots() -> list[Path]:
         recorded = files("example-robot-data") or []
     except PackageNotFoundError:
         return []
-    found = [Path(str(f.locate())) for f in recorded if _ROBOTS in str(f) and f.suffix == ".urdf"]
-    return sorted(path for path in found if path.is_file())
+    paths = [Path(str(f.locate())) for f in recorded if _ROBOTS in str(f) and f.suffix == ".urdf"]
+    return sorted(path for path in paths if path.is_file())

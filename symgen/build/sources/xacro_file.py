@@ -34,7 +34,7 @@ def expanded(path: Path, arguments: Mapping[str, str], packages: Packages) -> st
     if not path.is_file():
         raise BuildError(f"cannot read the xacro file '{path}': there is no such file")
     try:
-        with _found_in(packages):
+        with _packages_from(packages):
             return str(xacro.process_file(str(path), mappings=dict(arguments)).toxml())
     except SymgenError:
         raise
@@ -48,7 +48,7 @@ def expanded(path: Path, arguments: Mapping[str, str], packages: Packages) -> st
 
 
 @contextmanager
-def _found_in(packages: Packages) -> Iterator[None]:
+def _packages_from(packages: Packages) -> Iterator[None]:
     """Resolve $(find PACKAGE) by `packages` instead of the index of a ROS installation."""
     module: Any = import_module("xacro.substitution_args")
     usual = module._eval_find

@@ -90,6 +90,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     "Use a result": (
         Command("evaluate", RUN, "Evaluate an identified model on another log."),
         Command("observe", RUN, "Compute the external torque of a log and find contacts."),
+        Command("watch", RUN, "Test whether a robot has changed since its model was identified."),
         Command("sample", RUN, "Draw models from the posterior of an identification."),
         Command("export", RUN, "Export an identified model to simulators and controllers."),
         Command("report", RUN, "Write the results of a folder as one HTML page."),

@@ -13,7 +13,17 @@ from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
 
 COMMANDS = (
-    *("inspect", "identify", "compare", "payload", "gains", "evaluate", "observe", "sample"),
+    *(
+        "inspect",
+        "identify",
+        "compare",
+        "payload",
+        "gains",
+        "evaluate",
+        "observe",
+        "sample",
+        "watch",
+    ),
     *(
         "export",
         "excite",

@@ -3,7 +3,7 @@
 Robots are drawn about the FR3's URDF; the observer watches the virtual FR3 of `runtime.simulation`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,13 +16,17 @@ from runtime.identification.posterior_file import Posterior, read_posterior
 from runtime.identification.result_file import write_result
 from runtime.identification.saved_result import SavedResult, read_result
 from runtime.library import Library
+from runtime.monitoring.drift import verdict_of
 from runtime.monitoring.false_alarms import AlarmRate, alarm_rate
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
 from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
 from runtime.monitoring.posterior_draws import draw_models
 from runtime.recording import Friction, Preparation
+from runtime.recording.preprocessing import prepare
 from runtime.simulation import Plant, ideal
+from runtime.simulation.box_payload import Box
+from runtime.simulation.settings import settings_of
 from runtime.simulation.virtual_robot import perturbed, record
 
 Array = NDArray[np.float64]
@@ -167,3 +171,66 @@ def pushed(lib: Library, detector: Detector, data: Recording, turn: int) -> list
         (j, any(c.number == j and 0 <= c.time_s - start <= WITHIN_S for c in seen.contacts))
         for start, j in zip(starts, joints, strict=True)
     ]
+
+
+CHANGES = ("sensor gain", "payload", "friction", "clock", "model")
+
+
+def weeks(
+    lib: Library, designs: tuple[Trajectory, ...], count: int, level: float
+) -> dict[str, tuple[int, int, int]]:
+    """Verdicts on logs of the virtual FR3 with and without a change.
+
+    Args:
+        lib: the FR3.
+        designs: training motion, and that of the later logs.
+        count: number of logs per change.
+        level: size of the changes relative to gain +5 %, tool +0.2 kg, friction +20 %, delay 5 ms.
+
+    Returns:
+        Change, "" for none → logs, logs with a change, logs whose group is right.
+    """
+    log = record(lib, designs[0], seed=0).recording
+    result = identify(log, lib, preparation=FILTERED, friction_columns=OF_ARM)
+    with TemporaryDirectory() as folder:
+        known = saved_of(lib, result, Path(folder))
+        sigma = read_held_out(Path(folder), model_of(known.saved, lib)).rest.std(axis=0)
+    root = known.posterior.root(lib)
+    counts = {}
+    for change in ("", *CHANGES):
+        seen = right = 0
+        for week in range(count):
+            later = changed_log(lib, designs[week % 2], change, level, week)
+            prepared = prepare(later, FILTERED, known.saved.friction, lib=lib)
+            verdict = verdict_of(lib, known.saved, root, sigma, prepared)
+            seen += verdict.changed
+            right += verdict.changed and verdict.best.group == change
+        counts[change] = count, seen, right
+    return counts
+
+
+def changed_log(
+    lib: Library, design: Trajectory, change: str, level: float, week: int
+) -> Recording:
+    """Log of one week after a change of the virtual FR3."""
+    usual = settings_of(lib)
+    settings, truth, payload = usual, 0, None
+    if change == "friction":
+        more = 1 + 0.2 * level
+        friction = usual.friction
+        friction = replace(
+            friction, coulomb=more * friction.coulomb, viscous=more * friction.viscous
+        )
+        settings = replace(usual, friction=friction)
+    if change == "payload":
+        payload = Box(0.2 * level, (0.0, 0.0, 0.17), (0.05, 0.05, 0.05), "fr3_link7")
+    if change == "model":
+        settings, truth = replace(usual, spread=usual.spread * 2 * level), 100 + week
+    log = record(lib, design, settings, seed=week + 1, truth_seed=truth, payload=payload).recording
+    tau = np.array(log.tau)
+    if change == "sensor gain":
+        tau[:, week % lib.n_joints] *= 1 + 0.05 * level
+    if change == "clock":
+        late = log.t - 0.005 * level
+        tau = np.stack([np.interp(late, log.t, row) for row in tau.T], axis=1)
+    return log.replace(tau=tau)

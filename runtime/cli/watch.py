@@ -1,0 +1,151 @@
+"""`symgen watch`."""
+
+import dataclasses
+import hashlib
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from runtime.cli.common import console, say
+from runtime.cli.log_options import Recipe
+from runtime.cli.robot import Yes, open_robot
+from runtime.files import bytes_of
+from runtime.identification.posterior_file import read_posterior
+from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.library import Library
+from runtime.monitoring.drift import ALPHA, Change, Verdict, verdict_of
+from runtime.monitoring.history import append_history, read_history
+from runtime.monitoring.model import model_of
+from runtime.monitoring.noise import read_held_out
+from runtime.recording import Preparation, Recording, read_recording
+from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.plausibility import require_plausible
+from runtime.recording.preprocessing import prepare
+
+SHOWN = 5
+"""Hypotheses that are printed per log."""
+
+
+def watch_command(
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Folder written by identify.")],
+    logs: Annotated[list[str], typer.Argument(metavar="LOG…", help="Later logs of the robot.")],
+    robot: Annotated[
+        str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
+    ] = None,
+    yes: Yes = False,
+    recipe: Recipe = None,
+    history: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Append the verdicts to a history, one JSON object per line."
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
+) -> None:
+    r"""Test whether a robot has changed since its model was identified.
+
+    Tested are the gain and the bias of every torque sensor, friction, every link, a body on the
+    tip, all links together, and a delay of the torque. Residuals count by their effective sample
+    size, the uncertainty of the model is included, and p-values are corrected for the number of
+    tests.
+
+    \b
+    symgen watch results/arm monday.csv
+    symgen watch results/arm monday.csv tuesday.csv --history results/arm/history.jsonl
+
+    The exit code is 1 where a log shows a change (p below 0.01), else 0.
+    """
+    saved = read_result(result)
+    lib = open_robot(robot or saved.robot, yes)
+    notes = require_model(saved, lib, result)
+    root = read_posterior(result, saved, lib).root(lib)
+    sigma = np.sqrt(np.mean(read_held_out(result, model_of(saved, lib)).rest ** 2, axis=0))
+    if history is not None:
+        read_history(history)  # before any work
+    recordings = [_read(lib, saved, log, recipe) for log in logs]
+    verdicts = [verdict_of(lib, saved, root, sigma, each) for each in recordings]
+    entries = [_facts(verdict) for verdict in verdicts]
+    if history is not None:
+        marks = _marks(result, lib)
+        append_history(
+            history,
+            [
+                marks | {"log_sha256": dict(log.source)} | facts
+                for log, facts in zip(recordings, entries, strict=True)
+            ],
+        )
+    worst = min(range(len(entries)), key=lambda k: entries[k]["p_value"])
+    if as_json:
+        many = {"logs": entries} if len(entries) > 1 else {}
+        facts = entries[worst] | many | {"notes": list(notes)}
+        print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))
+    else:
+        for verdict in verdicts:
+            _show(verdict)
+        for note in notes:
+            say(f"note: {note}")
+    if any(verdict.changed for verdict in verdicts):
+        raise typer.Exit(1)
+
+
+def _read(lib: Library, saved: SavedResult, log: str, recipe: str | None) -> Recording:
+    """The log, prepared as that of the result unless its recipe states a preparation."""
+    recording = independent_joints(read_recording(log, recipe, None, lib.joint_names), lib)
+    require_plausible(recording, lib)
+    steps = recording.preparation
+    if steps == Preparation():
+        steps = saved.preparation
+    steps = dataclasses.replace(steps, regressor="acceleration")
+    name = recording.name or Path(log).stem
+    return prepare(recording, steps, saved.friction, lib=lib).replace(name=name)
+
+
+def _facts(verdict: Verdict) -> dict[str, Any]:
+    best = verdict.best
+    return {
+        "log": verdict.log,
+        "changed": verdict.changed,
+        "group": best.group if verdict.changed else None,
+        "where": best.where if verdict.changed else None,
+        "size": best.size if verdict.changed else None,
+        "interval": list(best.interval) if verdict.changed and best.interval else None,
+        "unit": best.unit if verdict.changed else None,
+        "p_value": verdict.p_value,
+        "alpha": ALPHA,
+        "n_eff": verdict.n_eff,
+        "torque_error_percent": verdict.error,
+        "sentence": verdict.sentence(),
+        "tests": [_test_facts(test) for test in verdict.tests[:SHOWN]],
+    }
+
+
+def _test_facts(test: Change) -> dict[str, Any]:
+    keys = ("group", "where", "size", "unit", "p_value", "freedom", "score")
+    return {key: getattr(test, key) for key in keys}
+
+
+def _marks(result: Path, lib: Library) -> dict[str, Any]:
+    """When and with which model a check was made."""
+    file = result / "result.json" if result.is_dir() else result
+    return {
+        "checked": datetime.now(UTC).isoformat(timespec="seconds"),
+        "result_sha256": hashlib.sha256(bytes_of(file)).hexdigest(),
+        "model_hash": lib.manifest.model_hash,
+    }
+
+
+def _show(verdict: Verdict) -> None:
+    say(verdict.sentence())
+    table = Table("part", "where", title="best explanations of the residual")
+    for head in ("size", "unit", "p, single test", "score"):
+        table.add_column(head, justify="right")
+    for test in verdict.tests[:SHOWN]:
+        size = "" if test.size is None else f"{test.size:+.3g}"
+        row = (test.group, test.where or "robot", size, test.unit)
+        table.add_row(*row, f"{test.p_value:.1e}", f"{test.score:.1f}")
+    console.print(table)

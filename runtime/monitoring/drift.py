@@ -1,0 +1,187 @@
+"""Has a robot changed since its model was made? Tests of single parts, with their number counted.
+
+For a hypothesis with the orthonormal columns Q of C_h over the noise, and residual e,
+
+    z = Qᵀ e,   cov z = S 1 + Qᵀ F L Lᵀ Fᵀ Q,   χ² = zᵀ (cov z)⁻¹ z
+
+S is the density of the noise that the hypothesis leaves at the frequencies of its columns
+(`coloured_noise`), errors of the model included; F L is the posterior of the model in the rows of
+the log. The part is named by the likelihood with unknown noise per joint,
+
+    N_eff Σ_j log(‖e_j‖² / ‖e_j − C_h x‖²) − k log N_eff + 2 log prior          (Schwarz 1978)
+
+and the p-value of that hypothesis is multiplied by the number of hypotheses (Bonferroni).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.estimators.regression.residuals import weights_from
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import torque_of
+from runtime.identification.saved_result import SavedResult
+from runtime.library import Array, Library
+from runtime.monitoring.hypotheses import Hypothesis, hypotheses
+from runtime.monitoring.model import model_of
+from runtime.recording import Recording
+
+ALPHA = 0.01
+"""Corrected p-value below which a robot counts as changed."""
+RANK = 1e-6
+"""Singular value of unit columns, relative to the largest, below which a direction is absent."""
+MOST_ROWS = 4000
+"""Rows of a log that are tested, evenly spread."""
+NORMAL_95 = 1.959964
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """Test of one hypothesis.
+
+    Attributes:
+        group: part of the robot.
+        where: joint or link; "" for the whole robot.
+        chi2: test statistic.
+        freedom: k, number of determined coefficients.
+        p_value: of the hypothesis alone.
+        score: criterion by which the part is named.
+        size: estimated change, in `unit`; None where there is no single number.
+        interval: its 95 % interval.
+        unit: of the size.
+    """
+
+    group: str
+    where: str
+    chi2: float
+    freedom: int
+    p_value: float
+    score: float
+    size: float | None
+    interval: tuple[float, float] | None
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a robot has changed, by one log.
+
+    Attributes:
+        log: name of it.
+        changed: corrected p-value below `ALPHA`.
+        best: the hypothesis that explains the log best.
+        p_value: of it, corrected for the number of hypotheses.
+        n_eff: effective number of samples.
+        error: torque error of the model on the log, overall in %.
+        tests: all hypotheses, the best first.
+    """
+
+    log: str
+    changed: bool
+    best: Change
+    p_value: float
+    n_eff: float
+    error: float
+    tests: tuple[Change, ...]
+
+    def sentence(self) -> str:
+        """One sentence that names the part and the size."""
+        if not self.changed:
+            return (
+                f"{self.log}: no change; the torque error of {self.error:.2g} % is within what the "
+                f"model and {self.n_eff:.0f} independent samples allow (p = {self.p_value:.2g})"
+            )
+        best = self.best
+        place = f" of {best.where}" if best.where else ""
+        size = ""
+        if best.size is not None and best.interval is not None:
+            low, high = best.interval
+            size = f" by {best.size:+.3g} {best.unit} (95 %: {low:+.3g} to {high:+.3g})"
+        return f"{self.log}: {best.group}{place} changed{size} (p = {self.p_value:.2g})"
+
+
+def verdict_of(
+    lib: Library, saved: SavedResult, root: Array, sigma: Array, recording: Recording
+) -> Verdict:
+    """Test whether a log is that of the robot of a result.
+
+    Args:
+        lib: library of the robot.
+        saved: the result.
+        root: root of the covariance of [β; φ] of it, (p, columns).
+        sigma: RMS of the residuals of its test part, (n,) [N·m, N].
+        recording: log, prepared as that of the result, with its friction columns.
+
+    Returns:
+        The verdict.
+
+    Raises:
+        IdentificationError: the recording is incomplete.
+    """
+    step = max(1, -(-len(recording) // MOST_ROWS))
+    recording = recording.take(slice(None, None, step), "Thinned.") if step > 1 else recording
+    samples = samples_of(recording, lib)
+    model = model_of(saved, lib)
+    tau = torque_of(lib, samples, saved.pi, saved.phi, saved.net)
+    rest = samples.tau - tau
+    over = np.sqrt(weights_from(sigma, samples.tau))
+    e = rest * over
+    known = np.concatenate([samples.base_rows(lib), samples.friction_rows()], axis=2)
+    spread = (known * over[:, None]) @ root
+    # Noise of what all columns of the model leave, whatever has changed.
+    coloured = coloured_noise_of_rows(known * over[:, None], e)
+    n_eff = len(e) / max(coloured.inflation, 1.0)
+    tests = [
+        _tested(each, e, over, spread, n_eff)
+        for each in hypotheses(lib, model, saved.pi, recording.t, samples)
+    ]
+    ranked = tuple(sorted(tests, key=lambda test: -test.score))
+    p_value = min(1.0, ranked[0].p_value * len(tests))
+    error = 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(samples.tau)), 1e-300)
+    return Verdict(
+        recording.name or "log",
+        p_value < ALPHA,
+        ranked[0],
+        p_value,
+        n_eff,
+        error,
+        ranked,
+    )
+
+
+def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff: float) -> Change:
+    """χ² of a hypothesis, with residuals e and posterior rows over the noise."""
+    from scipy.special import chdtrc
+
+    columns = hypothesis.columns * over[:, None]
+    coloured = coloured_noise_of_rows(columns, e)
+    flat = columns.reshape(e.size, -1)
+    lengths = np.linalg.norm(flat, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    q, sizes, turn = np.linalg.svd(flat / lengths, full_matrices=False)
+    kept = sizes > RANK * sizes[0]
+    q, sizes, turn = q[:, kept], sizes[kept], turn[kept]
+    z = q.T @ e.ravel()
+    model = q.T @ spread.reshape(e.size, -1)
+    covariance = max(coloured.density, 1e-300) * np.eye(len(z)) + model @ model.T
+    chi2 = float(z @ np.linalg.solve(covariance, z))
+    # The first coefficient: a mass, a relative change, a bias or a delay.
+    first = turn[:, 0] / (sizes * lengths[0])
+    size = float(first @ z) * hypothesis.scale
+    half = NORMAL_95 * float(np.sqrt(first @ covariance @ first)) * hypothesis.scale
+    k = len(z)
+    left = e - (q @ z).reshape(e.shape)
+    before, after = (np.sum(values**2, axis=0) + 1e-300 for values in (e, left))
+    gained = n_eff * float(np.sum(np.log(before / after)))
+    return Change(
+        hypothesis.group,
+        hypothesis.where,
+        chi2,
+        k,
+        float(chdtrc(k, chi2)),
+        gained - k * float(np.log(max(n_eff, np.e))) + 2 * float(np.log(hypothesis.prior)),
+        size if hypothesis.unit else None,
+        (size - half, size + half) if hypothesis.unit else None,
+        hypothesis.unit,
+    )

@@ -1,0 +1,137 @@
+"""Drift watch: what was changed is named with its size, and nothing where nothing was."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Recording, identify, write_recording
+from runtime.excitation import Trajectory
+from runtime.identification.result_file import write_result
+from runtime.library import Library
+from runtime.recording import Friction, Preparation
+from runtime.simulation import Plant, ideal
+from runtime.simulation.box_payload import Box
+from runtime.simulation.virtual_robot import perturbed
+from tests.runtime.conftest import Command
+
+FRICTION = {"viscous": 0.5, "coulomb": 0.3}
+NOISE = 0.05
+
+
+@pytest.fixture(scope="module")
+def arm(
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Path:
+    """A simulated arm, identified from one motion."""
+    plant = Plant(pi_true, **FRICTION, torque_noise=NOISE)
+    log = ideal(lib, trajectories[0], plant, rng=np.random.default_rng(1))
+    terms = Friction(("viscous", "coulomb", "offset"), 0.03)
+    folder = tmp_path_factory.mktemp("arm")
+    result = identify(log, lib, friction_columns=terms, preparation=Preparation())
+    write_result(result, folder, "test")
+    return folder
+
+
+def later_log(
+    lib: Library, trajectory: Trajectory, pi: np.ndarray, change: str, seed: int = 2
+) -> Recording:
+    """Another motion of the arm after a change."""
+    friction = {
+        key: 1.2 * value if change == "friction" else value for key, value in FRICTION.items()
+    }
+    if change == "payload":
+        pi = pi + Box(0.2, (0.0, 0.0, 0.1), (0.05,) * 3, "fr3_link7").pi(lib)
+    if change == "model":
+        pi = perturbed(lib, pi, 0.1, np.random.default_rng(3))
+    log = ideal(
+        lib, trajectory, Plant(pi, **friction, torque_noise=NOISE), rng=np.random.default_rng(seed)
+    )
+    tau = log.tau.copy()
+    if change == "sensor gain":
+        tau[:, 2] *= 1.05
+    if change == "sensor bias":
+        tau[:, 4] += 0.1
+    if change == "clock":
+        tau = np.stack([np.interp(log.t - 0.005, log.t, row) for row in tau.T], axis=1)
+    return log.replace(tau=tau)
+
+
+CASES = {
+    "sensor gain": ("fr3_joint3", 5.0, 0.7),
+    "sensor bias": ("fr3_joint5", 0.1, 0.02),
+    "friction": ("", 20.0, 6.0),
+    "payload": ("fr3_link7", 0.2, 0.02),
+    "clock": ("", 5.0, 0.8),
+    "model": ("", None, 0.0),
+}
+"""Group → place, size that is injected, and four standard deviations of its estimate."""
+
+
+@pytest.mark.parametrize("group", CASES)
+def test_a_change_is_named(
+    group: str,
+    command: Command,
+    arm: Path,
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    """Oracle: group, place and size of a change that we make; exit code 1."""
+    write_recording(later_log(lib, trajectories[1], pi_true, group), tmp_path / "later.csv")
+    ran = command("watch", arm, "later.csv", "--json")
+    assert ran.code == 1, ran.err
+    facts = json.loads(ran.out)
+    where, size, tolerance = CASES[group]
+    assert (facts["changed"], facts["group"], facts["where"]) == (True, group, where)
+    assert facts["p_value"] < 0.01
+    if size is not None:
+        assert facts["size"] == pytest.approx(size, abs=tolerance)
+        assert facts["interval"][0] < facts["size"] < facts["interval"][1]
+
+
+def test_nothing_is_named_where_nothing_changed(
+    command: Command,
+    arm: Path,
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    """Property: six logs without a change, exit code 0; the history is only appended to."""
+    names = []
+    for k in range(6):
+        log = later_log(lib, trajectories[1 + k % 2], pi_true, "", seed=10 + k)
+        write_recording(log, tmp_path / f"{k}.csv")
+        names.append(f"{k}.csv")
+    ran = command("watch", arm, *names, "--json", "--history", "h.jsonl")
+    assert ran.code == 0, ran.out
+    facts = json.loads(ran.out)
+    assert facts["changed"] is False
+    assert facts["group"] is None
+    assert len(facts["logs"]) == 6
+    before = (tmp_path / "h.jsonl").read_text()
+    entries = [json.loads(line) for line in before.splitlines()]
+    assert len(entries) == 6
+    assert entries[0]["model_hash"] == lib.manifest.model_hash
+    assert len(entries[0]["log_sha256"]["0.csv"]) == 64
+    assert command("watch", arm, names[0], "--history", "h.jsonl").code == 0
+    after = (tmp_path / "h.jsonl").read_text()
+    assert after.startswith(before)
+    assert len(after.splitlines()) == 7
+
+
+def test_a_file_that_is_no_history_stays(
+    command: Command, arm: Path, log: Path, tmp_path: Path
+) -> None:
+    """Property: exit code 2, one sentence, the file unchanged."""
+    (tmp_path / "mine.txt").write_text("mine\n")
+    ran = command("watch", arm, log, "--history", "mine.txt")
+    assert ran.code == 2
+    assert "--history" in ran.err
+    assert (tmp_path / "mine.txt").read_text() == "mine\n"

@@ -17,6 +17,7 @@ from runtime.cli.certificate_table import (
     table_height,
 )
 from runtime.cli.common import Robot, Seed, console, numbers_option, say, sentences_of
+from runtime.cli.design_defaults import HARMONICS_HELP, MARGIN_HELP, harmonics_of, margin_of
 from runtime.cli.motion_output import (
     at_speed,
     export_stages,
@@ -50,8 +51,6 @@ STARTS_FOR_PROCESSES = {True: 10, False: 4}
 A process takes two seconds to begin, as long as one start with all limits; a start in document mode
 takes a third of that.
 """
-EXPORT_MARGIN = 0.95
-"""Default share of the limits that an exported motion uses."""
 ROWS = 1000.0
 """Default rate of the sampled motion, Hz."""
 
@@ -60,7 +59,7 @@ def excite_command(
     robot: Robot = "fr3",
     yes: Yes = False,
     duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0,
-    harmonics: Annotated[int, typer.Option(help="Number M of harmonics or splines per joint.")] = 5,
+    harmonics: Annotated[int | None, typer.Option(help=HARMONICS_HELP)] = None,
     starts: Annotated[int, typer.Option(help="Number of searches, each from a random start.")] = 5,
     processes: Annotated[
         int | None,
@@ -183,14 +182,7 @@ def excite_command(
     torque_fraction: Annotated[
         float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
     ] = 0.95,
-    margin: Annotated[
-        float | None,
-        typer.Option(
-            help="Share of every limit that the motion may use, 0 to 1; distances and the box have "
-            f"margins in m. Default {EXPORT_MARGIN:g} with --export, which leaves the rest to the "
-            "robot's controller, else 1.",
-        ),
-    ] = None,
+    margin: Annotated[float | None, typer.Option(help=MARGIN_HELP)] = None,
     viscous: Annotated[
         str | None,
         typer.Option(
@@ -262,7 +254,7 @@ def excite_command(
     if formats:
         require_consent(unchecked_limits(lib, safety), accepted)  # before the search, too
     side_by_side = cores() if starts >= STARTS_FOR_PROCESSES[document] else 1
-    used = margin if margin is not None else EXPORT_MARGIN if formats else 1.0
+    used = margin_of(margin, bool(formats))
     speeds = stage_speeds(duration, speed or [100.0])
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
     with Progress(console=console, transient=True) as progress:
@@ -277,7 +269,7 @@ def excite_command(
             lib,
             DesignSettings(
                 duration=duration,
-                harmonics=harmonics,
+                harmonics=harmonics_of(harmonics, document),
                 starts=starts,
                 seed=seed,
                 criterion=wanted,

@@ -1,0 +1,244 @@
+"""Designs of `scripts/bench_excitation --designs`: what `identify` makes of their logs.
+
+ideal     exact motion, friction of the columns that are fitted, white torque noise: the real
+error of other motions' torque against what `predict` expects
+MuJoCo    virtual arms with friction beyond the columns, gains, delays, a controller: the real
+error, and what `predict` expects from the residuals of the log
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from bench import grid
+from bench.compiled import BenchError
+from bench.machine import processor
+from runtime.excitation import Safety, Trajectory, design, information
+from runtime.excitation.search.information import FRICTION
+from runtime.excitation.search.unseen_motions import unseen_joints
+from runtime.identification.expected_accuracy import (
+    Knowledge,
+    MotionSamples,
+    expected,
+    motion_samples_of,
+    noise_of,
+    planned_recording,
+)
+from runtime.identification.single_log import identify
+from runtime.library import Array, Library
+from runtime.recording import Friction, Preparation, Recording
+from runtime.simulation import Plant, ideal, perturbed_lam, record, sample_times
+
+NOISE, RATE, SPREAD = 0.05, 100.0, 0.05
+"""Torque noise, N·m, rate, Hz, and relative error of the URDF's λ on ideal arms."""
+PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=RATE)
+"""Of the logs of virtual arms, which have 1 kHz."""
+TERMS = Friction()
+PLANT = {"viscous": 0.3, "coulomb": 0.5, "offset": 0.1, "coulomb_speed": TERMS.coulomb_speed}
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A design: number of harmonics, duration [s], and whether friction is counted."""
+
+    harmonics: int
+    duration: float
+    friction: tuple[str, ...]
+
+
+SHAPES = (
+    Shape(5, 10.0, ()),
+    Shape(5, 10.0, FRICTION),
+    Shape(8, 10.0, FRICTION),
+    Shape(10, 10.0, FRICTION),
+    Shape(8, 20.0, ()),
+    Shape(8, 20.0, FRICTION),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Errors of one design; errors are of the torque of other motions, all joints, N·m.
+
+    Attributes:
+        condition: of its base regressor.
+        expected: of `predict`, with friction.
+        ideal: real error of ideal arms, RMS.
+        virtual: real error of virtual arms, RMS.
+        from_residuals: of `predict` with the residuals of the virtual arms' logs, RMS.
+        cpu: seconds of the design.
+    """
+
+    shape: Shape
+    condition: float
+    expected: float
+    ideal: float
+    virtual: float
+    from_residuals: float
+    cpu: float
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Measurements of one run."""
+
+    robot: str
+    processor: str
+    starts: int
+    draws: int
+    arms: int
+    rows: tuple[Row, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON-ready values."""
+        return asdict(self)
+
+
+def measure(
+    lib: Library,
+    shapes: tuple[Shape, ...],
+    starts: int,
+    draws: int,
+    arms: int,
+    seed: int,
+    say: Callable[[str], None],
+) -> Report:
+    """Design, record and identify.
+
+    Args:
+        lib: of the robot.
+        shapes: designs.
+        starts: of every design.
+        draws: number of ideal arms.
+        arms: number of virtual arms.
+        seed: of the starts; arms have the seeds 0, 1, ….
+        say: is called with a line of progress.
+
+    Returns:
+        The measurements.
+    """
+    rows = []
+    for shape in shapes:
+        row = _row(lib, shape, starts, draws, arms, seed)
+        say(f"M {shape.harmonics}, {shape.duration:g} s: {1e3 * row.virtual:.0f} mN·m")
+        rows.append(row)
+    return Report(lib.name, processor(), starts, draws, arms, tuple(rows))
+
+
+def _row(lib: Library, shape: Shape, starts: int, draws: int, arms: int, seed: int) -> Row:
+    start = time.process_time()
+    result = design(
+        lib,
+        duration=shape.duration,
+        harmonics=shape.harmonics,
+        starts=starts,
+        seed=seed,
+        criterion="mixed",
+        information=information(lib, NOISE, RATE, friction=shape.friction),
+        safety=Safety(table=0.0),
+    )
+    cpu, motion = time.process_time() - start, result.trajectory
+    joints = unseen_joints(lib, lib.home)
+    t = sample_times(motion.duration, RATE)
+    planned = motion_samples_of(planned_recording(motion, t, lib, "planned"), lib, None, TERMS)
+    promised = _promised(lib, planned, np.full(lib.n_joints, NOISE), joints)
+    errors = [_ideal(lib, motion, each, joints) for each in range(draws)]
+    virtual = np.array([_virtual(lib, motion, each, joints) for each in range(arms)])
+    real, residual = np.sqrt(np.mean(virtual**2, axis=0))
+    return Row(shape, result.condition, promised, _rms(errors), real, residual, cpu)
+
+
+def _ideal(lib: Library, motion: Trajectory, seed: int, joints: Array) -> float:
+    rng = np.random.default_rng(seed)
+    pi = lib.pi_from_lam(perturbed_lam(lib, SPREAD, rng))
+    log = ideal(lib, motion, Plant(pi, torque_noise=NOISE, **PLANT), RATE, rng)
+    return _error(lib, log, None, pi, joints)
+
+
+def _virtual(lib: Library, motion: Trajectory, seed: int, joints: Array) -> tuple[float, float]:
+    """Real and expected error on the virtual arm with this seed."""
+    log = record(lib, motion, seed=seed, truth_seed=seed)
+    real = _error(lib, log.recording, PREPARATION, log.truth.pi, joints)
+    moved = motion_samples_of(log.recording, lib, PREPARATION, TERMS)
+    noise = noise_of(lib, moved)
+    if noise is None:
+        raise BenchError(f"the log of virtual arm {seed} has no noise")
+    known = replace(Knowledge.of(lib), pi=noise.pi)
+    return real, _promised(lib, moved, noise.sigma, joints, known, noise.inflation)
+
+
+def _error(
+    lib: Library, log: Recording, preparation: Preparation | None, pi: Array, joints: Array
+) -> float:
+    """Error of the torque of other motions by the default method, fitted to all rows."""
+    result = identify(
+        log,
+        lib,
+        preparation=preparation,
+        friction_columns=TERMS,
+        refit=True,
+        certify=False,
+    )
+    wrong = result.beta - lib.base_matrix @ pi
+    return float(np.sqrt(np.einsum("k,jkl,l->", wrong, joints, wrong)))
+
+
+def _promised(
+    lib: Library,
+    moved: MotionSamples,
+    sigma: Array,
+    joints: Array,
+    known: Knowledge | None = None,
+    unit: float = 1.0,
+) -> float:
+    statistics = moved.statistics(lib, sigma)
+    sigmas = expected(lib, statistics, known or Knowledge.of(lib), unit, moved.columns)
+    return float(np.linalg.norm(sigmas.torque(lib, joints)))
+
+
+def _rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+_HEAD = (
+    *("M", "t_f s", "friction counted", "cond", "expected V", "real, ideal", "expected / real"),
+    *("real, MuJoCo", "by residuals", "real / by residuals", "CPU s"),
+)
+
+
+def table(report: Report) -> Table:
+    """One line per design."""
+    title = f"{report.robot}: designs and what identify makes of them, {report.processor}"
+    caption = (
+        f"Criterion mixed, all limits and a table, best of {report.starts} starts. Errors: RMS "
+        f"torque error on unseen motions, mN·m, over {report.draws} ideal and {report.arms} "
+        "virtual arms. Expected and by residuals: what predict states of the planned motion and "
+        "of the logs."
+    )
+    return grid.table(_HEAD, _lines(report), title, caption)
+
+
+def markdown(report: Report) -> str:
+    """Table as Markdown."""
+    return grid.markdown(_HEAD, _lines(report))
+
+
+def _lines(report: Report) -> Iterator[tuple[str, ...]]:
+    for row in report.rows:
+        yield (
+            str(row.shape.harmonics),
+            f"{row.shape.duration:g}",
+            "yes" if row.shape.friction else "no",
+            f"{row.condition:.2f}",
+            f"{1e3 * row.expected:.1f}",
+            f"{1e3 * row.ideal:.1f}",
+            f"{row.expected / row.ideal:.2f}",
+            f"{1e3 * row.virtual:.0f}",
+            f"{1e3 * row.from_residuals:.0f}",
+            f"{row.virtual / row.from_residuals:.2f}",
+            f"{row.cpu:.0f}",
+        )

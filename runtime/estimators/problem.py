@@ -169,6 +169,8 @@ class Fit:
         statistics: of the training samples with these weights.
         coloured_noise: of the residuals with these weights, where the method estimates it.
         net: friction beyond φ, where the method learned one.
+        unrepaired: smallest relative eigenvalue of the links before thin axes were raised; None
+            where the method raises none.
     """
 
     pi: Array
@@ -183,6 +185,7 @@ class Fit:
     statistics: Statistics | None = None
     coloured_noise: ColouredNoise | None = None
     net: FrictionNet | None = None
+    unrepaired: float | None = None
 
     def noise(self) -> tuple[Array, ColouredNoise]:
         """Diagonal of W (n,) and noise of the weighted rows, of a method that estimates both.

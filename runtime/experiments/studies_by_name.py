@@ -7,6 +7,7 @@ from runtime.errors import RuntimeFault
 from runtime.experiments.studies import (
     appendix,
     bench,
+    designs,
     excitation,
     ideal,
     logs,
@@ -23,6 +24,7 @@ STUDIES: dict[str, Study] = {
         excitation.STUDY,
         model.STUDY,
         ideal.STUDY,
+        designs.STUDY,
         sinusoid.STUDY,
         noise.STUDY,
         logs.STUDY,

@@ -66,6 +66,8 @@ class View:
         series: names in series.npz, for a figure.
         axes: labels of x and y, for a figure.
         document: id of its numbers in document_numbers.toml, where it differs from `id`.
+        spread: how a table shows several rows: std (mean ± deviation) or quartiles (median and
+            quartiles).
     """
 
     id: str
@@ -76,6 +78,7 @@ class View:
     series: tuple[str, ...] = ()
     axes: tuple[str, str] = ("", "")
     document: str = ""
+    spread: str = "std"
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,10 +19,11 @@ from runtime.experiments.study import Row
 
 CONFIGS: dict[str, dict[str, Any]] = {
     "excitation": {"starts": 3, "harmonics": 3, "duration": 4.0},
+    "designs": {"starts": 3, "harmonics": 3, "duration": 4.0, "trials": 2},
     "logs": {"repeats": 0},
     "methods": {"methods": ("map", "ols", "iv")},
 }
-TRIALS = {"excitation": 3, "logs": 6, "methods": 3}
+TRIALS = {"excitation": 3, "designs": 2, "logs": 6, "methods": 3}
 
 
 @contextmanager

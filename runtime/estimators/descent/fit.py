@@ -172,7 +172,8 @@ def fit_of(descent: Descent, outcome: Outcome) -> Fit:
     """
     lib, unit = descent.problem.lib, descent.unit
     lam, phi = descent.objective.split(outcome.x)
-    pi, notes = _thickened(lib, unit * descent.bodies(outcome.x))
+    raw = unit * descent.bodies(outcome.x)
+    pi, notes = _thickened(lib, raw)
     trace = outcome.trace
     if unit != 1:  # L in (N·m)² again
         losses = (tuple(unit**2 * np.array(row)) for row in (trace.training, trace.validation))
@@ -185,6 +186,7 @@ def fit_of(descent: Descent, outcome: Outcome) -> Fit:
         iterations=outcome.iterations,
         trace=trace,
         notes=notes,
+        unrepaired=float(lib.relative_eigenvalues(raw).min()),
     )
 
 

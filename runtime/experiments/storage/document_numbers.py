@@ -11,6 +11,8 @@ _FILE = Path(__file__).with_name("document_numbers.toml")
 def document_values(ids: Iterable[str]) -> list[dict[str, Any]]:
     """Entries {id, source, case, method, metric, mean, std} of the ids that have numbers.
 
+    A corrected number has a further `misprint`, the text that the document prints.
+
     A metric with a list of pairs is one per joint: `tau_error` gives tau_error_1, tau_error_2, …
     """
     tables = tomllib.loads(_FILE.read_text(encoding="utf-8"))
@@ -20,10 +22,12 @@ def document_values(ids: Iterable[str]) -> list[dict[str, Any]]:
         for entry in table.get("entries", ()):
             kept = {key: entry[key] for key in ("case", "method")}
             for metric, value in entry.items():
-                if metric in kept:
+                if metric in kept or metric == "misprints":
                     continue
                 for label, mean, std in _pairs(metric, value):
                     line = {"metric": label, "mean": mean, "std": std}
+                    misprint = entry.get("misprints", {}).get(label)
+                    line |= {} if misprint is None else {"misprint": misprint}
                     lines.append({"id": name, "source": table["source"], **kept, **line})
     return lines
 

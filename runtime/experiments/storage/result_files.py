@@ -17,6 +17,7 @@ from runtime.identification.result_file import versions
 from runtime.library import Array, Library
 
 RESULT, TRIALS, SERIES, CONFIG = "result.json", "trials.parquet", "series.npz", "config.json"
+QUARTILES = (0.25, 0.5, 0.75)
 _NO_FIGURE = ("case", "method", "trial", "status", "curve")
 
 
@@ -91,6 +92,7 @@ def summary(rows: Sequence[Row]) -> list[dict[str, Any]]:
             "mean": float(np.mean(numbers)),
             "std": float(np.std(numbers, ddof=1)) if len(numbers) > 1 else None,
             "n": len(numbers),
+            "quartiles": np.quantile(numbers, QUARTILES).tolist(),
         }
         for (case, method, metric), numbers in values.items()
     ]

@@ -14,7 +14,9 @@ BOTH = ("adam", "adam-frozen")
 
 def _case(sigma: float) -> Case:
     frozen = BOTH[1:] if sigma == SEVERE else ()
-    return Case(f"sigma={sigma:g}", 0.15, sigma, methods=("adam", "map", "pc-ols", *frozen))
+    return Case(
+        f"sigma={sigma:g}", 0.15, sigma, methods=("adam", "adam-zero", "map", "pc-ols", *frozen)
+    )
 
 
 CASES = {_case(sigma): f"σ = {sigma:g} N·m on the torque" for sigma in (0.01, 0.05, SEVERE)}

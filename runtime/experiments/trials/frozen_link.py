@@ -42,6 +42,8 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
     weights = np.where(np.arange(lib.n_joints) == LINK, 0.0, problem.weights)
     start = np.where(frozen, truth, problem.start)
     descent = start_of(replace(problem, weights=weights, start=start))
+    # Friction coefficients follow λ in x and are never frozen.
+    fixed = np.concatenate([frozen, np.zeros(descent.x0.size - frozen.size, dtype=bool)])
     objective, size = descent.objective, len(problem.train)
     held = TorqueObjective(lib, problem.validation, weights, objective.unit)
     rng = np.random.default_rng(problem.seed)
@@ -49,7 +51,7 @@ def fit_frozen(problem: Problem, truth: Array, preset: Preset, places: list[Arra
     def value_gradient(x: Array) -> tuple[float, Array]:
         places.append(x)
         loss, slope = objective.value_gradient(x, rng.integers(0, size, batch))
-        return loss, np.where(frozen, 0.0, slope)
+        return loss, np.where(fixed, 0.0, slope)
 
     outcome = descend_validated(
         Adam(value_gradient, preset.adam), descent.x0, held.value, preset.rule

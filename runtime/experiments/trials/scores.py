@@ -29,12 +29,14 @@ class Scorer:
     configurations: Array
     mass: Array
 
-    def row(self, pi: Array, friction: Array | None = None) -> Row:
+    def row(self, pi: Array, friction: Array | None = None, unrepaired: float | None = None) -> Row:
         """Metrics of a result: airm, frobenius, torque errors, base error, consistency.
 
         Args:
             pi: (10 n,) identified parameters.
             friction: (N, n) friction torque F φ on the test samples [N·m, N].
+            unrepaired: smallest relative eigenvalue before thin axes were raised; None where
+                nothing was raised.
 
         Returns:
             Values by name.
@@ -59,7 +61,9 @@ class Scorer:
                 "frobenius_rms": frobenius / lib.n_joints,
                 "base_error": 100 * float(np.linalg.norm(beta - truth) / np.linalg.norm(truth)),
             }
-        row |= {"consistent": bool(possible), "smallest_eigenvalue": smallest}
+        before = smallest if unrepaired is None else unrepaired
+        row |= {"consistent": bool(possible), "smallest_eigenvalue": before}
+        row["strict"] = bool(before > metrics.CONSISTENCY_TOLERANCE)
         row |= per_joint("tau_error", error.percent) | per_joint("tau_rms", error.rms)
         return row | {"tau_error": error.overall}
 

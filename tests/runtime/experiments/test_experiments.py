@@ -51,6 +51,7 @@ def test_every_id_of_the_document_has_a_result(done: Path) -> None:
     wanted = {f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)} | {"table-3.1", "tables-B"}
     wanted |= {f"fig-5.{k}" for k in (1, 2, 3, 4, 5, 7, 8)} | {f"fig-A.{k}" for k in (1, 2, 3, 4)}
     wanted |= {"fig-3.1", "fig-3.2", "fig-3.3", "fig-4.1", "excitation"}
+    wanted |= {"table-5.2-designs", "table-5.3-designs"}
     assert set(IDS) == wanted
     for name, study in STUDIES.items():
         facts = valid_result(done / name)
@@ -90,6 +91,52 @@ def test_the_ideal_case_is_the_documents(lib: Library, tmp_path: Path, command: 
     for case in ("p=0.05", "p=0.15", "p=0.25"):
         assert mean(facts, case, "lm", "airm") <= 1e-4
         assert mean(facts, case, "adam", "consistent") == 1.0
+
+
+def test_both_readings_of_the_stopping_rule_are_shown(done: Path) -> None:
+    """Property: the threshold of 2e-6 stops λ-Adam earlier; P before the repair is reported.
+
+    The document states neither the threshold nor a repair of thin links.
+    """
+    facts = valid_result(done / "ideal")
+    assert facts is not None
+    for case in ("p=0.05", "p=0.15", "p=0.25"):
+        usual, zero = (mean(facts, case, m, "iterations") for m in ("adam", "adam-zero"))
+        assert zero > usual
+    assert mean(facts, "p=0.25", "adam", "consistent") == 1.0
+    assert mean(facts, "p=0.25", "adam", "strict") < 1.0
+    (view,) = (v for v in facts["views"] if v["id"] == "table-5.2")
+    assert {"strict", "smallest_eigenvalue", "base_error"} <= set(view["metrics"])
+
+
+def test_the_view_of_the_payload_shows_the_distance_from_the_truth(done: Path) -> None:
+    """Property: AIRM and base error of every method, with friction columns for all of them."""
+    facts = valid_result(done / "bench")
+    assert facts is not None
+    for name in ("table-5.9", "table-5.10"):
+        (view,) = (v for v in facts["views"] if v["id"] == name)
+        assert {"airm", "base_error"} <= set(view["metrics"])
+    known = {(s["case"], s["method"]) for s in facts["summary"]}
+    assert {("payload", f"{m}-friction") for m in ("adam", "pc-ols", "map")} <= known
+
+
+def test_designs_are_shown_by_quartiles(done: Path) -> None:
+    """Oracle: numpy's quantiles of the rows; every design counts."""
+    facts = valid_result(done / "designs")
+    assert facts is not None
+    assert {view["spread"] for view in facts["views"]} == {"quartiles"}
+    line = next(
+        s
+        for s in facts["summary"]
+        if (s["case"], s["method"], s["metric"]) == ("p=0.15", "adam", "airm")
+    )
+    values = [
+        row["airm"]
+        for row in rows_of(done, "designs")
+        if (row["case"], row["method"]) == ("p=0.15", "adam")
+    ]
+    assert line["n"] == len(values) == small.TRIALS["designs"]
+    np.testing.assert_allclose(line["quartiles"], np.quantile(values, [0.25, 0.5, 0.75]))
 
 
 def test_noise_orders_the_methods(done: Path) -> None:

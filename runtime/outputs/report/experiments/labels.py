@@ -9,6 +9,9 @@ DOCUMENT = "document"
 NOTHING = "–"
 _VARIANTS = {
     "adam-frozen": "λ-Adam, link 7 frozen",
+    "adam-zero": "λ-Adam, threshold 0",
+    "adam-friction": "λ-Adam + friction",
+    "pc-ols-friction": "PC-IDIM-OLS + friction",
     "map-friction": "MAP + friction",
     "map-dahl": "MAP + Dahl",
     "fixed-arm": "payload alone",
@@ -26,7 +29,8 @@ _METRICS = {
     "frobenius": "Frobenius norm",
     "frobenius_rms": "Frobenius norm / n",
     "base_error": "base parameters, error %",
-    "smallest_eigenvalue": "smallest relative eigenvalue of P",
+    "smallest_eigenvalue": "smallest relative eigenvalue of P, before repair",
+    "strict": "P ≻ 0 before repair",
     "iterations": "iterations",
     "time_s": "time [s]",
     "consistent": "physical consistency",
@@ -49,7 +53,7 @@ _SERIES = {
     "remainder": "|R(ε)|",
     "slope_two": "slope two",
 }
-AIRM, CONSISTENT = "airm", "consistent"
+AIRM, SHARES = "airm", ("consistent", "strict")
 
 
 def method_name(method: str) -> str:
@@ -92,35 +96,48 @@ def printed(value: Value | None, metric: str) -> str:
     """
     if value is None:
         return NOTHING
-    if metric == CONSISTENT:
+    if metric in SHARES:
         return _share(value.mean)
     mean = _as_given(value.mean)
-    return mean if value.std is None else f"{mean} ± {_as_given(value.std)}"
+    text = mean if value.std is None else f"{mean} ± {_as_given(value.std)}"
+    return f"{text} (corrected, printed {value.misprint})" if value.misprint else text
 
 
-def measured(value: Value | None, metric: str) -> str:
+def measured(value: Value | None, metric: str, spread: str = "std") -> str:
     """Computed mean to three digits and standard deviation to the same decimal.
 
     Args:
         value: of all trials; a single number has five digits.
         metric: of the number.
+        spread: std, or quartiles for the median and the quartiles.
 
     Returns:
         The text of a cell.
     """
     if value is None:
         return NOTHING
-    if metric == CONSISTENT:
+    if spread == "quartiles" and value.quartiles:
+        return _quartiles(value, metric)
+    if metric in SHARES:
         return _share(value.mean)
-    size = abs(value.mean)
     if not math.isfinite(value.mean):
         return NOTHING
-    if value.std is None:
-        return f"{value.mean:.5g}"
+    return f"{value.mean:.5g}" if value.std is None else _deviating(value.mean, value.std)
+
+
+def _quartiles(value: Value, metric: str) -> str:
+    """Median and quartiles."""
+    low, middle, high = (_share(x) if metric in SHARES else f"{x:.3g}" for x in value.quartiles)
+    return f"{middle} [{low} to {high}]"
+
+
+def _deviating(mean: float, std: float) -> str:
+    """Mean to three digits ± standard deviation."""
+    size = abs(mean)
     if size and not 1e-3 <= size < 1e5:
-        return f"{value.mean:.1e} ± {value.std:.0e}"
+        return f"{mean:.1e} ± {std:.0e}"
     digits = 4 if not size else max(0, 2 - math.floor(math.log10(size)))
-    return f"{value.mean:.{digits}f} ± {value.std:.{digits}f}"
+    return f"{mean:.{digits}f} ± {std:.{digits}f}"
 
 
 def _share(value: float) -> str:

@@ -29,6 +29,7 @@ RESULT, CONFIG, TRIALS, SERIES = "result.json", "config.json", "trials.parquet",
 KINDS = ("table", "band", "lines", "path", "motion", "loglog", "bars")
 AGREEMENT = 1e-9
 """Relative difference of summary and trials; sums of doubles depend on their order."""
+QUARTILES = (0.25, 0.5, 0.75)
 WANTED = (
     *("fig-3.1", "fig-3.2", "excitation", "fig-3.3", "fig-4.1"),
     *(f"table-5.{k}" for k in (2, 3, 4, 5, 6, 7, 9, 10, 11, 12)),
@@ -41,11 +42,18 @@ _AGAIN = "run again: python -m runtime reproduce"
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """Mean, standard deviation (None for a single number) and count of one metric."""
+    """Mean, standard deviation (None for a single number) and count of one metric.
+
+    Attributes:
+        quartiles: first quartile, median and third quartile; empty in files without them.
+        misprint: number that the document prints in its place; empty where it is the same.
+    """
 
     mean: float
     std: float | None = None
     n: int | None = None
+    quartiles: tuple[float, ...] = ()
+    misprint: str = ""
 
 
 Key = tuple[str, str, str]
@@ -64,6 +72,7 @@ class SavedView:
     series: tuple[str, ...]
     axes: tuple[str, str]
     document: str
+    spread: str = "std"
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +195,12 @@ def _agrees(stated: Mapping[str, Any], values: list[float]) -> bool:
         pairs.append((stated["std"], std))
     scale = max(map(abs, values))
     near = all(math.isclose(a, b, rel_tol=AGREEMENT, abs_tol=AGREEMENT * scale) for a, b in pairs)
-    return stated["n"] == len(values) and near and (std is None) == (stated["std"] is None)
+    quartiles = stated.get("quartiles")  # older files have none
+    middle = quartiles is None or np.allclose(
+        quartiles, np.quantile(values, QUARTILES), rtol=AGREEMENT, atol=AGREEMENT * scale
+    )
+    counted = stated["n"] == len(values) and (std is None) == (stated["std"] is None)
+    return counted and near and bool(middle)
 
 
 def _trials(path: Path) -> tuple[str, list[dict[str, Any]]]:
@@ -204,13 +218,17 @@ def _trials(path: Path) -> tuple[str, list[dict[str, Any]]]:
 
 def _experiment(raw: Mapping[str, Any], series: dict[str, Array]) -> Experiment:
     values = {
-        (e["case"], e["method"], e["metric"]): Value(e["mean"], e["std"], e["n"])
+        (e["case"], e["method"], e["metric"]): Value(
+            e["mean"], e["std"], e["n"], tuple(e.get("quartiles", ()))
+        )
         for e in raw["summary"]
     }
     document: dict[str, dict[Key, Value]] = {}
     for e in raw["document"]:
         values_of_id = document.setdefault(e["id"], {})
-        values_of_id[e["case"], e["method"], e["metric"]] = Value(e["mean"], e["std"])
+        values_of_id[e["case"], e["method"], e["metric"]] = Value(
+            e["mean"], e["std"], misprint=str(e.get("misprint", ""))
+        )
     views = tuple(_view(entry, series) for entry in raw["views"])
     views = tuple(_with_document(view, views, document) for view in views)
     return Experiment(
@@ -242,6 +260,7 @@ def _view(raw: Mapping[str, Any], series: Mapping[str, Array]) -> SavedView:
         series=tuple(map(str, raw["series"])),
         axes=(str(x), str(y)),
         document=str(raw["document"] or raw["id"]),
+        spread=str(raw.get("spread", "std")),
     )
     missing = [name for name in view.series if name not in series]
     if view.kind not in KINDS or missing:

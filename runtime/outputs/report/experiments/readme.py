@@ -5,13 +5,17 @@ It contains no computing times: equal results give equal text and figures on any
 
 from pathlib import Path
 
+import numpy as np
+
 from runtime.errors import RuntimeFault
 from runtime.files import replacing
 from runtime.outputs.report.experiments.labels import (
     AIRM,
+    NOTHING,
     best_method,
     case_name,
     measured,
+    method_name,
     printed,
     short_hash,
 )
@@ -27,6 +31,8 @@ CHOICE = ("fig-5.8", "fig-5.7", "fig-3.3", "fig-5.2", "fig-5.4", "fig-5.1", "fig
 """Candidates, of which the first available ones are shown."""
 LARGEST = 60_000
 """Largest size of a figure [byte]."""
+RUBBING = "-friction"
+"""End of the names of methods with friction columns."""
 _SIZE, _DPI = (5.6, 3.4), 90
 
 
@@ -104,7 +110,13 @@ def _airm(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...]
     if document is None or ours is None:
         return None
     best = experiment.values.get((case, best_method(experiment), AIRM))
-    return "AIRM", printed(document, AIRM), measured(ours, AIRM), measured(best, AIRM)
+    shown = (measured(value, AIRM, view.spread) for value in (ours, best))
+    return f"AIRM{_over(view)}", printed(document, AIRM), *shown
+
+
+def _over(view: SavedView) -> str:
+    """What a table of quartiles is over."""
+    return ", median [quartiles] of 20 designs" if view.spread == "quartiles" else ""
 
 
 def _torque(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ...] | None:
@@ -112,12 +124,30 @@ def _torque(experiment: Experiment, view: SavedView, case: str) -> tuple[str, ..
     document = experiment.document.get(view.document, {})
     names = [m for m in view.metrics if (case, "adam", m) in document]
     names = [m for m in names if m.startswith("tau_error_")]
-    sources = (
-        (document, "adam"),
-        (experiment.values, "adam"),
-        (experiment.values, best_method(experiment)),
-    )
-    if not names or any((case, who, m) not in known for known, who in sources for m in names):
+    best = best_method(experiment)
+    if not names or any((case, "adam", m) not in experiment.values for m in names):
         return None
-    means = [sum(known[case, who, m].mean for m in names) / len(names) for known, who in sources]
-    return "torque error, mean of joints %", *(f"{mean:.2g}" for mean in means)
+    head = "torque error, mean of joints %"
+    published = f"{sum(document[case, 'adam', m].mean for m in names) / len(names):.2g}"
+    if view.spread == "quartiles":
+        quartiles = np.mean([experiment.values[case, "adam", m].quartiles for m in names], axis=0)
+        low, middle, high = (f"{x:.2g}" for x in quartiles)
+        return f"{head}{_over(view)}", published, f"{middle} [{low} to {high}]", NOTHING
+    cells = [_mean(experiment, case, method, names) for method in ("adam", best)]
+    if best.endswith(RUBBING):  # the others with the same friction columns stand beside it
+        others = ", ".join(
+            f"{method_name(m)} {_mean(experiment, case, m, names)}"
+            for m in experiment.methods
+            if m.endswith(RUBBING) and m != best
+        )
+        cells[1] = f"{cells[1]} with friction columns ({others}; without: MAP " + (
+            f"{_mean(experiment, case, 'map', names)})"
+        )
+    return head, published, *cells
+
+
+def _mean(experiment: Experiment, case: str, method: str, names: list[str]) -> str:
+    """Mean of several metrics of a method."""
+    known = [experiment.values.get((case, method, m)) for m in names]
+    means = [value.mean for value in known if value is not None]
+    return f"{sum(means) / len(means):.2g}" if means else NOTHING

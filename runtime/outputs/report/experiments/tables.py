@@ -118,7 +118,7 @@ def _cell(experiment: Experiment, view: SavedView, column: Column, metric: str) 
     key = (case, method, metric)
     if is_document:
         return printed(experiment.document[view.document].get(key), metric)
-    return measured(experiment.values.get(key), metric)
+    return measured(experiment.values.get(key), metric, view.spread)
 
 
 def cases_of(experiment: Experiment, view: SavedView) -> tuple[str, ...]:

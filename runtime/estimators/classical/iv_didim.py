@@ -46,7 +46,8 @@ def fit_iv(problem: Problem) -> Fit:
     """
     lib, train = problem.lib, problem.train
     origin = problem.controlled("iv")[0]
-    kept, weights, _ = reweighted(lib, train, origin.friction.columns)
+    names = origin.friction.columns
+    kept, weights, _ = reweighted(lib, train, names, problem.left_out)
     now, why = _first(problem), f"the estimate still moves after {IV_ITERATIONS} simulations"
     for iteration in range(1, IV_ITERATIONS + 1):
         try:
@@ -96,7 +97,8 @@ def fit_didim(problem: Problem) -> Fit:
                 raise
             status = f"not converged, the last estimate is kept: {error}"
             break
-        estimate = solve(compress(lib, motion, weights), lib, origin.friction.columns)
+        statistics = compress(lib, motion, weights)
+        estimate = solve(statistics, lib, origin.friction.columns, problem.left_out)
         weights, _ = weights_of(residual(lib, motion, estimate).var(axis=0), lib)
         size, step = _change(train, now, estimate, lib)
         now = estimate

@@ -1,7 +1,8 @@
 """Comparison of methods, one after the other, on one assembled problem.
 
 All are measured against the same convex optimum L* in the same weights, whatever they minimise: L =
-mean ½ rᵀWr of the training samples, the net's share included.
+mean ½ rᵀWr of the training samples, the net's share included. L* is that of any friction, so that
+bounds of friction coefficients (map, pc-ols) count in the gap.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

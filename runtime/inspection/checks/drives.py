@@ -72,13 +72,13 @@ def delay(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, lis
     Raises:
         RuntimeFault: the recording cannot be prepared, or is too short.
     """
-    found = recorded_delay(recording, lib, plan.preparation, Friction(DRIVE))
-    profile, value = found.profile, found.delay_s
-    low, high = found.interval_s
+    seen = recorded_delay(recording, lib, plan.preparation, Friction(DRIVE))
+    profile, value = seen.profile, seen.delay_s
+    low, high = seen.interval_s
     evidence: dict[str, Any] = {
         "interval_s": [low, high],
         "profile": {
-            "delay_s": [float(found.sign * x) for x in profile.delays],
+            "delay_s": [float(seen.sign * x) for x in profile.delays],
             "loss": [float(x) for x in profile.loss],
         },
     }
@@ -100,7 +100,7 @@ def delay(recording: Recording, lib: Library, plan: Recipe) -> tuple[Recipe, lis
         return plan, [Finding("delay", INFO, sentence, evidence, trap=2)]
     if abs(value) < LATE * profile.sigma:
         return plan, [Finding("delay", INFO, sentence, evidence, trap=2)]
-    late = float(f"{found.sign * value:.3g}")
+    late = float(f"{seen.sign * value:.3g}")
     sentence += (
         f": shifting it removes {100 * profile.gain:.0f} % of the squared residual; estimate it "
         f"with identify --delay auto, or set torque_delay_s = {late:g} under [preparation]"

@@ -12,20 +12,16 @@ from runtime.inspection.checks import (
     model_fit,
     other_model,
     position_columns,
-    signals,
     torque_delay,
     torque_signs,
 )
 from runtime.inspection.checks.torque_rows import rough
-from runtime.inspection.cutoff_choice import ROWS_PER_CUTOFF, CutoffChoice, choose_cutoff
-from runtime.inspection.finding import INFO, WARNING, Finding
+from runtime.inspection.finding import WARNING, Finding
+from runtime.inspection.proposed_preparation import proposed_preparation
 from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
-from runtime.recording import Friction, Preparation, Recipe, Recording
+from runtime.recording import Friction, Recipe
 from runtime.recording.friction import DRIVE, ROTOR, names_where
-
-_STEPS = (1, 2, 4, 5, 10, 20, 25, 40, 50, 100, 200, 250, 400, 500, 1000)
-"""Factors of decimation that are proposed."""
 
 
 def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
@@ -48,9 +44,11 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
             checks.run_on_torque(check, lib, terms)
         preparation = checks.plan.preparation
         if propose and preparation.filter == "none":
-            choice = choose_cutoff(checks.recording, lib, preparation, checks.plan.split, terms)
-            checks.plan = checks.plan.replace(preparation=_thinned(choice, checks.recording))
-            checks.findings.append(Finding("cutoff", INFO, choice.sentence))
+            ready, notes = proposed_preparation(
+                checks.recording, lib, preparation, checks.plan.split, terms
+            )
+            checks.plan = checks.plan.replace(preparation=ready)
+            checks.findings += notes
         usual = rough(checks.recording, checks.plan.preparation)
         _, failing = choose_regressor(checks.recording, lib, usual)
         checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
@@ -113,22 +111,6 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         other = [] if gain or tool else other_model.other_robot(torque_rows, matrix)
         checks.findings += tool + coupled + other
     checks.findings.append(model_fit.one_run(torque_rows.whole.duration))
-
-
-def _thinned(choice: CutoffChoice, recording: Recording) -> Preparation:
-    """The chosen preparation, decimated to the rate that its band needs, without intervals of
-    rest.
-    """
-    ready = choice.preparation
-    grid = ready.grid_hz or (1.0 / ready.clock_tick if ready.clock_tick else recording.rate_hz)
-    most = grid / (ROWS_PER_CUTOFF * choice.chosen.cutoff_hz)
-    step = max(k for k in _STEPS if k <= max(most, 1.0))
-    return replace(
-        ready,
-        trim_s=float(f"{ready.trim_s:.2g}") if ready.trim_s else None,
-        rate_hz=float(f"{grid / step:.6g}") if step > 1 else None,
-        rest_speed=ready.rest_speed or signals.REST_SPEED,
-    )
 
 
 def proposed_terms(plan: Recipe) -> Friction:

@@ -12,7 +12,7 @@ import pytest
 from runtime import load, read_recording
 from runtime.inspection import Inspection, inspect_log, recipe_text
 from runtime.recording import load_recipe
-from tests.runtime.diagnosis import sentences
+from tests.runtime.diagnosis import require_no_warning, sentences
 from tests.runtime.faults import FAULTS, Fault
 from tests.runtime.virtual_arms import Arm, Log, cobot
 
@@ -82,3 +82,24 @@ def test_no_tool_weighs_less_than_nothing(arm: Arm, tmp_path: Path) -> None:
     """Property: a log under reversed gravity has one finding, which is not a tool of −8 kg."""
     fault = next(each for each in FAULTS if each.name == "gravity reversed")
     assert set(sentences(inspected(arm, fault.put(arm), tmp_path))) == {"gravity"}
+
+
+@pytest.mark.parametrize("name", ["5 % of the rows", "clock in ms", "torques of two joints"])
+def test_a_proposed_recipe_passes_its_inspection(arm: Arm, tmp_path: Path, name: str) -> None:
+    """Property: what the recipe corrects is no warning any more."""
+    fault = next(each for each in FAULTS if each.name.startswith(name))
+    proposed = inspected(arm, fault.put(arm), tmp_path)
+    require_no_warning(proposed, tmp_path / "log.npz", arm.lib, tmp_path)
+
+
+def test_differentiation_does_not_fail_at_the_proposed_cutoff(tmp_path: Path) -> None:
+    """Property: noisy velocities, at whose best cut-off by cross-validation 10 % of the power of
+    ddq is noise; the proposal avoids it and passes its inspection.
+    """
+    arm = cobot(load("ur5e"), tmp_path, seed=2)
+    arrays = dict(arm.log.arrays)
+    noise = np.random.default_rng(0).normal(size=arrays["dq"].shape)
+    np.savez(tmp_path / "log.npz", **arrays | {"dq": arrays["dq"] + 0.05 * noise})
+    proposed = inspect_log(tmp_path / "log.npz", arm.lib, arm.log.recipe, propose=True)
+    assert sentences(proposed) == {}
+    require_no_warning(proposed, tmp_path / "log.npz", arm.lib, tmp_path)

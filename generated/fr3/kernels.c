@@ -1,5 +1,5 @@
 /* fr3: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 3f1cecd0e3b1fec00f947beddecbb131b35c7683757ba3cfd1a91cb5f3660726.
+ * Model 53031f0f1807baa4b7a4425a68e125924b7c09c582683ebb64a1f4db550bf8a7.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *fr3_model_hash(void)
 {
-    return "3f1cecd0e3b1fec00f947beddecbb131b35c7683757ba3cfd1a91cb5f3660726";
+    return "53031f0f1807baa4b7a4425a68e125924b7c09c582683ebb64a1f4db550bf8a7";
 }
 
 #if defined(__x86_64__)

@@ -1,5 +1,5 @@
 /* ur5e: one evaluation of every kernel, written by symgen 0.1.0 with CasADi 3.8.2.
- * Model 6fa170771b75c23a7b15a00aeeebb854b91095feb75971f1318ba89e1a925ff1.
+ * Model 80c3b36db6047f48e132eccc662f2c15cf93f5c5819c4eb66f8a39f44c1bcbe7.
  * No allocation, no globals, re-entrant; needs <math.h> only. Do not edit: run symgen build. */
 #include <math.h>
 
@@ -7,7 +7,7 @@
 
 const char *ur5e_model_hash(void)
 {
-    return "6fa170771b75c23a7b15a00aeeebb854b91095feb75971f1318ba89e1a925ff1";
+    return "80c3b36db6047f48e132eccc662f2c15cf93f5c5819c4eb66f8a39f44c1bcbe7";
 }
 
 #if defined(__x86_64__)

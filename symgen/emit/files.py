@@ -15,6 +15,7 @@ import jinja2
 
 from symgen.emit.escape import in_code, in_comment, in_markdown
 from symgen.emit.forms import forms_of
+from symgen.emit.parts import LONG, parts_of
 from symgen.emit.programs import programs
 from symgen.emit.reference import reference_code
 from symgen.emit.stack import BLOCK, stack_bounds
@@ -94,6 +95,9 @@ def emit(
     manifest["model_hash"] = digest.hexdigest()
     context |= {
         "bodies": forms.bodies,
+        "parts": {
+            kernel: parts_of(lines) for kernel, lines in forms.bodies.items() if len(lines) > LONG
+        },
         "tiles": forms.tiles,
         "products": forms.products,
         "stack": stack_bounds(kernels, forms, reference),

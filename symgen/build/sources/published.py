@@ -2,7 +2,7 @@
 
 from difflib import get_close_matches
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, files
+from importlib.metadata import files
 from pathlib import Path
 
 from symgen.errors import BuildError
@@ -70,7 +70,7 @@ def _example_robots() -> list[Path]:
     """URDFs of example-robot-data, by path."""
     try:
         recorded = files("example-robot-data") or []
-    except PackageNotFoundError:
+    except ModuleNotFoundError:  # the distribution is not installed
         return []
     paths = [Path(str(f.locate())) for f in recorded if _ROBOTS in str(f) and f.suffix == ".urdf"]
     return sorted(path for path in paths if path.is_file())

@@ -16,6 +16,7 @@ from runtime.excitation import COST_SAMPLES, Design, Information, Prediction, in
 from runtime.excitation.search.information import FRICTION
 from runtime.identification.expected_accuracy import Expected, GainOfRecording, base_names
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
+from runtime.identification.expected_accuracy.expected import ARM_ERROR
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, inertia, links, mass
 from runtime.recording import read_recording
@@ -186,6 +187,12 @@ def payload_sentence(expected: Expected, alone: bool) -> str:
     if expected.payload is None or expected.payload_com is None:
         return "note: a payload on the last link is not identifiable: too few joints turn it"
     sentence = _payload(float(mass(expected.payload)), expected.payload_com)
+    if expected.payload_of_arm is not None:
+        sentence += (
+            ", against an empty run of the same motion; without one, an arm whose links are "
+            f"{100 * ARM_ERROR:g} % off its model adds ±{1000 * mass(expected.payload_of_arm):.3g} "
+            "g to the mass"
+        )
     if not alone:
         return sentence
     sigmas = " ".join(f"{value:.2g}" for value in inertia(expected.payload))

@@ -11,6 +11,7 @@ proportion to the time for which the same motion continues. Earlier logs are fur
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from runtime.estimators.convex import CAD, Prior, Reduced, com_sigma, prior_of, reduce, spread_of
 from runtime.estimators.regression import Statistics
@@ -22,6 +23,9 @@ from runtime.identification.expected_accuracy.gain_of_recording import PAYLOAD_M
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, inertia, links, mass
 from runtime.recording.friction import OFFSET
+
+ARM_ERROR = 0.03
+"""Relative error of an arm's links for which the error of a payload is stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +68,8 @@ class Expected:
         payload: of the ten parameters of a payload on a known arm, (10,) SI; None where the motion
             does not determine them.
         payload_com: of the centre of mass of the payload, (3,) m.
+        payload_of_arm: of the ten parameters of a payload without an empty run, from an arm whose
+            links are `ARM_ERROR` off, (10,) SI; None as for `payload`.
     """
 
     base: Array | None
@@ -75,6 +81,7 @@ class Expected:
     root: Array
     payload: Array | None
     payload_com: Array | None
+    payload_of_arm: Array | None
 
     def torque(self, lib: Library, unseen: Array) -> Array:
         """RMS torque error of the MAP model over other motions.
@@ -157,6 +164,7 @@ def expected(
         root=spread.root,
         payload=None if payload is None else np.sqrt(np.diag(payload)),
         payload_com=None if payload is None else payload_sigma(payload)[1],
+        payload_of_arm=None if payload is None else _arm_error(lib, statistics, known, columns),
     )
 
 
@@ -169,11 +177,26 @@ def _payload(
     lib: Library, statistics: Statistics, known: Knowledge, unit: float, columns: tuple[str, ...]
 ) -> Array | None:
     """Covariance of the ten parameters of the last link, with known friction and free offsets."""
-    frozen = np.array([name != OFFSET.name for name in columns] * lib.n_joints, dtype=bool)
     earlier = known.earlier if known.payload_only else None
-    return covariance_of_rows(
-        _rows(lib, statistics.without(frozen), earlier, unit)[:, -N_PARAMETERS:]
-    )
+    free = _with_offsets(lib, statistics, columns)
+    return covariance_of_rows(_rows(lib, free, earlier, unit)[:, -N_PARAMETERS:])
+
+
+def _arm_error(
+    lib: Library, statistics: Statistics, known: Knowledge, columns: tuple[str, ...] | None
+) -> Array:
+    """σ of a payload, (10,), that an arm with links `ARM_ERROR` off causes: G = A_k⁺ A of its π."""
+    rows = _rows(lib, _with_offsets(lib, statistics, columns or ()), None, 1.0)
+    gain = np.linalg.lstsq(rows[:, -N_PARAMETERS:], rows, rcond=None)[0]
+    # The root of the prior's spread at κ = 1 stands for 100 % of every direction.
+    arm = ARM_ERROR * block_diag(*known.prior.bodies.spread(known.prior.centre))
+    return np.asarray(np.linalg.norm(gain @ arm, axis=1))
+
+
+def _with_offsets(lib: Library, statistics: Statistics, columns: tuple[str, ...]) -> Statistics:
+    """The same without friction columns except the offsets."""
+    frozen = np.array([name != OFFSET.name for name in columns] * lib.n_joints, dtype=bool)
+    return statistics.without(frozen)
 
 
 def _rows(lib: Library, statistics: Statistics, earlier: Array | None, unit: float) -> Array:
@@ -205,6 +228,8 @@ def facts(sigma: Expected, lib: Library, payload_only: bool = False) -> dict[str
             "com": sigma.payload_com.tolist(),
             "pi": sigma.payload.tolist(),
         }
+        if sigma.payload_of_arm is not None:
+            payload["mass_of_arm_error"] = float(mass(sigma.payload_of_arm))
     if payload_only:
         return {"payload": payload}
     rows = zip(

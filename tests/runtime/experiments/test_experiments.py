@@ -16,6 +16,8 @@ from runtime.experiments import IDS, STUDIES, Request, reproduce, state_of, vali
 from runtime.experiments.storage.result_files import read_series
 from runtime.experiments.trials.frozen_link import fit_frozen
 from runtime.library import Library
+from runtime.outputs.report.experiments.pictures import write_picture
+from runtime.outputs.report.experiments.reading import read_experiment
 from runtime.recording import Recording
 from tests.runtime import small
 from tests.runtime.conftest import Command
@@ -118,6 +120,15 @@ def test_the_view_of_the_payload_shows_the_distance_from_the_truth(done: Path) -
         assert {"airm", "base_error"} <= set(view["metrics"])
     known = {(s["case"], s["method"]) for s in facts["summary"]}
     assert {("payload", f"{m}-friction") for m in ("adam", "pc-ols", "map")} <= known
+
+
+def test_every_method_of_the_virtual_robot_is_drawn(done: Path, tmp_path: Path) -> None:
+    """Property: bars of nine methods, for which there are seven colours."""
+    experiment = read_experiment(done / "bench")
+    assert len(experiment.methods) > 7
+    for view in (v for v in experiment.views if v.kind == "bars"):
+        write_picture(experiment, view, tmp_path / f"{view.id}.png", (5.6, 3.4), 40)
+        assert (tmp_path / f"{view.id}.png").stat().st_size > 1000
 
 
 def test_designs_are_shown_by_quartiles(done: Path) -> None:

@@ -193,7 +193,11 @@ def _bars(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     cases = cases_of(experiment, view)
     document = experiment.document.get(view.document, {})
     axes = figure.subplots(len(cases), 1, squeeze=False).ravel()
-    colours = dict(zip(experiment.methods, (c for c, _ in LINES), strict=False))
+    # More methods than colours: the next ones have the same colours, cross-hatched.
+    styles = {
+        method: (LINES[k % len(LINES)][0], None if k < len(LINES) else "xxxx")
+        for k, method in enumerate(experiment.methods)
+    }
     for axis, case in zip(axes, cases, strict=True):
         bars = [
             (method, known is document, heights)
@@ -204,16 +208,17 @@ def _bars(figure: Figure, experiment: Experiment, view: SavedView) -> None:
         wide = _BAR / max(len(bars), 1)
         for k, (method, is_document, heights) in enumerate(bars):
             owner = DOCUMENT if is_document else method_name(method)
+            colour, hatch = styles[method]
             label = f"{DOCUMENT}, {method_name(method)}" if is_document else owner
             drawn = axis.bar(
                 np.arange(len(heights)) - _BAR / 2 + (k + 0.5) * wide,
                 heights,
                 wide,
                 label=label,
-                color="none" if is_document else colours[method],
-                edgecolor=colours[method],
+                color="none" if is_document or hatch else colour,
+                edgecolor=colour,
                 linewidth=0.8,
-                hatch="////" if is_document else None,
+                hatch="////" if is_document else hatch,
             )
             for bar in drawn:
                 bar.set_gid(f"{OWNER}{owner}")

@@ -146,11 +146,13 @@ def _sections(experiment: Experiment) -> Iterator[Section]:
 
 
 def caption(view: SavedView) -> str:
-    """Caption of a view: `table-5.2` → Table 5.2."""
+    """Caption of a view: `table-5.2` → Table 5.2, `table-5.2-designs` → Table 5.2 over designs."""
     match = re.fullmatch(r"(table|fig)-(.+)", view.id)
     if match is None:
         return view.title if not view.id.startswith("tables-") else f"Tables {view.id[7:]}"
-    return f"{ {'table': 'Table', 'fig': 'Figure'}[match[1]] } {match[2]}"
+    number, _, variant = match[2].partition("-")
+    kind = {"table": "Table", "fig": "Figure"}[match[1]]
+    return f"{kind} {number} over {variant}" if variant else f"{kind} {number}"
 
 
 def _cases(experiment: Experiment, view: SavedView) -> str:

@@ -15,6 +15,8 @@ from runtime.recording.formats.tables import LogTable
 from runtime.recording.recipes.control_law import NUMBERS
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
+PICKLES = (".pt", ".pth", ".pkl", ".pickle")
+"""Suffixes of files that only unpickling reads."""
 MOST_JOINTS = 64
 """Length up to which an array with one axis holds one number per joint, not one per instant."""
 
@@ -138,6 +140,14 @@ class LogFiles:
         """
         record = FORMATS[layout] if layout else format_of_folder(self.place)
         record = record or format_of_suffix(name)
+        if Path(name).suffix.lower() in PICKLES:
+            raise RecordingError(
+                f"{name} holds pickled Python objects, which can run any code and are never "
+                "opened; where you trust it, convert it in Python: import numpy, torch; "
+                f"d = torch.load({name!r}, weights_only=True); "
+                f"numpy.savez({Path(name).stem + '.npz'!r}, **{{k: v.numpy() for k, v in "
+                "d.items()})"
+            )
         if record is None:
             raise RecordingError(
                 f"expected a file that ends in {', '.join(all_suffixes())}, got {name!r}; "

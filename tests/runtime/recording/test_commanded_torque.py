@@ -125,6 +125,17 @@ def test_wrong_widths_are_refused(tmp_path: Path) -> None:
         read_recording(path, tmp_path / "r.toml")
 
 
+@pytest.mark.parametrize("suffix", ["pt", "pkl"])
+def test_a_pickle_is_refused_with_its_conversion(tmp_path: Path, suffix: str) -> None:
+    """Property: no pickle is opened; one sentence has the lines that convert it."""
+    path = tmp_path / f"log.{suffix}"
+    path.write_bytes(b"cos\nsystem\n(S'exit 3'\ntR.")
+    with pytest.raises(
+        RecordingError, match=r"never opened; .*torch\.load.*numpy\.savez\('log\.npz'"
+    ):
+        read_recording(path)
+
+
 def test_the_driver_of_the_z1_computes_the_same(shared_data: Path) -> None:
     """Oracle: tau_des of the public log, computed in float32 by the driver of the arm."""
     path = shared_data / "data" / "unitree_air" / "z1.npz"

@@ -2,7 +2,7 @@
 
     none → offset → viscous → coulomb, each without and with rotor        (cumulative columns)
 
-All columns are prepared once, with Coulomb columns of three widths ε, and compressed to one
+All columns are prepared together, with Coulomb columns of some widths ε, and compressed to one
 triangular factor per block. A candidate is a choice of columns of these factors, so that its
 cross-validation costs some small least squares
 
@@ -36,8 +36,10 @@ from runtime.recording.preprocessing import before_test, prepare
 
 DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
 """Columns of the candidates."""
-SPEEDS = (0.01, 0.03, 0.1)
-"""Widths ε of the Coulomb column that are tried, rad/s or m/s."""
+SPEEDS = tuple(0.005 * 2.0**k for k in range(6))
+"""Widths ε of the Coulomb column that are tried first, rad/s or m/s."""
+FINER = 2.0 ** (np.arange(-3, 4) / 4)
+"""Factors on the best of them that are tried next."""
 MOST_LOSS = 0.05
 """Mean square error above the best, relative to it, that a simpler candidate may have: five blocks
 of a slow log differ so much that one standard error would admit any loss."""
@@ -84,7 +86,7 @@ def choose_default_friction(
         lib: library of the robot.
         preparation: None is the recipe's.
         splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
-        coulomb_speed: ε [rad/s]; None chooses among `SPEEDS`.
+        coulomb_speed: ε [rad/s]; None searches it.
         allowed: columns that the method can use.
         robust: weight the rows as `identify` does with `robust`.
 
@@ -97,20 +99,24 @@ def choose_default_friction(
     """
     parts = splitting or (recording.recipe.split if recording.recipe else None) or Split()
     bare = before_test(recording, parts).replace(columns=None, column_names=())
-    speeds = SPEEDS if coulomb_speed is None else (coulomb_speed,)
     shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed)
-    if "coulomb" not in allowed:
-        speeds = speeds[:1]
-    terms = [Friction(("coulomb",), speed) for speed in speeds]
-    done = prepare(bare, preparation, Friction(shared), *terms, lib=lib)
+
+    def trial_of(speeds: Array) -> _Trial:
+        terms = [Friction(("coulomb",), float(speed)) for speed in speeds]
+        return _trial(prepare(bare, preparation, Friction(shared), *terms, lib=lib), lib, robust)
+
+    speeds = np.array(SPEEDS if coulomb_speed is None else (coulomb_speed,))
     try:
-        trial = _trial(done, lib, robust)
+        trial = trial_of(speeds)
+        speed = float(speeds[0])
+        if "coulomb" in allowed and coulomb_speed is None:
+            speeds = _best_speed(trial, len(shared), speeds) * FINER
+            trial = trial_of(speeds)
+            speed = _best_speed(trial, len(shared), speeds)
     except IdentificationError as fault:
         return DefaultFriction(Friction(()), (), f"no friction was fitted: {fault}")
     names = [*shared, *("coulomb" for _ in speeds)]
-    ends = range(len(shared), len(names))
-    # ε from the richest model, then the candidates with it.
-    width = min(ends, key=lambda k: float(trial.scores((*range(len(shared)), k)).mean()))
+    width = len(shared) + int(np.argmin(np.abs(np.log(speeds / speed))))
     kinds = [name for name in DEFAULT_COLUMNS if name in allowed and name != "rotor"]
     stages = [tuple(kinds[:k]) for k in range(len(kinds) + 1)]
     rotors: list[tuple[str, ...]] = [()]
@@ -123,13 +129,26 @@ def choose_default_friction(
     chosen = _simplest(scores)
     usual = Friction(candidates[chosen])
     if "coulomb" in candidates[chosen]:
-        usual = replace(usual, coulomb_speed=speeds[width - len(shared)])
+        usual = replace(usual, coulomb_speed=speed)
     sentence = (
         f"friction model {usual}, chosen by cross-validation on {BLOCKS} blocks of the training "
         "part; --friction none fits the inertia only, --friction auto tries more models"
     )
     listed = zip(candidates, (float(s.mean()) for s in scores), strict=True)
     return DefaultFriction(usual, tuple(listed), sentence)
+
+
+def _best_speed(trial: "_Trial", shared: int, speeds: Array) -> float:
+    """ε with the smallest error of the richest model: vertex of a parabola in ln ε at the best."""
+    scores = [float(trial.scores((*range(shared), shared + k)).mean()) for k in range(len(speeds))]
+    best = int(np.argmin(scores))
+    if not 0 < best < len(speeds) - 1:
+        return float(speeds[best])
+    low, middle, high = scores[best - 1 : best + 2]
+    bend = low - 2 * middle + high
+    shift = 0.5 * (low - high) / bend if bend > 0 else 0.0
+    step = np.log(speeds[best + 1] / speeds[best])  # of a geometric sequence
+    return float(speeds[best] * np.exp(shift * step))
 
 
 def _simplest(scores: Sequence[Array]) -> int:

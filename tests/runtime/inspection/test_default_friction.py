@@ -43,7 +43,8 @@ def test_the_columns_that_made_the_data_are_chosen(names, lib, ideal_runs):
     choice = choose_default_friction(log, lib, splitting=WHOLE)
     assert choice.terms.columns == names
     if "coulomb" in names:
-        assert choice.terms.coulomb_speed == 0.03
+        # Two grids and a parabola; 0.02 N·m of noise leave some percent.
+        assert choice.terms.coulomb_speed == pytest.approx(0.03, rel=0.05)
     assert "--friction none fits the inertia only" in choice.sentence
     # The true model's score is the noise: 1 + 2 · 71 unknowns / 6300 equations, and √(2 / 6300).
     assert abs(dict(choice.scores)[names] - 1.0) < 0.06

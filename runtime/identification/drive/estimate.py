@@ -89,6 +89,15 @@ def identify_drive(
     preparation = settings.preparation or recording.preparation
     terms = settings.friction_columns or default_terms(recording) or Friction(columns=())
     terms = geared(terms, recording, lib)
+    if request.bias and preparation.regressor != "acceleration":
+        without = identify_drive(
+            recording, lib, settings, replace(request, bias=False), progress=progress
+        )
+        note = (
+            "encoder biases were not estimated, which need accelerations; use --regressor "
+            "acceleration"
+        )
+        return replace(without, notes=(note, *without.notes))
     n = lib.n_joints
     given = np.asarray(preparation.torque_delay_s or 0.0, dtype=float)
     delay = np.atleast_1d(given) * sign_of_delay(recording)

@@ -111,6 +111,20 @@ def test_delay_of_a_measured_torque(lib: Library, tmp_path: Path) -> None:
     assert drive.delay_sigma[0] < 0.002
 
 
+def test_rows_without_accelerations(lib: Library, tmp_path: Path) -> None:
+    """Property: momentum rows give the delay within 5 σ, and a note instead of biases."""
+    rng = np.random.default_rng(10)
+    servo = replace(random_servo(lib, rng), bias=np.zeros(lib.n_joints))
+    log = recorded(servo_arrays(lib, servo, rng, seconds=10.0), tmp_path)
+    settings = Settings(preparation=replace(FILTERED, regressor="momentum", cutoff_hz=5.0))
+    result = identify_drive(log, lib, settings, EVERYTHING)
+    drive = result.drive
+    assert drive is not None
+    assert abs(drive.delay[0] - servo.delay[0]) < 5 * drive.delay_sigma[0]
+    assert set(drive.verdicts()) == {"not estimated"}
+    assert any("need accelerations" in note for note in result.notes)
+
+
 def test_a_slow_log_refuses_a_delay(lib: Library, tmp_path: Path) -> None:
     """Property: where the loss is flat, no delay is given, and a sentence says so."""
     rng = np.random.default_rng(5)

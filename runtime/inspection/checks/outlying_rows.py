@@ -60,8 +60,12 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Rec
     bursts = _bursts(rows)
     t = recording.t
     spans = tuple((float(t[a]), float(t[b - 1])) for a, b in bursts)
-    if len(spans) > MOST_SPANS:
-        return plan, []
+    few = len(spans) <= MOST_SPANS
+    remedy = (
+        "leave_out of the proposed recipe leaves them out"
+        if few
+        else f"these are {len(spans)} places, too many for a recipe; repair the logger"
+    )
     said = [_sentence(key, signals[key], mark, lib) for key, mark in marks.items()]
     places = ", ".join(f"{a:.4g} s" if a == b else f"{a:.4g}–{b:.4g} s" for a, b in spans[:5]) + (
         f" and {len(spans) - 5} more" if len(spans) > 5 else ""
@@ -82,12 +86,14 @@ def outlying_rows(recording: Recording, plan: Recipe, lib: Library) -> tuple[Rec
             for key, mark in marks.items()
         },
     }
-    return plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans}))), [
+    if few:
+        plan = plan.replace(leave_out=tuple(sorted({*plan.leave_out, *spans})))
+    return plan, [
         Finding(
             "outliers",
             WARNING,
             f"{int(rows.sum())} rows do not follow from those around them (at {places}): "
-            f"{'; '.join(said)}{shifted}; leave_out of the proposed recipe leaves them out",
+            f"{'; '.join(said)}{shifted}; {remedy}",
             evidence,
             trap=9,
         )

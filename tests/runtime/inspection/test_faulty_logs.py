@@ -11,9 +11,10 @@ import pytest
 
 from runtime import load, read_recording
 from runtime.inspection import Inspection, inspect_log, recipe_text
-from runtime.recording import load_recipe
+from runtime.inspection.checks.outlying_rows import outlying_rows
+from runtime.recording import Recipe, Recording, load_recipe
 from tests.runtime.diagnosis import require_no_warning, sentences
-from tests.runtime.faults import FAULTS, Fault
+from tests.runtime.faults import FAULTS, JOINT, Fault
 from tests.runtime.virtual_arms import Arm, Log, cobot
 
 
@@ -103,3 +104,13 @@ def test_differentiation_does_not_fail_at_the_proposed_cutoff(tmp_path: Path) ->
     proposed = inspect_log(tmp_path / "log.npz", arm.lib, arm.log.recipe, propose=True)
     assert sentences(proposed) == {}
     require_no_warning(proposed, tmp_path / "log.npz", arm.lib, tmp_path)
+
+
+def test_many_spikes_are_named_but_not_listed_in_a_recipe(arm: Arm) -> None:
+    """Property: 250 lone spikes in 10,000 rows, more places than a recipe takes."""
+    t = 0.01 * np.arange(10_000)
+    q = np.sin(t[:, None] + np.arange(arm.lib.n_joints))
+    q[20::40, JOINT] += 0.5
+    plan, findings = outlying_rows(Recording(t, q), Recipe(), arm.lib)
+    assert [f.evidence["rows"] for f in findings] == [250]
+    assert plan.leave_out == ()

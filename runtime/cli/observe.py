@@ -13,7 +13,7 @@ from runtime.cli.common import command_line, console, say
 from runtime.cli.log_options import Log, Recipe, Run
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.robot import Yes, open_robot
-from runtime.errors import IdentificationError
+from runtime.errors import ExportError, IdentificationError
 from runtime.files import replacing
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
@@ -32,12 +32,15 @@ from runtime.monitoring.observation import (
     verified,
 )
 from runtime.monitoring.wrench import wrench_at
+from runtime.outputs.observer_c import FILES, observer_c
 from runtime.recording import Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.plausibility import require_plausible
 
 _WRITTEN = ResultFolder(
-    "observe", ("contacts.json", "external_torque.npz", "external_torque.png"), "contacts"
+    "observe",
+    ("contacts.json", "external_torque.npz", "external_torque.png", *FILES),
+    "contacts",
 )
 SHOWN = 20
 """Contacts that are printed."""
@@ -91,7 +94,8 @@ def observe_command(
     symgen observe second.csv --model results/first-map --false-alarms "1 per hour"
     symgen observe second.csv --model results/first-map --free third.csv --link fr3_link7
 
-    Written are external_torque.npz (t, r, sigma, threshold), contacts.json and external_torque.png.
+    Written are external_torque.npz (t, r, sigma, threshold), contacts.json, external_torque.png
+    and observer.c, the same observer for a control loop, with observer.h and example_observer.c.
     """
     rate = alarm_rate(false_alarms)
     folder = out or (model if model.is_dir() else model.parent) / "observe"
@@ -106,8 +110,12 @@ def observe_command(
     detector = detector_for(lib, known, data, held_out, rate, within, root)
     seen = observe(lib, detector, data)
     check = None if free is None else verified(lib, detector, _read(lib, known, free, None, None))
-    facts = _facts(lib, detector, seen, check, data, link) | {"notes": notes + note}
+    texts, left_out = _in_c(lib, detector, seen)
+    facts = _facts(lib, detector, seen, check, data, link) | {"notes": notes + note + left_out}
     _write(lib, saved, seen, facts, folder)
+    for name, content in texts.items():
+        with replacing(folder / name) as file:
+            file.write(content.encode())
     if as_json:
         print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))
     else:
@@ -132,6 +140,15 @@ def _root(model: Path, saved: SavedResult, lib: Library) -> tuple[Array | None, 
         return read_posterior(model, saved, lib).root(lib), []
     except IdentificationError as error:
         return None, [f"thresholds are without the uncertainty of the model: {error}"]
+
+
+def _in_c(lib: Library, detector: Detector, seen: Observation) -> tuple[dict[str, str], list[str]]:
+    """Texts of the observer in C; a note where a part of the model has no C code."""
+    variance = np.median(seen.sigma**2, axis=0) - detector.noise.sigma**2
+    try:
+        return observer_c(lib, detector, np.sqrt(np.maximum(variance, 0.0))), []
+    except ExportError as error:
+        return {}, [str(error)]
 
 
 def _facts(

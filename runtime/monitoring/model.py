@@ -49,7 +49,7 @@ class MonitoredModel:
         return float(np.mean(self.preparation.torque_delay_s or 0.0))
 
     @property
-    def inertial(self) -> Array:
+    def inertial(self) -> NDArray[np.bool_]:
         """Whether each friction column is an inertia, (k,)."""
         return np.array([COLUMNS[name].is_inertial for name in self.terms.columns], dtype=bool)
 

@@ -68,7 +68,10 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
     ),
     "observe": (
         ("observe", "good.csv", "--model", "result", "--out", "out"),
-        ("out/contacts.json", "out/external_torque.npz", "out/external_torque.png"),
+        (
+            *("out/contacts.json", "out/external_torque.npz", "out/external_torque.png"),
+            *("out/observer.h", "out/observer.c", "out/example_observer.c"),
+        ),
     ),
     "sample": (
         ("sample", "result", "--count", 2, "--out", "out"),

@@ -42,7 +42,9 @@ def test_free_motion_of_a_real_arm_raises_no_alarm(
     assert (arrays["sigma"] > 0).all()
     assert len(facts["thresholds"]) == 7
     names = sorted(path.name for path in (tmp_path / "seen").iterdir())
-    assert names == ["contacts.json", "external_torque.npz", "external_torque.png"]
+    data, code = ["contacts.json"], ["observer.c", "observer.h"]
+    pictures = ["external_torque.npz", "external_torque.png"]
+    assert names == [*data, "example_observer.c", *pictures, *code]
 
 
 def test_pushes_on_a_real_arm_are_found(

@@ -1,0 +1,250 @@
+"""observer.c: the observer with its thresholds in C99, for a control loop.
+
+It needs kernels.c of the generated robot and <math.h>; it allocates nothing, and one state serves
+one thread. The model's band is constant there, its median over the observed log; all other terms
+of the thresholds follow the state.
+"""
+
+from string import Template
+
+import numpy as np
+
+from runtime.errors import ExportError
+from runtime.library import Array, Library
+from runtime.monitoring.model import SLOW
+from runtime.monitoring.noise import REVERSAL_S
+from runtime.monitoring.observation import SLOPE_STEPS, Detector
+
+FILES = ("observer.h", "observer.c", "example_observer.c")
+FORMS = {
+    "viscous": "v",
+    "coulomb": "s",
+    "offset": "1.0",
+    "asymmetric": "v * s",
+    "stribeck": "s * exp(-(v / STRIBECK) * (v / STRIBECK))",
+}
+"""Friction column → C expression of the speed v and its smooth sign s."""
+
+HEADER = Template("""/* $robot: external joint torque by a momentum observer, written by symgen.
+ * Model $model_hash. */
+#ifndef ${upper}_OBSERVER_H
+#define ${upper}_OBSERVER_H
+
+/* All that the observer remembers; {0} is the first state. */
+typedef struct {
+    double window[$steps + 1][3 * $n];
+    double torque[$lag + 1][$n];
+    double p[$n], u[$n], r[$n];
+    long samples, means;
+    int slow[$n];
+} ${robot}_observer;
+
+/* Adds one sample at $rate Hz: q [rad, m], dq, tau of the motors [N m, N]. Writes the external
+ * torque r and the thresholds, and returns a bit per joint whose |r| is above its threshold. */
+unsigned ${robot}_observer_update(${robot}_observer *o, const double q[$n], const double dq[$n],
+                                  const double tau[$n], double r[$n], double threshold[$n]);
+
+#endif
+""")
+SOURCE = Template("""/* $robot: external joint torque by a momentum observer, written by symgen.
+ *
+ *     r_k = a r_(k-1) + (1 - a) ((p_k - p_(k-1)) / D - (u_k + u_(k-1)) / 2)
+ *
+ * with u = tau - tau_f + C' dq - g, of means over $steps steps; a = exp(-K_O D),
+ * K_O = $bandwidth 1/s, D = 1 / ($rate Hz). */
+#include <math.h>
+#include <string.h>
+
+#include "$robot.h"
+#include "observer.h"
+
+enum { N = $n, BASE = $base, STEPS = $steps, LAG = $lag, RESTS = $rests };
+
+#define RATE $rate
+#define DECAY $decay
+#define COULOMB $coulomb_speed
+#define STRIBECK $stribeck_speed
+
+static const double beta[BASE] = {$beta};
+static const double friction[N][$columns] = {$phi};
+static const double rotor[N] = {$rotor};
+/* Thresholds: z sqrt(sigma^2 + band^2) or the largest slow residual, and twice the dry friction. */
+static const double usual[N] = {$usual};
+static const double dry[N] = {$dry};
+
+/* Momentum p and C' dq - g - tau_f. */
+static void balance(const double q[N], const double v[N], double p[N], double force[N])
+{
+    double over_p[N * BASE], over_s[N * BASE];
+    memset(over_p, 0, sizeof over_p);
+    memset(over_s, 0, sizeof over_s);
+    ${robot}_momentum_regressor(q, v, over_p, over_s);
+    for (int j = 0; j < N; ++j) {
+        p[j] = rotor[j] * v[j];
+        force[j] = -friction_torque(j, v[j]);
+        for (int k = 0; k < BASE; ++k) {
+            p[j] += over_p[j * BASE + k] * beta[k];
+            force[j] += over_s[j * BASE + k] * beta[k];
+        }
+    }
+}
+
+unsigned ${robot}_observer_update(${robot}_observer *o, const double q[N], const double dq[N],
+                                  const double tau[N], double r[N], double threshold[N])
+{
+    double mean[3 * N], p[N], force[N];
+    double *now = o->window[o->samples % (STEPS + 1)];
+    memcpy(now, q, sizeof(double) * N);
+    memcpy(now + N, dq, sizeof(double) * N);
+    memcpy(now + 2 * N, tau, sizeof(double) * N);
+    memcpy(r, o->r, sizeof(double) * N);
+    memcpy(threshold, usual, sizeof(double) * N);
+    if (o->samples++ < STEPS) {
+        return 0; /* the window is not full */
+    }
+    const double *old = o->window[o->samples % (STEPS + 1)];
+    for (int i = 0; i < 3 * N; ++i) { /* mean by the trapezoidal rule */
+        double sum = STEPS ? -(now[i] + old[i]) / 2 : now[i];
+        for (int k = 0; STEPS && k <= STEPS; ++k) {
+            sum += o->window[k][i];
+        }
+        mean[i] = STEPS ? sum / STEPS : sum;
+    }
+    if ($from_position) {
+        for (int j = 0; j < N; ++j) {
+            mean[N + j] = (now[j] - old[j]) * (RATE / (STEPS ? STEPS : 1));
+        }
+    }
+    balance(mean, mean + N, p, force);
+    const double *before = o->torque[(o->means + 1) % (LAG + 1)];
+    unsigned contacts = 0;
+    for (int j = 0; j < N; ++j) {
+        double u = mean[2 * N + j] + force[j];
+        if (o->means) {
+            double w = (p[j] - o->p[j]) * RATE - (u + o->u[j]) / 2;
+            o->r[j] = DECAY * o->r[j] + (1 - DECAY) * w;
+        }
+        o->p[j] = p[j];
+        o->u[j] = u;
+        r[j] = o->r[j];
+        if (fabs(mean[N + j]) < $slow * COULOMB) {
+            o->slow[j] = RESTS + 1;
+        }
+        if (o->slow[j] > 0) { /* at rest or just reversed: dry friction may act either way */
+            threshold[j] += 2 * dry[j];
+            --o->slow[j];
+        }
+        if (o->means >= LAG) { /* torque and position lie up to a step apart */
+            threshold[j] += fabs(mean[2 * N + j] - before[j]) / LAG;
+        }
+        o->torque[o->means % (LAG + 1)][j] = mean[2 * N + j];
+        contacts |= (unsigned)(fabs(r[j]) > threshold[j]) << j;
+    }
+    ++o->means;
+    return contacts;
+}
+""")
+FRICTION = Template("""static double friction_torque(int j, double v)
+{
+    const double s = tanh(v / COULOMB);
+    (void)s;
+    (void)j;
+    (void)friction;
+    return 0.0$terms;
+}
+
+""")
+EXAMPLE = Template("""/* $robot: the observer in a loop. Compile and run:
+ *
+ *     cc -O2 example_observer.c observer.c kernels.c update.c -lm -o observer && ./observer
+ *
+ * kernels.c, update.c and $robot.h are those of the generated robot. */
+#include <stdio.h>
+
+#include "$robot.h"
+#include "observer.h"
+
+enum { N = $n };
+
+static ${robot}_observer state;
+
+int main(void)
+{
+    const double q[N] = {$home}, dq[N] = {0};
+    double tau[N] = {0}, r[N], threshold[N];
+    unsigned contacts = 0;
+    /* An arm at rest without torque: gravity is an external torque to the observer. */
+    for (int k = 0; k < $loops; ++k) {
+        contacts |= ${robot}_observer_update(&state, q, dq, tau, r, threshold);
+    }
+    for (int j = 0; j < N; ++j) {
+        printf("joint %d: r %.4f, threshold %.4f\\n", j + 1, r[j], threshold[j]);
+    }
+    printf("contacts: %u\\n", contacts);
+    return 0;
+}
+""")
+
+
+def observer_c(lib: Library, detector: Detector, band: Array) -> dict[str, str]:
+    """Texts of observer.h, observer.c and example_observer.c.
+
+    Args:
+        lib: library of the robot.
+        detector: observer with thresholds.
+        band: standard deviation of the model's torque that the thresholds contain, (n,) [N·m, N].
+
+    Returns:
+        Name → text.
+
+    Raises:
+        ExportError: the model has parts that are not written in C.
+    """
+    model, s = detector.model, detector.settings
+    inertial = model.inertial
+    names = [
+        name for name, is_rotor in zip(model.terms.columns, inertial, strict=True) if not is_rotor
+    ]
+    foreign = [name for name in names if name not in FORMS]
+    foreign += [n for n in np.array(model.terms.columns)[inertial].tolist() if n != "rotor"]
+    if foreign or model.net is not None or model.delay_s or "known_torque" in lib.manifest.kernels:
+        what = ", ".join(foreign) or "a friction network, a delay or a known torque"
+        raise ExportError(f"observer.c is not written: there is no C code for {what}")
+    n = lib.n_joints
+    kept = model.phi[:, ~inertial]
+    values = {
+        "robot": lib.name,
+        "upper": lib.name.upper(),
+        "model_hash": lib.manifest.model_hash,
+        "n": n,
+        "base": len(model.beta),
+        "steps": s.steps,
+        "lag": max(s.steps, SLOPE_STEPS),
+        "rests": round(REVERSAL_S * s.rate_hz),
+        "rate": repr(float(s.rate_hz)),
+        "bandwidth": f"{s.bandwidth:.6g}",
+        "decay": repr(s.decay),
+        "coulomb_speed": repr(model.terms.coulomb_speed),
+        "stribeck_speed": repr(model.terms.stribeck_speed),
+        "beta": _row(model.beta),
+        "columns": max(kept.shape[1], 1),
+        "phi": ", ".join(f"{{{_row(each) or '0.0'}}}" for each in kept),
+        "rotor": _row(model.phi[:, inertial].sum(axis=1)),
+        "usual": _row(detector.noise.thresholds(detector.levels, band)),
+        "dry": _row(model.dry_friction),
+        "slow": SLOW,
+        "from_position": int(s.velocity == "position"),
+        "home": _row(lib.home),
+        "loops": 10 * (s.steps + 1) + round(s.rate_hz),
+    }
+    terms = "".join(f" + friction[j][{k}] * ({FORMS[name]})" for k, name in enumerate(names))
+    source = SOURCE.substitute(values)
+    place = source.index("/* Momentum p")
+    source = source[:place] + FRICTION.substitute(terms=terms) + source[place:]
+    return dict(
+        zip(FILES, (HEADER.substitute(values), source, EXAMPLE.substitute(values)), strict=True)
+    )
+
+
+def _row(values: Array) -> str:
+    return ", ".join(repr(float(value)) for value in values)

@@ -1,0 +1,133 @@
+"""observer.c: compiled with sanitizers, it gives r and the thresholds of the Python observer."""
+
+import dataclasses
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import Recording
+from runtime.errors import ExportError
+from runtime.library import Library
+from runtime.monitoring.false_alarms import alarm_rate
+from runtime.monitoring.model import model_of
+from runtime.monitoring.noise import read_held_out
+from runtime.monitoring.observation import Detector, detector_for, observe, prepared_for
+from runtime.monitoring.observer import ObserverSettings
+from runtime.outputs.observer_c import observer_c
+from runtime.recording import Friction
+from tests.runtime.monitoring.conftest import Monitored
+
+DRIVER = """
+#include <stdio.h>
+#include "observer.h"
+static fr3_observer state;
+int main(void)
+{
+    double x[21], r[7], threshold[7];
+    while (fread(x, sizeof(double), 21, stdin) == 21) {
+        unsigned contacts = fr3_observer_update(&state, x, x + 7, x + 14, r, threshold);
+        double found = contacts;
+        fwrite(r, sizeof(double), 7, stdout);
+        fwrite(threshold, sizeof(double), 7, stdout);
+        fwrite(&found, sizeof(double), 1, stdout);
+    }
+    return 0;
+}
+"""
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-fsanitize=address,undefined", "-O1")
+
+
+@pytest.fixture(scope="module")
+def detector(lib: Library, monitored: Monitored, rest_of_log: Recording) -> Detector:
+    """Observer of the real arm, the model's band left out."""
+    model = model_of(monitored.saved, lib)
+    part = prepared_for(rest_of_log.take(slice(0, 3000), "part"), model)
+    held_out = read_held_out(monitored.folder, model)
+    return detector_for(lib, model, part, held_out, alarm_rate("1 per hour"))
+
+
+def compiled(texts: dict[str, str], lib: Library, folder: Path, main: str) -> Path:
+    """A program of observer.c and the library of the robot, which contains kernels.c."""
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    for name, text in {**texts, "driver.c": DRIVER}.items():
+        (folder / name).write_text(text)
+    sources = [str(folder / main), str(folder / "observer.c")]
+    library = [str(lib.folder / f"lib{lib.name}.so"), f"-Wl,-rpath,{lib.folder}"]
+    words = ["cc", *STRICT, f"-I{lib.folder}", f"-I{folder}", *sources, *library, "-lm", "-o"]
+    done = subprocess.run(
+        [*words, str(folder / "run")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "run"
+
+
+def test_c_is_the_python_observer(
+    lib: Library, detector: Detector, rest_of_log: Recording, tmp_path: Path
+) -> None:
+    """Oracle: r, thresholds and contacts of a real log with a push, by the Python observer.
+
+    Both sum the same 43 terms in another order: 1e-9 N·m. The sanitizers find no fault.
+    """
+    part = prepared_for(rest_of_log.take(slice(0, 2500), "part"), detector.model)
+    tau = np.array(part.tau)
+    tau[1200:, 1] += 4.0
+    seen = observe(lib, detector, part.replace(tau=tau))
+    program = compiled(observer_c(lib, detector, np.zeros(7)), lib, tmp_path, "driver.c")
+    data = np.hstack([part.q, part.dq, tau]).tobytes()
+    done = subprocess.run([str(program)], input=data, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()
+    assert not done.stderr
+    answer = np.frombuffer(done.stdout).reshape(-1, 15)
+    first = detector.settings.steps + 1
+    np.testing.assert_allclose(answer[first:, :7], seen.r[first:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(answer[first:, 7:14], seen.threshold[first:], rtol=0, atol=1e-9)
+    above = np.abs(seen.r[first:]) > seen.threshold[first:]
+    assert above[:, 1].any()
+    bits = answer[first:, 14].astype(int)
+    np.testing.assert_array_equal((bits[:, None] >> np.arange(7)) & 1, above)
+
+
+@pytest.mark.parametrize("columns", [("viscous", "rotor", "stribeck"), ()])
+def test_without_window_and_with_other_friction(
+    columns: tuple[str, ...], lib: Library, detector: Detector, tmp_path: Path
+) -> None:
+    """Oracle: the same without a window, with rotors and without any friction."""
+    phi = np.linspace(0.1, 0.9, 7 * len(columns)).reshape(7, -1)
+    model = dataclasses.replace(detector.model, terms=Friction(columns), phi=phi)
+    settings = ObserverSettings(1000.0, 50.0)
+    changed = dataclasses.replace(detector, model=model, settings=settings)
+    rng = np.random.default_rng(0)
+    t = np.arange(300) / 1000
+    q = lib.home + np.sin(2 * t)[:, None] * rng.normal(size=7)
+    dq = np.gradient(q, t, axis=0)
+    log = Recording(t, q, dq, None, rng.normal(size=q.shape))
+    seen = observe(lib, changed, log)
+    program = compiled(observer_c(lib, changed, np.zeros(7)), lib, tmp_path, "driver.c")
+    data = np.hstack([q, dq, log.tau]).tobytes()
+    done = subprocess.run([str(program)], input=data, capture_output=True, check=True)
+    answer = np.frombuffer(done.stdout).reshape(-1, 15)
+    np.testing.assert_allclose(answer[1:, :7], seen.r[1:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(answer[1:, 7:14], seen.threshold[1:], rtol=0, atol=1e-9)
+
+
+def test_the_example_runs(lib: Library, detector: Detector, tmp_path: Path) -> None:
+    """Oracle: an arm at rest without torque: r is minus the torque of the model at rest."""
+    program = compiled(observer_c(lib, detector, np.zeros(7)), lib, tmp_path, "example_observer.c")
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=True)
+    still = np.zeros(7)
+    columns = detector.model.columns(lib, lib.home[None], still[None])[1][0]
+    right = lib.base_inverse_dynamics(lib.home, still, still, detector.model.beta)
+    right = right + np.sum(columns * detector.model.phi, axis=1)
+    shown = [float(line.split()[3].rstrip(",")) for line in done.stdout.splitlines()[:7]]
+    np.testing.assert_allclose(shown, right, atol=1e-4)  # four digits are printed
+
+
+def test_what_has_no_c_code_is_refused(lib: Library, detector: Detector) -> None:
+    """Property: one sentence that names the column."""
+    model = dataclasses.replace(detector.model, terms=Friction(("load",)), phi=np.ones((7, 1)))
+    with pytest.raises(ExportError, match="load"):
+        observer_c(lib, dataclasses.replace(detector, model=model), np.zeros(7))

@@ -7,7 +7,19 @@ import numpy as np
 
 from scripts.fuzzing.archives import npz_parts, parquet_columns
 from scripts.fuzzing.bags import remade_database, remade_mcap, remade_ros1, zstd_bomb
-from scripts.fuzzing.mutators import ANY, TEXT, Mutator, Rng, entities, flip_bits, nested
+from scripts.fuzzing.mutators import (
+    ANY,
+    TEXT,
+    Mutator,
+    Rng,
+    column,
+    compressed,
+    entities,
+    flip_bits,
+    keys,
+    links,
+    nested,
+)
 from scripts.fuzzing.trees import json_tree, toml_tree, xml_tree, yaml_tree
 
 
@@ -19,11 +31,12 @@ _JSON: tuple[Mutator, ...] = (*TEXT, nested((b"[", b"]"), (b'{"a":', b"}")), *[j
 _TAGS = [(b"<%s>" % tag, b"</%s>" % tag) for tag in (b"link", b"body", b"geom", b"visual")]
 _XML: tuple[Mutator, ...] = (*TEXT, nested(*_TAGS), entities, entities, *[xml_tree] * 12)
 OF_SUFFIX: dict[str, tuple[Mutator, ...]] = {
-    ".csv": TEXT,
-    ".toml": (*TEXT, nested((b"[", b"]"), (b"{a=", b"}")), *[toml_tree] * 12),
+    ".csv": (*TEXT, column, column),
+    ".csv.gz": (*ANY, *[compressed] * 7),
+    ".toml": (*TEXT, nested((b"[", b"]"), (b"{a=", b"}")), keys, keys, *[toml_tree] * 12),
     ".json": _JSON,
     ".yaml": (*TEXT, *[yaml_tree] * 12),
-    ".urdf": _XML,
+    ".urdf": (*_XML, links, links),
     ".xml": _XML,
     ".npz": (*ANY, *[npz_parts] * 7),
     ".parquet": (*ANY, *[parquet_columns] * 7),

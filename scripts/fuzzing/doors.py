@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import typer
 
+from runtime.cli import app_of
 from runtime.cli.evaluate import evaluate_command
 from runtime.cli.export import export_command
 from runtime.cli.inspect import inspect_command
@@ -193,6 +194,55 @@ def _looped(folder: Path, lib: Library) -> None:
     loop.simulate(lib, lib.pi0, {}, np.linspace(loop.start, loop.start + 1.0, 50))
 
 
+_FILES: dict[str, tuple[str, ...]] = {
+    "identify": ("log.csv", "--out", "{folder}/out/result"),
+    "excite": ("--document", "--out", "{folder}/out/motion.json"),
+    "simulate": ("--trajectory", "motion.json", "--ideal", "--out", "{folder}/out/log.csv"),
+    "predict": ("motion.json",),
+}
+"""Words of commands that stay as they are."""
+
+
+def _optioned(name: str) -> Door:
+    """A command with the values of options.json; names of options and of files are not damaged."""
+
+    def read(folder: Path, lib: Library) -> None:
+        try:
+            given = json.loads((folder / "options.json").read_text())[name]
+            values = {option: str(given[option]) for option in goods.OPTIONS[name]}
+        except (OSError, ValueError, LookupError, TypeError, RecursionError):
+            raise RuntimeFault("no options") from None
+        words = [
+            name,
+            *(each.format(folder=folder) for each in _FILES[name]),
+            "--robot",
+            str(lib.folder),
+        ]
+        words += [f"{option}={value}" for option, value in values.items()]
+        with contextlib.chdir(folder):
+            try:
+                app_of([name])(words)
+            except SystemExit as end:
+                if end.code:
+                    raise RuntimeFault("a value that is no number of the option") from None
+
+    return Door("options.json", goods.options, read)
+
+
+def _headless(folder: Path, lib: Library) -> None:
+    with contextlib.suppress(typer.Exit):
+        inspect_command(str(folder / "log.csv"), robot=str(lib.folder))
+
+
+def _masses(folder: Path, _: Library) -> None:
+    from symgen.build.config import read_masses
+    from symgen.chain import ChainOptions, read_chain
+    from symgen.cli.common import read_urdf
+
+    options = ChainOptions(masses=read_masses(folder / "masses.toml"))
+    read_chain(read_urdf(folder / "robot.urdf"), options)
+
+
 def _study(file: str, seal: Callable[[Path], None] | None = None) -> Door:
     return Door(f"toy/{file}", goods.study, _experiments, seal)
 
@@ -215,6 +265,7 @@ def _rows(folder: Path, _: Library) -> None:
 DOORS: dict[str, Door] = {
     # Logs.
     "csv": _log("log.csv", goods.Log("log.csv")),
+    "csv-gz": _log("log.csv.gz", goods.zipped),
     "npz": _log("log.npz", goods.Log("log.npz")),
     "parquet": _log("log.parquet", goods.Log("log.parquet")),
     "mcap": _log("log.mcap", goods.mcap),
@@ -232,6 +283,7 @@ DOORS: dict[str, Door] = {
     "stream-parquet": _streamed("log.parquet"),
     "doctor-csv": _doctor("log.csv"),
     "doctor-npz": _doctor("log.npz"),
+    "headless": Door("log.csv", goods.headless, _headless),
     "recipe": Door("recipe.toml", goods.recipe, lambda f, _: load_recipe(f / "recipe.toml")),
     # Models.
     "urdf": Door("robot.urdf", goods.urdf, _urdf),
@@ -246,6 +298,7 @@ DOORS: dict[str, Door] = {
     "view-obj": _visual("obj"),
     "view-dae": _visual("dae"),
     "robot": Door("robot.toml", goods.robot_config, _robot),
+    "masses": Door("masses.toml", goods.masses, _masses),
     # Generated folders.
     "manifest": Door(
         "manifest.json", goods.generated, lambda f, _: read_manifest(f / "manifest.json")
@@ -296,6 +349,8 @@ DOORS: dict[str, Door] = {
         goods.statistics,
         lambda f, lib: load_statistics(f / "statistics.npz", lib),
     ),
+    # Options of commands.
+    **{f"options-{name}": _optioned(name) for name in goods.OPTIONS},
     # Experiments.
     "study": _study("result.json"),
     "study-config": _study("config.json"),

@@ -1,5 +1,6 @@
 """Good files of every kind, for one robot, each in an empty folder."""
 
+import gzip
 import json
 import re
 import shutil
@@ -21,6 +22,22 @@ from runtime.simulation.settings import settings_of
 from scripts.fuzzing import bags
 from scripts.fuzzing.texts import BOX, MJCF, PRIOR, RECIPE
 
+OPTIONS = {
+    "identify": {
+        **{"--cutoff": "10", "--rate": "50", "--coulomb-speed": "0.02", "--split": "0.5,0.7"},
+        **{"--seed": "1", "--friction": "viscous,coulomb", "--method": "ols"},
+    },
+    "excite": {
+        **{"--duration": "3", "--harmonics": "2", "--seed": "1", "--noise": "0.05"},
+        **{"--log-rate": "100", "--export-rate": "100", "--speed": "50", "--starts": "1"},
+    },
+    "simulate": {
+        **{"--perturb": "0.05", "--control-rate": "100", "--torque-noise": "0.05"},
+        **{"--viscous": "0.1", "--coulomb": "0.1", "--rotor": "0.1", "--keep-every": "2"},
+    },
+    "predict": {"--noise": "0.05", "--log-rate": "100", "--friction": "viscous"},
+}
+"""Options with numbers, by command."""
 MODELS = Path(__file__).parents[2] / "symgen" / "robots"
 MARK = "ab" * 32
 
@@ -84,6 +101,28 @@ def prior(folder: Path, lib: Library) -> None:
     (folder / "prior.toml").write_text(PRIOR.format(link=lib.link_names[-1]))
 
 
+def masses(folder: Path, lib: Library) -> None:
+    """Masses of links, and a URDF without <inertial>."""
+    text = "".join(f'"{name}" = 1.5\n' for name in lib.link_names)
+    (folder / "masses.toml").write_text(text)
+    bare = re.sub(r"<inertial>.*?</inertial>", "", lib.urdf(), flags=re.DOTALL)
+    (folder / "robot.urdf").write_text(bare)
+
+
+def headless(folder: Path, lib: Library) -> None:
+    """A log without a header line."""
+    write_recording(motion(lib, 300), folder / "log.csv")
+    text = (folder / "log.csv").read_text()
+    (folder / "log.csv").write_text(text.partition("\n")[2])
+
+
+def options(folder: Path, lib: Library) -> None:
+    """A log, a motion, and options of commands with their values."""
+    write_recording(motion(lib, 120), folder / "log.csv")
+    trajectory(folder, lib)
+    (folder / "options.json").write_text(json.dumps(OPTIONS))
+
+
 def trajectory(folder: Path, lib: Library) -> None:
     """A motion, and the closed loop that follows it."""
     coefficients = 0.01 * np.ones((lib.n_joints, 4))
@@ -115,6 +154,12 @@ class Log:
     def __call__(self, folder: Path, lib: Library) -> None:
         """Write it."""
         write_recording(motion(lib, self.rows), folder / self.file)
+
+
+def zipped(folder: Path, lib: Library) -> None:
+    """A compressed CSV."""
+    write_recording(motion(lib), folder / "log.csv")
+    (folder / "log.csv.gz").write_bytes(gzip.compress((folder / "log.csv").read_bytes(), 1))
 
 
 def mcap(folder: Path, lib: Library) -> None:

@@ -1,7 +1,9 @@
 """Bytes and a generator → damaged bytes; of text also by numbers, lines, words and depth."""
 
+import gzip
 import re
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -133,6 +135,65 @@ def entities(data: bytes, rng: Rng) -> bytes:
     outside = b'<!ENTITY e11 SYSTEM "file:../' + CANARY.encode() + b'">'
     doctype = b'<!DOCTYPE robot [<!ENTITY e0 "x">' + (outside, bomb)[int(rng.integers(2))] + b"]>"
     return doctype + data.partition(b"?>")[2].replace(b'name="', b'name="&e11;', 1)
+
+
+def keys(data: bytes, rng: Rng) -> bytes:
+    """TOML keys of very many parts or letters, and texts that do not end."""
+    long = (
+        b"a" + b".a" * 50_000 + b" = 1\n",
+        b"[" + b"a." * 5_000 + b"a]\n",
+        b"a" * 100_000 + b" = 1\n",
+        b"'a'" + b".'a'" * 5_000 + b" = 1\n",
+        b'\\"' * 50_000,
+        b'"""' + b'\\"' * 50_000,
+    )[int(rng.integers(6))]
+    return data + b"\n" + long if rng.integers(2) else long + data
+
+
+def column(data: bytes, rng: Rng) -> bytes:
+    """A column of a CSV in a unit that no machine has, such as a clock in 1e-12 s."""
+    head, *rows = data.split(b"\n")
+    k = int(rng.integers(0, min(2, head.count(b",")) + 1))
+    scale = 10.0 ** float(rng.choice([-300, -100, -12, -9, 9, 12, 100, 300]))
+
+    def scaled(row: bytes) -> bytes:
+        cells = row.split(b",")
+        if len(cells) > k:
+            cells[k] = repr(float(cells[k]) * scale).encode()
+        return b",".join(cells)
+
+    return b"\n".join([head, *map(scaled, rows)])
+
+
+def compressed(data: bytes, rng: Rng) -> bytes:
+    """Damage inside a gzip file; or zeros that grow a thousandfold."""
+    if rng.integers(8) == 0:
+        return _bomb()
+    inside = TEXT[int(rng.integers(len(TEXT)))](gzip.decompress(data), rng)
+    return gzip.compress(inside, 1)
+
+
+@cache
+def _bomb() -> bytes:
+    return gzip.compress(bytes(2**28))
+
+
+def links(data: bytes, rng: Rng) -> bytes:
+    """A URDF with a long chain of fixed or moving links, or names that end comments and cells."""
+    if rng.integers(2):
+        name = (b"a */ int x; /*", b"a | b", b"&lt;b&gt;", b"a??/", b"../x")[int(rng.integers(5))]
+        found = re.findall(rb'name="([^"]+)"', data)
+        return data.replace(b'"%s"' % found[int(rng.integers(len(found)))], b'"%s"' % name)
+    count = int(rng.choice([60, 120, 600]))
+    kind = (b"fixed", b"continuous")[int(rng.integers(2))]
+    root = re.findall(rb'<link name="([^"]+)"', data)[-1]
+    parents = [root, *(b"long%d" % k for k in range(count - 1))]
+    chain = b"".join(
+        b'<link name="long%d"/><joint name="more%d" type="%s"><parent link="%s"/>'
+        b'<child link="long%d"/></joint>' % (k, k, kind, parent, k)
+        for k, parent in enumerate(parents)
+    )
+    return data.replace(b"</robot>", chain + b"</robot>")
 
 
 ANY: tuple[Mutator, ...] = (flip_bits, truncate, remove, splice, overwrite)

@@ -169,8 +169,10 @@ def compressed(data: bytes, rng: Rng) -> bytes:
     """Damage inside a gzip file; or zeros that grow a thousandfold."""
     if rng.integers(8) == 0:
         return _bomb()
-    inside = TEXT[int(rng.integers(len(TEXT)))](gzip.decompress(data), rng)
-    return gzip.compress(inside, 1)
+    inside = gzip.decompress(data)
+    if len(inside) > 2**24:  # the bomb
+        return data
+    return gzip.compress(TEXT[int(rng.integers(len(TEXT)))](inside, rng), 1)
 
 
 @cache

@@ -182,6 +182,10 @@ def test_overview_fits_the_terminal() -> None:
 def test_program_in_a_process(script: Path, tmp_path: Path) -> None:
     """Property: version, usage lines, unknown commands and both kinds of inspect."""
     assert run(script, "--version").stdout == f"symgen {__version__}\n"
+    for module in ("runtime", "symgen"):
+        words = [sys.executable, "-m", module, "--version"]
+        ran = subprocess.run(words, capture_output=True, text=True, check=False, cwd=REPOSITORY)
+        assert (ran.returncode, ran.stdout.split()[-1]) == (0, __version__)
     near = run(script, "identfy", "log.csv")
     assert (near.returncode, near.stdout) == (2, "")
     assert near.stderr == (

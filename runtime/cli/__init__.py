@@ -8,6 +8,7 @@ from typing import Any
 
 import typer
 
+from runtime import __version__
 from runtime.cli.common import INTERRUPTED, flowing, program
 from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
@@ -74,6 +75,9 @@ def main() -> None:
     """Run the command line; a `RuntimeFault` becomes one sentence and exit code 2."""
     wanted = sys.argv[1:2]
     name = program().split()[-1]
+    if wanted == ["--version"]:
+        print(f"{name} {__version__}")
+        return
     try:
         app_of(wanted if set(wanted) & set(COMMANDS) else COMMANDS)()
     except RuntimeFault as error:

@@ -67,6 +67,7 @@ class RobotConfig:
 
 
 _VECTORS = ("home", "acceleration", "jerk", "torque_rate")
+_POSITIVE = {"acceleration", "jerk", "torque_rate"}
 _COLLISION = ("proxy", "pair")
 CONFIG_KEYS = (*_VECTORS, "tip_speed", "braking", *_COLLISION)
 """Keys of the TOML file; the manifest has the same keys, None where unknown."""
@@ -131,6 +132,11 @@ def config_from_table(table: dict[str, Any], where: str) -> RobotConfig:
                 f"{where} has the unknown key '{key}'; known are {', '.join(CONFIG_KEYS)}"
             )
     vectors = {key: _vector(table[key], key, where) for key in _VECTORS if key in table}
+    for key in _POSITIVE & vectors.keys():
+        if min(vectors[key]) <= 0:
+            raise BuildError(
+                f"{where}: {key} needs limits above 0 for every joint, got {min(vectors[key]):g}"
+            )
     speed = table.get("tip_speed")
     if speed is not None and not (_is_number(speed) and speed > 0):
         raise BuildError(f"{where}: tip_speed needs a number above 0 m/s, got {speed!r}")

@@ -21,6 +21,7 @@ def limits_of(
 
     Returns:
         Lower, upper [rad, m], velocity [rad/s, m/s] and effort [N·m, N]; None where not given.
+        Limits that are all 0 are not given: exporters write them for a joint without limits.
 
     Raises:
         UrdfError: a limit is not a finite number, is negative, or lower exceeds upper.
@@ -44,6 +45,8 @@ def limits_of(
         if value is not None and value < 0:
             raise UrdfError(f"joint '{name}' has the negative {key} limit {value:g}; correct it")
         values[key] = value or None  # 0 is how exporters write "not given"
+    if lower == upper == 0 and not (values["velocity"] or values["effort"]):
+        lower = upper = None
     return lower, upper, values["velocity"], values["effort"]
 
 

@@ -7,6 +7,7 @@ by the commands that compute with them, so that the others run without the extra
 import sys
 from inspect import getdoc
 
+from symgen import __version__
 from symgen.cli import inspect, make, proxies, show
 from symgen.cli.common import app, flowing
 from symgen.errors import SymgenError
@@ -22,6 +23,9 @@ for command in app.registered_commands:
 
 def main() -> None:
     """Run the command line; a `SymgenError` is printed as one sentence, with exit code 2."""
+    if sys.argv[1:2] == ["--version"]:
+        print(f"symgen {__version__}")
+        return
     try:
         app()
     except SymgenError as error:

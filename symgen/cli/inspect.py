@@ -115,7 +115,12 @@ def _repair(
 
     report = (lambda _: None) if quiet else say
     if not any(f.kind in INERTIAL for f in inspection.errors):
-        report("repair: all inertias are physically consistent, nothing was written")
+        left = [f for f in inspection.errors if f.where.startswith("link ")]
+        report(
+            f"repair: nothing was written; correct by hand: {left[0].sentence}"
+            if left
+            else "repair: all inertias are physically consistent, nothing was written"
+        )
         return {"written": None, "moved": []}
     require_unused(out, overwrite)  # before the work, not after it
     text, changes, again = repaired(inspection, model)

@@ -20,6 +20,10 @@ def joint_findings(joint: Joint) -> list[Finding]:
     ]
     if joint.kind in {"revolute", "continuous", "prismatic"} and not np.any(joint.axis):
         findings.append(Finding(ERROR, "axis", where, "its axis is 0 0 0", "expected a direction"))
+    given = joint.lower, joint.upper, joint.velocity, joint.effort
+    if joint.has_effort and joint.kind in {"revolute", "prismatic"} and given == (0, 0, 0, 0):
+        text = "all limits are 0, which counts as not stated"
+        return [*findings, Finding(WARNING, "limits", where, text, "expected lower < upper")]
     if joint.kind in {"revolute", "prismatic"}:
         findings += _range(joint, where)
     if joint.has_effort and joint.kind in {"revolute", "continuous", "prismatic"}:

@@ -293,3 +293,13 @@ def test_deep_chains_are_read_or_refused() -> None:
     )
     with pytest.raises(SymgenError):
         read(f"<robot name='long'>{links}{joints}</robot>")
+
+
+def test_limits_that_are_all_zero_are_not_stated() -> None:
+    """Property: exporters write them; a joint that is locked between 0 and 0 has an effort."""
+    stated = 'lower="-1" upper="2" velocity="3" effort="10"'
+    zero = TINY_URDF.replace(stated, 'lower="0" upper="0" velocity="0" effort="0"')
+    (joint,) = read_chain(zero).joints
+    assert (joint.lower, joint.upper, joint.velocity, joint.effort) == (None, None, None, None)
+    (locked,) = read_chain(zero.replace('effort="0"', 'effort="5"')).joints
+    assert (locked.lower, locked.upper, locked.effort) == (0.0, 0.0, 5.0)

@@ -287,6 +287,8 @@ BALL = {"name": "a", "link": BASE, "start": [0, 0, 0], "end": [0, 0, 1], "radius
         ({"tip_speed": -1.0}, "tip_speed needs a number above 0"),
         ({"braking": {"k": [1.0]}}, "braking needs exactly"),
         ({"braking": {k: [0.0] for k in ("k", "c", "upper", "lower")}}, "k above 0"),
+        ({"jerk": [1.0, 0.0]}, "jerk needs limits above 0 for every joint, got 0"),
+        ({"acceleration": [-2.0]}, "acceleration needs limits above 0 for every joint, got -2"),
         ({"torque_rate": [float("inf")]}, "torque_rate needs a list of finite numbers"),
     ],
 )

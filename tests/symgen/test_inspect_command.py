@@ -10,7 +10,7 @@ import pytest
 
 from symgen.inspect import inspect_file, inspect_text
 from tests.conftest import TINY_URDF
-from tests.symgen.bodies import FLAT, GOOD, arm
+from tests.symgen.bodies import FLAT, GOOD, arm, block
 from tests.symgen.test_cli import run
 
 
@@ -94,6 +94,10 @@ def test_repair_by_command(file: Path, capsys: pytest.CaptureFixture[str]) -> No
     code, said, _ = run(capsys, "inspect", file, "--repair", file.with_name("none.urdf"))
     assert "nothing was written" in said
     assert not file.with_name("none.urdf").exists()
+    file.write_text(arm([block(0.0, np.array([0.0, 0.0, 0.1]), 0.01 * np.eye(3))]))
+    code, said, _ = run(capsys, "inspect", file, "--repair", file.with_name("none.urdf"))
+    assert code == 1
+    assert "nothing was written; correct by hand: link 'link1': it has inertia but no mass" in said
 
 
 MJCF = """<mujoco model="m"><worldbody><body name="rod"><joint name="swing" axis="0 1 0"

@@ -13,6 +13,8 @@ ODD = 0.02 * np.eye(3) + 0.006 * (np.ones((3, 3)) - np.eye(3))
 """Moments 0.032, 0.014, 0.014: impossible; with one product negative 0.026, 0.026, 0.008."""
 MIRROR = np.diag([1.0, -1.0, 1.0])
 
+ZERO_LIMITS = 'lower="0" upper="0" velocity="0" effort="0"'
+
 FLAGS = {
     "mass": (arm([block(-1.0, POINT, BRICK)]), ERROR, "mass", "the mass is -1 kg"),
     "no mass": (arm([block(0.0, POINT, BRICK)]), ERROR, "mass", "inertia but no mass"),
@@ -120,6 +122,18 @@ FLAGS = {
         "lower limit 3 lies above the upper limit 2",
     ),
     "locked": (arm([GOOD]).replace('"-2" upper="2"', '"0" upper="0"'), "warning", "limits", "both"),
+    "no limits at all": (
+        arm([GOOD]).replace('lower="-2" upper="2" velocity="2" effort="50"', ZERO_LIMITS),
+        "warning",
+        "limits",
+        "all limits are 0, which counts as not stated",
+    ),
+    "rounded moment": (
+        arm([block(2.0, POINT, np.diag([-8e-19, 1e-3, 3e-3]))]),
+        ERROR,
+        "triangle",
+        "the largest principal moment exceeds the sum of the others by 0.002",
+    ),
     "no limits": (
         re.sub("<limit[^>]*/>", "", arm([GOOD])),
         "warning",

@@ -49,7 +49,7 @@ def position_columns(torque_rows: TorqueRows, plan: Recipe) -> tuple[Recipe, lis
     swaps = [_exchanged(n, *pair) for pair in itertools.combinations(range(n), 2)]
     by_sign = [_share(torque_rows, still, sign) for sign in flips]
     by_order = [_share(torque_rows, order, np.ones(n)) for order in swaps]
-    best = max(*by_sign, *by_order)
+    best = max([*by_sign, *by_order])  # a robot of one joint has no order
     if best < GOOD or best < present + GAINED:
         return plan, []
     shares = (

@@ -129,7 +129,7 @@ def situation_of(
     residual_noise: Noise | None = noise_of(lib, moved)
     known = replace(Knowledge.of(lib), payload_only=payload_only)
     if residual_noise is not None:
-        known = replace(known, pi=residual_noise.pi)
+        known = replace(known, pi=residual_noise.pi, error=residual_noise.error)
     from_residuals = given is None and residual_noise is not None
     sigma = residual_noise.sigma if from_residuals and residual_noise is not None else planned.sigma
     if earlier:

@@ -167,7 +167,7 @@ def _virtual(lib: Library, motion: Trajectory, seed: int, joints: Array) -> tupl
     noise = noise_of(lib, moved)
     if noise is None:
         raise BenchError(f"the log of virtual arm {seed} has no noise")
-    known = replace(Knowledge.of(lib), pi=noise.pi)
+    known = replace(Knowledge.of(lib), pi=noise.pi, error=noise.error)
     return real, _promised(lib, moved, noise.sigma, joints, known, noise.inflation)
 
 

@@ -1,11 +1,12 @@
 """Standard deviations that identification will reach with given samples.
 
-    least squares:  C_β = (A_bᵀ A_b)⁻¹ u           A: W^½ [Y_b K] less its part along friction
-    MAP:            C_π = (AᵀA / u + κ B)⁻¹        B: curvature of the entropic prior
-    payload:        (A_kᵀ A_k)⁻¹ u                 A_k: ten columns of the last link, offsets free
+    least squares:  C_β = (A_bᵀ A_b)⁻¹ u             A: W^½ [Y_b K] less its part along friction
+    MAP:            C_π = (AᵀA / u + κ B)⁻¹ + d dᵀ   B: curvature of the entropic prior
+    payload:        (A_kᵀ A_k)⁻¹ u                   A_k: ten columns of the last link, offsets free
 
 W = diag σ⁻². u = N / N_eff is the variance inflation by correlated residuals; it decreases in
 proportion to the time for which the same motion continues. Earlier logs are further rows over β.
+d is the distance of the model of a log from its data (`runtime.estimators.estimate_error`).
 """
 
 from dataclasses import dataclass
@@ -38,6 +39,8 @@ class Knowledge:
         kappa: weight of the prior.
         earlier: information G₀ on β of earlier logs, (n_b, n_b); None for none.
         payload_only: True when the arm is known and only the payload of the last link is not.
+        error: distance of the model of a log from its data with hardly any prior, (10 n,); more of
+            the same motion does not reduce it. None for a planned motion.
     """
 
     prior: Prior
@@ -45,6 +48,7 @@ class Knowledge:
     kappa: float = CAD
     earlier: Array | None = None
     payload_only: bool = False
+    error: Array | None = None
 
     @classmethod
     def of(cls, lib: Library) -> "Knowledge":
@@ -64,7 +68,7 @@ class Expected:
         pi: of π by MAP, (10 n,) SI.
         share: posterior over prior variance of π, (10 n,), in (0, 1].
         com: of the centres of mass by MAP, (n, 3) m.
-        root: root of the covariance of π, (10 n, 10 n).
+        root: root of the mean squared error of π, (10 n, 10 n), with a further column for d.
         payload: of the ten parameters of a payload on a known arm, (10,) SI; None where the motion
             does not determine them.
         payload_com: of the centre of mass of the payload, (3,) m.
@@ -151,17 +155,18 @@ def expected(
     whole = _rows(lib, statistics, known.earlier, unit)
     base = covariance_of_rows(whole[:, list(lib.base_columns)])
     spread = spread_of(known.prior.bodies, known.pi, whole, known.kappa)
-    base_map = np.linalg.norm(lib.base_matrix @ spread.root, axis=1)
-    com = com_sigma(spread.root, known.pi)
+    root = spread.root if known.error is None else np.column_stack([spread.root, known.error])
+    base_map = np.linalg.norm(lib.base_matrix @ root, axis=1)
+    com = com_sigma(root, known.pi)
     payload = None if columns is None else _payload(lib, statistics, known, unit, columns)
     return Expected(
         base=None if base is None else np.sqrt(np.diag(base)),
         base_map=base_map,
         relative=base_map / sizes(lib, information(lib)),
-        pi=np.linalg.norm(spread.root, axis=1),
+        pi=np.linalg.norm(root, axis=1),
         share=spread.share,
         com=np.array([each for each in com if each is not None]),
-        root=spread.root,
+        root=root,
         payload=None if payload is None else np.sqrt(np.diag(payload)),
         payload_com=None if payload is None else payload_sigma(payload)[1],
         payload_of_arm=None if payload is None else _arm_error(lib, statistics, known, columns),

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD
+from runtime.estimators.convex import CAD, prior_of, reduce
 from runtime.estimators.convex.map_estimate import fit_map
+from runtime.estimators.estimate_error import vague_posterior
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import Statistics, compress
+from runtime.estimators.regression.residuals import residuals
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.excitation import Trajectory
 from runtime.library import Array, Library
@@ -16,6 +18,9 @@ from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.plausibility import require_motion, require_plausible
 from runtime.recording.preprocessing import prepare
 
+MIRRORED = 0.05
+"""Largest distance of the way back from the way out, over the range of the joint: controllers
+repeat a path within 1 %."""
 STILL = 1e-3
 """Range [rad or m] below which a joint does not move."""
 
@@ -83,13 +88,15 @@ class Noise:
 
     Attributes:
         sigma: s_j, (n,) N·m or N.
-        inflation: N / N_eff of correlated residuals.
+        inflation: N / N_eff of correlated residuals, those of the way out and back included.
         pi: parameters of the model, (10 n,).
+        error: distance of the model from the data with hardly any prior, (10 n,).
     """
 
     sigma: Array
     inflation: float
     pi: Array
+    error: Array
 
 
 def planned_recording(trajectory: Trajectory, t: Array, lib: Library, name: str) -> Recording:
@@ -163,4 +170,34 @@ def noise_of(lib: Library, moved: MotionSamples, kappa: float = CAD) -> Noise | 
     weights = thesis_weights(samples.tau)
     fit = fit_map(Problem(lib, samples, samples.rows(slice(0, 1)), weights, lib.lam0), kappa)
     row_weights, noise = fit.noise()
-    return Noise(np.sqrt(noise.variance / row_weights), noise.inflation, fit.pi)
+    rest = residuals(lib, samples, fit.pi, fit.phi) * np.sqrt(row_weights)
+    repeated = 1.0 + repetition(samples.q, rest)
+    # Error of the estimate, as `identify` counts it.
+    statistics = fit.statistics or compress(lib, samples, row_weights)
+    data, _ = reduce(statistics, samples.equations)
+    scale = np.sqrt(max(noise.density, np.finfo(float).tiny))
+    reference, _ = vague_posterior(lib, prior_of(lib), data.factor / scale, data.target / scale)
+    sigma = np.sqrt(noise.variance / row_weights)
+    return Noise(sigma, noise.inflation * repeated, fit.pi, fit.pi - reference)
+
+
+def repetition(q: Array, rest: Array) -> float:
+    """Correlation of the residuals on the way out with those on the way back.
+
+    A motion out and back passes every state twice. Model error has the same sign both times: the
+    mean of both has the variance (1 + r)/2 and not 1/2. Noise has r = 0.
+
+    Args:
+        q: positions at equally spaced instants, (N, n) rad or m.
+        rest: weighted residuals, (N, m).
+
+    Returns:
+        r in [0, 1]; 0 where the motion does not come back on its path.
+    """
+    spans = np.ptp(q, axis=0)
+    moving = spans > STILL
+    way = np.abs(q - q[::-1])[:, moving] / spans[moving]
+    energy = float(np.sum(rest**2))
+    if not moving.any() or way.max() > MIRRORED or energy == 0.0:
+        return 0.0
+    return max(0.0, float(np.sum(rest * rest[::-1])) / energy)

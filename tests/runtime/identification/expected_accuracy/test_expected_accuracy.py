@@ -1,6 +1,7 @@
 """expected_accuracy and `predict`: Monte Carlo, dense algebra, logs that really are longer."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from runtime.identification.expected_accuracy import (
     verdict,
 )
 from runtime.identification.expected_accuracy.expected import ARM_ERROR
+from runtime.identification.expected_accuracy.planned_samples import repetition
 from runtime.identification.payload import ArmModel
 from runtime.library import Library
 from runtime.recording import Friction
@@ -302,3 +304,32 @@ def test_motions_with_other_friction_are_not_joined(moved: MotionSamples) -> Non
     """Property: one sentence that names both."""
     with pytest.raises(IdentificationError, match="'train' has the friction columns viscous, "):
         moved.require_columns(("rotor",))
+
+
+def test_model_error_repeats_on_the_way_back(lib: Library, noisy: Recording) -> None:
+    """Closed form: r is 0 of noise and 1 of a torque that depends on the place."""
+    rest = np.random.default_rng(0).normal(size=noisy.q.shape)
+    # Five standard deviations of a correlation of 7007 numbers, of which half are pairs.
+    assert repetition(noisy.q, rest) < 5 * np.sqrt(2 / rest.size)
+    assert repetition(noisy.q, np.sin(8 * noisy.q)) == pytest.approx(1.0, abs=1e-9)
+    # Friction that the columns miss has the opposite sign on the way back.
+    assert repetition(noisy.q, noisy.dq) == 0.0
+    drifting = noisy.q + 0.1 * np.ptp(noisy.q, axis=0) * noisy.t[:, None] / noisy.t[-1]
+    assert repetition(drifting, np.sin(8 * noisy.q)) == 0.0
+    assert repetition(noisy.q, np.zeros_like(rest)) == 0.0
+
+
+def test_model_error_of_a_log_widens_its_prediction(lib: Library, noisy: Recording) -> None:
+    """Closed form: the distance of the estimate from its data adds to the variance."""
+    rippled = noisy.replace(tau=noisy.tau + 0.3 * np.sin(8 * noisy.q))
+    samples = motion_samples_of(rippled, lib, None, Friction(FRICTION))
+    noise = noise_of(lib, samples)
+    assert noise is not None
+    statistics = samples.statistics(lib, noise.sigma)
+    known = replace(Knowledge.of(lib), pi=noise.pi)
+    alone, whole = (
+        expected(lib, statistics, each, noise.inflation)
+        for each in (known, replace(known, error=noise.error))
+    )
+    squares = alone.base_map**2 + (lib.base_matrix @ noise.error) ** 2
+    assert whole.base_map == pytest.approx(np.sqrt(squares), rel=1e-12)

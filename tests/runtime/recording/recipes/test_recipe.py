@@ -71,6 +71,8 @@ def test_bundled_names():
         ({"preparation": {"filter": "butterworth"}}, "expects cutoff_hz"),
         ({"preparation": {"filter": "average"}}, "expects window_s"),
         ({"preparation": {"rest_speed": -1.0}}, "rest_speed expects a number above 0"),
+        ({"leave_out": [[2.0, 1.0]]}, "leave_out expects intervals .from, to. in s"),
+        ({"leave_out": [1.0, 2.0]}, "leave_out expects"),
         ({"friction": {"coulomb_speed": 0.0}}, "coulomb_speed expects a number above 0"),
     ],
 )

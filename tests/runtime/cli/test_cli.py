@@ -74,7 +74,9 @@ def test_identify_writes_everything(
     assert ran.code == 0, ran.err
     folder = tmp_path / "results" / "log-map"
     written = {path.name for path in folder.iterdir()}
-    assert written == {"result.json", "predictions.npz", "identified.urdf", "report.html"}
+    assert written == {
+        *("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html")
+    }
     facts = json.loads((folder / "result.json").read_text())
     assert facts["method"] == "map"
     errors, rms = facts["torque_error_percent"], facts["torque_rms"]
@@ -138,7 +140,7 @@ def test_identifying_twice_gives_the_same_bytes(
         del facts["seconds"]
         texts.append(facts)
     assert texts[0] == texts[1]
-    assert len(list((tmp_path / "out").iterdir())) == 4
+    assert len(list((tmp_path / "out").iterdir())) == 5
 
 
 def test_evaluate_and_report(command: Command, lib: Library, log: Path, tmp_path: Path) -> None:

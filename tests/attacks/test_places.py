@@ -11,7 +11,7 @@ from runtime.errors import LibraryError, RuntimeFault
 from runtime.files import replacing
 from runtime.identification.comparison.output import _markdown
 from runtime.library import load
-from runtime.library.compile_cache import compiled_library, is_whole
+from runtime.library.compile_cache import _roots, compiled_library, is_whole
 from symgen.build.compiler import find_compiler
 from symgen.build.pipeline import build
 from symgen.build.request import BuildRequest
@@ -66,6 +66,22 @@ def test_an_entry_that_others_can_write_is_compiled_again(
     (entry / "libtiny.so").chmod(0o777)
     assert not is_whole(entry, "tiny")
     assert is_whole(compiled_library(tiny, "tiny"), "tiny")
+
+
+def test_the_temporary_cache_is_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: its name can be guessed, so another user may have made the folder, or a link."""
+    monkeypatch.delenv("SYMGEN_CACHE", raising=False)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    place = tmp_path / f"symgen-{os.getuid()}"
+    (tmp_path / "theirs").mkdir(mode=0o700)
+    place.symlink_to(tmp_path / "theirs")
+    assert place not in _roots()
+    place.unlink()
+    place.mkdir()
+    place.chmod(0o777)
+    assert place not in _roots()
+    place.chmod(0o700)
+    assert place in _roots()
 
 
 @pytest.mark.usefixtures("quick")

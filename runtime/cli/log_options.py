@@ -15,8 +15,8 @@ Log = Annotated[
     str,
     typer.Argument(
         metavar="LOG",
-        help="A log as CSV, NPZ, Parquet, MCAP or ROS bag, a folder with a recipe, or the name of "
-        "a known data set such as panda_gaz.",
+        help="A log as CSV, NPZ, Parquet, HDF5, MCAP or ROS bag, a folder with a recipe, or the "
+        "name of a known data set such as panda_gaz.",
     ),
 ]
 Recipe = Annotated[

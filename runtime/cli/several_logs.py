@@ -27,8 +27,8 @@ Logs = Annotated[
     list[str],
     typer.Argument(
         metavar="LOG...",
-        help="One or several logs: CSV, NPZ, Parquet, MCAP or ROS bags, folders with a recipe, or "
-        "names of known data sets such as panda_gaz.",
+        help="One or several logs: CSV, NPZ, Parquet, HDF5, MCAP or ROS bags, folders with a "
+        "recipe, or names of known data sets such as panda_gaz.",
     ),
 ]
 PayloadOf = Annotated[

@@ -88,12 +88,14 @@ def _has_titles(path: Path) -> bool:
 
 
 def _arrays(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str, dict]]:
+    log_format = format_of_suffix(reader.raw.name)
+    layout = "npz" if log_format is None else log_format.name
     for key, shape in reader.arrays().items():
         what = meaning(key)
         width = shape[1] if len(shape) == 2 else 1
         wanted = 1 if what.kind == "time" else joints
         if what.kind and len(shape) in {1, 2} and width == wanted:
-            yield what.kind, _part(what, file_name, key, layout="npz", key=key)
+            yield what.kind, _part(what, file_name, key, layout=layout, key=key)
 
 
 def _texts(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str, dict]]:

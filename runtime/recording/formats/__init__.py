@@ -14,6 +14,7 @@ FORMATS = Registry(
         "flat": "runtime.recording.formats.csv_format:FLAT",
         "npz": "runtime.recording.formats.npz_format:NPZ",
         "parquet": "runtime.recording.formats.parquet_format:PARQUET",
+        "hdf5": "runtime.recording.formats.hdf5_format:HDF5",
         "bag": "runtime.recording.formats.bag_format:BAG",
     },
 )

@@ -157,7 +157,7 @@ class LogReader:
             RecordingError: the format cannot be streamed.
         """
         raise RecordingError(
-            f"a log is streamed from uncompressed NPZ, Parquet, CSV or a bag, got "
+            f"a log is streamed from uncompressed NPZ, Parquet, HDF5, CSV or a bag, got "
             f"{self.raw.name!r} with {', '.join(parts)}; convert it, or read it as a whole with "
             "--no-stream"
         )

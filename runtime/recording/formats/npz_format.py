@@ -6,7 +6,7 @@ An NPZ that `write_recording` has written carries the friction columns, the name
 too.
 """
 
-from collections.abc import Container, Mapping
+from collections.abc import Mapping
 from typing import IO, Any
 
 import numpy as np
@@ -16,8 +16,7 @@ from runtime.errors import RecordingError
 from runtime.recording.formats.log_format import Extras, LogFormat, LogReader, RawFile, Rows
 from runtime.recording.formats.npz import NpzRows, npz_table, open_npz
 from runtime.recording.formats.tables import LogTable
-from runtime.recording.recipes.control_law import ControlLaw
-from runtime.recording.recipes.default_convention import KINDS, UNITS
+from runtime.recording.recipes.default_convention import arrays_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 from runtime.recording.recording import SIGNALS, Recording
 
@@ -34,13 +33,7 @@ class NpzReader(LogReader):
     def convention(self) -> Recipe:
         """Recipe of the arrays that are there; q is always expected."""
         present = NpzRows(self.raw.hashed()).keys if self.raw.in_place else self._content()
-        signals: dict[str, Any] = {
-            KINDS[key]: Signal(unit=UNITS[key], layout="npz", key=key)
-            for key in UNITS
-            if key in present or key == "q"
-        }
-        law = None if "torque" in signals else _law_of(present)
-        return Recipe(time=Time(key="t", unit="s", layout="npz"), law=law, **signals)
+        return arrays_convention(present, "npz")
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
         """Array with the key of a part.
@@ -93,15 +86,6 @@ class NpzReader(LogReader):
         if self._loaded is None:
             self._loaded = open_npz(self.raw.data(), self.raw.name)
         return self._loaded
-
-
-def _law_of(present: Container[str]) -> ControlLaw | None:
-    """PD law of the arrays q_des, kp and kd, with those of dq_des, tau_ff and effort_limit."""
-    if not all(key in present for key in ("q_des", "kp", "kd")):
-        return None
-    optional = ("dq_des", "tau_ff", "effort_limit")
-    names: dict[str, Any] = {key: key for key in optional if key in present}
-    return ControlLaw(law="pd", kp="kp", kd="kd", q_des="q_des", **names)
 
 
 def _write(recording: Recording, file: IO[bytes]) -> None:

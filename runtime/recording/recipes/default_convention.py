@@ -6,9 +6,11 @@ Each format has its own form of it (`runtime.recording.formats`).
 """
 
 import re
+from collections.abc import Container
 from typing import Any
 
 from runtime.errors import RecordingError
+from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "tau": "N*m"}
@@ -52,3 +54,36 @@ def columns_convention(titles: list[str], layout: str, name: str) -> Recipe:
         columns = tuple(f"{key}{joint}" for joint in range(1, n + 1))
         signals[KINDS[key]] = Signal(unit=UNITS[key], layout=layout, columns=columns)
     return Recipe(time=Time(column="t", unit="s", layout=layout), **signals)
+
+
+def arrays_convention(present: Container[str], layout: str, prefix: str = "") -> Recipe:
+    """Recipe of a file with the arrays t, q [, dq] [, ddq] [, tau]; q is always expected.
+
+    Without tau, the arrays q_des, kp and kd [, dq_des] [, tau_ff] [, effort_limit] give the torque
+    of a PD law.
+
+    Args:
+        present: names of all arrays.
+        layout: name of the log format.
+        prefix: of the names, such as "log/" for the arrays of a group.
+
+    Returns:
+        Recipe with the time and every signal that has an array.
+    """
+    signals: dict[str, Any] = {
+        KINDS[key]: Signal(unit=UNITS[key], layout=layout, key=prefix + key)
+        for key in UNITS
+        if prefix + key in present or key == "q"
+    }
+    law = None if "torque" in signals else _law_of(present, prefix)
+    return Recipe(time=Time(key=f"{prefix}t", unit="s", layout=layout), law=law, **signals)
+
+
+def _law_of(present: Container[str], prefix: str) -> ControlLaw | None:
+    needed, optional = ("q_des", "kp", "kd"), ("dq_des", "tau_ff", "effort_limit")
+    if not all(prefix + key in present for key in needed):
+        return None
+    names: dict[str, Any] = {
+        key: prefix + key for key in (*needed, *optional) if prefix + key in present
+    }
+    return ControlLaw(law="pd", **names)

@@ -46,12 +46,12 @@ TOY = LogFormat(
 
 def test_names_and_suffixes_of_the_formats():
     """Oracle: the layouts of a recipe, and one format per suffix."""
-    assert list(FORMATS) == ["csv", "flat", "npz", "parquet", "bag"]
+    assert list(FORMATS) == ["csv", "flat", "npz", "parquet", "hdf5", "bag"]
     assert all(FORMATS[name].name == name for name in FORMATS)
     suffixes = all_suffixes()
     assert len(set(suffixes)) == len(suffixes)
     assert {format_of_suffix(f"x{each.upper()}").name for each in suffixes} == {
-        *("csv", "npz", "parquet", "bag")
+        *("csv", "npz", "parquet", "hdf5", "bag")
     }
     assert format_of_suffix("x.toy") is None
 

@@ -82,7 +82,9 @@ def payload_command(
     flange if the link carries a flange, else in the frame of the link.
 
     Written: payload.json (values, σ, intervals), set_load.json (arguments of libfranka's setLoad),
-    endeffector-config.json (Franka Desk) and payload.urdf (a link to append).
+    endeffector-config.json (Franka Desk), payload.urdf (a link to append), and for other
+    controllers set_target_payload.script (UR), load_data.krl (KUKA), kinova_payload.json and
+    xarm_tcp_load.json.
     """
     lib = open_robot(robot, yes)
     folder = out or Path("results") / f"{Path(log).stem}-payload"

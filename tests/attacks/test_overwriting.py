@@ -63,6 +63,8 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
             f"out/{name}"
             for name in (
                 *("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf"),
+                *("set_target_payload.script", "load_data.krl"),
+                *("kinova_payload.json", "xarm_tcp_load.json"),
             )
         ),
     ),

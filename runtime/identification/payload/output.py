@@ -1,4 +1,4 @@
-"""Files of a payload: JSON, Franka's setLoad and Desk, a URDF link.
+"""Files of a payload: JSON, Franka's setLoad and Desk, a URDF link, other controllers' files.
 
 libfranka's `Robot::setLoad` takes mass [kg], F_x_Cload: flange to centre of mass [m], and the
 inertia about the centre of mass [kg·m²], 9 numbers column by column; Desk's
@@ -17,10 +17,14 @@ from runtime.files import replacing
 from runtime.identification.payload.body import NAMES, Body
 from runtime.identification.payload.estimate import Payload
 from runtime.identification.payload.known import FORMAT
+from runtime.identification.payload.vendor_files import VENDOR_FILES, digits, vendor_texts
 from runtime.library import Array, Library
 
 NORMAL_95 = 1.959964
-FILES = ("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf")
+FILES = (
+    *("payload.json", "set_load.json", "endeffector-config.json", "payload.urdf"),
+    *VENDOR_FILES,
+)
 
 
 def write_payload(payload: Payload, lib: Library, folder: Path, command: str = "") -> list[Path]:
@@ -44,6 +48,7 @@ def write_payload(payload: Payload, lib: Library, folder: Path, command: str = "
         _json(facts["set_load"]),
         _json(facts["endeffector_config"]),
         payload_urdf(payload),
+        *vendor_texts(payload.body).values(),
     )
     paths = [folder / name for name in FILES]
     for path, text in zip(paths, texts, strict=True):
@@ -113,10 +118,10 @@ def payload_urdf(payload: Payload) -> str:
     body, root = payload.body, Element("robot", {"name": "payload"})
     SubElement(root, "link", {"name": payload.mount.frame})
     inertial = SubElement(SubElement(root, "link", {"name": "payload"}), "inertial")
-    SubElement(inertial, "origin", {"xyz": " ".join(map(_digits, body.com)), "rpy": "0 0 0"})
-    SubElement(inertial, "mass", {"value": _digits(body.mass)})
+    SubElement(inertial, "origin", {"xyz": " ".join(map(digits, body.com)), "rpy": "0 0 0"})
+    SubElement(inertial, "mass", {"value": digits(body.mass)})
     names = (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))
-    values = {f"i{name}": _digits(body.inertia[i, j]) for name, i, j in names}
+    values = {f"i{name}": digits(body.inertia[i, j]) for name, i, j in names}
     SubElement(inertial, "inertia", values)
     joint = SubElement(root, "joint", {"name": "payload_mount", "type": "fixed"})
     SubElement(joint, "parent", {"link": payload.mount.frame})
@@ -133,10 +138,6 @@ def _intervals(body: Body) -> list[list[float]]:
 
 def _by_column(matrix: Array) -> list[float]:
     return [float(x) for x in matrix.ravel(order="F")]
-
-
-def _digits(value: float) -> str:
-    return f"{value + 0.0:.17g}"  # + 0.0 turns −0 into 0
 
 
 def _json(facts: dict[str, Any]) -> str:

@@ -30,6 +30,7 @@ from runtime.cli.overwriting import Overwrite, require_unused
 from runtime.cli.planned_noise import NOISE_HELP
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
+from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, DesignSettings, basis_of, design, predict
 from runtime.excitation.limits.safety import TABLE_MARGIN
@@ -56,6 +57,7 @@ ROWS = 1000.0
 
 
 def excite_command(
+    context: typer.Context,
     robot: Robot = "fr3",
     yes: Yes = False,
     duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0,
@@ -85,6 +87,8 @@ def excite_command(
         ),
     ] = None,
     seed: Seed = 0,
+    static: Static = False,
+    poses: Poses = None,
     out: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="JSON of the motion; default results/ROBOT-excite.json."),
@@ -216,6 +220,7 @@ def excite_command(
     symgen excite --home 0,-0.785,0,-2.356,0,1.571,0.785 --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
     symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
+    symgen excite --static --poses 12 --table 0
 
     The motion makes the base parameters identifiable with the least error (--criterion). It
     respects every limit that the robot states: position, velocity (lower near the ends of the
@@ -229,7 +234,14 @@ def excite_command(
     Written: the motion as JSON, and sampled as CSV or in the formats of --export. Ctrl-C keeps
     the best start so far. The result depends on --seed, not on --processes.
     """
+    require_applicable(context, static)
     lib = open_robot(robot, yes)
+    height, has_no_table = table_height(table)
+    options = clearance, height, box, viscous, coulomb, carry
+    if static:
+        limits = safety_of(lib, torque_fraction, *options[:-1])
+        choice = PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite)
+        return excite_static(lib, replace(limits, carried=carried_body(lib, carry)), choice)
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
     planned, note = information_of(lib, noise, log_rate, earlier_log, payload_only, friction)
@@ -238,9 +250,7 @@ def excite_command(
     rate = ROWS if export_rate is None else export_rate
     sample_times(duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
-    height, has_no_table = table_height(table)
     rest = None if home is None else np.array(numbers_option(home, lib.n_joints, "--home"))
-    options = clearance, height, box, viscous, coulomb, carry
     if document and any(option is not None for option in options):
         raise RuntimeFault(
             "--document excludes --table, --box, --clearance, --viscous, --coulomb and --carry; "

@@ -1,0 +1,145 @@
+"""`symgen excite --static`: poses at rest in place of a motion."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.common import say
+from runtime.cli.motion_output import json_path
+from runtime.cli.overwriting import require_unused
+from runtime.cli.planned_noise import planned_noise
+from runtime.errors import RuntimeFault
+from runtime.excitation import Safety
+from runtime.excitation.limits.unchecked import unchecked
+from runtime.excitation.static.pose_design import RANDOM_SETS, PoseDesign, design_poses
+from runtime.excitation.static.pose_file import pose_json, pose_table
+from runtime.files import replacing
+from runtime.library import Library
+
+POSES = 12
+"""Default number of poses."""
+Static = Annotated[
+    bool,
+    typer.Option(
+        "--static",
+        help="Poses at rest in place of a motion, for the gravity parameters of robots whose "
+        "torque is coarse: each is reached from both sides, so that Coulomb friction cancels.",
+    ),
+]
+Poses = Annotated[
+    int | None, typer.Option(metavar="K", help=f"Number of poses of --static; default {POSES}.")
+]
+_APPLICABLE = {
+    *("static", "poses", "robot", "yes", "starts", "seed", "out", "noise", "table", "box"),
+    *("clearance", "carry", "torque_fraction", "margin", "viscous", "coulomb", "overwrite"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class PoseOptions:
+    """Options of `excite` that apply to poses.
+
+    Attributes:
+        poses: value of --poses.
+        out: value of --out.
+        noise: value of --noise.
+        margin: value of --margin.
+        starts: value of --starts.
+        seed: value of --seed.
+        has_no_table: whether the user states that there is no table.
+        overwrite: value of --overwrite.
+    """
+
+    poses: int | None
+    out: Path | None
+    noise: str
+    margin: float | None
+    starts: int
+    seed: int
+    has_no_table: bool
+    overwrite: bool
+
+
+def require_applicable(context: typer.Context, static: bool) -> None:
+    """Refuse options that have no meaning beside --static, and --poses without it.
+
+    Args:
+        context: of the command.
+        static: value of --static.
+
+    Raises:
+        RuntimeFault: such an option is given.
+    """
+    given = {
+        name
+        for name in context.params
+        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT"
+    }
+    if not static:
+        if "poses" in given:
+            raise RuntimeFault("--poses is the number of poses of --static; give --static too")
+        return
+    if other := sorted(given - _APPLICABLE):
+        raise RuntimeFault(
+            f"--static designs poses at rest, to which --{other[0].replace('_', '-')} does not "
+            "apply; leave it out"
+        )
+
+
+def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
+    """Design poses and write them as JSON and CSV.
+
+    Args:
+        lib: the robot.
+        safety: limits beyond the ranges of the joints.
+        options: the other options.
+
+    Raises:
+        RuntimeFault: an option is out of range, or a file exists.
+    """
+    path = json_path(options.out or Path("results") / f"{lib.name}-static.json")
+    table = path.with_suffix(".csv")
+    require_unused((path, table), options.overwrite)
+    noise = planned_noise(lib, options.noise)
+    designed = design_poses(
+        lib,
+        POSES if options.poses is None else options.poses,
+        safety,
+        noise.sigma,
+        1.0 if options.margin is None else options.margin,
+        options.starts,
+        options.seed,
+    )
+    for place, content in ((path, pose_json(designed, lib)), (table, pose_table(designed, lib))):
+        with replacing(place) as file:
+            file.write(content)
+    say(accuracy_sentence(designed))
+    for sentence in designed.assumptions:
+        say(f"assumed: {sentence}")
+    left = [
+        kind
+        for kind in unchecked(lib, safety)
+        if not (kind == "table" and options.has_no_table)
+    ]
+    for kind in (*left, "the way from one pose to the next"):
+        say(f"NOT checked: {kind}")
+    say(f"poses: {path}, {table}")
+
+
+def accuracy_sentence(designed: PoseDesign) -> str:
+    """Sentence on the accuracy of a design against random poses.
+
+    Args:
+        designed: the poses.
+
+    Returns:
+        The sentence.
+    """
+    return (
+        f"{len(designed.poses)} poses, each reached from both sides, determine "
+        f"{len(designed.columns)} gravity parameters to {designed.sigma:.3g} kg·m (RMS σ) and the "
+        f"gravity torque to {designed.torque:.3g} N·m; {RANDOM_SETS} sets of as many random poses "
+        f"reach {designed.sigma_random:.3g} kg·m and {designed.torque_random:.3g} N·m (mean)"
+    )

@@ -1,0 +1,1 @@
+"""Poses at rest that determine the gravity parameters of a robot."""

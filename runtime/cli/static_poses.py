@@ -119,9 +119,7 @@ def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:
     for sentence in designed.assumptions:
         say(f"assumed: {sentence}")
     left = [
-        kind
-        for kind in unchecked(lib, safety)
-        if not (kind == "table" and options.has_no_table)
+        kind for kind in unchecked(lib, safety) if not (kind == "table" and options.has_no_table)
     ]
     for kind in (*left, "the way from one pose to the next"):
         say(f"NOT checked: {kind}")

@@ -3,6 +3,7 @@
 import numpy as np
 from rich.table import Column, Table
 
+from runtime.cli.carry import carried_body
 from runtime.cli.common import numbers_option
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
@@ -24,6 +25,7 @@ def safety_of(
     box: str | None,
     viscous: str | None,
     coulomb: str | None,
+    carry: str | None = None,
 ) -> Safety:
     """Limits of the options, which hold besides those that the robot states.
 
@@ -35,6 +37,7 @@ def safety_of(
         box: six numbers with commas, range of the tip along x, y and z, m.
         viscous: one number or one per joint, N·m·s/rad.
         coulomb: one number or one per joint, N·m.
+        carry: body in the hand, value of --carry.
 
     Returns:
         The limits.
@@ -49,6 +52,7 @@ def safety_of(
         box=None if box is None else numbers_option(box, BOX, "--box"),
         viscous=_per_joint(lib, viscous, "--viscous"),
         coulomb=_per_joint(lib, coulomb, "--coulomb"),
+        carried=carried_body(lib, carry),
     )
 
 

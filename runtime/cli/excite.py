@@ -8,7 +8,7 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
-from runtime.cli.carry import CARRY, carried_body
+from runtime.cli.carry import CARRY
 from runtime.cli.certificate_table import (
     certificate_headline,
     certificate_table,
@@ -238,10 +238,16 @@ def excite_command(
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
     options = clearance, height, box, viscous, coulomb, carry
-    if static:
-        limits = safety_of(lib, torque_fraction, *options[:-1])
+    if document and any(option is not None for option in options):
+        raise RuntimeFault(
+            "--document excludes --table, --box, --clearance, --viscous, --coulomb and --carry; "
+            "give --criterion cond instead, which keeps all limits"
+        )
+    safety = None if document else safety_of(lib, torque_fraction, *options)
+    if static and safety is not None:
         choice = PoseOptions(poses, out, noise, margin, starts, seed, has_no_table, overwrite)
-        return excite_static(lib, replace(limits, carried=carried_body(lib, carry)), choice)
+        excite_static(lib, safety, choice)
+        return
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
     wanted = criterion or ("cond" if document else "mixed")
     planned, note = information_of(lib, noise, log_rate, earlier_log, payload_only, friction)
@@ -251,15 +257,6 @@ def excite_command(
     sample_times(duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
     rest = None if home is None else np.array(numbers_option(home, lib.n_joints, "--home"))
-    if document and any(option is not None for option in options):
-        raise RuntimeFault(
-            "--document excludes --table, --box, --clearance, --viscous, --coulomb and --carry; "
-            "give --criterion cond instead, which keeps all limits"
-        )
-    safety = None
-    if not document:
-        limits = safety_of(lib, torque_fraction, *options[:-1])
-        safety = replace(limits, carried=carried_body(lib, carry))
     accepted = [*(unchecked or ()), *([TABLE] if has_no_table else [])]
     if formats:
         require_consent(unchecked_limits(lib, safety), accepted)  # before the search, too
@@ -296,9 +293,8 @@ def excite_command(
     optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=used))
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
     write_trajectory(optimum, lib, path, expected)
-    written = [path]
-    if not export:
-        written.append(write_motion_log(optimum, lib, rate, path.with_suffix(".csv")))
+    log = path.with_suffix(".csv")
+    written = [path] if export else [path, write_motion_log(optimum, lib, rate, log)]
     motion = certified(lib, optimum.trajectory, safety)
     if pictures:
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly

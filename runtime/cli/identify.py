@@ -47,6 +47,7 @@ from runtime.identification.settings import Settings
 from runtime.identification.several_logs import LogAgreement
 from runtime.identification.single_log import identify
 from runtime.identification.without_prior import settings_for
+from runtime.inspection.default_friction import MEMORY
 from runtime.library import Library
 from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
@@ -180,7 +181,10 @@ def identify_command(
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
         _finish(result, folder, agreement)
         return
-    data = read_prepared_log(lib, log, options, usable_columns([chosen]), robust)
+    usable = usable_columns([chosen])
+    if delay is not None or encoder_bias:  # whose result states Coulomb friction per drive
+        usable = tuple(name for name in usable if name != MEMORY)
+    data = read_prepared_log(lib, log, options, usable, robust)
     if data.streamed is not None:
         if controller is not None:
             raise IdentificationError(

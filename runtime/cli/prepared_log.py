@@ -11,8 +11,9 @@ from runtime.cli.log_options import AUTO
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import require_method
 from runtime.identification.long_logs import head_of
+from runtime.inspection.column_trial import DEFAULT_COLUMNS
 from runtime.inspection.cutoff_choice import choose_cutoff
-from runtime.inspection.default_friction import DEFAULT_COLUMNS, choose_default_friction
+from runtime.inspection.default_friction import MEMORY, choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
 from runtime.inspection.regressor_choice import choose_regressor
 from runtime.library import Library
@@ -137,6 +138,8 @@ def read_prepared_log(
         prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)
     notes += sentences
     if usable and options.friction is None and default_terms(recording) is None:
+        if streamed is not None:  # blocks do not hand on the state of the friction
+            usable = tuple(name for name in usable if name != MEMORY)
         with console.status("choosing a friction model"):
             chosen = choose_default_friction(
                 recording, lib, prepared, parts, options.coulomb_speed, usable, robust
@@ -165,7 +168,9 @@ def usable_columns(methods: Sequence[str]) -> tuple[str, ...]:
     if any(record.default_columns for record in records) and len(records) == 1:
         return ()
     limits = [set(record.columns) for record in records if record.columns is not None]
-    return tuple(name for name in DEFAULT_COLUMNS if all(name in limit for limit in limits))
+    return tuple(
+        name for name in (*DEFAULT_COLUMNS, MEMORY) if all(name in limit for limit in limits)
+    )
 
 
 def friction_of(recording: Recording, names: str | None, speed: float | None) -> Friction | None:

@@ -1,41 +1,37 @@
 """Friction model and rotors of a log for which none are named, within a fraction of a second.
 
     none → offset → viscous → coulomb, each without and with rotor        (cumulative columns)
+    dahl in place of coulomb, each without and with rotor                 (where it pays)
 
 All columns are prepared together, with Coulomb columns of some widths ε, and compressed to one
 triangular factor per block. A candidate is a choice of columns of these factors, so that its
-cross-validation costs some small least squares
-
-    x_b = argmin ‖R x − r‖² + (N/N_eff) ‖L⁻¹ (β − β₀)‖²,   L Lᵀ = K Σ_π Kᵀ,  x = [β; φ]
-
-over the blocks other than b, with the spread Σ_π of the inertial prior of `map` about the URDF.
-Without it a slow log, one block of which moves as no other does, counts against every friction
-model.
+cross-validation costs some small least squares (`column_trial`).
+A Dahl column depends on the path, so that no torque of a single instant follows from it. It
+replaces the Coulomb column only where it reduces the mean square error by `LEAST_MEMORY_GAIN`.
 `friction_choice` tries more models and searches their widths.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, bodies_of, prior_of
-from runtime.estimators.regression import Statistics, compress
-from runtime.estimators.regression.residuals import inflation
-from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.estimators.robust import explicit, scaled, weights_of_rows
-from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN, solved
+from runtime.inspection.column_trial import DEFAULT_COLUMNS, Trial, trial_on
+from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN
 from runtime.library import Array, Library
-from runtime.library.parameters import N_PARAMETERS
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
-from runtime.recording.friction import unresolved, without_columns
 from runtime.recording.preprocessing import before_test, prepare
 
-DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
-"""Columns of the candidates."""
+MEMORY = "dahl"
+"""Column that replaces "coulomb" where friction depends on the path."""
+STROKES = tuple(4e-4 * 4.0**k for k in range(4))
+"""Strokes z_c of the Dahl column that are tried first, rad or m."""
+FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)
+"""Factors on the best of them that are tried next."""
+LEAST_MEMORY_GAIN = 0.1
+"""Share of the mean square error that a Dahl column must save: 5 % of the torque error."""
 SPEEDS = tuple(0.005 * 2.0**k for k in range(6))
 """Widths ε of the Coulomb column that are tried first, rad/s or m/s."""
 FINER = 2.0 ** (np.arange(-3, 4) / 4)
@@ -43,12 +39,6 @@ FINER = 2.0 ** (np.arange(-3, 4) / 4)
 MOST_LOSS = 0.05
 """Mean square error above the best, relative to it, that a simpler candidate may have: five blocks
 of a slow log differ so much that one standard error would admit any loss."""
-UNKNOWN = 1e3
-"""Factor on the spread of the prior of robots whose URDF states no masses."""
-ROWS = 4000
-"""Rows that the choice uses, evenly spread."""
-_PASSES = 2
-"""Passes in which the noise of the joints is estimated from the residuals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,10 +64,10 @@ def choose_default_friction(
     preparation: Preparation | None = None,
     splitting: Split | None = None,
     coulomb_speed: float | None = None,
-    allowed: Sequence[str] = DEFAULT_COLUMNS,
+    allowed: Sequence[str] = (*DEFAULT_COLUMNS, MEMORY),
     robust: bool = False,
 ) -> DefaultFriction:
-    """Choose offset, viscous, Coulomb and rotor columns by cross-validation on contiguous blocks.
+    """Choose offset, viscous, Coulomb or Dahl, and rotor columns by cross-validation on blocks.
 
     The training and validation parts are used; the test part is cut off before any filter.
 
@@ -86,7 +76,8 @@ def choose_default_friction(
         lib: library of the robot.
         preparation: None is the recipe's.
         splitting: shares of the parts; None is the recipe's, else the first 60 % are used.
-        coulomb_speed: ε [rad/s]; None searches it.
+        coulomb_speed: ε [rad/s] of the Coulomb column, with which "dahl" is not tried; None
+            searches it.
         allowed: columns that the method can use.
         robust: weight the rows as `identify` does with `robust`.
 
@@ -101,18 +92,17 @@ def choose_default_friction(
     bare = before_test(recording, parts).replace(columns=None, column_names=())
     shared = tuple(name for name in ("offset", "viscous", "rotor") if name in allowed)
 
-    def trial_of(speeds: Array) -> _Trial:
-        terms = [Friction(("coulomb",), float(speed)) for speed in speeds]
-        return _trial(prepare(bare, preparation, Friction(shared), *terms, lib=lib), lib, robust)
+    def trial_of(*terms: Friction) -> Trial:
+        return trial_on(prepare(bare, preparation, Friction(shared), *terms, lib=lib), lib, robust)
 
     speeds = np.array(SPEEDS if coulomb_speed is None else (coulomb_speed,))
     try:
-        trial = trial_of(speeds)
+        trial = trial_of(*_coulomb(speeds))
         speed = float(speeds[0])
         if "coulomb" in allowed and coulomb_speed is None:
-            speeds = _best_speed(trial, len(shared), speeds) * FINER
-            trial = trial_of(speeds)
-            speed = _best_speed(trial, len(shared), speeds)
+            speeds = _best_width(trial, len(shared), speeds) * FINER
+            trial = trial_of(*_coulomb(speeds))
+            speed = _best_width(trial, len(shared), speeds)
     except IdentificationError as fault:
         return DefaultFriction(Friction(()), (), f"no friction was fitted: {fault}")
     names = [*shared, *("coulomb" for _ in speeds)]
@@ -130,16 +120,68 @@ def choose_default_friction(
     usual = Friction(candidates[chosen])
     if "coulomb" in candidates[chosen]:
         usual = replace(usual, coulomb_speed=speed)
+    gain = ""
+    if "coulomb" in usual.columns and coulomb_speed is None and MEMORY in allowed:
+        with_memory, share = _with_memory(trial_of, shared, usual)
+        if with_memory is not None:
+            gain = (
+                f" (friction with memory, which reduces the torque error by {100 * share:.0f} %; "
+                f"--friction {','.join(usual.columns)} fits friction without memory)"
+            )
+            usual = with_memory
     sentence = (
-        f"friction model {usual}, chosen by cross-validation on {BLOCKS} blocks of the training "
-        "part; --friction none fits the inertia only, --friction auto tries more models"
+        f"friction model {usual}{gain}, chosen by cross-validation on {BLOCKS} blocks of the "
+        "training part; --friction none fits the inertia only, --friction auto tries more models"
     )
     listed = zip(candidates, (float(s.mean()) for s in scores), strict=True)
     return DefaultFriction(usual, tuple(listed), sentence)
 
 
-def _best_speed(trial: "_Trial", shared: int, speeds: Array) -> float:
-    """ε with the smallest error of the richest model: vertex of a parabola in ln ε at the best."""
+def _coulomb(speeds: Array) -> list[Friction]:
+    return [Friction(("coulomb",), float(speed)) for speed in speeds]
+
+
+def _with_memory(
+    trial_of: Callable[..., Trial], shared: tuple[str, ...], usual: Friction
+) -> tuple[Friction | None, float]:
+    """The model with a Dahl column in place of the Coulomb column, if it predicts much better.
+
+    Args:
+        trial_of: trial with the shared columns, then those of the terms.
+        shared: columns of every trial.
+        usual: the model without memory.
+
+    Returns:
+        The model, None where the Coulomb column stays, and the share of the error that it saves.
+    """
+    coulomb = Friction(("coulomb",), usual.coulomb_speed)
+    plain = tuple(k for k, name in enumerate(shared) if name != "rotor")
+    geared = (*plain, shared.index("rotor")) if "rotor" in shared else plain
+    before = tuple(k for k, name in enumerate(shared) if name in usual.columns)
+    strokes, share, columns = np.array(STROKES), 0.0, plain
+    one = np.ones(1)
+    for factors in (FINER_STROKES, one, one):  # grid, finer grid, columns at the best stroke
+        terms = [Friction((MEMORY,), dahl_stroke=float(stroke)) for stroke in strokes]
+        trial = trial_of(*terms, coulomb)
+        without = trial.scores((*before, len(shared) + len(strokes)))
+        best = _best_width(trial, len(shared), strokes)
+        place = len(shared) + int(np.argmin(np.abs(np.log(strokes / best))))
+        scores = [trial.scores((*each, place)) for each in (plain, geared)]
+        columns = (plain, geared)[_simplest(scores)]
+        saved = without - trial.scores((*columns, place))
+        error = float(saved.std(ddof=1) / np.sqrt(len(saved)))
+        ratio = float(saved.mean() / without.mean())
+        if ratio < LEAST_MEMORY_GAIN or float(saved.mean()) < error:
+            return None, 0.0
+        share, strokes = 1.0 - np.sqrt(1.0 - ratio), best * factors
+    names = tuple(shared[k] for k in columns)
+    dry = tuple(name for name in names if name != "rotor")
+    rotor = ("rotor",) if "rotor" in names else ()
+    return Friction((*dry, MEMORY, *rotor), dahl_stroke=float(strokes[0])), float(share)
+
+
+def _best_width(trial: Trial, shared: int, speeds: Array) -> float:
+    """ε or z_c with the smallest error of the richest model: vertex of a parabola at the best."""
     scores = [float(trial.scores((*range(shared), shared + k)).mean()) for k in range(len(speeds))]
     best = int(np.argmin(scores))
     if not 0 < best < len(speeds) - 1:
@@ -162,92 +204,3 @@ def _simplest(scores: Sequence[Array]) -> int:
         return float(gap.mean()) <= max(min(error, MOST_LOSS * least), LEAST_GAIN * least)
 
     return next(k for k, score in enumerate(scores) if is_near(score))
-
-
-@dataclass(frozen=True, slots=True)
-class _Trial:
-    """Factors of the blocks with all columns.
-
-    Attributes:
-        blocks: statistics of every block.
-        others: statistics of all other blocks together, with the prior.
-        joints: number n of joints.
-    """
-
-    blocks: tuple[Statistics, ...]
-    others: tuple[Statistics, ...]
-    joints: int
-
-    def scores(self, columns: tuple[int, ...]) -> Array:
-        """Mean square error of every block, predicted by the others with some of the columns."""
-        count = (self.blocks[0].factor.shape[1] - self.blocks[0].n_base) // self.joints
-        left_out = np.tile(~np.isin(np.arange(count), columns), self.joints)
-        return np.array([
-            _error(block, rest, left_out) / (block.n_samples * self.joints)
-            for block, rest in zip(self.blocks, self.others, strict=True)
-        ])  # fmt: skip
-
-
-def _error(block: Statistics, others: Statistics, left_out: NDArray[np.bool_]) -> float:
-    """Weighted sum of squared residuals on a block of the estimate from the others."""
-    x, _ = solved([others.without(left_out)])
-    rest = block.without(left_out).factor @ x - block.target
-    return float(rest @ rest + block.rest)
-
-
-def _trial(done: Recording, lib: Library, robust: bool) -> _Trial:
-    """Compressed blocks of a prepared recording, weighted by the noise of the joints."""
-    if done.columns is not None and done.tau is not None:
-        done = without_columns(done, unresolved(done.columns, done.tau))
-    whole = samples_of(done, lib)
-    taken = np.arange(0, len(whole), max(1, len(whole) // ROWS))
-    cuts = [cut for cut in np.array_split(taken, BLOCKS) if cut.size]
-    blocks = [whole.rows(cut) for cut in cuts]
-    equations = sum(map(len, blocks[:-1])) * lib.n_joints
-    unknowns = len(lib.base_columns) + lib.n_joints * len(DEFAULT_COLUMNS)
-    if len(blocks) < BLOCKS or equations < 2 * unknowns:
-        raise IdentificationError(
-            f"{len(whole)} training rows are too few to choose a model; name one with --friction"
-        )
-    if robust:
-        rows = explicit(lib, whole)
-        whole = scaled(rows, weights_of_rows(lib, rows).weights)
-        blocks = [whole.rows(cut) for cut in cuts]
-    weights = thesis_weights(whole.tau)
-    for _ in range(_PASSES):
-        stats = [compress(lib, block, weights) for block in blocks]
-        x, _rank = solved([stats[0].merged(*stats[1:])])
-        rests = _residuals(lib, blocks, x)
-        variance = np.mean(np.concatenate(rests) ** 2, axis=0)
-        weights = 1.0 / np.maximum(variance, 1e-12 * variance.max() + 1e-30)
-    stats = [compress(lib, block, weights) for block in blocks]
-    prior = _prior(lib, stats[0], inflation(np.concatenate(rests), weights))
-    others = [
-        rest[0].merged(*rest[1:], prior)
-        for k in range(len(stats))
-        if (rest := [s for i, s in enumerate(stats) if i != k])
-    ]
-    return _Trial(tuple(stats), tuple(others), lib.n_joints)
-
-
-def _prior(lib: Library, like: Statistics, samples_per_independent: float) -> Statistics:
-    """Rows √(N/N_eff) L⁻¹ (β − β₀) of the inertial prior, of no sample."""
-    matrix, pi = lib.base_matrix, lib.pi0
-    spread = bodies_of(lib).spread(prior_of(lib, pi).centre) / np.sqrt(CAD)
-    links = matrix.reshape(len(matrix), -1, N_PARAMETERS)
-    root = np.einsum("bki,kij->bkj", links, spread).reshape(matrix.shape)
-    covariance = root @ root.T * (UNKNOWN**2 if lib.placeholders else 1.0)
-    values, vectors = np.linalg.eigh(covariance)
-    scale = np.sqrt(samples_per_independent / np.maximum(values, 1e-12 * values[-1]))
-    rows = scale[:, None] * vectors.T
-    whole = np.zeros_like(like.factor)
-    target = np.zeros_like(like.target)
-    whole[: len(rows), : len(rows)] = rows
-    target[: len(rows)] = rows @ (matrix @ pi)
-    return replace(like, factor=whole, target=target, rest=0.0, n_samples=0.0)
-
-
-def _residuals(lib: Library, blocks: list[Samples], x: Array) -> list[Array]:
-    """Residuals of [β; φ] on every block."""
-    beta, phi = x[: len(lib.base_columns)], x[len(lib.base_columns) :].reshape(lib.n_joints, -1)
-    return [b.tau - b.base_rigid(lib, beta) - b.friction(phi) for b in blocks]

@@ -64,7 +64,7 @@ def study(shared: Path, seed: int | None) -> list[Row]:
     seeds = {} if seed is None else {"seed": seed}
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        wall = _on_a_wall(models, root)
+        wall = on_a_wall(models, root)
         arms = {
             "cobot": cobot(load("ur5e"), models / "universal_robots/ur10_robot.urdf", **seeds),
             "arm on a wall": wall_arm(wall, models / "xarm7/xarm7.urdf", **seeds),
@@ -73,7 +73,7 @@ def study(shared: Path, seed: int | None) -> list[Row]:
         return rows + [_real(name, robot, shared, root) for name, robot in REAL]
 
 
-def _on_a_wall(models: Path, root: Path) -> Library:
+def on_a_wall(models: Path, root: Path) -> Library:
     """A KUKA iiwa 14 with gravity along +x of its base."""
     options = ChainOptions(gravity=WALL, snap=1e-4)  # its URDF rounds angles to four digits
     urdf = (models / "iiwa14/iiwa14_uebersax.urdf").read_text(encoding="utf-8")

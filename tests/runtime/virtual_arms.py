@@ -91,21 +91,23 @@ def motion_of(lib: Library, seed: int) -> Trajectory:
     return replace(drawn, home=home, coefficients=waves * scale[:, None])
 
 
-def cobot(lib: Library, other_urdf: Path, seed: int = 1) -> Arm:
+def cobot(lib: Library, other_urdf: Path, seed: int = 1, motion_seed: int | None = None) -> Arm:
     """The cobot: currents of geared motors on an irregular clock of 10 and 12 ms.
 
     Args:
         lib: library of a robot with six joints.
         other_urdf: another such robot.
-        seed: of motion, robot and noise.
+        seed: of the robot.
+        motion_seed: of motion and noise; None is `seed`. Other values are other logs of one robot.
 
     Returns:
         The robot with its clean log.
     """
     settings = _settings(lib, coulomb=0.04, viscous=0.03, load=0.02)
-    motion = motion_of(lib, seed)
-    log = record(lib, motion, settings, seed=seed, truth_seed=seed)
-    rng = np.random.default_rng([seed, 1])
+    drawn = seed if motion_seed is None else motion_seed
+    motion = motion_of(lib, drawn)
+    log = record(lib, motion, settings, seed=drawn, truth_seed=seed)
+    rng = np.random.default_rng([drawn, 1])
     ticks = np.cumsum(rng.choice([5, 6], size=len(log.recording) // 5))
     rows = ticks[ticks < len(log.recording)]
     gains = np.array(GAINS)
@@ -121,20 +123,22 @@ def cobot(lib: Library, other_urdf: Path, seed: int = 1) -> Arm:
     return Arm(lib, other_urdf, "current", gains, Log(arrays, recipe, log, motion, rows))
 
 
-def wall_arm(lib: Library, other_urdf: Path, seed: int = 2) -> Arm:
+def wall_arm(lib: Library, other_urdf: Path, seed: int = 2, motion_seed: int | None = None) -> Arm:
     """The arm on a wall: torques behind the gears at 100 Hz.
 
     Args:
         lib: library of a robot that was built with gravity `WALL`.
         other_urdf: another robot with as many joints.
-        seed: of motion, robot and noise.
+        seed: of the robot.
+        motion_seed: of motion and noise; None is `seed`. Other values are other logs of one robot.
 
     Returns:
         The robot with its clean log.
     """
     settings = _settings(lib, coulomb=0.01, viscous=0.01, load=0.005)
-    motion = motion_of(lib, seed)
-    log = record(lib, motion, settings, seed=seed, truth_seed=seed)
+    drawn = seed if motion_seed is None else motion_seed
+    motion = motion_of(lib, drawn)
+    log = record(lib, motion, settings, seed=drawn, truth_seed=seed)
     rows = np.arange(0, len(log.recording), round(TICK_HZ / 100.0))
     arrays = _arrays(log, rows) | {"tau": log.recording.required("tau")[rows]}
     ones = np.ones(lib.n_joints)

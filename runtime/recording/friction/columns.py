@@ -74,7 +74,8 @@ def _dahl(motion: JointMotion, terms: Friction) -> FloatArray:
     """ζ after each step: exact for steps of one direction, ζ ← s + (ζ − s) exp(−|Δq| / z_c)."""
     if motion.q is None or len(motion.q) < 2:
         raise RecordingError(
-            "the friction column 'dahl' depends on the path; give the motion of a whole recording"
+            "the friction column 'dahl' depends on the path; give the motion of a whole recording, "
+            "or identify with --friction offset,viscous,coulomb"
         )
     step = np.diff(motion.q, axis=0)
     stay, drive = np.exp(-np.abs(step) / terms.dahl_stroke), np.sign(step)

@@ -15,6 +15,7 @@ FORMATS = Registry(
         "npz": "runtime.recording.formats.npz_format:NPZ",
         "parquet": "runtime.recording.formats.parquet_format:PARQUET",
         "hdf5": "runtime.recording.formats.hdf5_format:HDF5",
+        "lerobot": "runtime.recording.formats.lerobot_format:LEROBOT",
         "bag": "runtime.recording.formats.bag_format:BAG",
     },
 )

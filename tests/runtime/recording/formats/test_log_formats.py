@@ -46,7 +46,7 @@ TOY = LogFormat(
 
 def test_names_and_suffixes_of_the_formats():
     """Oracle: the layouts of a recipe, and one format per suffix."""
-    assert list(FORMATS) == ["csv", "flat", "npz", "parquet", "hdf5", "bag"]
+    assert list(FORMATS) == ["csv", "flat", "npz", "parquet", "hdf5", "lerobot", "bag"]
     assert all(FORMATS[name].name == name for name in FORMATS)
     suffixes = all_suffixes()
     assert len(set(suffixes)) == len(suffixes)

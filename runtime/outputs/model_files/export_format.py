@@ -45,6 +45,7 @@ EXPORT_FORMATS = Registry(
         "sdf": f"{_FORMATS}.sdf:SDF",
         "inertials": f"{_FORMATS}.inertials:INERTIALS",
         "actuators": f"{_FORMATS}.actuators:ACTUATORS",
+        "gravity": f"{_FORMATS}.gravity:GRAVITY",
         "friction": f"{_FORMATS}.friction:FRICTION",
         "header": f"{_FORMATS}.header:HEADER",
     },

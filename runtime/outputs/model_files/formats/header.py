@@ -50,16 +50,19 @@ def header_text(model: IdentifiedModel) -> str:
         "friction": f"per joint: {', '.join(friction.names)}; N m per unit of the column",
     }
     lines = [
-        *(f" * {_safe(line)}" for line in model.comment("Parameters")),
+        *(f" * {comment_text(line)}" for line in model.comment("Parameters")),
         " * The parameters of a link include all bodies that are fixed to it.",
-        f" * joints: {', '.join(map(_safe, lib.joint_names))}",
-        f" * links: {', '.join(map(_safe, lib.link_names))}",
+        f" * joints: {', '.join(map(comment_text, lib.joint_names))}",
+        f" * links: {', '.join(map(comment_text, lib.link_names))}",
     ]
     parts = [f"#ifndef {guard}", f"#define {guard}", "", "/*", *lines, " */", ""]
     for key, values in header_arrays(model).items():
         shape = "".join(f"[{size}]" for size in values.shape)
-        parts += [f"/* {_safe(meaning[key])} */", f"static const double {name}_{key}{shape} = {{"]
-        parts += [_rows(values), "};", ""]
+        parts += [
+            f"/* {comment_text(meaning[key])} */",
+            f"static const double {name}_{key}{shape} = {{",
+        ]
+        parts += [array_rows(values), "};", ""]
     return "\n".join([*parts, f"#endif /* {guard} */", ""])
 
 
@@ -107,14 +110,15 @@ def check_header(model: IdentifiedModel, text: str) -> str:
     return verified("a C compiler", worst)
 
 
-def _rows(values: Array) -> str:
+def array_rows(values: Array) -> str:
+    """Elements of a C initialiser with 17 significant digits, one line per row of a matrix."""
     if values.ndim > 1:
         return "\n".join(f"    {{{', '.join(map(digits, each))}}}," for each in values)
     text = ", ".join(map(digits, np.ravel(values)))
     return textwrap.indent(textwrap.fill(text, 92), "    ")
 
 
-def _safe(line: str) -> str:
+def comment_text(line: str) -> str:
     """ASCII text that cannot end a comment, not by a trigraph or a line splice either."""
     return re.sub(r"[*?\\]|[^ -~]", "_", line)
 

@@ -25,7 +25,7 @@ from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.torque_checks import check_commanded, check_torque, proposed_terms
 from runtime.library import Library
 from runtime.parallel import one_blas_thread
-from runtime.recording import Recipe, Recording, load_recipe
+from runtime.recording import Friction, Recipe, Recording, load_recipe
 from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.plausibility import require_joints
@@ -181,6 +181,11 @@ def _of_file(raw: Raw) -> list[Finding]:
 
 
 def _completed(plan: Recipe, lib: Library) -> Recipe:
-    """The plan with the robot's name and friction columns, complete for `identify`."""
+    """The plan with the robot's name, complete for `identify`.
+
+    Usual columns are left to `identify`, which chooses friction and rotors by cross-validation.
+    """
     friction = plan.friction or proposed_terms(plan)
+    if plan.friction is None and friction == Friction():
+        return plan.replace(robot=lib.name)
     return plan.replace(robot=lib.name, friction=replace(friction, gear=()))

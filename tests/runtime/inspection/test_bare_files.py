@@ -77,7 +77,11 @@ def test_panda(command: Command, lib: Library, bare, tmp_path: Path) -> None:
     assert command("inspect", raw, *robot, "--recipe-out", "r.toml").code == 1
     ran = command("identify", raw, *robot, "--recipe", "r.toml", "--out", "out")
     assert ran.code == 0, ran.err
-    assert facts_of(tmp_path / "out")["torque_error_percent"]["after_overall"] <= 1.32
+    facts = facts_of(tmp_path / "out")
+    assert facts["torque_error_percent"]["after_overall"] <= 1.32
+    # The recipe leaves friction to `identify`, which chooses rotors as well.
+    assert "[friction]" not in (tmp_path / "r.toml").read_text()
+    assert "rotor" in facts["friction"]["columns"]
     ran = command(
         *("identify", raw, *robot, "--recipe", "r.toml", "--friction", "auto", "--out", "auto")
     )

@@ -172,6 +172,9 @@ def fit_of(descent: Descent, outcome: Outcome) -> Fit:
     """
     lib, unit = descent.problem.lib, descent.unit
     lam, phi = descent.objective.split(outcome.x)
+    left_out = descent.problem.left_out
+    if left_out is not None:  # their columns are 0: steps of Newton leave rounding there
+        phi = np.where(left_out.reshape(phi.shape), 0.0, phi)
     raw = unit * descent.bodies(outcome.x)
     pi, notes = _thickened(lib, raw)
     trace = outcome.trace

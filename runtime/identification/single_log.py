@@ -17,6 +17,7 @@ from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.convex import CAD
 from runtime.estimators.friction_bounds import bounds_of
 from runtime.estimators.methods import METHODS, chosen_method, fit_by
+from runtime.estimators.optimizers import Status
 from runtime.estimators.problem import Fit, Problem, best_friction
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.residuals import residuals
@@ -99,7 +100,7 @@ def identify_assembled(
         if chosen.certify:
             optimum = convex_optimum(lib, statistics, guess, bounds).loss
     weights = problem.weights if fit.weights is None else fit.weights
-    is_last = not is_refitted(assembly, chosen, method)
+    is_last = not is_refitted(assembly, chosen, method) or fit.status == Status.INTERRUPTED.value
     result = Identification(
         method=method,
         lib=lib,
@@ -150,6 +151,9 @@ def _weighted(assembly: Assembly, method: str, settings: Settings) -> Assembly:
 def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Identification:
     """The result with the parameters of a fit to all rows."""
     fit = fit_by(whole.problem, result.method, settings.preset, settings.prior)
+    if fit.status == Status.INTERRUPTED.value:
+        note = "the fit to all rows was interrupted: parameters are those of the training rows"
+        return replace(result, notes=(*result.notes, note))
     note = (
         f"parameters and intervals are fitted to all {len(whole.problem.train)} rows; errors, loss "
         f"and gap are those of the fit to the {len(result.train)} training rows alone"

@@ -111,7 +111,7 @@ LOGS: dict[str, tuple[Case, str]] = {
         "record for longer",
     ),
     "one row": (lambda d: d.identify(d.rows(slice(0, 1))), "no sample is left"),
-    "constant joints, ols": (lambda d: d.identify(still(d), "--method", "ols"), "excites 5 of 43"),
+    "constant joints, ols": (lambda d: d.identify(still(d), "--method", "ols"), "excites 7 of 50"),
 }
 
 OPTIONS: dict[str, tuple[Case, str]] = {

@@ -59,7 +59,8 @@ def test_answers_are_those_of_the_whole_log(lib, log, tmp_path, monkeypatch, met
     monkeypatch.setattr(passes, "LENGTH", 200)
     options = {"preparation": PREPARATION, "friction_columns": FRICTION}
     whole = identify(log, lib, method, **options)
-    monkeypatch.setattr(passes, "thesis_weights", lambda _: thesis_weights(whole.train.tau))
+    weights = thesis_weights(whole.train.tau)
+    monkeypatch.setattr(passes, "thesis_weights", lambda *_: weights)
     write_recording(log, tmp_path / "x.npz")
     result = identify_streamed(open_streamed(tmp_path / "x.npz"), lib, method, **options)
     assert len(result.train) < 0.8 * len(whole.train)

@@ -136,7 +136,11 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         path.write_text(block, encoding="utf-8")
         if "[position]" in block:
             kinds.append("recipe")
-            assert load_recipe(path).torque is not None
+            recipe = load_recipe(path)
+            assert recipe.torque is not None or recipe.law is not None
+        elif "leave_out" in block:
+            kinds.append("intervals")
+            assert len(load_recipe(path).leave_out) == 2
         elif "[controller]" in block:
             kinds.append("controller")
             assert read_controller(path, fr3).rotor.shape == (7,)
@@ -154,7 +158,17 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         else:
             kinds.append("robot")
             assert read_config(path).home is not None
-    assert set(kinds) == {"recipe", "controller", "prior", "plugin", "robot", "mechanism", "rows"}
+    expected = {
+        "recipe",
+        "intervals",
+        "controller",
+        "prior",
+        "plugin",
+        "robot",
+        "mechanism",
+        "rows",
+    }
+    assert set(kinds) == expected
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

@@ -104,7 +104,7 @@ LOGS: dict[str, tuple[Case, str]] = {
     "pickled NPZ": (lambda d: d.identify(pickled(d)), "pickled Python objects"),
     "noise as CSV": (lambda d: d.identify(d.put("x.csv", NOISE)), "expected to be UTF-8 text"),
     "noise as NPZ": (lambda d: d.identify(d.put("x.npz", NOISE)), "expected to be an NPZ"),
-    "unknown suffix": (lambda d: d.identify(d.put("x.mat", NOISE)), "ends in .csv, .txt"),
+    "unknown suffix": (lambda d: d.identify(d.put("x.foo", NOISE)), "ends in .csv, .txt"),
     "five rows": (lambda d: d.identify(d.rows(slice(0, 5))), "equations for 43 unknowns"),
     "five rows, pc-ols": (
         lambda d: d.identify(d.rows(slice(0, 5)), "--method", "pc-ols"),
@@ -249,7 +249,7 @@ OTHERS: dict[str, tuple[Case, str]] = {
         "belongs to another robot than 'tiny'",
     ),
     "trajectory for ever": (lambda d: d.trajectory(duration=float("inf")), "not finite"),
-    "trajectory too long": (lambda d: d.trajectory(duration=1e9), "up to 3600 s"),
+    "trajectory too long": (lambda d: d.trajectory(duration=1e9), "beyond 3600 s"),
     "too many samples": (
         lambda d: d.simulate("--control-rate", "1e9"),
         "fewer than 10,000,000 samples",

@@ -138,6 +138,9 @@ def test_toml_blocks_are_read(tmp_path, fr3):
             kinds.append("recipe")
             recipe = load_recipe(path)
             assert recipe.torque is not None or recipe.law is not None
+        elif "law = " in block:  # beside arrays that are read without a recipe
+            kinds.append("law")
+            assert load_recipe(path).law is not None
         elif "leave_out" in block:
             kinds.append("intervals")
             assert len(load_recipe(path).leave_out) == 2

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -147,6 +148,9 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         elif "[controller]" in block:
             kinds.append("controller")
             assert read_controller(path, fr3).rotor.shape == (7,)
+        elif "armature_from" in block:
+            kinds.append("armature")
+            assert set(tomllib.loads(block)) == {"armature_from", "armature"}
         elif "trust" in block:
             kinds.append("prior")
             assert len(read_prior(path, fr3).constraints.bounds) > 4
@@ -161,17 +165,9 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         else:
             kinds.append("robot")
             assert read_config(path).home is not None
-    expected = {
-        "recipe",
-        "intervals",
-        "controller",
-        "prior",
-        "plugin",
-        "robot",
-        "mechanism",
-        "rows",
-    }
-    assert set(kinds) == expected
+    recipes = {"recipe", "law", "intervals"}
+    others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "rows"}
+    assert set(kinds) == recipes | others
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

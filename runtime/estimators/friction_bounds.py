@@ -33,9 +33,9 @@ NEGATIVE = 0.01
 """Torque of a negative coefficient relative to that of the joint above which its cause is stated;
 below it is within the errors of friction models."""
 EVIDENCE = 0.05
-"""Evidence for a coefficient above which its cause is stated: 1000 rows of 7 joints, a tenth of them
-effective, determine a coefficient to 0.04. Correct simulated logs reach 0.017, those with a reversed
-joint at least 0.1."""
+"""Evidence for a coefficient above which its cause is stated. 1000 rows of 7 joints, a tenth of
+them effective, determine a coefficient to 0.04; correct simulated logs reach 0.017, those with a
+reversed joint at least 0.1."""
 TINY = 1e-300
 """Smallest divisor: an exact fit has no residual."""
 NEGATIVE_CAUSE = (

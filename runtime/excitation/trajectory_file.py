@@ -111,7 +111,8 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
     numbers = [*trajectory.home, *trajectory.coefficients.ravel(), trajectory.duration]
     if not (np.abs(numbers) < LARGEST).all() or not 0 < trajectory.duration <= LONGEST:
         raise RecordingError(
-            f"the trajectory '{path}' holds numbers beyond {LARGEST:g} or not finite, or a duration "
-            f"that is not positive or beyond {LONGEST:g} s; make one with: python -m runtime excite"
+            f"the trajectory '{path}' holds numbers beyond {LARGEST:g} or not finite, or a "
+            f"duration that is not positive or beyond {LONGEST:g} s; make one with: "
+            "python -m runtime excite"
         )
     return trajectory

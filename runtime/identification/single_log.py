@@ -114,9 +114,7 @@ def identify_assembled(
         loss=_loss(problem, fit, statistics),
         optimum=optimum,
         zero_loss=float(np.mean(problem.train.tau**2 @ weights) / 2),
-        uncertainty=(
-            _uncertainty(assembly, fit, method, chosen) if chosen.certify and is_last else None
-        ),
+        uncertainty=_uncertainty(assembly, fit, method, chosen) if chosen.certify else None,
         seconds=seconds,
         iterations=fit.iterations,
         trace=fit.trace,
@@ -158,7 +156,12 @@ def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Id
         f"parameters and intervals are fitted to all {len(whole.problem.train)} rows; errors, loss "
         f"and gap are those of the fit to the {len(result.train)} training rows alone"
     )
-    posterior = _uncertainty(whole, fit, result.method, settings) if settings.certify else None
+    posterior = None
+    if result.uncertainty:
+        # Errors of the friction model grow with the rows as a contradiction does: the margin of the
+        # tests holds for training rows.
+        known = result.uncertainty.contradictions
+        posterior = replace(_uncertainty(whole, fit, result.method, settings), contradictions=known)
     return replace(
         result,
         pi=fit.pi,

@@ -24,7 +24,7 @@ from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import retraced
 from runtime.identification.several_logs import identify_logs
 from runtime.library import Library
-from runtime.recording import Friction, Split
+from runtime.recording import Friction, Split, read_recording
 from runtime.recording.preprocessing import split
 from runtime.simulation import Plant, ideal, perturbed_lam, sample_times
 from tests.runtime.conftest import Command
@@ -147,3 +147,15 @@ def test_the_command_refits(command: Command, lib: Library, tmp_path: Path) -> N
     assert facts[1]["trained"] is None
     assert facts[0]["torque_error_percent"] == facts[1]["torque_error_percent"]
     assert any("repeat positions and speeds" in warning for warning in facts[0]["warnings"])
+
+
+def test_more_rows_of_one_log_accuse_no_joint(lib: Library, shared_data: Path) -> None:
+    """Real data: the training rows of panda_gaz contradict neither torques nor URDF, nor do all.
+
+    With the rows of all parts the friction that no column has exceeds the margin of both tests.
+    """
+    log = read_recording(shared_data / "data/panda_gaz", "panda_gaz")
+    result = identify(log, lib, refit=True)
+    assert result.uncertainty is not None
+    assert result.trained is not None
+    assert result.uncertainty.contradictions == ()

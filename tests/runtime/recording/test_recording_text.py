@@ -121,7 +121,7 @@ def malformed() -> dict[str, tuple[str, bytes, str]]:
         "binary": ("a.csv", bytes(range(256)) * 8, "expected to be UTF-8 text"),
         "UTF-16": ("a.csv", good.encode("utf-16"), "expected to be UTF-8 text"),
         "NULs": ("a.csv", b"t,q1\n\0\0\0\0", "expected to be UTF-8 text"),
-        "suffix": ("a.mat", "x", "ends in .csv, .txt"),
+        "suffix": ("a.foo", "x", "ends in .csv, .txt"),
         "truncated NPZ": ("a.npz", archive[: len(archive) // 2], "truncated or not an NPZ"),
         "empty NPZ": ("a.npz", b"", "truncated or not an NPZ"),
         "text NPZ": ("a.npz", b"not a zip", "pickled|truncated or not an NPZ"),

@@ -6,7 +6,7 @@ p and Cᵀ dq − g come from the regressors of `momentum_regressor`; columns of
 p, all others in τ_f. No acceleration is needed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,16 +148,21 @@ def model_of(identified: Identification | SavedResult, lib: Library) -> Monitore
         lib: library of the robot.
 
     Returns:
-        Parameters for the observer.
+        Parameters for the observer; friction with a memory (dahl) counts as Coulomb friction.
     """
     if isinstance(identified, Identification):
         preparation = identified.train.prepared or Preparation()
         phi = identified.usual_phi
     else:
         preparation, phi = identified.preparation, identified.phi
+    terms = identified.friction if phi.size else Friction(())
+    if "coulomb" not in terms.columns:
+        # ζ of a Dahl column is sign dq beyond z_c after a reversal, where the thresholds are wider.
+        columns = tuple("coulomb" if name == "dahl" else name for name in terms.columns)
+        terms = replace(terms, columns=columns)
     return MonitoredModel(
         beta=lib.base_matrix @ identified.pi,
-        terms=identified.friction if phi.size else Friction(()),
+        terms=terms,
         phi=phi.reshape(lib.n_joints, -1),
         net=identified.net,
         preparation=preparation,

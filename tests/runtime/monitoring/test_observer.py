@@ -5,7 +5,7 @@ import pinocchio
 import pytest
 
 from runtime import Observer, Recording
-from runtime.errors import IdentificationError, RecordingError
+from runtime.errors import IdentificationError
 from runtime.identification.identified import Identification
 from runtime.library import Library
 from runtime.monitoring.model import model_of
@@ -146,8 +146,6 @@ def test_response_is_that_of_the_recursion() -> None:
 
 def test_settings_out_of_range_are_refused(lib: Library, monitored: Monitored) -> None:
     """Property: one sentence that states what came."""
-    import dataclasses
-
     for wrong in ({"rate_hz": 0.0}, {"rate_hz": 1e3, "bandwidth": -1.0}):
         with pytest.raises(IdentificationError, match="above 0"):
             Observer(lib, monitored.saved, **wrong)
@@ -155,6 +153,19 @@ def test_settings_out_of_range_are_refused(lib: Library, monitored: Monitored) -
         Observer(lib, monitored.saved, rate_hz=1e3, velocity="position")
     with pytest.raises(IdentificationError, match="shape"):
         Observer(lib, monitored.saved, rate_hz=1e3).update(*np.zeros((3, 6)))
-    dahl = dataclasses.replace(monitored.saved, friction=Friction(("dahl",)), phi=np.ones((7, 1)))
-    with pytest.raises(RecordingError, match="path"):
-        Observer(lib, dahl, rate_hz=1e3)
+
+
+def test_friction_with_a_memory_counts_as_dry_friction(lib: Library, monitored: Monitored) -> None:
+    """Property: r in steady motion is that of the same model with a Coulomb column."""
+    import dataclasses
+
+    rows = [np.full(7, 0.1), np.full(7, 1.0), np.full(7, 2.0)]  # q, dq, τ; |dq| ≫ ε
+    r = []
+    for name in ("dahl", "coulomb"):
+        model = dataclasses.replace(
+            monitored.saved, friction=Friction((name,)), phi=np.full((7, 1), 0.5)
+        )
+        observer = Observer(lib, model, rate_hz=1e3)
+        r.append([observer.update(*rows) for _ in range(50)][-1])
+    np.testing.assert_array_equal(*r)
+    assert np.abs(r[0]).max() > 0.1

@@ -13,6 +13,7 @@ the log. The part is named by the likelihood with unknown noise per joint,
 and the p-value of that hypothesis is multiplied by the number of hypotheses (Bonferroni).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -180,7 +181,7 @@ def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff:
         chi2,
         k,
         float(chdtrc(k, chi2)),
-        gained - k * float(np.log(max(n_eff, np.e))) + 2 * float(np.log(hypothesis.prior)),
+        gained - k * math.log(max(n_eff, math.e)) + 2 * float(np.log(hypothesis.prior)),
         size if hypothesis.unit else None,
         (size - half, size + half) if hypothesis.unit else None,
         hypothesis.unit,

@@ -15,7 +15,7 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.recording.formats.optional_imports import imported
-from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable
+from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
 
 MOST_OBJECTS = 10_000
 """Largest number of groups and arrays of a file; logs have some dozens."""
@@ -189,13 +189,7 @@ class HdfRows:
 
     def __init__(self, log: HdfLog, kinds: Mapping[str, str]) -> None:
         self._log, self._kinds = log, dict(kinds)
-        counts = sorted({log.shape(key)[0] for key in self._kinds.values()})
-        if len(counts) > 1:
-            raise RecordingError(
-                f"{log.path.name} is expected to have as many rows of every signal, but there are "
-                f"{' and '.join(map(str, counts))}; check that samples are rows"
-            )
-        self.count = counts[0] if counts else 0
+        self.count = common_count(log.path, (log.shape(key)[0] for key in self._kinds.values()))
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Rows start … stop of every kind of signal.

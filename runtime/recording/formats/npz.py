@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable
+from runtime.recording.formats.tables import EXPANSION, SLACK, FloatArray, LogTable, common_count
 
 MOST_TEXTS = 10_000
 """Largest number of texts in an array of an NPZ that is read."""
@@ -137,13 +137,7 @@ class NpzRows:
             ) from error
         self.keys = tuple(located)
         self._arrays = {kind: self._usable(located, key) for kind, key in self.kinds.items()}
-        counts = sorted({array.rows for array in self._arrays.values()})
-        if len(counts) > 1:
-            raise RecordingError(
-                f"{path.name} is expected to have as many rows of every signal, but there are "
-                f"{' and '.join(map(str, counts))}; check that samples are rows"
-            )
-        self.count = counts[0] if counts else 0
+        self.count = common_count(path, (array.rows for array in self._arrays.values()))
 
     def read(self, start: int, stop: int) -> dict[str, FloatArray]:
         """Rows start … stop of every kind of signal.

@@ -1,9 +1,13 @@
 """A table of numbers, in which each corrupt row is NaN and keeps the number of its line."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+from runtime.errors import RecordingError
 
 FloatArray = NDArray[np.float64]
 Columns = tuple[str | int, ...]
@@ -26,3 +30,25 @@ class LogTable:
     values: FloatArray
     lines: NDArray[np.int64]
     remarks: tuple[str, ...] = ()
+
+
+def common_count(path: Path, counts: Iterable[int]) -> int:
+    """Number of rows of all signals of a file.
+
+    Args:
+        path: the file.
+        counts: number of rows of each signal.
+
+    Returns:
+        The number; 0 without signals.
+
+    Raises:
+        RecordingError: the numbers differ.
+    """
+    different = sorted(set(counts))
+    if len(different) > 1:
+        raise RecordingError(
+            f"{path.name} is expected to have as many rows of every signal, but there are "
+            f"{' and '.join(map(str, different))}; check that samples are rows"
+        )
+    return different[0] if different else 0

@@ -21,6 +21,8 @@ from runtime.inspection.checks import (
 )
 from runtime.inspection.checks.column_names import meaning
 from runtime.inspection.checks.file_layout import draft
+from runtime.inspection.checks.velocity_filter import velocity_filter
+from runtime.inspection.checks.vendor_signals import vendor_torque
 from runtime.inspection.finding import ERROR, INFO, LEVELS, WARNING, Finding
 from runtime.inspection.torque_checks import check_commanded, check_torque, proposed_terms
 from runtime.library import Library
@@ -100,12 +102,15 @@ def inspect_log(
     findings += _of_file(raw)
     plan, backward = clock.order_of_time(raw, raw.plan)
     findings += backward
+    plan, meant = vendor_torque(plan, lib, is_drafted=recipe is None)
+    findings += meant
     checks = CheckRun(raw, plan, findings)
     require_joints(checks.recording, lib)
     checks.run(frozen.frozen)
     checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
     checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
     checks.run(lambda r, p: units.units(r, p, lib))
+    checks.run(lambda r, p: velocity_filter(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
     checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
     checks.run(lambda r, p: clock.clock(r, p, raw))
@@ -152,7 +157,7 @@ def _read(
             return read_raw(place, None, run), []
         except RecordingError:
             pass
-    plan, findings = draft(place, lib.n_joints, rate_hz)
+    plan, findings = draft(place, lib.joint_names, rate_hz)
     return read_raw(place, plan, run), findings
 
 

@@ -69,3 +69,26 @@ def meaning(title: str) -> Meaning:
         is_measured=not (set(words) & COMMANDED),
         unit=unit,
     )
+
+
+def by_joint(titles: list[str], names: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
+    """Titles that contain the names of the joints, such as `arm_1_joint_effort`.
+
+    Args:
+        titles: of the columns of a file.
+        names: of the joints of the robot.
+
+    Returns:
+        Title with "#" in place of the name → titles in the order of the joints, complete ones only.
+    """
+    groups: dict[str, dict[str, str]] = {}
+    longest_first = sorted(names, key=len, reverse=True)
+    for title in titles:
+        name = next((each for each in longest_first if each in title), None)
+        if name is not None:
+            groups.setdefault(title.replace(name, "#"), {})[name] = title
+    return {
+        stem: tuple(members[name] for name in names)
+        for stem, members in groups.items()
+        if len(members) == len(names)
+    }

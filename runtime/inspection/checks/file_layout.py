@@ -12,7 +12,7 @@ from pathlib import Path
 
 from runtime.errors import RecordingError
 from runtime.inspection.checks.column_content import Block, blocks_by_content
-from runtime.inspection.checks.column_names import SI, Meaning, meaning
+from runtime.inspection.checks.column_names import SI, Meaning, by_joint, meaning
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Recipe
 from runtime.recording.formats import format_of_suffix
@@ -25,13 +25,13 @@ _NO_CLOCK = Time(rate_hz=1.0)
 
 
 def draft(
-    place: Path, joints: int, rate_hz: float | None = None
+    place: Path, names: tuple[str, ...], rate_hz: float | None = None
 ) -> tuple[Recipe | None, list[Finding]]:
     """Draft a recipe from names and shapes.
 
     Args:
         place: a file or a folder.
-        joints: number of joints of the robot.
+        names: names of the joints of the robot.
         rate_hz: rate of a log without a clock [Hz].
 
     Returns:
@@ -46,7 +46,8 @@ def draft(
     plan = _by_convention(place)
     if plan is not None and (plan.torque is not None or plan.law is not None):
         return None, []
-    described = _described(place, joints)
+    joints = len(names)
+    described = _described(place, names)
     if plan is not None and not described.get("torque"):  # no other title names a torque either
         return None, []
     return _recipe(place, described, joints, rate_hz)
@@ -64,7 +65,7 @@ def _by_convention(place: Path) -> Recipe | None:
     return plan if timed else None
 
 
-def _described(place: Path, joints: int) -> Group:
+def _described(place: Path, names: tuple[str, ...]) -> Group:
     """Kind of signal → descriptions of the parts that may be it, measured ones first."""
     signals: Group = defaultdict(list)
     files = [place]
@@ -74,7 +75,7 @@ def _described(place: Path, joints: int) -> Group:
         file = path.name if place.is_dir() else ""
         if _has_titles(path):
             reader = LogFiles(path, Recipe()).reader(path.name, "")
-            for kind, part in (*_arrays(reader, file, joints), *_texts(reader, file, joints)):
+            for kind, part in (*_arrays(reader, file, len(names)), *_texts(reader, file, names)):
                 signals[kind].append(part)
     for parts in signals.values():
         parts.sort(key=lambda part: not part["measured"])
@@ -98,7 +99,8 @@ def _arrays(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[st
             yield what.kind, _part(what, file_name, key, layout=layout, key=key)
 
 
-def _texts(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str, dict]]:
+def _texts(reader: LogReader, file_name: str, names: tuple[str, ...]) -> Iterable[tuple[str, dict]]:
+    joints = len(names)
     path, rows = reader.raw.path, reader.head()
     file = meaning(path.stem)
     numeric = [all(_is_number(cell) for cell in row) for row in rows]
@@ -112,7 +114,7 @@ def _texts(reader: LogReader, file_name: str, joints: int) -> Iterable[tuple[str
         return
     header = next((row for row in reversed(rows[:first]) if len(row) == width), None)
     if header is not None:
-        yield from _titled(header, file_name, path.name, file)
+        yield from _titled(header, names, file_name, path.name, file)
     elif width == joints and file.kind:
         yield (
             file.kind,
@@ -143,15 +145,17 @@ def _recognised(blocks: tuple[Block, ...], file_name: str, name: str) -> Iterabl
 
 
 def _titled(
-    header: list[str], file_name: str, name: str, file: Meaning
+    header: list[str], names: tuple[str, ...], file_name: str, name: str, file: Meaning
 ) -> Iterable[tuple[str, dict]]:
-    """Signals of titles that differ only in their last number, in the order of the numbers."""
+    """Signals of titles that differ in the joint's name, or only in their last number."""
+    named = by_joint(header, names)
     groups: dict[str, list[tuple[int, str]]] = defaultdict(list)
     for title in header:
-        stem = re.sub(r"\d+(?=\D*$)", "#", title)
-        groups[stem].append((meaning(title).joint, title))
-    for stem, members in groups.items():
-        titles = tuple(title for _, title in sorted(members))
+        if not any(title in titles for titles in named.values()):
+            stem = re.sub(r"\d+(?=\D*$)", "#", title)
+            groups[stem].append((meaning(title).joint, title))
+    numbered = {stem: tuple(t for _, t in sorted(members)) for stem, members in groups.items()}
+    for stem, titles in (named | numbered).items():
         what = meaning(stem.replace("#", "1"))
         kind = what.kind or (file.kind if len(titles) > 1 else "")
         if kind == "time":

@@ -1,0 +1,223 @@
+"""What the torque column of a known maker is, by its name (traps 4, 11).
+
+Makers publish currents, model torques, compensated torques and sensor torques under names that
+do not say so. A record per name states what it is and what to write. Sources: RTDE guide and
+Universal_Robots_ROS2_Driver #1551, libfranka `RobotState`, kortex `ActuatorFeedback` and
+kinova-ros #366, xarm_ros2 #98, piper_sdk #73 and its Q&A.
+"""
+
+import re
+from dataclasses import dataclass, replace
+
+from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
+from runtime.library import Library
+from runtime.recording import Recipe
+
+CURRENT, MEASURED, COMPENSATED, MODEL = "current", "measured", "compensated", "model"
+"""A motor current; the whole torque of a joint; a torque without gravity (and friction); the output
+of the controller's model."""
+_LEVELS = {CURRENT: WARNING, MEASURED: INFO, COMPENSATED: ERROR, MODEL: WARNING}
+
+
+@dataclass(frozen=True, slots=True)
+class VendorSignal:
+    """One column name of one maker.
+
+    Attributes:
+        vendor: maker and interface.
+        title: name of the column without index, lower case.
+        meaning: one of `CURRENT`, `MEASURED`, `COMPENSATED`, `MODEL`.
+        sentence: what it is and what to do.
+        robots: pattern of names of robot and joints, where the title alone is not specific.
+    """
+
+    vendor: str
+    title: str
+    meaning: str
+    sentence: str
+    robots: str = ""
+
+
+_UR = r"(?<![a-z])ur(3|5|7|8|10|12|15|16|18|20|30)e?(?![a-z0-9])|shoulder_lift_joint.*wrist_3_joint"
+_KINOVA = r"kinova|gen3|kortex|jaco|\bj2[ns]"
+_PIPER = r"piper"
+_XARM = r"xarm|lite6|uf850"
+_UNKNOWN_GAIN = "read it in A and calibrate its gains with symgen gains"
+SIGNALS = (
+    VendorSignal("UR RTDE", "actual_current", CURRENT, f"motor current in A; {_UNKNOWN_GAIN}"),
+    VendorSignal(
+        "UR RTDE", "joint_control_output", CURRENT, f"control current in A; {_UNKNOWN_GAIN}"
+    ),
+    VendorSignal(
+        "UR RTDE",
+        "actual_current_as_torque",
+        COMPENSATED,
+        "torque that the controller computes from currents (PolyScope 5.23/10.11 and later), "
+        "without gravity: 0 at rest without load; log actual_current instead",
+    ),
+    VendorSignal(
+        "UR RTDE",
+        "target_moment",
+        MODEL,
+        "torque of the controller's model, not a measurement; log actual_current",
+    ),
+    VendorSignal(
+        "UR RTDE",
+        "target_current",
+        MODEL,
+        "current of the controller's model, not a measurement; log actual_current",
+    ),
+    VendorSignal(
+        "UR ROS driver",
+        "effort",
+        CURRENT,
+        "motor current in A up to PolyScope 5.22/10.10 and with use_currents_as_efforts = true; "
+        "from 5.23/10.11 it may be a torque in N·m without gravity, which identifies no masses: "
+        f"check the driver's parameter. For currents, {_UNKNOWN_GAIN}",
+        _UR,
+    ),
+    VendorSignal(
+        "Franka", "tau_j", MEASURED, "torque of the sensors behind the gears in N·m, with gravity"
+    ),
+    VendorSignal(
+        "Franka",
+        "tau_j_d",
+        MODEL,
+        "commanded torque without the gravity that the robot adds; log tau_J",
+    ),
+    VendorSignal(
+        "Franka",
+        "tau_ext_hat_filtered",
+        COMPENSATED,
+        "estimate of the external torque, which the maker's model has been taken off; log tau_J",
+    ),
+    VendorSignal(
+        "Franka", "dtau_j", MODEL, "derivative of the torque in N·m/s, not a torque; log tau_J"
+    ),
+    VendorSignal(
+        "Kinova",
+        "current_motor",
+        CURRENT,
+        f"motor current in A; the Gen3 has torque sensors (torque), the Gen3 lite has none: "
+        f"{_UNKNOWN_GAIN}",
+    ),
+    VendorSignal(
+        "Kinova",
+        "joint_torques_gravity_free",
+        COMPENSATED,
+        "torque without the controller's gravity; log joint_torques",
+    ),
+    VendorSignal(
+        "Kinova",
+        "torque",
+        MEASURED,
+        "torque of the actuators' sensors in N·m, with offsets of its own: set the zero in the web "
+        "application or identify the column offset",
+        _KINOVA,
+    ),
+    VendorSignal(
+        "Kinova",
+        "effort",
+        MEASURED,
+        "torque of the actuators' sensors in N·m on the Gen3; the Gen3 lite has no sensors, and "
+        f"its values are scaled motor currents with unknown gains: there {_UNKNOWN_GAIN}",
+        _KINOVA,
+    ),
+    VendorSignal(
+        "xArm",
+        "effort",
+        CURRENT,
+        f"torque that the controller estimates from motor currents, as the arm has no torque "
+        f"sensors; its gains are unknown: {_UNKNOWN_GAIN}",
+        _XARM,
+    ),
+    VendorSignal(
+        "Piper",
+        "effort",
+        CURRENT,
+        "motor current times a constant (1.18125 for joints 1-3, 0.95844 for 4-6), in mN·m in the "
+        "SDK; firmware and documentation differ by a factor of 4 at joints 1-3, so that the gains "
+        f"are unknown: {_UNKNOWN_GAIN}",
+        _PIPER,
+    ),
+    VendorSignal(
+        "PAL TIAGo",
+        "effort",
+        CURRENT,
+        f"raw motor current, although the message states N·m; {_UNKNOWN_GAIN}",
+        r"tiago",
+    ),
+    VendorSignal("Piper", "current", CURRENT, f"motor current in mA; {_UNKNOWN_GAIN}", _PIPER),
+)
+
+
+def vendor_signal(plan: Recipe, lib: Library) -> VendorSignal | None:
+    """The record of the torque column.
+
+    Args:
+        plan: recipe with the torque.
+        lib: library of the robot, whose name and joints count where a title is not specific.
+
+    Returns:
+        The record; None for names that are not known.
+    """
+    if plan.torque is None:
+        return None
+    signal = plan.torque
+    title = plain_title(str(signal.columns[0]) if signal.columns else signal.key or signal.file)
+    robot = " ".join([lib.name, plan.robot, *lib.joint_names]).lower()
+    known = [
+        each
+        for each in sorted(SIGNALS, key=lambda each: -len(each.title))
+        if f"_{title}".endswith(f"_{each.title}") and re.search(each.robots, robot)
+    ]
+    return known[0] if known else None
+
+
+def plain_title(title: str) -> str:
+    """Title in lower case without prefix, unit, suffix and index.
+
+    Args:
+        title: name of a column, array or file, such as "robot.tau_J[3] [N*m]".
+
+    Returns:
+        The name of the signal, "tau_j".
+    """
+    bare = re.sub(r"\s*[\[(][^\])]*[\])]", "", title.strip())
+    bare = re.split(r"[/.\s]", re.sub(r"\.(csv|txt|npz|npy|gz|mat)$", "", bare))[-1]
+    return re.sub(r"[_\-]*\d*$", "", bare).lower()
+
+
+def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe, list[Finding]]:
+    """Meaning of the torque column of a known maker.
+
+    Args:
+        plan: recipe so far.
+        lib: library of the robot.
+        is_drafted: whether the unit is a guess that the record may correct.
+
+    Returns:
+        The recipe, with unit A or mA for a current whose unit is a guess, and
+        "vendor_signal".
+    """
+    known = vendor_signal(plan, lib)
+    if known is None or plan.torque is None:
+        return plan, []
+    in_torque = plan.torque_source != CURRENT
+    level = _LEVELS[known.meaning]
+    if known.meaning == CURRENT:
+        level = INFO if not in_torque and not is_drafted else WARNING
+        if is_drafted:
+            unit = "mA" if plan.torque.unit == "mA" else "A"
+            plan = plan.replace(torque=replace(plan.torque, unit=unit, gain=1.0))
+    evidence = {"vendor": known.vendor, "signal": known.title, "meaning": known.meaning}
+    trap = 11 if known.meaning in {CURRENT, MEASURED} else 4
+    return plan, [
+        Finding(
+            "vendor_signal",
+            level,
+            f"{known.vendor}: '{known.title}' is {known.sentence}",
+            evidence,
+            trap=trap,
+        )
+    ]

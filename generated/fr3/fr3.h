@@ -170,6 +170,22 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84]);
  * q [rad], plane [1, m] -> distance [m], jacobian 7 x 7 [d distance / d q] */
 void fr3_plane_clearance(const double q[7], const double plane[4], double distance[7], double jacobian[49]);
 
+/* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 2702 operations, at most 26136 bytes of stack.
+ * q [rad], dq [rad/s], pi [SI] -> C 7 x 7 [d (C dq) / d dq / 2] */
+void fr3_coriolis_matrix(const double q[7], const double dq[7], const double pi[70], double C[49]);
+
+/* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 2793 operations, at most 30400 bytes of stack.
+ * q [rad], dq [rad/s], dq_r [rad/s], ddq_r [rad/s^2] -> Y 7 x 70 [d tau / d pi] */
+void fr3_slotine_li_regressor(const double q[7], const double dq[7], const double dq_r[7], const double ddq_r[7], double Y[490]);
+
+/* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 300 operations, at most 9200 bytes of stack.
+ * q [rad] -> J 48 x 7 [m, 1] */
+void fr3_frame_jacobians(const double q[7], double J[336]);
+
+/* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 415 operations, at most 7824 bytes of stack.
+ * pi [SI] -> S 7 x 7 [d ddq / d tau] */
+void fr3_mobility_bound(const double pi[70], double S[49]);
+
 /* Length of beta, and the side of the statistics' factor, whose last column is that of tau. */
 enum { FR3_BASE = 43, FR3_STATISTICS = 44 };
 

@@ -170,6 +170,22 @@ void ur5e_clearance(const double q[6], double distance[14], double jacobian[84])
  * q [rad], plane [1, m] -> distance [m], jacobian 6 x 6 [d distance / d q] */
 void ur5e_plane_clearance(const double q[6], const double plane[4], double distance[6], double jacobian[36]);
 
+/* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 1565 operations, at most 16936 bytes of stack.
+ * q [rad], dq [rad/s], pi [SI] -> C 6 x 6 [d (C dq) / d dq / 2] */
+void ur5e_coriolis_matrix(const double q[6], const double dq[6], const double pi[60], double C[36]);
+
+/* Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987. 1508 operations, at most 19080 bytes of stack.
+ * q [rad], dq [rad/s], dq_r [rad/s], ddq_r [rad/s^2] -> Y 6 x 60 [d tau / d pi] */
+void ur5e_slotine_li_regressor(const double q[6], const double dq[6], const double dq_r[6], const double ddq_r[6], double Y[360]);
+
+/* linear, then angular velocity J dq of the frames of all links and of the tip, in axes of the base, one below the other. 180 operations, at most 7568 bytes of stack.
+ * q [rad] -> J 42 x 6 [m, 1] */
+void ur5e_frame_jacobians(const double q[6], double J[252]);
+
+/* S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q. 339 operations, at most 7112 bytes of stack.
+ * pi [SI] -> S 6 x 6 [d ddq / d tau] */
+void ur5e_mobility_bound(const double pi[60], double S[36]);
+
 /* Length of beta, and the side of the statistics' factor, whose last column is that of tau. */
 enum { UR5E_BASE = 36, UR5E_STATISTICS = 37 };
 

@@ -145,9 +145,15 @@ class Binding:
             Outputs as (N, *shape), without N when no input had it.
 
         Raises:
+            LibraryError: the library was built before the kernel existed.
             ShapeError: an input does not fit.
         """
-        kernel = self._manifest.kernels[name]
+        kernel = self._manifest.kernels.get(name)
+        if kernel is None:
+            raise LibraryError(
+                f"the library of '{self._manifest.robot}' has no kernel '{name}', so another "
+                f"version of symgen built it; {AGAIN}"
+            )
         arrays = [
             _checked(name, argument, value)
             for argument, value in zip(kernel.inputs, values, strict=True)

@@ -25,12 +25,13 @@ from runtime.library.compiled_descent import (
 )
 from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.compiled_statistics import CompiledStatistics
+from runtime.library.control_kernels import ControlKernels
 from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
 from runtime.library.safety_kernels import SafetyKernels
 
 
-class Library(MotionKernels, SafetyKernels, BodyKernels):
+class Library(MotionKernels, SafetyKernels, BodyKernels, ControlKernels):
     """Compiled physics of one robot; every method takes one sample or N.
 
     n independent joints, L links, n_b base parameters; L = n unless joints are coupled. π and λ of

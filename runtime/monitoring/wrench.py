@@ -36,31 +36,6 @@ class Wrench:
     rank: int
 
 
-def link_jacobian(lib: Library, q: Array, link: int) -> Array:
-    """Jacobian of a link's origin, v = J dq with v = (linear, angular) in axes of the base.
-
-    Args:
-        lib: library of the robot.
-        q: (n,) joint positions [rad, m].
-        link: index of the link.
-
-    Returns:
-        J, (6, n); columns of joints that do not move the link are 0.
-    """
-    joints, coupling = lib.manifest.all_joints, lib.manifest.coupling
-    poses = lib.link_poses(q)
-    jacobian, k = np.zeros((6, lib.n_links)), link
-    while k >= 0:
-        axis = poses[k, :3, :3] @ np.array(joints[k].axis)
-        if joints[k].kind == "prismatic":
-            jacobian[:3, k] = axis
-        else:
-            jacobian[:3, k] = np.cross(axis, poses[link, :3, 3] - poses[k, :3, 3])
-            jacobian[3:, k] = axis
-        k = joints[k].parent
-    return jacobian if coupling is None else np.asarray(jacobian @ coupling.matrix)
-
-
 def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
     """Contact wrench at a link by least squares.
 
@@ -82,7 +57,7 @@ def wrench_at(lib: Library, q: Array, external: Array, name: str) -> Wrench:
             "correct --link"
         )
     scale = np.repeat([1.0, LENGTH], 3)
-    jacobian = link_jacobian(lib, q, lib.link_names.index(name)) * scale[:, None]
+    jacobian = lib.frame_jacobian(q, name) * scale[:, None]
     left, sizes, right = np.linalg.svd(jacobian.T, full_matrices=False)
     kept = sizes > DETERMINED * sizes[0]
     w = right[kept].T @ ((left[:, kept].T @ external) / sizes[kept]) * scale

@@ -6,6 +6,7 @@ Batches run over time samples, over links (maps of one body) or over points of a
 from dataclasses import dataclass
 
 from symgen.catalogue.bodies import body_kernels
+from symgen.catalogue.control import control_kernels
 from symgen.catalogue.motion import motion_kernels
 from symgen.catalogue.passive import passive_kernels
 from symgen.catalogue.safety import safety_kernels
@@ -45,5 +46,6 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
         *trajectory_kernels(chain, base),
         *safety_kernels(chain, collision or CollisionModel()),
         *passive_kernels(chain),
+        *control_kernels(chain),
     )
     return Catalogue(kernels, base)

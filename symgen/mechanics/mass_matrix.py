@@ -87,3 +87,54 @@ def forward_dynamics(
     for i in reversed(range(n)):  # Lᵀ z = D⁻¹ y
         z[i] = y[i] / d[i] - sum(rows[k][i] * z[k] for k in range(i + 1, n))
     return ca.vertcat(*z)
+
+
+def mobility_bound(chain: Chain, pi: Matrix) -> Matrix:
+    """S(π) with M(q)⁻¹ ⪯ S for every q: proof that M(q) is positive definite.
+
+    Joint i has the rate dq_i = aᵀ V_i − aᵀ X_i V_p of the velocities V of its body and of the body
+    before it, in short dq = B V. Kinetic energy is Vᵀ I V / 2, and its minimum over all V with
+    B V = dq, also those that no motion of the joints has, is dqᵀ (B I⁻¹ Bᵀ)⁻¹ dq / 2 ≤ dqᵀ M dq / 2.
+    a is invariant under its own joint, aᵀ X_i(q_i) = aᵀ X_i(0), so S = B I⁻¹ Bᵀ is constant.
+
+    Args:
+        chain: L joints, independent or not.
+        pi: (10 L,) inertial parameters; of each body I ≻ 0, which follows from P ≻ 0.
+
+    Returns:
+        (L, L) of all joints, before any coupling.
+    """
+    n = len(chain.joints)
+    inverses = [_inverse_inertia(*body) for body in bodies_of(pi)]
+    rows: list[dict[int, Matrix]] = []  # body → its block of a row of B
+    for i, joint in enumerate(chain.joints):
+        axis, zero = ca.DM(joint.axis), ca.DM(3, 1)
+        slides = joint.kind == "prismatic"
+        row = {i: ca.vertcat(axis, zero) if slides else ca.vertcat(zero, axis)}
+        if joint.parent >= 0:  # v_i = Rᵀ (v_p + ω_p × p), ω_i = Rᵀ ω_p
+            turned, p = ca.mtimes(ca.DM(joint.rotation), axis), ca.DM(joint.translation)
+            back = ca.vertcat(turned, ca.cross(p, turned)) if slides else ca.vertcat(zero, turned)
+            row[joint.parent] = -back
+        rows.append(row)
+    s = ca.SX(n, n)
+    for i in range(n):
+        for k in range(i + 1):
+            shared = rows[i].keys() & rows[k].keys()
+            s[i, k] = s[k, i] = sum(
+                (ca.dot(rows[i][b], ca.mtimes(inverses[b], rows[k][b])) for b in sorted(shared)),
+                ca.SX(1, 1),
+            )
+    return ca.densify(s)
+
+
+def _inverse_inertia(mass: Matrix, moment: Matrix, inertia: Matrix) -> Matrix:
+    """Inverse of the (6, 6) inertia of a body about its frame's origin, linear part first.
+
+    With c = h / m and Σ the inertia about the centre of mass, it is
+    [1/m + [c×] Σ⁻¹ [c×]ᵀ, [c×] Σ⁻¹; Σ⁻¹ [c×]ᵀ, Σ⁻¹].
+    """
+    arm = ca.skew(moment / mass)
+    turning = ca.inv(inertia + mass * ca.mtimes(arm, arm))  # Σ = I − m [c×]ᵀ [c×], closed form
+    across = ca.mtimes(arm, turning)
+    moving = ca.SX.eye(3) / mass + ca.mtimes(across, arm.T)
+    return ca.blockcat([[moving, across], [across.T, turning]])

@@ -102,6 +102,24 @@ def test_kernels_agree(lib: Library) -> None:
     np.testing.assert_allclose(mass[:, :, 1], change, atol=1e-11)
 
 
+def test_kernels_of_controllers(lib: Library) -> None:
+    """Property: 2 C = ∂τ/∂dq, Y π of Slotine and Li, J dq is the motion of a link, the bound of M.
+
+    All of them in the two independent joints, through A.
+    """
+    _, q, dq, ddq = motion(20)
+    tau, _, by_dq, mass = lib.torque_derivatives(q, dq, ddq, lib.pi0)
+    coriolis = lib.coriolis_matrix(q, dq, lib.pi0)
+    np.testing.assert_allclose(2 * coriolis, by_dq, atol=1e-11)
+    same = lib.slotine_li_regressor(q, dq, dq, ddq) @ lib.pi0
+    np.testing.assert_allclose(same, tau, atol=1e-11)
+    step = 1e-5  # central difference: h² of the third derivative, 1e-16 / h of rounding
+    ahead, behind = (lib.link_poses(q + s * dq)[:, 3, :3, 3] for s in (step, -step))
+    moved = np.einsum("kij,kj->ki", lib.frame_jacobian(q, lib.link_names[3])[:, :3], dq)
+    np.testing.assert_allclose((ahead - behind) / (2 * step), moved, atol=1e-8)
+    assert 0 < lib.least_inertia(lib.pi0, 0.01) <= np.linalg.eigvalsh(mass)[:, 0].min() + 0.01
+
+
 def test_jacobian_in_lam_is_the_derivative(lib: Library) -> None:
     """Derivative: the Taylor remainder of τ(λ) falls with h²."""
     _, q, dq, ddq = motion(5)

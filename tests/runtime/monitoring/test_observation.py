@@ -12,7 +12,7 @@ from runtime.library import Library
 from runtime.monitoring.contacts import contacts_of
 from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
-from runtime.monitoring.wrench import link_jacobian, wrench_at
+from runtime.monitoring.wrench import wrench_at
 from tests.oracle import pinocchio_model
 from tests.runtime.conftest import Command
 from tests.runtime.monitoring.conftest import Monitored
@@ -126,7 +126,7 @@ def test_wrench_of_a_push_at_the_last_link(lib: Library) -> None:
     jacobian = pinocchio.computeFrameJacobian(
         model, data, q, model.getFrameId("fr3_link7"), pinocchio.LOCAL_WORLD_ALIGNED
     )
-    np.testing.assert_allclose(link_jacobian(lib, q, 6), jacobian, atol=1e-12)
+    np.testing.assert_allclose(lib.frame_jacobian(q, "fr3_link7"), jacobian, atol=1e-12)
     wrench = wrench_at(lib, q, jacobian.T @ w, "fr3_link7")
     assert wrench.rank == 6
     np.testing.assert_allclose([*wrench.force, *wrench.moment], w, atol=1e-9)

@@ -1,0 +1,107 @@
+"""Terms of model-based controllers: C(q, dq) of Christoffel symbols, Slotine–Li, Jacobians.
+
+With c(q, dq) = C dq, quadratic in dq, and Γ symmetric in its last two indices,
+
+    C = ½ ∂c/∂dq,   C(q, dq) x = ½ (∂c/∂dq) x,   dM/dt = C + Cᵀ
+
+so both forms follow from the one recursion of `inverse_dynamics`.
+Source: Siciliano et al., Robotics, 2009, eqs. 7.44–7.47; Slotine & Li, IJRR 6(3), 1987.
+"""
+
+import casadi as ca
+
+from symgen.chain import Chain
+from symgen.kernel import Matrix
+from symgen.mechanics.coordinates import all_positions, independent_forces
+from symgen.mechanics.dynamics import by_parameters, inverse_dynamics, joint_pose
+
+
+def coriolis_matrix(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
+    """C(q, dq) of Christoffel symbols: dM/dt − 2 C is skew-symmetric.
+
+    Args:
+        chain: n independent joints, L bodies.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        pi: (10 L,) inertial parameters.
+
+    Returns:
+        (n, n) [N·m·s/rad, N·s/m].
+    """
+    return ca.densify(ca.jacobian(_centrifugal(chain, q, dq, pi), dq) / 2)
+
+
+def slotine_li_regressor(
+    chain: Chain, q: Matrix, dq: Matrix, dq_r: Matrix, ddq_r: Matrix
+) -> Matrix:
+    """Y with Y π = M(q) ddq_r + C(q, dq) dq_r + g(q), C of Christoffel symbols.
+
+    Args:
+        chain: n independent joints, L bodies.
+        q: (n,) joint positions [rad, m].
+        dq: (n,) joint velocities [rad/s, m/s].
+        dq_r: (n,) reference velocities [rad/s, m/s].
+        ddq_r: (n,) reference accelerations [rad/s², m/s²].
+
+    Returns:
+        (n, 10 L) regressor.
+    """
+    still = ca.SX(len(chain.coordinates), 1)
+
+    def torque(pi: Matrix) -> Matrix:
+        pushed = inverse_dynamics(chain, q, still, ddq_r, pi)
+        return pushed + ca.jtimes(_centrifugal(chain, q, dq, pi), dq, dq_r) / 2
+
+    return by_parameters(chain, torque)
+
+
+def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
+    """Jacobians of the frames of all links and of the tip, v = J dq.
+
+    v is the linear velocity of the frame's origin, then the angular velocity, both in axes of the
+    base.
+
+    Args:
+        chain: n independent joints, L bodies, and the tip frame.
+        q: (n,) joint positions [rad, m].
+
+    Returns:
+        (6 (L + 1), n) Jacobians one below the other, the last one of the tip [m, 1].
+    """
+    q = all_positions(chain, q)
+    rotations: list[Matrix] = []
+    origins: list[Matrix] = []
+    for i, joint in enumerate(chain.joints):
+        pose = joint_pose(joint, q[i])
+        if joint.parent >= 0:
+            before = rotations[joint.parent]
+            origins.append(origins[joint.parent] + ca.mtimes(before, pose.translation))
+            rotations.append(ca.mtimes(before, pose.rotation))
+        else:
+            origins.append(pose.translation)
+            rotations.append(pose.rotation)
+    axes = [ca.mtimes(r, ca.DM(j.axis)) for r, j in zip(rotations, chain.joints, strict=True)]
+    frames = list(enumerate(origins))
+    if chain.tip.joint >= 0:
+        offset = ca.mtimes(rotations[chain.tip.joint], ca.DM(chain.tip.translation))
+        frames.append((chain.tip.joint, origins[chain.tip.joint] + offset))
+    else:  # a tip that no joint moves
+        frames.append((-1, ca.SX(3, 1)))
+    blocks = []
+    for last, origin in frames:
+        jacobian, k = ca.SX(6, len(chain.joints)), last
+        while k >= 0:
+            if chain.joints[k].kind == "prismatic":
+                jacobian[:3, k] = axes[k]
+            else:
+                jacobian[:3, k] = ca.cross(axes[k], origin - origins[k])
+                jacobian[3:, k] = axes[k]
+            k = chain.joints[k].parent
+        blocks.append(independent_forces(chain, jacobian.T).T)  # J A of coupled joints
+    return ca.vertcat(*blocks)
+
+
+def _centrifugal(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
+    """c = C(q, dq) dq, Coriolis and centrifugal forces."""
+    still = ca.SX(len(chain.coordinates), 1)
+    return inverse_dynamics(chain, q, dq, still, pi, gravity=False)

@@ -13,8 +13,10 @@ from runtime.cli.robot import Yes, open_robot
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification import metrics
 from runtime.identification.identified import torque_of
+from runtime.identification.mass_audit import audit_mass
 from runtime.identification.result_file import error_facts
 from runtime.identification.saved_result import SavedResult, read_result, require_model
+from runtime.outputs.model_files.joint_friction import joint_friction
 from runtime.recording import Preparation, Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.plausibility import require_plausible
@@ -63,7 +65,8 @@ def evaluate_command(
 
     Printed per joint: the torque error of the URDF and of the identified model, in percent of the
     RMS torque and in N·m or N. Errors of two logs compare only where both have the same cut-off: a
-    wider band holds more torque noise.
+    wider band holds more torque noise. The mass matrix M(q), rotors included, is audited over the
+    joint limits: positive definite by proof or by search.
 
     \b
     symgen evaluate results/first-map second.csv
@@ -90,18 +93,22 @@ def evaluate_command(
         notes.append(RAW)
     else:
         notes += _other_filter(saved, prepared)
+    rotor = joint_friction(lib, terms, saved.phi).filled("armature")
+    audit = audit_mass(lib, saved.pi, rotor)
     figures: dict[str, Any] = {
         "robot": lib.name,
         "method": saved.method,
         "joints": list(saved.joints),
         "units": list(saved.units),
         **error_facts(*errors),
+        "mass_matrix": audit.to_facts(),
         "notes": notes,
     }
     if as_json:
         print(json.dumps(figures, indent=1))
     else:
         console.print(torque_table(figures))
+        say(f"{audit.sentence()}.")
         for note in notes:
             say(f"note: {note}")
 

@@ -86,6 +86,7 @@ def test_another_model_is_told(
     """Property: what leaves the frames of π alone is a note; export refuses other bodies."""
     same = command("evaluate", result, "good.csv", "--robot", desk.lib.folder, "--json")
     assert json.loads(same.out)["notes"] == []
+    assert json.loads(same.out)["mass_matrix"]["is_positive_definite"]
     changed(result, change)
     ran = command("evaluate", result, "good.csv", "--robot", desk.lib.folder)
     assert ran.code == 0

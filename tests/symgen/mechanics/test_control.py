@@ -65,7 +65,9 @@ def test_coriolis_matrix(reference: Reference) -> None:
     for mine, other in (forces, rates):
         np.testing.assert_allclose(mine, other, rtol=0, atol=10 * ROUNDING * size)
     slope = 1e-4  # central difference: h² of the third derivative and 1e-16 / h of rounding
-    ahead, behind = (lib.mass_matrix(reference.q + s * reference.dq, lib.pi0) for s in (slope, -slope))
+    ahead, behind = (
+        lib.mass_matrix(reference.q + s * reference.dq, lib.pi0) for s in (slope, -slope)
+    )
     np.testing.assert_allclose((ahead - behind) / (2 * slope), rates[0], rtol=0, atol=1e-5 * size)
 
 

@@ -94,7 +94,7 @@ def mobility_bound(chain: Chain, pi: Matrix) -> Matrix:
 
     Joint i has the rate dq_i = aᵀ V_i − aᵀ X_i V_p of the velocities V of its body and of the body
     before it, in short dq = B V. Kinetic energy is Vᵀ I V / 2, and its minimum over all V with
-    B V = dq, also those that no motion of the joints has, is dqᵀ (B I⁻¹ Bᵀ)⁻¹ dq / 2 ≤ dqᵀ M dq / 2.
+    B V = dq, even those of no motion of the joints, is dqᵀ (B I⁻¹ Bᵀ)⁻¹ dq / 2 ≤ dqᵀ M dq / 2.
     a is invariant under its own joint, aᵀ X_i(q_i) = aᵀ X_i(0), so S = B I⁻¹ Bᵀ is constant.
 
     Args:

@@ -114,7 +114,7 @@ def test_frame_jacobians(reference: Reference) -> None:
         np.testing.assert_allclose(
             lib.frame_jacobian(reference.q, link), theirs, rtol=0, atol=ROUNDING
         )
-    with pytest.raises(LibraryError, match="expected a moving link of '.*', got 'elbow'"):
+    with pytest.raises(LibraryError, match=r"expected a moving link of '.*', got 'elbow'"):
         lib.frame_jacobian(reference.q, "elbow")
 
 

@@ -100,7 +100,7 @@ def audit_mass(
     least = np.linalg.eigvalsh(lib.mass_matrix(q, pi) + np.diag(rotors))[:, 0]
     best, at = np.inf, q[0]
     for k in np.argsort(least)[:STARTS]:
-        found = minimize(
+        descent = minimize(
             lambda x: _least_eigenvalue(lib, pi, rotors, x),
             q[k],
             jac=True,
@@ -108,7 +108,7 @@ def audit_mass(
             bounds=list(zip(lower, upper, strict=True)),
         )
         # Where two eigenvalues meet, λ_min has a kink and the descent may stop early.
-        value, place = (found.fun, found.x) if found.fun < least[k] else (least[k], q[k])
+        value, place = (descent.fun, descent.x) if descent.fun < least[k] else (least[k], q[k])
         if value < best:
             best, at = float(value), place
     bound = lib.least_inertia(pi, rotors)

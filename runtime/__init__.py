@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from runtime.identification.settings import Settings
     from runtime.identification.single_log import identify
     from runtime.inspection.friction_choice import choose_friction
-    from runtime.library import Library, load, to_pinocchio_order
+    from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
     from runtime.recording import Recording, read_recording, write_recording
 
@@ -43,6 +43,7 @@ __version__ = "0.1.0"
 __all__ = [
     "METHODS",
     "PRESETS",
+    "BaseMotion",
     "Gains",
     "Identification",
     "Library",
@@ -64,6 +65,7 @@ __all__ = [
 ]
 
 _MODULES = {
+    "BaseMotion": "runtime.library",
     "Gains": "runtime.identification.sensor_gains",
     "Identification": "runtime.identification.identified",
     "Library": "runtime.library",

@@ -18,6 +18,7 @@ from runtime.library.compiled_descent import (
     CompiledLevenberg,
     LeastSquares,
 )
+from runtime.library.free_base import BaseMotion
 from runtime.library.library import Library
 from runtime.library.load import load
 from runtime.library.manifest import (
@@ -33,6 +34,7 @@ __all__ = [
     "NOT_POSITIVE",
     "AdamProblem",
     "Array",
+    "BaseMotion",
     "BrakingFacts",
     "ClosedLoopController",
     "ClosedLoopPlant",

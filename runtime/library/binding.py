@@ -145,15 +145,10 @@ class Binding:
             Outputs as (N, *shape), without N when no input had it.
 
         Raises:
-            LibraryError: the library was built before the kernel existed.
+            LibraryError: the library was built before the kernel existed, or the robot has none.
             ShapeError: an input does not fit.
         """
-        kernel = self._manifest.kernels.get(name)
-        if kernel is None:
-            raise LibraryError(
-                f"the library of '{self._manifest.robot}' has no kernel '{name}', so another "
-                f"version of symgen built it; {AGAIN}"
-            )
+        kernel = self._kernel(name)
         arrays = [
             _checked(name, argument, value)
             for argument, value in zip(kernel.inputs, values, strict=True)
@@ -189,6 +184,20 @@ class Binding:
             out.reshape(a.shape if a.summed or not batched else (n, *a.shape))
             for a, out in zip(kernel.outputs, outputs, strict=True)
         )
+
+    def _kernel(self, name: str) -> KernelFacts:
+        """Facts of a kernel; an omitted one raises an error that names what to use instead."""
+        kernel = self._manifest.kernels.get(name)
+        if kernel is None:
+            robot = self._manifest.robot
+            if name in self._manifest.omitted:
+                instead = self._manifest.omitted[name]
+                raise LibraryError(f"the library of '{robot}' has no kernel '{name}'; {instead}")
+            raise LibraryError(
+                f"the library of '{robot}' has no kernel '{name}', so another version of symgen "
+                f"built it; {AGAIN}"
+            )
+        return kernel
 
     def _each(self, part: Callable[[int], None], count: int, operations: int) -> None:
         """Run all parts, on the requested number of threads or on as many as save time."""

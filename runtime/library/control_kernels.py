@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
+from runtime.library.free_base import BaseMotion, with_base
 from runtime.library.manifest import Manifest
 
 
@@ -64,12 +65,17 @@ class ControlKernels:
         _, by_q, by_dq, mass = self._binding.call("torque_derivatives", q, dq, ddq, pi)
         return by_q, by_dq, mass
 
-    def frame_jacobian(self, q: ArrayLike, link: str | None = None) -> Array:
+    def frame_jacobian(
+        self, q: ArrayLike, link: str | None = None, *, base: BaseMotion | None = None
+    ) -> Array:
         """Jacobian J of a frame: linear, then angular velocity J dq, in axes of the base.
+
+        With a free base dq begins with its twist, and the axes are those of the world.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
             link: name of a moving link; None: the tip.
+            base: pose of a free base; None where it is fixed.
 
         Returns:
             (N, 6, n) [m, 1].
@@ -83,6 +89,7 @@ class ControlKernels:
                 f"tip '{self.manifest.tip}', got '{link}'"
             )
         place = self.n_links if link not in self.link_names else self.link_names.index(link)
+        (q,) = with_base(self.manifest, base, q)
         jacobians = self._binding.call("frame_jacobians", q)[0]
         return jacobians[..., 6 * place : 6 * (place + 1), :]
 

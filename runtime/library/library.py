@@ -26,16 +26,19 @@ from runtime.library.compiled_descent import (
 from runtime.library.compiled_excitation import CompiledExcitation, ExcitationFunctions
 from runtime.library.compiled_statistics import CompiledStatistics
 from runtime.library.control_kernels import ControlKernels
+from runtime.library.fixed_base_kernels import FixedBaseKernels
+from runtime.library.free_base import FREEDOM, ROWS
 from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
 from runtime.library.safety_kernels import SafetyKernels
 
 
-class Library(MotionKernels, SafetyKernels, BodyKernels, ControlKernels):
+class Library(MotionKernels, FixedBaseKernels, SafetyKernels, BodyKernels, ControlKernels):
     """Compiled physics of one robot; every method takes one sample or N.
 
-    n independent joints, L links, n_b base parameters; L = n unless joints are coupled. π and λ of
-    all links are flat, link by link, (10 L,). `pi0` and `lam0` are those of the URDF.
+    n independent joints, L links, n_b base parameters; L = n unless joints are coupled or the base
+    is free. π and λ of all links are flat, link by link, (10 L,), those of a free base first. `pi0`
+    and `lam0` are those of the URDF. With a free base, n + 6 entries stand for n in rows of torque.
     """
 
     def __init__(self, folder: Path, level: str | None = None, threads: int | None = None) -> None:
@@ -52,7 +55,7 @@ class Library(MotionKernels, SafetyKernels, BodyKernels, ControlKernels):
             CompiledStatistics(
                 self._binding.of_level,
                 self._binding.plain("statistics_update"),
-                len(m.joints),
+                len(m.joints) + (FREEDOM if m.floating else 0),
                 len(m.base_columns),
             )
             if self._binding.of_level("statistics") is not None
@@ -62,10 +65,13 @@ class Library(MotionKernels, SafetyKernels, BodyKernels, ControlKernels):
         self.name = m.robot
         self.joint_names = tuple(j.name for j in m.joints)
         """Names of the n independent joints, the order of q."""
-        self.all_joint_names = tuple(j.name for j in m.all_joints)
-        """Names of all joints, one per link: the order of `all_positions`."""
+        self.all_joint_names = tuple(j.name for j in m.all_joints[m.floating :])
+        """Names of all joints, one per moving link: the order of `all_positions`."""
         self.link_names = tuple(j.link for j in m.all_joints)
         self.n_joints, self.n_links = len(m.joints), len(m.all_joints)
+        self.row_names = (*(ROWS if m.floating else ()), *self.joint_names)
+        """Names of the rows of torques and regressors; those of a free base come first."""
+        self.n_rows = len(self.row_names)
         self.pi0: Array = np.array(m.pi0)
         self.lam0: Array = np.array(m.lam0)
         self.base_matrix: Array = np.array(m.base_matrix)

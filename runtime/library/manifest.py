@@ -129,6 +129,8 @@ class Manifest:
     `coupling`: None where they are the same. `friction_coordinates`: name → row (n,) of coordinates
     beside the joints at whose speed friction acts. `springs`: names of those of unknown stiffness.
     `assumed`: link → "given mass" or "placeholder", where the URDF states no <inertial>.
+    `floating`: the base is free, and the first of `all_joints` is its joint. `omitted`: kernel that
+    the robot does not have → what to use instead.
     """
 
     robot: str
@@ -159,6 +161,8 @@ class Manifest:
     base_matrix: tuple[tuple[float, ...], ...]
     kernels: dict[str, KernelFacts]
     assumed: dict[str, str]
+    floating: bool
+    omitted: dict[str, str]
 
 
 def read_manifest(path: Path) -> Manifest:
@@ -214,6 +218,8 @@ def read_manifest(path: Path) -> Manifest:
             base_matrix=tuple(tuple(row) for row in raw["base_parameters"]["matrix"]),
             kernels={entry["name"]: _kernel(entry) for entry in raw["kernels"]},
             assumed={str(link): str(source) for link, source in raw.get("assumed", {}).items()},
+            floating=bool(raw.get("floating", False)),
+            omitted={str(k): str(v) for k, v in raw.get("omitted", {}).items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise LibraryError(f"'{path}' is damaged (no valid {error}); {again}") from None

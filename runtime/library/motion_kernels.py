@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from runtime.library.binding import Array, Binding
+from runtime.library.free_base import FREEDOM, BaseMotion, stacked, with_base
 from runtime.library.manifest import Manifest
 
 
@@ -16,7 +17,15 @@ class MotionKernels:
     base_matrix: Array
     _binding: Binding
 
-    def inverse_dynamics(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, pi: ArrayLike) -> Array:
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        pi: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
+    ) -> Array:
         """Joint torques τ = Y(q, dq, ddq) π. Source: Eq. 4.3.
 
         Args:
@@ -24,14 +33,22 @@ class MotionKernels:
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
             pi: (10 L,) or (N, 10 L) inertial parameters of the links.
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
         """
+        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self._binding.call("inverse_dynamics", q, dq, ddq, pi)[0]
 
     def base_inverse_dynamics(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, beta: ArrayLike
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        beta: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
     ) -> Array:
         """Joint torques τ = Y_b(q, dq, ddq) β. Source: Eq. 3.11.
 
@@ -40,13 +57,23 @@ class MotionKernels:
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
             beta: (n_b,) or (N, n_b) base parameters.
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
         """
+        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self._binding.call("base_inverse_dynamics", q, dq, ddq, beta)[0]
 
-    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike) -> Array:
+    def torque(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        lam: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
+    ) -> Array:
         """Joint torques τ = Y(q, dq, ddq) π(λ). Source: Eqs. 4.3, 4.14.
 
         Args:
@@ -54,13 +81,23 @@ class MotionKernels:
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
             lam: (10 L,) or (N, 10 L) coordinates λ of the links.
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
         """
+        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self._binding.call("torque", q, dq, ddq, lam)[0]
 
-    def torque_jacobian(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, lam: ArrayLike) -> Array:
+    def torque_jacobian(
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        ddq: ArrayLike,
+        lam: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
+    ) -> Array:
         """Derivative ∂τ/∂λ. Source: Eqs. 4.34–4.36.
 
         Args:
@@ -68,119 +105,88 @@ class MotionKernels:
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
             lam: (10 L,) or (N, 10 L) coordinates λ of the links.
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, 10 L).
         """
+        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self._binding.call("torque_jacobian", q, dq, ddq, lam)[0]
 
-    def regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+    def regressor(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: BaseMotion | None = None
+    ) -> Array:
         """Regressor Y with τ = Y π. Source: Eq. 3.1.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, 10 L).
         """
+        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self._binding.call("regressor", q, dq, ddq)[0]
 
-    def base_regressor(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
+    def base_regressor(
+        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, *, base: BaseMotion | None = None
+    ) -> Array:
         """Base regressor Y_b with τ = Y_b β. Source: Eq. 3.11.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
             ddq: joint accelerations, shape of q [rad/s², m/s²].
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, n_b).
         """
+        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         return self._binding.call("base_regressor", q, dq, ddq)[0]
 
-    def momentum_regressor(self, q: ArrayLike, dq: ArrayLike) -> tuple[Array, Array]:
-        """Regressors of the momentum p = M dq = P_b β and of ∂(T − U)/∂q = R_b β, τ = dp/dt − R_b
-        β.
-
-        Source: Slotine & Li 1987.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-
-        Returns:
-            P_b and R_b, (N, n, n_b) each.
-        """
-        momentum, force = self._binding.call("momentum_regressor", q, dq)
-        return momentum, force
-
-    def energy_regressor(self, q: ArrayLike, dq: ArrayLike) -> Array:
-        """Regressor E_b of the energy T + U = E_b β + const. Source: Gautier & Khalil 1988.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-
-        Returns:
-            (N, n_b).
-        """
-        return self._binding.call("energy_regressor", q, dq)[0]
-
-    def spring_columns(self, q: ArrayLike) -> Array:
-        """Torques S(q) of the springs of unknown stiffness for k = 1, τ = S k.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-
-        Returns:
-            (N, n, s) for the s springs of `manifest.springs`; s = 0 without springs.
-        """
-        if "spring_columns" not in self.manifest.kernels:
-            return np.zeros((*np.shape(q), 0))
-        return self._binding.call("spring_columns", q)[0]
-
-    def known_torque(self, q: ArrayLike) -> Array:
-        """Torques of torque curves and of springs of known stiffness, which Y π lacks.
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-
-        Returns:
-            Shape of q [N·m, N]; zeros without such.
-        """
-        if "known_torque" not in self.manifest.kernels:
-            return np.zeros(np.shape(q))
-        return self._binding.call("known_torque", q)[0]
-
-    def mass_matrix(self, q: ArrayLike, pi: ArrayLike) -> Array:
+    def mass_matrix(self, q: ArrayLike, pi: ArrayLike, *, base: BaseMotion | None = None) -> Array:
         """Mass matrix M(q). Source: Eq. 2.34.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
             pi: (10 L,) or (N, 10 L) inertial parameters of the links.
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             (N, n, n).
         """
+        (q,) = with_base(self.manifest, base, q)
         return self._binding.call("mass_matrix", q, pi)[0]
 
-    def bias_forces(self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike) -> Array:
+    def bias_forces(
+        self, q: ArrayLike, dq: ArrayLike, pi: ArrayLike, *, base: BaseMotion | None = None
+    ) -> Array:
         """Bias forces h = τ(q, dq, 0). Source: Eq. 2.34.
 
         Args:
             q: (N, n) or (n,) joint positions [rad, m].
             dq: joint velocities, shape of q [rad/s, m/s].
             pi: (10 L,) or (N, 10 L) inertial parameters of the links.
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [N·m, N].
         """
+        q, dq = with_base(self.manifest, base, q, dq)
         return self._binding.call("bias_forces", q, dq, pi)[0]
 
     def forward_dynamics(
-        self, q: ArrayLike, dq: ArrayLike, tau: ArrayLike, pi: ArrayLike, rotor: ArrayLike = 0.0
+        self,
+        q: ArrayLike,
+        dq: ArrayLike,
+        tau: ArrayLike,
+        pi: ArrayLike,
+        rotor: ArrayLike = 0.0,
+        *,
+        base: BaseMotion | None = None,
     ) -> Array:
         """Accelerations ddq = (M + diag(J))⁻¹ (τ − h).
 
@@ -190,21 +196,43 @@ class MotionKernels:
             tau: joint torques, shape of q [N·m, N].
             pi: (10 L,) or (N, 10 L) inertial parameters of the links.
             rotor: J (N, n), (n,) or one number, inertia of the rotors [kg·m², kg].
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Shape of q [rad/s², m/s²].
         """
+        q, dq = with_base(self.manifest, base, q, dq)
         inertia = np.asarray(rotor, dtype=float)
         if inertia.ndim == 0:
             inertia = np.full(self.n_joints, inertia)
+        if self.manifest.floating and inertia.shape[-1] == self.n_joints:
+            inertia = stacked(inertia, np.zeros(FREEDOM), "rotors")
         return self._binding.call("forward_dynamics", q, dq, tau, pi, inertia)[0]
 
-    def end_effector(self, q: ArrayLike) -> Array:
-        """Pose of the tip in the base frame, (N, 4, 4)."""
+    def end_effector(self, q: ArrayLike, *, base: BaseMotion | None = None) -> Array:
+        """Pose of the tip in the base frame; in that of the world with a free base.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            base: pose of a free base; None where it is fixed.
+
+        Returns:
+            (N, 4, 4).
+        """
+        (q,) = with_base(self.manifest, base, q)
         return self._binding.call("end_effector", q)[0]
 
-    def link_poses(self, q: ArrayLike) -> Array:
-        """Poses of the links' frames in the base frame, (N, L, 4, 4)."""
+    def link_poses(self, q: ArrayLike, *, base: BaseMotion | None = None) -> Array:
+        """Poses of the links' frames in the base frame; in that of the world with a free base.
+
+        Args:
+            q: (N, n) or (n,) joint positions [rad, m].
+            base: pose of a free base; None where it is fixed.
+
+        Returns:
+            (N, L, 4, 4).
+        """
+        (q,) = with_base(self.manifest, base, q)
         poses = self._binding.call("link_poses", q)[0]
         return poses.reshape(*np.shape(q)[:-1], self.n_links, 4, 4)
 
@@ -216,6 +244,8 @@ class MotionKernels:
         tau: ArrayLike,
         weight: ArrayLike,
         pi: ArrayLike,
+        *,
+        base: BaseMotion | None = None,
     ) -> tuple[float, Array, Array]:
         """Loss Σ ½ rᵀ W r with r = Y π − τ, its gradient in π, and r. Source: Eqs. 4.5, 4.6, 4.32.
 
@@ -226,59 +256,13 @@ class MotionKernels:
             tau: joint torques, shape of q [N·m, N].
             weight: (n,) diagonal of W.
             pi: (10 L,) inertial parameters of the links.
+            base: pose, twist and acceleration of a free base; None where it is fixed.
 
         Returns:
             Loss; Σ Yᵀ W r, (10 L,); r, shape of q [N·m, N].
         """
+        q, dq, ddq = with_base(self.manifest, base, q, dq, ddq)
         beta = np.asarray(pi, dtype=float) @ self.base_matrix.T
         answer = self._binding.call("loss_gradient", q, dq, ddq, tau, weight, beta)
         loss, gradient, residual = answer
         return float(loss[0]), gradient @ self.base_matrix, residual
-
-    def regressor_adjoint(
-        self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike, seed: ArrayLike
-    ) -> Array:
-        """Derivative ∂⟨seed, Y_b⟩/∂(q, dq, ddq).
-
-        Args:
-            q: (N, n) or (n,) joint positions [rad, m].
-            dq: joint velocities, shape of q [rad/s, m/s].
-            ddq: joint accelerations, shape of q [rad/s², m/s²].
-            seed: (N, n, n_b).
-
-        Returns:
-            (N, 3, n).
-        """
-        return self._binding.call("regressor_adjoint", q, dq, ddq, seed)[0]
-
-    # --- trajectories: one row per point ----------------------------------------------------
-
-    def harmonic_basis(self, m: ArrayLike, t: ArrayLike, t_f: float) -> Array:
-        """Fourier + quintic basis φ_m(t) and three derivatives. Source: Eqs. 3.24–3.27.
-
-        Args:
-            m: harmonic, one number or (N,).
-            t: times, one number or (N,) [s].
-            t_f: duration [s].
-
-        Returns:
-            (N, 4).
-        """
-        orders, times = np.broadcast_arrays(np.atleast_1d(m), np.atleast_1d(t))
-        return self._binding.call("harmonic_basis", _column(orders), _column(times), t_f)[0]
-
-    def transfer_basis(self, t: ArrayLike, t_f: float) -> Array:
-        """Rest-to-rest quintic S(t) from 0 to 1, and three derivatives.
-
-        Args:
-            t: times, one number or (N,) [s].
-            t_f: duration [s].
-
-        Returns:
-            (N, 4).
-        """
-        return self._binding.call("transfer_basis", _column(t), t_f)[0]
-
-
-def _column(value: ArrayLike) -> Array:
-    return np.reshape(np.asarray(value, dtype=float), (-1, 1))

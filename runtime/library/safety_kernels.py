@@ -175,7 +175,7 @@ class SafetyKernels:
         return distance, jacobian
 
     def _need(self, kernel: str) -> None:
-        if kernel not in self.manifest.kernels:
+        if kernel not in self.manifest.kernels and kernel not in self.manifest.omitted:
             raise LibraryError(
                 f"'{self.name}' has no collision proxies; fit them with: python -m symgen proxies "
                 "URDF --out X.toml, and build with --config X.toml"

@@ -1,7 +1,9 @@
 """The robot's part of the manifest: all that run time needs to know about the robot."""
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import asdict
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -10,6 +12,7 @@ import numpy as np
 from symgen.build.config import Braking, home_of
 from symgen.build.request import BuildRequest
 from symgen.chain import Chain, Joint
+from symgen.chain.joint import FLOATING
 from symgen.chain.mechanism import Mechanism, table_from_mechanism
 from symgen.collision.distance import moving
 from symgen.collision.tables import tables_from_collision
@@ -17,6 +20,8 @@ from symgen.errors import BuildError, InertiaError
 from symgen.mechanics import consistency, inertia, passive
 from symgen.mechanics.base_parameters import Array, BaseParameters
 
+WORLD = "world"
+"""Frame of the pose and of gravity where the base is free."""
 PROJECTION_FLOOR = 1e-4
 """Smallest eigenvalue of Σ_com after --project, relative to its trace."""
 
@@ -56,6 +61,7 @@ def model_facts(
     base: BaseParameters,
     pi0: Array,
     projected: dict[str, float],
+    omitted: Mapping[str, str] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """JSON-ready facts of one robot.
 
@@ -65,6 +71,7 @@ def model_facts(
         base: n_b base parameters.
         pi0: (10 L,) inertial parameters of the URDF.
         projected: link → largest change of an entry of π by the projection.
+        omitted: kernel that the robot does not get → what to use instead.
 
     Returns:
         Keys of the manifest.
@@ -82,8 +89,12 @@ def model_facts(
     bodies = pi0.reshape(len(chain.joints), -1)
     lam0 = [np.asarray(ca.DM(inertia.lam_from_pi(ca.DM(pi)))).ravel() for pi in bodies]
     extra = ({"assumed": chain.assumed} if chain.assumed else {}) | _mechanism_facts(chain)
+    if chain.floating:
+        extra |= {"floating": True, "all_joints": [_joint_facts(joint) for joint in chain.joints]}
+    if omitted:
+        extra["omitted"] = dict(omitted)
     return extra | {
-        "base": chain.base,
+        "base": WORLD if chain.floating else chain.base,
         "tip": chain.tip.link,
         "tip_frame": {
             "link": chain.joints[chain.tip.joint].link,
@@ -147,7 +158,7 @@ def _joint_facts(j: Joint) -> dict[str, Any]:
         "name": j.name,
         "kind": j.kind,
         "link": j.link,
-        "unit": "m" if j.kind == "prismatic" else "rad",
+        "unit": {"prismatic": "m", FLOATING: "m|rad"}.get(j.kind, "rad"),
         "lower": j.lower,
         "upper": j.upper,
         "velocity": j.velocity,

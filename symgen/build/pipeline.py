@@ -22,22 +22,15 @@ from symgen import __version__
 from symgen.build.compiler import Compilation, Compiled, how_to_compile, sha256_of
 from symgen.build.exchange import replace_folder, require_no_foreign_file
 from symgen.build.facts import initial_parameters, model_facts
+from symgen.build.notes import notes_of
 from symgen.build.request import BuildRequest
 from symgen.build.user_builds import is_recorded, record_build
 from symgen.catalogue import make_catalogue
-from symgen.chain import Chain, Joint, read_chain
-from symgen.chain.assumed_bodies import (
-    GIVEN,
-    MASSLESS,
-    MASSLESS_KG,
-    PLACEHOLDER,
-    PLACEHOLDER_MASS,
-)
+from symgen.chain import Chain, read_chain
 from symgen.documents import json_of
 from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
-from symgen.mechanics.passive import friction_coordinates
 
 ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
 """Sources compiled once."""
@@ -127,8 +120,8 @@ def _draft(request: BuildRequest) -> _Draft:
     chain = read_chain(request.urdf, request.options)
     pi0, projected = initial_parameters(chain, request.project)
     catalogue = make_catalogue(chain, request.config.collision)
-    facts = model_facts(chain, request, catalogue.base, pi0, projected)
-    return _Draft(chain, catalogue.kernels, facts, _notes(chain, projected))
+    facts = model_facts(chain, request, catalogue.base, pi0, projected, catalogue.omitted)
+    return _Draft(chain, catalogue.kernels, facts, notes_of(chain, projected))
 
 
 def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> EmittedRobot:
@@ -165,89 +158,11 @@ def is_current(request: BuildRequest, folder: Path, levels: Sequence[str] | None
         return False
 
 
-ROUNDED = 1e-4
-"""Error of a right angle, rad, that a URDF with four decimals makes; the notes report it."""
-
-
 def _compile_facts(files: dict[str, str]) -> str:
     """Commands that compile the folder on a machine without symgen, and hashes of its files."""
     digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
     how = how_to_compile(*([name for name in kind if name in files] for kind in _KINDS))
     return json.dumps({"files": digests, **how}, indent=1) + "\n"
-
-
-def _notes(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
-    notes = [
-        f"link '{body.name}' ({body.mass:g} kg) is fixed to '{body.onto}' and counts into it"
-        for body in chain.lumped
-    ]
-    if chain.base_is_assumed:
-        notes.append(
-            f"no joint of the URDF attaches '{chain.base}' to the world; it is taken as fixed"
-        )
-    notes += _coupled(chain)
-    notes += _assumed(chain)
-    if chain.removed:
-        notes.append(f"cut off by --base/--tip: {', '.join(chain.removed)}")
-    notes += [
-        f"the inertia of '{link}' is not physically consistent and was projected "
-        f"(largest change {change:.2g})"
-        for link, change in projected.items()
-    ]
-    rounded = [j.name for j in chain.joints if _is_almost_square(j)]
-    if rounded:
-        notes.append(
-            f"the angles of {', '.join(rounded)} differ from right angles by less than {ROUNDED:g} "
-            f"rad; if the URDF rounds them, --snap {ROUNDED:g} makes them exact, which saves "
-            "operations and spurious base parameters"
-        )
-    return tuple(notes)
-
-
-def _coupled(chain: Chain) -> list[str]:
-    """Sentences about couplings and their friction."""
-    if chain.coupling is None:
-        return []
-    free = {joint.name for joint in chain.coordinates}
-    names = [joint.name for joint in chain.joints if joint.name not in free]
-    notes = [f"joints that follow others: {', '.join(names)}; q holds the {len(free)} other joints"]
-    friction = list(friction_coordinates(chain))
-    if len(friction) > len(free):
-        notes.append(
-            f"friction columns of coupled coordinates exist for {', '.join(friction[: len(free)])} "
-            f"only, as many as there are joints, not for {', '.join(friction[len(free) :])}"
-        )
-    return notes
-
-
-def _assumed(chain: Chain) -> list[str]:
-    """Sentences about bodies that the URDF does not state."""
-    given = [link for link, source in chain.assumed.items() if source == GIVEN]
-    placeholders = [link for link, source in chain.assumed.items() if source == PLACEHOLDER]
-    notes = []
-    if given:
-        notes.append(
-            f"mass of {', '.join(given)} as stated by --masses; centre of mass and inertia are "
-            "those of a solid rod between the joints"
-        )
-    specks = [link for link, source in chain.assumed.items() if source == MASSLESS]
-    if specks:
-        notes.append(
-            f"{', '.join(specks)} have no mass; each counts as {MASSLESS_KG:g} kg, so that "
-            "forward dynamics mean nothing where all links that a joint moves are such"
-        )
-    if placeholders:
-        notes.append(
-            "no moving link has an <inertial>, so each is a placeholder of "
-            f"{PLACEHOLDER_MASS:g} kg: identification uses pc-ols, which needs no inertial prior; "
-            "for map, state masses by --masses FILE (TOML, link = kg) or a prior file"
-        )
-    return notes
-
-
-def _is_almost_square(joint: Joint) -> bool:
-    """True if an entry of the joint's rotation is almost, but not exactly, 0."""
-    return any(0.0 < abs(entry) < ROUNDED for row in joint.rotation for entry in row)
 
 
 def _fill(staging: Path, request: BuildRequest, draft: _Draft, levels: Sequence[str]) -> str:

@@ -92,6 +92,7 @@ def request_from_folder(folder: Path) -> BuildRequest:
             removed=tuple(manifest["removed"]),
             assumed=dict(manifest.get("assumed", {})),
             mechanism=mechanism_from_table(manifest.get("mechanism", {}), "manifest.json"),
+            floating=bool(manifest.get("floating", False)),
         )
         table = {key: manifest[key] for key in CONFIG_KEYS if manifest[key] is not None}
         config = config_from_table(table, f"'{folder / 'manifest.json'}'")

@@ -3,11 +3,12 @@
 Batches run over time samples, over links (maps of one body) or over points of a time grid.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from symgen.catalogue.bodies import body_kernels
 from symgen.catalogue.control import control_kernels
 from symgen.catalogue.motion import motion_kernels
+from symgen.catalogue.omitted import omitted_kernels
 from symgen.catalogue.passive import passive_kernels
 from symgen.catalogue.safety import safety_kernels
 from symgen.catalogue.trajectory import trajectory_kernels
@@ -20,10 +21,17 @@ from symgen.mechanics.base_parameters import BaseParameters, numeric_base
 
 @dataclass(frozen=True, slots=True)
 class Catalogue:
-    """All kernels of one robot, and the base parameters that some of them use."""
+    """All kernels of one robot, and the base parameters that some of them use.
+
+    Attributes:
+        kernels: in the order of the generated files.
+        base: base parameters.
+        omitted: kernel that this robot does not get → what to use instead.
+    """
 
     kernels: tuple[Kernel, ...]
     base: BaseParameters
+    omitted: dict[str, str] = field(default_factory=dict)
 
 
 def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Catalogue:
@@ -40,6 +48,10 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
         RankError: the number of base parameters cannot be decided.
     """
     base = numeric_base(chain, dynamics.sampled_regressor(chain))
+    omitted = omitted_kernels(chain)
+    if chain.floating:
+        free = (*motion_kernels(chain, base), *body_kernels(), *control_kernels(chain))
+        return Catalogue(free, base, omitted)
     kernels = (
         *motion_kernels(chain, base),
         *body_kernels(),
@@ -48,4 +60,4 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
         *passive_kernels(chain),
         *control_kernels(chain),
     )
-    return Catalogue(kernels, base)
+    return Catalogue(kernels, base, omitted)

@@ -20,12 +20,22 @@ def control_kernels(chain: Chain) -> tuple[Kernel, ...]:
     Returns:
         Coriolis matrix, regressor of Slotine and Li, Jacobians of the frames, bound of M⁻¹.
     """
-    n, links = len(chain.coordinates), len(chain.joints)
+    n, links = chain.freedom, len(chain.joints)
     q_, dq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(2))
     dq_r_ = Argument("dq_r", (n,), state_unit(chain, 1))
     ddq_r_ = Argument("ddq_r", (n,), state_unit(chain, 2))
     pi_ = Argument("pi", (N_PARAMETERS * links,), "SI", shared=True)
     q, dq, dq_r, ddq_r, pi = (a.symbol() for a in (q_, dq_, dq_r_, ddq_r_, pi_))
+    jacobians = make_kernel(
+        "frame_jacobians",
+        {q_: q},
+        {Argument("J", (6 * (links + 1), n), "m|1"): control.frame_jacobians(chain, q)},
+        "linear, then angular velocity J dq of the frames of all links and of the tip, in axes "
+        "of the base, one below the other",
+        rare=True,
+    )
+    if chain.floating:
+        return (jacobians,)
     return (
         make_kernel(
             "coriolis_matrix",
@@ -49,14 +59,7 @@ def control_kernels(chain: Chain) -> tuple[Kernel, ...]:
             "Y pi = M(q) ddq_r + C(q, dq) dq_r - tau_grav(q), Slotine & Li 1987",
             rare=True,
         ),
-        make_kernel(
-            "frame_jacobians",
-            {q_: q},
-            {Argument("J", (6 * (links + 1), n), "m|1"): control.frame_jacobians(chain, q)},
-            "linear, then angular velocity J dq of the frames of all links and of the tip, in axes "
-            "of the base, one below the other",
-            rare=True,
-        ),
+        jacobians,
         make_kernel(
             "mobility_bound",
             {pi_: pi},

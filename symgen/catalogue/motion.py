@@ -7,7 +7,7 @@ import casadi as ca
 from symgen.catalogue.units import STATE, effort_unit, inertia_unit, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.mechanics import dynamics, lagrange, mass_matrix
+from symgen.mechanics import dynamics, kinematics, lagrange, mass_matrix
 from symgen.mechanics.base_parameters import Array, BaseParameters
 from symgen.mechanics.inertia import N_PARAMETERS as P
 from symgen.mechanics.regrouping import regrouped
@@ -23,7 +23,7 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
     Returns:
         Kernels whose batches run over time samples.
     """
-    n, b, links = len(chain.coordinates), len(base.columns), len(chain.joints)
+    n, b, links = chain.freedom, len(base.columns), len(chain.joints)
     effort = effort_unit(chain)
     q_, dq_, ddq_ = (Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3))
     tau_, pi_ = Argument("tau", (n,), effort), Argument("pi", (P * links,), "SI", shared=True)
@@ -96,30 +96,7 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
             },
             "Y_b with tau = Y_b beta, Eq. 3.11",
         ),
-        make_kernel(
-            "momentum_regressor",
-            {q_: q, dq_: dq},
-            {
-                Argument("P_b", (n, b), "d p / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: lagrange.momentum(chain, q, dq, pi), base.columns
-                ),
-                Argument("R_b", (n, b), "d r / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: lagrange.lagrange_force(chain, q, dq, pi), base.columns
-                ),
-            },
-            "tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta",
-        ),
-        make_kernel(
-            "energy_regressor",
-            {q_: q, dq_: dq},
-            {
-                Argument("E_b", (b,), "d (T + U) / d beta"): dynamics.by_parameters(
-                    chain, lambda pi: sum(lagrange.energies(chain, q, dq, pi)), base.columns
-                ).T
-            },
-            "dq.tau = d(E_b beta)/dt, T + U = E_b beta + const",
-            rare=True,
-        ),
+        *(() if chain.floating else _without_accelerations(chain, base, q_, dq_)),
         make_kernel(
             "base_parameters",
             {pi_once_: pi_once},
@@ -158,13 +135,13 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
         make_kernel(
             "end_effector",
             {q_: q},
-            {Argument("H", (4, 4), "1|m"): dynamics.end_effector(chain, q)},
+            {Argument("H", (4, 4), "1|m"): kinematics.end_effector(chain, q)},
             "pose of the tip in the base frame, Eq. 2.15",
         ),
         make_kernel(
             "link_poses",
             {q_: q},
-            {Argument("H", (4 * links, 4), "1|m"): dynamics.link_poses(chain, q)},
+            {Argument("H", (4 * links, 4), "1|m"): kinematics.link_poses(chain, q)},
             "poses of the links in the base frame, one below the other, Eq. 2.15",
             rare=True,
         ),
@@ -177,6 +154,39 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
                 Argument("residual", (n,), effort): residual,
             },
             "sum of r'Wr/2 and of Y_b'Wr, r = Y_b beta - tau, Eqs. 4.6, 4.32",
+        ),
+    )
+
+
+def _without_accelerations(
+    chain: Chain, base: BaseParameters, q_: Argument, dq_: Argument
+) -> tuple[Kernel, ...]:
+    """Regressors of momentum and energy."""
+    n, b, q, dq = chain.freedom, len(base.columns), q_.symbol(), dq_.symbol()
+    return (
+        make_kernel(
+            "momentum_regressor",
+            {q_: q, dq_: dq},
+            {
+                Argument("P_b", (n, b), "d p / d beta"): dynamics.by_parameters(
+                    chain, lambda pi: lagrange.momentum(chain, q, dq, pi), base.columns
+                ),
+                Argument("R_b", (n, b), "d r / d beta"): dynamics.by_parameters(
+                    chain, lambda pi: lagrange.lagrange_force(chain, q, dq, pi), base.columns
+                ),
+            },
+            "tau = d(P_b beta)/dt - R_b beta, p = M dq = P_b beta, r = d(T - U)/dq = R_b beta",
+        ),
+        make_kernel(
+            "energy_regressor",
+            {q_: q, dq_: dq},
+            {
+                Argument("E_b", (b,), "d (T + U) / d beta"): dynamics.by_parameters(
+                    chain, lambda pi: sum(lagrange.energies(chain, q, dq, pi)), base.columns
+                ).T
+            },
+            "dq.tau = d(E_b beta)/dt, T + U = E_b beta + const",
+            rare=True,
         ),
     )
 

@@ -13,7 +13,7 @@ from symgen.chain import Chain
 from symgen.collision import CollisionModel
 from symgen.collision.distance import clearance, moving, plane_clearance
 from symgen.kernel import Argument, Kernel, make_kernel
-from symgen.mechanics import dynamics
+from symgen.mechanics import dynamics, kinematics
 from symgen.mechanics.inertia import N_PARAMETERS
 from symgen.mechanics.regrouping import regrouped
 
@@ -100,7 +100,7 @@ def _torques(chain: Chain) -> tuple[Kernel, ...]:
 def _tip(chain: Chain) -> Kernel:
     n = len(chain.coordinates)
     arguments, (q, dq) = _motion(chain, 2)
-    p = dynamics.end_effector(chain, q)[:3, 3]
+    p = kinematics.end_effector(chain, q)[:3, 3]
     v = ca.jtimes(p, q, dq)
     return make_kernel(
         "tip_motion",

@@ -16,7 +16,7 @@ def state_unit(chain: Chain, power: int) -> str:
     Returns:
         Text such as "rad/s", or "m/s|rad/s" where both kinds of joints occur.
     """
-    kinds = {"m" if j.kind == "prismatic" else "rad" for j in chain.coordinates}
+    kinds = {"m" if slides else "rad" for slides in _slides(chain)}
     return "|".join(sorted(kinds)) + ("", "/s", "/s^2", "/s^3", "/s^4")[power]
 
 
@@ -31,4 +31,6 @@ def inertia_unit(chain: Chain) -> str:
 
 
 def _slides(chain: Chain) -> list[bool]:
+    if chain.floating:  # slides and turns
+        return [False, True]
     return sorted({j.kind == "prismatic" for j in chain.coordinates})

@@ -6,60 +6,29 @@ here and nowhere else: every one that remains becomes code in all kernels.
 
 from dataclasses import dataclass, field, replace
 
-import numpy as np
 import pinocchio
 
 from symgen.chain.assumed_bodies import assume_bodies
 from symgen.chain.coupling import Coupling, mimic_rows, read_coupling
 from symgen.chain.document import MOVING, Document, numbers
+from symgen.chain.joint import (
+    BASE_FREEDOM,
+    FLOATING,
+    Joint,
+    Rows,
+    Vector,
+    free_base,
+    rows_of,
+    snapped,
+)
 from symgen.chain.limits import limits_of, range_of_followers
 from symgen.chain.mechanism import Mechanism
 from symgen.chain.normalise import ChainOptions, normalise
 from symgen.chain.parse import parse_with_pinocchio
 from symgen.errors import UrdfError
 
-Rows = tuple[tuple[float, ...], ...]
-Vector = tuple[float, ...]
-
-ROUNDING = 1e-12
-"""Distance from 0 or ±1 within which entries of rotations, axes and translations are snapped."""
-
 MOST_JOINTS = 100
 """Largest number of moving joints; the C code grows with its square."""
-
-
-@dataclass(frozen=True, slots=True)
-class Joint:
-    """One moving joint and the body it moves; the joint frame is the frame of that link.
-
-    Attributes:
-        name: joint name of the URDF.
-        kind: revolute, continuous or prismatic.
-        parent: index of the joint whose body carries this one, −1 for the base.
-        rotation: R from this joint's frame (at q = 0) to the parent's frame.
-        translation: origin of this joint in the parent's frame, m.
-        axis: unit vector in the joint frame.
-        lower, upper: position limits, rad or m; None without limit.
-        velocity, effort: limits, rad/s or m/s, N·m or N; None if the URDF gives none.
-        link: name of the moved link.
-        mass, com, inertia: of the moved link with all bodies fixed to it [kg, m, kg·m²]; inertia
-            about the centre of mass, axes of the link frame.
-    """
-
-    name: str
-    kind: str
-    parent: int
-    rotation: Rows
-    translation: Vector
-    axis: Vector
-    lower: float | None
-    upper: float | None
-    velocity: float | None
-    effort: float | None
-    link: str
-    mass: float
-    com: Vector
-    inertia: Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +65,14 @@ class Tip:
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """A fixed-base kinematic tree with the inertias of its moving bodies.
+    """A kinematic tree with the inertias of its moving bodies.
 
     Attributes:
         name: name of the robot in the URDF.
-        base: name of the fixed base link.
-        joints: the moving joints, parents before children, one body each.
-        gravity: m/s², in the frame of the base link.
+        base: name of the base link.
+        joints: the moving joints, parents before children, one body each; of a free base the
+            first one is the joint of six degrees of freedom between world and base link.
+        gravity: m/s², in the frame of the base link, of a free base in that of the world.
         tip: the frame of the end effector.
         lumped: fixed bodies counted into moving links.
         removed: links cut off by --base and --tip.
@@ -127,11 +97,26 @@ class Chain:
     mechanism: Mechanism = field(default_factory=Mechanism)
 
     @property
+    def floating(self) -> bool:
+        """Whether the base is free."""
+        return self.joints[0].kind == FLOATING
+
+    @property
+    def single_joints(self) -> tuple[Joint, ...]:
+        """The joints of one degree of freedom, which couplings count by."""
+        return self.joints[1:] if self.floating else self.joints
+
+    @property
     def coordinates(self) -> tuple[Joint, ...]:
-        """The n independent joints, whose positions are q."""
+        """The n independent joints of one degree of freedom, whose positions are q."""
         if self.coupling is None:
-            return self.joints
-        return tuple(self.joints[k] for k in self.coupling.independent)
+            return self.single_joints
+        return tuple(self.single_joints[k] for k in self.coupling.independent)
+
+    @property
+    def freedom(self) -> int:
+        """Entries of q, dq, ddq and τ: n, or 6 + n with the base first."""
+        return len(self.coordinates) + (BASE_FREEDOM if self.floating else 0)
 
 
 def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
@@ -167,7 +152,11 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
             "check --base, --tip and --lock"
         )
     model = parse_with_pinocchio(document)
-    joints = tuple(_joint(document, model, index) for index in range(1, model.njoints))
+    _require_no_springs(options)
+    base = (free_base(document.root_link, model.inertias[0]),) if options.floating else ()
+    joints = tuple(
+        _joint(document, model, index, len(base) - 1) for index in range(1, model.njoints)
+    )
     coupling = _coupling(document, joints, options.mechanism)
     if coupling is not None:
         for k, ends in range_of_followers(joints, coupling).items():
@@ -175,17 +164,28 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
     return Chain(
         name=document.name,
         base=document.root_link,
-        joints=joints,
-        gravity=_snapped(gravity),
-        tip=_tip(document, model, joints, options.tip),
+        joints=(*base, *joints),
+        gravity=snapped(gravity),
+        tip=_tip(document, model, (*base, *joints), options.tip),
         lumped=_lumped(document),
         removed=removed,
         urdf=urdf,
         assumed=options.assumed | new,
-        base_is_assumed=options.base is None and not document.has_base_joint(),
+        base_is_assumed=(
+            options.base is None and not options.floating and not document.has_base_joint()
+        ),
         coupling=coupling,
         mechanism=options.mechanism,
     )
+
+
+def _require_no_springs(options: ChainOptions) -> None:
+    mechanism = options.mechanism
+    if options.floating and (mechanism.spring or mechanism.known_torque or mechanism.friction):
+        raise UrdfError(
+            "--floating takes couplings of a mechanism only, got [[spring]], [[known_torque]] or "
+            "[[friction]] too; remove these tables, or build without --floating"
+        )
 
 
 def _coupling(
@@ -198,7 +198,7 @@ def _coupling(
     return read_coupling(names, (*mechanism.coupling, *mimics), mechanism.independent)
 
 
-def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
+def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -> Joint:
     name = model.names[index]
     placement, inertia = model.jointPlacements[index], model.inertias[index]
     link = document.child_link(name)
@@ -212,9 +212,9 @@ def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
     return Joint(
         name=name,
         kind=document.kind(name),
-        parent=model.parents[index] - 1,
-        rotation=_rows(placement.rotation),
-        translation=_snapped(placement.translation),
+        parent=model.parents[index] + shift,
+        rotation=rows_of(placement.rotation),
+        translation=snapped(placement.translation),
         axis=_axis(model, index),
         lower=lower,
         upper=upper,
@@ -222,7 +222,7 @@ def _joint(document: Document, model: pinocchio.Model, index: int) -> Joint:
         effort=effort,
         link=link,
         mass=float(inertia.mass),
-        com=_snapped(inertia.lever),
+        com=snapped(inertia.lever),
         inertia=tuple(tuple(float(x) for x in row) for row in inertia.inertia),
     )
 
@@ -233,7 +233,7 @@ def _axis(model: pinocchio.Model, index: int) -> Vector:
     if short in {f"JointModel{kind}{letter}" for kind in "RP" for letter in aligned}:
         return aligned[short[-1]]
     if short in {"JointModelRevoluteUnaligned", "JointModelPrismaticUnaligned"}:
-        return _snapped(model.joints[index].extract().axis)
+        return snapped(model.joints[index].extract().axis)
     raise UrdfError(
         f"joint '{model.names[index]}' became pinocchio's {short}, which is not supported; "
         "give it one axis of rotation or translation"
@@ -293,18 +293,7 @@ def _tip(
     frame = model.frames[model.getFrameId(link, pinocchio.BODY)]
     return Tip(
         link=link,
-        joint=int(frame.parentJoint) - 1,
-        rotation=_rows(frame.placement.rotation),
-        translation=_snapped(frame.placement.translation),
+        joint=int(frame.parentJoint) - (joints[0].kind != FLOATING),
+        rotation=rows_of(frame.placement.rotation),
+        translation=snapped(frame.placement.translation),
     )
-
-
-def _snapped(values: np.ndarray) -> Vector:
-    array = np.asarray(values, dtype=float)
-    nearest = np.round(array)
-    meant = (np.abs(array - nearest) < ROUNDING) & (np.abs(nearest) <= 1)
-    return tuple(float(x) for x in np.where(meant, nearest + 0.0, array))
-
-
-def _rows(matrix: np.ndarray) -> Rows:
-    return tuple(_snapped(row) for row in matrix)

@@ -35,6 +35,7 @@ class ChainOptions:
             has one (`assumed_bodies`); None: a moving link without mass is refused.
         assumed: link → origin of a body that an earlier build has assumed, to be reported again.
         mechanism: couplings, springs and torque curves of a mechanism file.
+        floating: True frees the base; gravity is then given in the world's frame.
     """
 
     base: str | None = None
@@ -46,6 +47,7 @@ class ChainOptions:
     masses: dict[str, float] | None = None
     assumed: dict[str, str] = field(default_factory=dict)
     mechanism: Mechanism = field(default_factory=Mechanism)
+    floating: bool = False
 
 
 def normalise(text: str, options: ChainOptions) -> tuple[Document, np.ndarray, tuple[str, ...]]:
@@ -85,6 +87,8 @@ def _require_supported(document: Document) -> None:
     for name, element in document.joints.items():
         kind = document.kind(name)
         remedy = "lock it with --lock JOINT=VALUE or cut it off with --tip LINK"
+        if kind == "floating" and document.parent_link(name) == document.root_link:
+            remedy = f"give --floating --base {document.child_link(name)} for a free base"
         if kind not in {*MOVING, "fixed"}:
             raise UrdfError(
                 f"joint '{name}' has the type '{kind}'; revolute, continuous, prismatic and fixed "
@@ -147,6 +151,8 @@ def _gravity(document: Document, options: ChainOptions) -> np.ndarray:
         return gravity
     base = options.base or document.root_link
     document.require_link(base, "--base")
+    if options.floating:
+        return np.array([0.0, 0.0, -9.81])
     rotation = np.eye(3)
     for joint in document.path(base):
         if document.kind(joint) != "fixed":

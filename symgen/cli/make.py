@@ -83,6 +83,14 @@ def build_command(
             help="Replace physically inconsistent inertias by the nearest consistent ones.",
         ),
     ] = False,
+    floating: Annotated[
+        bool,
+        typer.Option(
+            "--floating",
+            help="Free the base link: kernels take its pose, velocity and acceleration and have "
+            "six rows for it before those of the joints. Gravity is in the world's frame.",
+        ),
+    ] = False,
     masses: Annotated[
         Path | None,
         typer.Option(
@@ -128,7 +136,9 @@ def build_command(
     from symgen.build.sources import Packages, Source, published_urdf
     from symgen.chain import ChainOptions
 
-    options = ChainOptions(base, tip, _vector(gravity), read_locks(lock or []), snap)
+    options = ChainOptions(
+        base, tip, _vector(gravity), read_locks(lock or []), snap, floating=floating
+    )
     if description is not None:
         if urdf is not None:
             raise BuildError("--urdf and --description both name a robot; give one of them")

@@ -9,7 +9,7 @@ from symgen.chain import Chain
 from symgen.collision.geometry import LinkGeometry
 from symgen.collision.model import BASE
 from symgen.mechanics.coordinates import all_positions
-from symgen.mechanics.dynamics import joint_pose
+from symgen.mechanics.kinematics import joint_pose
 
 Array = NDArray[np.float64]
 

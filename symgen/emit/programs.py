@@ -60,7 +60,7 @@ def programs(
         chosen.append(Program("example_online.c", _example(facts)))
     if by_name.keys() >= _EXCITATION:
         chosen.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
-    if by_name.keys() >= _CLOSED_LOOP:
+    if by_name.keys() >= _CLOSED_LOOP and not facts.get("floating"):
         joints = by_name["bias_forces"].outputs[0].size
         chosen.append(Program("closed_loop.c", {"joints": joints}))
     if by_name.keys() >= _EXAMPLE:
@@ -217,12 +217,13 @@ def _excitation(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
 
 def _example(facts: dict[str, Any]) -> dict[str, Any]:
     """A state of the robot, its parameters and its joints; Python's shortest digits are valid C."""
-    signs = [(-1.0) ** k for k in range(len(facts["joints"]))]
+    base = [0.0] * (6 if facts.get("floating") else 0)  # at the origin of the world, upright
+    signs = [(-1.0) ** k for k in range(len(base) + len(facts["joints"]))]
     return {
-        "joints": facts["joints"],
+        "joints": signs,
         "bodies": facts.get("all_joints", facts["joints"]),
         "pi0": [float(x) for x in facts["pi0"]],
-        "home": [float(x) for x in facts["home"]],
+        "home": [*base, *(float(x) for x in facts["home"])],
         "dq": [0.5 * sign for sign in signs],
         "ddq": [2.0 * sign for sign in signs],
     }

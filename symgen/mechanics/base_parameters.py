@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.chain import Chain, Joint
+from symgen.chain.joint import FLOATING
 from symgen.errors import RankError
 from symgen.mechanics.inertia import N_PARAMETERS, PI_NAMES
 
@@ -86,7 +87,7 @@ def numeric_base(
     Raises:
         RankError: the singular values decrease without a clear gap.
     """
-    n, links = len(chain.coordinates), len(chain.joints)
+    n, links = chain.freedom, len(chain.joints)
     rng = np.random.default_rng(seed)
     samples = _SAMPLES_PER_COLUMN * N_PARAMETERS * links
     if links > _LARGE:  # n rows per state: a few states suffice, and W stays small
@@ -127,6 +128,8 @@ def _preference(chain: Chain, column: int) -> tuple[int, int]:
     About a joint axis z, Table 3.2 moves m, mZ and YY into the parent; x and y follow cyclically.
     """
     link, parameter = divmod(column, N_PARAMETERS)
+    if chain.joints[link].kind == FLOATING:  # feels all ten
+        return (False, column)
     axis = int(np.argmax(np.abs(chain.joints[link].axis)))
     moved = {"m", ("mX", "mY", "mZ")[axis], ("ZZ", "XX", "YY")[axis]}
     return (PI_NAMES[parameter] in moved, column)

@@ -11,9 +11,11 @@ Source: Siciliano et al., Robotics, 2009, eqs. 7.44–7.47; Slotine & Li, IJRR 6
 import casadi as ca
 
 from symgen.chain import Chain
+from symgen.chain.joint import BASE_FREEDOM, FLOATING
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import all_positions, independent_forces
-from symgen.mechanics.dynamics import by_parameters, inverse_dynamics, joint_pose
+from symgen.mechanics.coordinates import independent_forces
+from symgen.mechanics.dynamics import by_parameters, inverse_dynamics
+from symgen.mechanics.kinematics import joint_poses
 
 
 def coriolis_matrix(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
@@ -59,7 +61,7 @@ def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
     """Jacobians of the frames of all links and of the tip, v = J dq.
 
     v is the linear velocity of the frame's origin, then the angular velocity, both in axes of the
-    base.
+    base, with a free base in axes of the world.
 
     Args:
         chain: n independent joints, L bodies, and the tip frame.
@@ -68,11 +70,11 @@ def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
     Returns:
         (6 (L + 1), n) Jacobians one below the other, the last one of the tip [m, 1].
     """
-    q = all_positions(chain, q)
+    poses = joint_poses(chain, q)
     rotations: list[Matrix] = []
     origins: list[Matrix] = []
     for i, joint in enumerate(chain.joints):
-        pose = joint_pose(joint, q[i])
+        pose = poses[i]
         if joint.parent >= 0:
             before = rotations[joint.parent]
             origins.append(origins[joint.parent] + ca.mtimes(before, pose.translation))
@@ -88,14 +90,19 @@ def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
     else:  # a tip that no joint moves
         frames.append((-1, ca.SX(3, 1)))
     blocks = []
+    first = BASE_FREEDOM - 1 if chain.floating else 0  # joint k has column first + k
     for last, origin in frames:
-        jacobian, k = ca.SX(6, len(chain.joints)), last
+        jacobian, k = ca.SX(6, first + len(chain.joints)), last
         while k >= 0:
-            if chain.joints[k].kind == "prismatic":
-                jacobian[:3, k] = axes[k]
+            kind, lever = chain.joints[k].kind, origin - origins[k]
+            if kind == FLOATING:  # v = R v_b + (R ω_b) × lever, ω = R ω_b
+                jacobian[:3, :3] = jacobian[3:, 3:BASE_FREEDOM] = rotations[k]
+                jacobian[:3, 3:BASE_FREEDOM] = -ca.mtimes(ca.skew(lever), rotations[k])
+            elif kind == "prismatic":
+                jacobian[:3, first + k] = axes[k]
             else:
-                jacobian[:3, k] = ca.cross(axes[k], origin - origins[k])
-                jacobian[3:, k] = axes[k]
+                jacobian[:3, first + k] = ca.cross(axes[k], lever)
+                jacobian[3:, first + k] = axes[k]
             k = chain.joints[k].parent
         blocks.append(independent_forces(chain, jacobian.T).T)  # J A of coupled joints
     return ca.vertcat(*blocks)

@@ -7,45 +7,19 @@ Gravity enters as an acceleration −g of the base.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from symgen.chain import Chain, Joint
+from symgen.chain import Chain
+from symgen.chain.joint import FLOATING
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import all_positions, all_rates, independent_forces
+from symgen.mechanics.coordinates import all_rates, independent_forces, per_joint
 from symgen.mechanics.inertia import N_PARAMETERS, bodies_of, pi_from_lam
-from symgen.mechanics.spatial import axis_rotation
+from symgen.mechanics.kinematics import joint_poses
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """R and p of a frame in its parent's frame, and the joint axis in the frame itself."""
-
-    rotation: Matrix
-    translation: Matrix
-    axis: Matrix
-
-
-def joint_pose(joint: Joint, q: Matrix) -> Pose:
-    """Pose of a joint's frame in its parent's frame.
-
-    Args:
-        joint: revolute, continuous or prismatic joint.
-        q: joint position, rad or m.
-
-    Returns:
-        Rotation, translation (m) and joint axis.
-    """
-    rotation, translation = ca.SX(ca.DM(joint.rotation)), ca.SX(ca.DM(joint.translation))
-    axis = ca.DM(joint.axis)
-    if joint.kind == "prismatic":
-        return Pose(rotation, translation + ca.mtimes(rotation, axis) * q, axis)
-    return Pose(ca.mtimes(rotation, axis_rotation(axis, q)), translation, axis)
 
 
 def inverse_dynamics(
@@ -65,8 +39,8 @@ def inverse_dynamics(
         (n,) joint torques or forces [N·m, N].
     """
     n = len(chain.joints)
-    q, dq, ddq = all_positions(chain, q), all_rates(chain, dq), all_rates(chain, ddq)
-    poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
+    dq, ddq = (per_joint(chain, all_rates(chain, x)) for x in (dq, ddq))
+    poses = joint_poses(chain, q)
     omega: list[Matrix] = []
     alpha: list[Matrix] = []
     accel: list[Matrix] = []
@@ -86,6 +60,9 @@ def inverse_dynamics(
         if joint.kind == "prismatic":  # Coriolis term 2 ω × (axis dq)
             slide = pose.axis * dq[i]
             a_here = a_here + pose.axis * ddq[i] + 2 * ca.cross(w_here, slide)
+        elif joint.kind == FLOATING:  # dq and ddq are those of the base, in its axes
+            w_here, al_here = dq[i][3:], ddq[i][3:]
+            a_here = a_here + ddq[i][:3] + ca.cross(w_here, dq[i][:3])
         else:
             spin = pose.axis * dq[i]
             al_here = al_here + pose.axis * ddq[i] + ca.cross(w_here, spin)
@@ -105,7 +82,10 @@ def inverse_dynamics(
         w, al, a = omega[i], alpha[i], accel[i]
         f = force[i] + mass * a + ca.mtimes(spread[i], h)
         m = moment[i] + _euler_moment(inertia, w, al, spread[i]) + ca.cross(h, a)
-        tau[i] = ca.dot(pose.axis, f if joint.kind == "prismatic" else m)
+        if joint.kind == FLOATING:
+            tau[i] = ca.vertcat(f, m)
+        else:
+            tau[i] = ca.dot(pose.axis, f if joint.kind == "prismatic" else m)
         if joint.parent >= 0:
             f_parent = ca.mtimes(pose.rotation, f)
             force[joint.parent] = force[joint.parent] + f_parent
@@ -202,7 +182,7 @@ def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
     Returns:
         Function of q, dq and ddq, each (N, n), that returns Y as (N, n, 10 L).
     """
-    n = len(chain.coordinates)
+    n = chain.freedom
     q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
     rows = ca.densify(ca.vec(regressor(chain, q, dq, ddq).T))
     function = ca.Function("Y", [q, dq, ddq], [rows], {"cse": True})
@@ -259,47 +239,4 @@ def bias_forces(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
     Returns:
         (n,) joint torques or forces [N·m, N].
     """
-    return inverse_dynamics(chain, q, dq, ca.SX(len(chain.coordinates), 1), pi)
-
-
-def end_effector(chain: Chain, q: Matrix) -> Matrix:
-    """Pose of the tip frame in the base frame.
-
-    Args:
-        chain: n independent joints and the tip frame.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (4, 4) homogeneous matrix [R p; 0 1].
-    """
-    q = all_positions(chain, q)
-    rotation = ca.SX(ca.DM(chain.tip.rotation))
-    translation = ca.SX(ca.DM(chain.tip.translation))
-    index = chain.tip.joint
-    while index >= 0:
-        pose = joint_pose(chain.joints[index], q[index])
-        translation = pose.translation + ca.mtimes(pose.rotation, translation)
-        rotation = ca.mtimes(pose.rotation, rotation)
-        index = chain.joints[index].parent
-    bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
-    return ca.vertcat(ca.horzcat(rotation, translation), bottom)
-
-
-def link_poses(chain: Chain, q: Matrix) -> Matrix:
-    """Poses of all joint frames in the base frame.
-
-    Args:
-        chain: n independent joints, L bodies.
-        q: (n,) joint positions [rad, m].
-
-    Returns:
-        (4 L, 4) homogeneous matrices [R p; 0 1], one below the other.
-    """
-    q = all_positions(chain, q)
-    poses: list[Matrix] = []
-    bottom = ca.SX(ca.DM([[0, 0, 0, 1]]))
-    for i, joint in enumerate(chain.joints):
-        pose = joint_pose(joint, q[i])
-        step = ca.vertcat(ca.horzcat(pose.rotation, pose.translation), bottom)
-        poses.append(step if joint.parent < 0 else ca.mtimes(poses[joint.parent], step))
-    return ca.vertcat(*poses)
+    return inverse_dynamics(chain, q, dq, ca.SX(chain.freedom, 1), pi)

@@ -11,8 +11,9 @@ import casadi as ca
 from symgen.chain import Chain
 from symgen.kernel import Matrix
 from symgen.mechanics.coordinates import all_positions, all_rates
-from symgen.mechanics.dynamics import inverse_dynamics, joint_pose
+from symgen.mechanics.dynamics import inverse_dynamics
 from symgen.mechanics.inertia import bodies_of
+from symgen.mechanics.kinematics import joint_pose
 
 
 def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:

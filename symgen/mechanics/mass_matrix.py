@@ -9,10 +9,12 @@ Algorithms, 2008, Table 6.2.
 import casadi as ca
 
 from symgen.chain import Chain
+from symgen.chain.joint import BASE_FREEDOM, FLOATING
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import all_positions, independent_mass
-from symgen.mechanics.dynamics import bias_forces, joint_pose
+from symgen.mechanics.coordinates import independent_mass
+from symgen.mechanics.dynamics import bias_forces
 from symgen.mechanics.inertia import bodies_of, joined, seen_from
+from symgen.mechanics.kinematics import joint_poses
 
 
 def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
@@ -27,14 +29,20 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
         (n, n) mass matrix [kg·m², kg·m, kg].
     """
     n = len(chain.joints)
-    q = all_positions(chain, q)
-    poses = [joint_pose(joint, q[i]) for i, joint in enumerate(chain.joints)]
+    poses = joint_poses(chain, q)
     beyond = bodies_of(pi)
-    m = ca.SX(n, n)
+    size = n - 1 + BASE_FREEDOM if chain.floating else n
+    first = size - n  # joint i has row and column first + i
+    m = ca.SX(size, size)
     for i in reversed(range(n)):  # from the tip inwards: `beyond[i]` is complete when i is reached
         joint, pose = chain.joints[i], poses[i]
         # Wrench on the composite body for ddq_i = 1, about the origin of frame i.
         mass, moment, inertia = beyond[i]
+        if joint.kind == FLOATING:  # of all bodies together: [m 1, −[h×]; [h×], I]
+            lever = ca.skew(moment)
+            m[:3, :3], m[:3, 3:BASE_FREEDOM] = mass * ca.DM.eye(3), -lever
+            m[3:BASE_FREEDOM, :3], m[3:BASE_FREEDOM, 3:BASE_FREEDOM] = lever, inertia
+            continue
         axis = ca.SX(pose.axis)
         if joint.kind == "prismatic":
             force, couple = mass * axis, ca.cross(moment, axis)
@@ -42,9 +50,13 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
             force, couple = ca.cross(axis, moment), ca.mtimes(inertia, axis)
         k = i  # carry the wrench towards the base and project it on each joint's axis
         while k >= 0:
-            at = poses[k]
-            slides = chain.joints[k].kind == "prismatic"
-            m[i, k] = m[k, i] = ca.dot(at.axis, force if slides else couple)
+            at, kind = poses[k], chain.joints[k].kind
+            if kind == FLOATING:
+                m[first + i, :BASE_FREEDOM] = ca.vertcat(force, couple).T
+                m[:BASE_FREEDOM, first + i] = ca.vertcat(force, couple)
+                break
+            entry = ca.dot(at.axis, force if kind == "prismatic" else couple)
+            m[first + i, first + k] = m[first + k, first + i] = entry
             force, couple = ca.mtimes(at.rotation, force), ca.mtimes(at.rotation, couple)
             couple += ca.cross(at.translation, force)
             k = chain.joints[k].parent
@@ -70,18 +82,29 @@ def forward_dynamics(
     Returns:
         (n,) joint accelerations [rad/s², m/s²].
     """
-    n = len(chain.coordinates)
+    n = chain.freedom
     m = mass_matrix(chain, q, pi) + ca.diag(rotor)
     x = tau - bias_forces(chain, q, dq, pi)
+    if chain.floating:
+        # From the tips to the base: branches stay apart, so that L has the zeros of M
+        # (Featherstone, Rigid Body Dynamics Algorithms, 2008, Sec. 6.5).
+        back = list(reversed(range(n)))
+        return _solved(m[back, back], x[back])[back]
+    return _solved(m, x)
+
+
+def _solved(m: Matrix, x: Matrix) -> Matrix:
+    """M⁻¹ x by an unrolled LDLᵀ."""
+    n = x.numel()
     rows: list[list[Matrix]] = [[0] * n for _ in range(n)]
     d: list[Matrix] = [0] * n
-    for j in range(n):  # M + diag(J) = L D Lᵀ, L with a unit diagonal
+    for j in range(n):  # M = L D Lᵀ, L with a unit diagonal
         v = [rows[j][k] * d[k] for k in range(j)]
         d[j] = m[j, j] - sum(rows[j][k] * v[k] for k in range(j))
         for i in range(j + 1, n):
             rows[i][j] = (m[i, j] - sum(rows[i][k] * v[k] for k in range(j))) / d[j]
     y: list[Matrix] = [0] * n
-    for i in range(n):  # L y = τ − h
+    for i in range(n):  # L y = x
         y[i] = x[i] - sum(rows[i][k] * y[k] for k in range(i))
     z: list[Matrix] = [0] * n
     for i in reversed(range(n)):  # Lᵀ z = D⁻¹ y

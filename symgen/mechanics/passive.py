@@ -17,7 +17,7 @@ from symgen.chain.mechanism import KnownTorque, Spring
 from symgen.errors import UrdfError
 from symgen.kernel import Matrix
 from symgen.mechanics.coordinates import all_positions
-from symgen.mechanics.dynamics import link_poses
+from symgen.mechanics.kinematics import link_poses
 
 _PARALLEL = 1e-9
 """Distance of two unit rows below which they are the same friction coordinate."""
@@ -75,7 +75,7 @@ def friction_coordinates(chain: Chain) -> dict[str, tuple[float, ...]]:
     """
     named = {}
     if chain.coupling is not None:
-        named = {j.name: chain.coupling.matrix[k] for k, j in enumerate(chain.joints)}
+        named = {j.name: chain.coupling.matrix[k] for k, j in enumerate(chain.single_joints)}
     for extra in chain.mechanism.friction:
         named[extra.name] = tuple(_row(chain, extra.of).tolist())
     kept: dict[str, tuple[float, ...]] = {}

@@ -9,6 +9,7 @@ Source: Gautier & Khalil, IEEE T-RA 6(3), 1990 (Table 3.2), for trees and any pl
 import casadi as ca
 
 from symgen.chain import Chain, Joint
+from symgen.chain.joint import FLOATING
 from symgen.kernel import Matrix
 from symgen.mechanics.inertia import MassMoments, bodies_of, joined, pi_of_body, seen_from
 
@@ -45,6 +46,8 @@ def _split(joint: Joint, body: MassMoments) -> tuple[MassMoments, MassMoments]:
     """
     mass, moment, inertia = body
     nothing, point, ball = ca.SX(1, 1), ca.SX(3, 1), ca.SX(3, 3)
+    if joint.kind == FLOATING:  # moves the whole body
+        return body, (nothing, point, ball)
     if joint.kind == "prismatic":
         return (mass, moment, ball), (nothing, point, inertia)
     if sorted(abs(entry) for entry in joint.axis) != [0.0, 0.0, 1.0]:

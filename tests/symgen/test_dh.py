@@ -7,7 +7,7 @@ import pytest
 from symgen.chain import ChainOptions, read_chain
 from symgen.chain.dh import robot_from_rows
 from symgen.errors import UrdfError
-from symgen.mechanics.dynamics import link_poses
+from symgen.mechanics.kinematics import link_poses
 
 ROWS = {
     "name": "arm",

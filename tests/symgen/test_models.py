@@ -19,7 +19,8 @@ from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.errors import SymgenError
 from symgen.inspect import inspect_file
 from symgen.mechanics.base_parameters import numeric_base
-from symgen.mechanics.dynamics import end_effector, inverse_dynamics, sampled_regressor
+from symgen.mechanics.dynamics import inverse_dynamics, sampled_regressor
+from symgen.mechanics.kinematics import end_effector
 from symgen.mechanics.mass_matrix import mass_matrix
 from symgen.mechanics.regrouping import regrouped
 from tests.oracle import Array, pinocchio_model, random_states

@@ -1,0 +1,155 @@
+"""Motion of a free base: pose, twist and acceleration, and the coordinates of the kernels.
+
+    q = (p, ω_R, joints)   dq = (v, ω, joint velocities)   ddq = (dv, dω, joint accelerations)
+
+p is the position of the base link's frame in the world and R = exp(ω_R) its axes; v and ω are its
+velocity and angular velocity in its own axes, and dv and dω the derivatives of these numbers, as in
+Pinocchio's free flyer (LOCAL). The acceleration of the origin, in axes of the base, is dv + ω × v.
+Rows of torque are the force and the moment about that origin, in axes of the base, then the joints.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from runtime.errors import ShapeError
+from runtime.library.manifest import Manifest
+
+Array = NDArray[np.float64]
+
+FREEDOM = 6
+"""Rows of the base."""
+ROWS = ("force x", "force y", "force z", "moment x", "moment y", "moment z")
+"""Names of the rows of the base, in its axes."""
+
+
+class BaseMotion(NamedTuple):
+    """Motion of a free base; one sample or N.
+
+    Attributes:
+        pose: (4, 4) homogeneous matrix of the base link's frame in the world, or (7,) position [m]
+            and quaternion (x, y, z, w).
+        twist: (6,) velocity [m/s] and angular velocity [rad/s], in axes of the base.
+        acceleration: (6,) derivatives of the entries of `twist` [m/s², rad/s²].
+    """
+
+    pose: ArrayLike
+    twist: ArrayLike = (0.0,) * FREEDOM
+    acceleration: ArrayLike = (0.0,) * FREEDOM
+
+
+def coordinates_of_pose(pose: ArrayLike) -> Array:
+    """Position and rotation vector of poses.
+
+    Args:
+        pose: (4, 4), (N, 4, 4), (7,) or (N, 7), see `BaseMotion`.
+
+    Returns:
+        (6,) or (N, 6) [m, rad].
+
+    Raises:
+        ShapeError: another shape, numbers that are not finite, or no rotation.
+    """
+    from scipy.spatial.transform import Rotation
+
+    array = np.asarray(pose, dtype=float)
+    is_matrix = array.ndim in {2, 3} and array.shape[-2:] == (4, 4)
+    if not is_matrix and not (array.ndim in {1, 2} and array.shape[-1] == 7):
+        raise ShapeError(
+            "the pose of the base needs the shape (4, 4) or (N, 4, 4), or (7,) or (N, 7) for "
+            f"position and quaternion x, y, z, w; got {array.shape}"
+        )
+    if not np.isfinite(array).all():
+        raise ShapeError("the pose of the base has numbers that are not finite; remove these rows")
+    if is_matrix:
+        rotation, position = array[..., :3, :3], array[..., :3, 3]
+        error = np.abs(rotation @ np.swapaxes(rotation, -1, -2) - np.eye(3))
+        sizes = np.linalg.det(rotation)
+        if error.size and (error.max() > _ROTATION or sizes.min() < 0):
+            raise ShapeError(
+                f"the pose of the base is no rotation and translation (R Rᵀ differs from 1 by up "
+                f"to {error.max():.1g}); give R from the axes of the base to those of the world"
+            )
+        turned = Rotation.from_matrix(rotation)
+    else:
+        position, quaternion = array[..., :3], array[..., 3:]
+        length = np.linalg.norm(quaternion, axis=-1)
+        if length.size and np.abs(length - 1).max() > _ROTATION:
+            raise ShapeError(
+                "the quaternion of the base has another length than 1 "
+                f"({length.flat[np.abs(length - 1).argmax()]:.3g}); expected x, y, z, w"
+            )
+        turned = Rotation.from_quat(quaternion)
+    return np.concatenate([position, turned.as_rotvec()], axis=-1)
+
+
+def stacked(values: ArrayLike, part: ArrayLike, what: str) -> Array:
+    """Six entries of the base before those of the joints.
+
+    Args:
+        values: (n,) or (N, n) of the joints.
+        part: (6,) or (N, 6) of the base.
+        what: name of `part`, for messages.
+
+    Returns:
+        (6 + n,) or (N, 6 + n).
+
+    Raises:
+        ShapeError: `part` has another shape.
+    """
+    array, base = np.asarray(values, dtype=float), np.asarray(part, dtype=float)
+    if base.ndim not in {1, 2} or base.shape[-1] != FREEDOM:
+        raise ShapeError(f"the {what} of the base needs (6,) or (N, 6) numbers, got {base.shape}")
+    if array.ndim == 2 and base.ndim == 1:
+        base = np.broadcast_to(base, (len(array), FREEDOM))
+    elif array.ndim == 1 and base.ndim == 2:
+        array = np.broadcast_to(array, (len(base), len(array)))
+    if array.ndim not in {1, 2} or array.shape[:-1] != base.shape[:-1]:
+        raise ShapeError(
+            f"the {what} of the base has the shape {base.shape}, that of the joints "
+            f"{array.shape}; expected equally many samples"
+        )
+    return np.concatenate([base, array], axis=-1)
+
+
+def with_base(
+    manifest: Manifest, base: BaseMotion | None, *values: ArrayLike
+) -> tuple[ArrayLike, ...]:
+    """Coordinates of the kernels: those of the joints after those of a free base.
+
+    Args:
+        manifest: of the robot.
+        base: motion of the base. None: it is fixed, or `values` hold its entries already.
+        *values: q, dq and ddq, or the first of them, (n,) or (N, n).
+
+    Returns:
+        As many arrays.
+
+    Raises:
+        ShapeError: a free base without its motion, or a fixed one with it.
+    """
+    robot, n = manifest.robot, len(manifest.joints)
+    if not manifest.floating:
+        if base is not None:
+            raise ShapeError(
+                f"the base of '{robot}' is fixed; leave `base` out, or build the robot with "
+                "--floating"
+            )
+        return values
+    if base is None:
+        if all(np.shape(x)[-1:] == (FREEDOM + n,) for x in values):
+            return values
+        raise ShapeError(
+            f"the base of '{robot}' is free: give base=(pose, twist, acceleration), or values "
+            f"of shape (N, {FREEDOM + n}) with the base first"
+        )
+    motion = BaseMotion(*base)
+    parts = (coordinates_of_pose(motion.pose), motion.twist, motion.acceleration)
+    names = ("pose", "twist", "acceleration")
+    pairs = zip(values, parts, names, strict=False)
+    return tuple(stacked(x, part, name) for x, part, name in pairs)
+
+
+_ROTATION = 1e-5
+"""Largest error of R Rᵀ or of a quaternion's length: logs are often stored in single precision."""

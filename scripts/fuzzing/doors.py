@@ -1,45 +1,29 @@
 """Entry points of files: the file that is damaged, and the function that reads it."""
 
 import contextlib
-import hashlib
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import typer
 
-from runtime.cli import app_of
-from runtime.cli.evaluate import evaluate_command
 from runtime.cli.export import export_command
 from runtime.cli.inspect import inspect_command
-from runtime.cli.predict import predict_command
-from runtime.cli.simulate import simulate_command
-from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.estimators.regression import load_statistics
 from runtime.excitation.trajectory_file import read_trajectory
-from runtime.experiments.storage.chunks import read_rows
 from runtime.identification.comparison.truth import read_truth
 from runtime.identification.payload import read_arm_model, read_known_payload
 from runtime.identification.several_logs.joint_fit import read_carried
 from runtime.library import Library, load
 from runtime.library.compile_recipe import read_recipe
 from runtime.library.manifest import read_manifest
-from runtime.outputs.report import write_report
-from runtime.outputs.report.experiments import write_experiments
 from runtime.outputs.viewer import look_of, read_motion
 from runtime.recording import load_recipe, open_streamed, read_recording
 from runtime.simulation import read_payload
-from runtime.simulation.controller_file import read_controller
 from runtime.simulation.settings import settings_of
-from scripts.fuzzing import goods
-
-Reader = Callable[[Path, Library], Any]
-OUT = "out"
-"""Name of the only folder in which a command may write."""
+from scripts.fuzzing import goods, readers
+from scripts.fuzzing.readers import OUT, Reader
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,56 +58,6 @@ def _streamed(file: str) -> Door:
     return Door(file, goods.Log(file), read)
 
 
-def _all(*readers: Reader) -> Reader:
-    """Call every reader, and raise the first fault after all have run."""
-
-    def read(folder: Path, lib: Library) -> None:
-        faults = []
-        for each in readers:
-            try:
-                each(folder, lib)
-            except RuntimeFault as fault:
-                faults.append(fault)
-        if faults:
-            raise faults[0]
-
-    return read
-
-
-def _urdf(folder: Path, _: Library) -> None:
-    from symgen.chain import read_chain
-    from symgen.cli.common import read_urdf
-
-    read_chain(read_urdf(folder / "robot.urdf"))
-
-
-def _inspected(file: str) -> Reader:
-    def read(folder: Path, _: Library) -> None:
-        from symgen.inspect import inspect_file
-
-        inspect_file(folder / file)
-
-    return read
-
-
-def _repaired(folder: Path, _: Library) -> None:
-    from symgen.inspect import inspect_file, repaired
-
-    repaired(inspect_file(folder / "robot.urdf", with_base=False), folder / "robot.urdf")
-
-
-def _robot(folder: Path, _: Library) -> None:
-    from symgen.build.config import read_config
-
-    read_config(folder / "robot.toml")
-
-
-def _request(folder: Path, _: Library) -> None:
-    from symgen.build.request import request_from_folder
-
-    request_from_folder(folder)
-
-
 def _doctor(file: str) -> Door:
     def read(folder: Path, lib: Library) -> None:
         with contextlib.suppress(typer.Exit):
@@ -136,10 +70,6 @@ def _doctor(file: str) -> Door:
     return Door(file, goods.Log(file, 300), read)
 
 
-def _evaluated(folder: Path, lib: Library) -> None:
-    evaluate_command(folder, str(folder / "log.csv"), robot=str(lib.folder), as_json=True)
-
-
 def _exported(form: str) -> Door:
     """Export one format; of several, complete ones would stay where another fails."""
 
@@ -149,102 +79,12 @@ def _exported(form: str) -> Door:
     return Door("result.json", goods.result, read)
 
 
-def _reported(folder: Path, _: Library) -> None:
-    write_report(folder, folder / OUT / "report.html")
-
-
-def _experiments(folder: Path, _: Library) -> None:
-    write_experiments(folder, folder / OUT / "report.html", tables_to=folder / OUT / "tables.md")
-
-
-def _vouch(folder: Path) -> None:
-    """Write the present digests of the other files into result.json."""
-    path = folder / "toy" / "result.json"
-    facts = json.loads(path.read_text())
-    for name in ("trials.parquet", "series.npz"):
-        if (folder / "toy" / name).is_file() and not (folder / "toy" / name).is_symlink():
-            data = (folder / "toy" / name).read_bytes()
-            facts["files"][name] = hashlib.sha256(data).hexdigest()
-    path.write_text(json.dumps(facts))
-
-
-def _predicted(folder: Path, lib: Library) -> None:
-    predict_command(str(folder / "motion.json"), robot=str(lib.folder), noise="0.05", as_json=True)
-
-
-def _simulated(folder: Path, lib: Library) -> None:
-    class Typed:
-        """Context of a command line with the robot and the motion only."""
-
-        def get_parameter_source(self, _: str) -> None:
-            """No option is given."""
-
-    out = folder / OUT / "log.csv"
-    simulate_command(
-        Typed(),  # type: ignore[arg-type]
-        robot=str(lib.folder),
-        trajectory=folder / "motion.json",
-        out=out,
-        keep_every=10,
-    )
-
-
-def _looped(folder: Path, lib: Library) -> None:
-    loop = read_controller(folder / "loop.toml", lib)
-    loop.simulate(lib, lib.pi0, {}, np.linspace(loop.start, loop.start + 1.0, 50))
-
-
-_FILES: dict[str, tuple[str, ...]] = {
-    "identify": ("log.csv", "--out", "{folder}/out/result"),
-    "excite": ("--document", "--out", "{folder}/out/motion.json"),
-    "simulate": ("--trajectory", "motion.json", "--ideal", "--out", "{folder}/out/log.csv"),
-    "predict": ("motion.json",),
-}
-"""Words of commands that stay as they are."""
-
-
 def _optioned(name: str) -> Door:
-    """A command with the values of options.json; names of options and of files are not damaged."""
-
-    def read(folder: Path, lib: Library) -> None:
-        try:
-            given = json.loads((folder / "options.json").read_text())[name]
-            values = {option: str(given[option]) for option in goods.OPTIONS[name]}
-        except (OSError, ValueError, LookupError, TypeError, RecursionError):
-            raise RuntimeFault("no options") from None
-        words = [
-            name,
-            *(each.format(folder=folder) for each in _FILES[name]),
-            "--robot",
-            str(lib.folder),
-        ]
-        words += [f"{option}={value}" for option, value in values.items()]
-        with contextlib.chdir(folder):
-            try:
-                app_of([name])(words)
-            except SystemExit as end:
-                if end.code:
-                    raise RuntimeFault("a value that is no number of the option") from None
-
-    return Door("options.json", goods.options, read)
-
-
-def _headless(folder: Path, lib: Library) -> None:
-    with contextlib.suppress(typer.Exit):
-        inspect_command(str(folder / "log.csv"), robot=str(lib.folder))
-
-
-def _masses(folder: Path, _: Library) -> None:
-    from symgen.build.config import read_masses
-    from symgen.chain import ChainOptions, read_chain
-    from symgen.cli.common import read_urdf
-
-    options = ChainOptions(masses=read_masses(folder / "masses.toml"))
-    read_chain(read_urdf(folder / "robot.urdf"), options)
+    return Door("options.json", goods.options, readers.with_options(name))
 
 
 def _study(file: str, seal: Callable[[Path], None] | None = None) -> Door:
-    return Door(f"toy/{file}", goods.study, _experiments, seal)
+    return Door(f"toy/{file}", goods.study, readers.experiments, seal)
 
 
 def _visual(form: str) -> Door:
@@ -255,11 +95,7 @@ def _visual(form: str) -> Door:
 
 
 def _collision(form: str) -> Door:
-    return Door(f"mesh.{form}", goods.mesh, _inspected(f"{form}.urdf"))
-
-
-def _rows(folder: Path, _: Library) -> None:
-    read_rows(folder / "toy" / "trials.parquet", goods.MARK)
+    return Door(f"mesh.{form}", goods.mesh, readers.inspected(f"{form}.urdf"))
 
 
 DOORS: dict[str, Door] = {
@@ -283,13 +119,13 @@ DOORS: dict[str, Door] = {
     "stream-parquet": _streamed("log.parquet"),
     "doctor-csv": _doctor("log.csv"),
     "doctor-npz": _doctor("log.npz"),
-    "headless": Door("log.csv", goods.headless, _headless),
+    "headless": Door("log.csv", goods.headless, readers.headless),
     "recipe": Door("recipe.toml", goods.recipe, lambda f, _: load_recipe(f / "recipe.toml")),
     # Models.
-    "urdf": Door("robot.urdf", goods.urdf, _urdf),
-    "inspect": Door("robot.urdf", goods.urdf, _inspected("robot.urdf")),
-    "repair": Door("robot.urdf", goods.urdf, _repaired),
-    "mjcf": Door("robot.xml", goods.mjcf, _inspected("robot.xml")),
+    "urdf": Door("robot.urdf", goods.urdf, readers.urdf),
+    "inspect": Door("robot.urdf", goods.urdf, readers.inspected("robot.urdf")),
+    "repair": Door("robot.urdf", goods.urdf, readers.repair),
+    "mjcf": Door("robot.xml", goods.mjcf, readers.inspected("robot.xml")),
     "stl": _collision("stl"),
     "obj": _collision("obj"),
     "dae": _collision("dae"),
@@ -297,14 +133,14 @@ DOORS: dict[str, Door] = {
     "view-stl": _visual("stl"),
     "view-obj": _visual("obj"),
     "view-dae": _visual("dae"),
-    "robot": Door("robot.toml", goods.robot_config, _robot),
-    "masses": Door("masses.toml", goods.masses, _masses),
+    "robot": Door("robot.toml", goods.robot_config, readers.robot),
+    "masses": Door("masses.toml", goods.masses, readers.masses),
     # Generated folders.
     "manifest": Door(
         "manifest.json", goods.generated, lambda f, _: read_manifest(f / "manifest.json")
     ),
     "library": Door("manifest.json", goods.generated, lambda folder, _: load(folder)),
-    "request": Door("manifest.json", goods.generated, _request),
+    "request": Door("manifest.json", goods.generated, readers.request),
     "compile": Door("compile.json", goods.generated, lambda folder, _: read_recipe(folder)),
     "build": Door("build.json", goods.generated, lambda folder, _: load(folder)),
     # What else is known of a robot.
@@ -321,7 +157,7 @@ DOORS: dict[str, Door] = {
     "payload": Door(
         "payload.json",
         goods.payload,
-        _all(
+        readers.all_of(
             lambda f, _: read_known_payload(str(f / "payload.json")),
             lambda f, lib: read_carried(f / "payload.json", lib),
         ),
@@ -330,20 +166,20 @@ DOORS: dict[str, Door] = {
     "trajectory": Door(
         "motion.json", goods.trajectory, lambda f, lib: read_trajectory(f / "motion.json", lib)
     ),
-    "loop": Door("loop.toml", goods.trajectory, _looped),
+    "loop": Door("loop.toml", goods.trajectory, readers.looped),
     "film": Door(
         "motion.json", goods.trajectory, lambda f, lib: read_motion(str(f / "motion.json"), lib)
     ),
-    "predict": Door("motion.json", goods.trajectory, _predicted),
-    "simulate": Door("motion.json", goods.trajectory, _simulated),
+    "predict": Door("motion.json", goods.trajectory, readers.predicted),
+    "simulate": Door("motion.json", goods.trajectory, readers.simulated),
     # Results.
-    "evaluate": Door("result.json", goods.result, _evaluated),
+    "evaluate": Door("result.json", goods.result, readers.evaluated),
     "export": _exported("urdf"),
     "export-friction": _exported("friction"),
     "arm": Door("result.json", goods.result, read_arm_model),
-    "report": Door("result.json", goods.result, _reported),
-    "predictions": Door("predictions.npz", goods.result, _reported),
-    "compare": Door("compare.json", goods.comparison, _reported),
+    "report": Door("result.json", goods.result, readers.reported),
+    "predictions": Door("predictions.npz", goods.result, readers.reported),
+    "compare": Door("compare.json", goods.comparison, readers.reported),
     "statistics": Door(
         "statistics.npz",
         goods.statistics,
@@ -354,7 +190,7 @@ DOORS: dict[str, Door] = {
     # Experiments.
     "study": _study("result.json"),
     "study-config": _study("config.json"),
-    "trials": _study("trials.parquet", _vouch),
-    "series": _study("series.npz", _vouch),
-    "chunk": Door("toy/trials.parquet", goods.study, _rows),
+    "trials": _study("trials.parquet", readers.renew_digests),
+    "series": _study("series.npz", readers.renew_digests),
+    "chunk": Door("toy/trials.parquet", goods.study, readers.rows),
 }

@@ -24,6 +24,9 @@ from runtime.recording import Friction, friction
 
 SAMPLES = (COST_SAMPLES, 1000)
 """Samples of the motion: 80 as in the cost, which is optimistic by some percent, and nearly all."""
+MOST_SAMPLES = 2**14
+"""Largest number of samples of the motion that stand for a log, which may have millions; the mean
+of the rows of a smooth motion hardly depends on their number."""
 _OFFSET = (friction.OFFSET.name,)
 """Column that is fitted beside a payload: sensors drift."""
 _COM = np.array([0.0, 0.0, 0.1])
@@ -172,7 +175,7 @@ def covariance_of(
         trajectory: the motion.
         known: noise, rate, earlier logs and unknowns.
         names: friction columns.
-        samples: number of samples of the motion; None is that of the log.
+        samples: number of samples of the motion; None is that of the log, up to `MOST_SAMPLES`.
 
     Returns:
         (k, k) SI.
@@ -180,7 +183,7 @@ def covariance_of(
     Raises:
         IdentificationError: the motion excites fewer columns than there are.
     """
-    count = samples or round(known.rate * trajectory.duration) + 1
+    count = samples or min(round(known.rate * trajectory.duration) + 1, MOST_SAMPLES)
     gram, _ = _gram(lib, trajectory, known, names, count)
     k = len(lib.base_columns) if known.columns is None else known.columns.shape[1]
     return _covariance(gram, k, trajectory)

@@ -5,7 +5,8 @@ By the default convention a CSV has the header t, q1 … qn [, dq1 … dqn] [, d
 state.q[0] …, with the time in ms.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import IO, Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from runtime.recording.formats.text_tables import (
     decode,
     find_header,
     flat_table,
+    lines_of,
 )
 from runtime.recording.recipes.default_convention import columns_convention
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
@@ -27,8 +29,8 @@ from runtime.recording.recording import Recording
 
 FRANKA = {"q": ("position", "rad"), "dq": ("velocity", "rad/s"), "tau_J": ("torque", "N*m")}
 """Column of logToCSV → kind of signal and its unit."""
-HEAD = 200
-"""Lines in which a header is looked for."""
+HEAD, FRANKA_HEAD = 200, 50
+"""Lines in which a header is looked for: any one, and that of logToCSV."""
 
 
 class TextReader(LogReader):
@@ -47,10 +49,11 @@ class TextReader(LogReader):
 
     def convention(self) -> Recipe:
         """Recipe of a header by the convention, or by logToCSV."""
-        lines = self.text().splitlines()
-        if (franka := _franka_convention(lines)) is not None:
+        text = self.text()
+        if (franka := _franka_convention(islice(lines_of(text), FRANKA_HEAD))) is not None:
             return franka
-        header = lines[find_header(lines, ("q1",), self.raw.name)]
+        place = find_header(lines_of(text), ("q1",), self.raw.name)
+        header = next(islice(lines_of(text), place, None))
         return columns_convention(cells_of(header)[0], "csv", self.raw.name)
 
     def table(self, kind: str, part: Signal | Time) -> LogTable:
@@ -79,7 +82,7 @@ class TextReader(LogReader):
 
     def head(self) -> list[list[str]]:
         """Cells of the first lines that are not blank."""
-        lines = decode(self.raw.data(), self.raw.name).splitlines()[:HEAD]
+        lines = islice(lines_of(decode(self.raw.data(), self.raw.name)), HEAD)
         return [cells_of(line)[0] for line in lines if line.strip()]
 
 
@@ -103,9 +106,9 @@ class FlatReader(TextReader):
         return flat_table(self.text(), part.width, self.raw.name)
 
 
-def _franka_convention(lines: list[str]) -> Recipe | None:
+def _franka_convention(lines: Iterable[str]) -> Recipe | None:
     """Recipe of a file of logToCSV; None where no header is one of it."""
-    for line in lines[:50]:
+    for line in lines:
         titles = cells_of(line)[0]
         prefix = next((p for p in ("state.", "") if f"{p}q[0]" in titles), None)
         if prefix is None or "time" not in titles:

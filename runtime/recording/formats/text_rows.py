@@ -1,6 +1,7 @@
 """Text logs that stay in their file: the head of one, and its rows parsed once into a spool."""
 
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import numpy as np
 from runtime.errors import RecordingError
 from runtime.recording.formats.spool import Spool
 from runtime.recording.formats.tables import Columns, FloatArray
-from runtime.recording.formats.text_tables import csv_table, find_header
+from runtime.recording.formats.text_tables import csv_table, find_header, lines_of
 
 PIECE = 2**23
 """Number of characters that are parsed at once; a line must be shorter."""
@@ -62,8 +63,8 @@ def _parsed(path: Path, columns: Columns) -> Iterator[FloatArray]:
     header = ""
     for number, piece in enumerate(_pieces(path)):
         if number == 0 and names:
-            lines = piece.splitlines()
-            header = lines[find_header(lines, names, path.name)] + "\n"
+            place = find_header(lines_of(piece), names, path.name)
+            header = next(islice(lines_of(piece), place, None)) + "\n"
         yield csv_table(header * (number > 0) + piece, columns, path.name).values
 
 

@@ -5,7 +5,10 @@ aligned; the reader drops it. Units, signs and order are left to `reader`.
 """
 
 import zlib
+from array import array
 from collections import Counter
+from collections.abc import Iterable, Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -14,6 +17,8 @@ from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK, Colu
 
 SHOWN = 60
 """Largest number of characters of a line in a message."""
+PIECE = 2**14
+"""Number of characters that are divided at once; a short line takes 30 times its text."""
 GZIP = b"\x1f\x8b"
 """First bytes of gzip data."""
 
@@ -78,6 +83,15 @@ def _expanded(data: bytes, name: str) -> bytes:
     return content
 
 
+def lines_of(text: str) -> Iterator[str]:
+    """Lines of a text as `splitlines` divides it, in pieces."""
+    start = 0
+    while start < len(text):
+        end = text.find("\n", start + PIECE) + 1 or len(text)
+        yield from text[start:end].splitlines()
+        start = end
+
+
 def cells_of(line: str) -> tuple[list[str], str | None]:
     """Cells of a line and its separator: `;`, else tab, else comma, else blanks (None)."""
     line = line.lstrip("# ")  # a header may be written as a comment
@@ -85,7 +99,7 @@ def cells_of(line: str) -> tuple[list[str], str | None]:
     return _split(line, separator), separator
 
 
-def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
+def find_header(lines: Iterable[str], wanted: tuple[str, ...], name: str) -> int:
     """Index of the first line whose cells contain all wanted names.
 
     Args:
@@ -94,16 +108,17 @@ def find_header(lines: list[str], wanted: tuple[str, ...], name: str) -> int:
         name: of the file, for messages.
 
     Returns:
-        Index into lines.
+        Index of the line, counted from 0.
 
     Raises:
         RecordingError: there is no such line; the message names the columns that the best line
             lacks.
     """
     best: tuple[int, list[str]] = (0, list(wanted))
-    first = ",".join(cells_of(lines[0])[0]) if lines else ""
+    first = ""
     for index, line in enumerate(lines):
         cells = cells_of(line)[0]
+        first = first if index else ",".join(cells)
         missing = [column for column in wanted if column not in cells]
         if not missing:
             repeated = [cell for cell, count in Counter(cells).items() if count > 1 and cell]
@@ -142,14 +157,13 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
         RecordingError: there is no header, no such column, or the rows have another width than the
             header.
     """
-    lines = text.splitlines()
     names = tuple(column for column in columns if isinstance(column, str))
     if names:
-        header = find_header(lines, names, name)
+        header = find_header(lines_of(text), names, name)
         first = header + 1
     else:
-        header, first = -1, _first_numeric(lines, name)
-    reference = lines[header if names else first]
+        header, first = -1, _first_numeric(lines_of(text), name)
+    reference = next(islice(lines_of(text), header if names else first, None))
     titles, separator = cells_of(reference)
     picks = [titles.index(c) if isinstance(c, str) else c for c in columns]
     if max(picks) >= len(titles):
@@ -157,12 +171,11 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
             f"{name} is expected to have a column {max(picks)}, but has {len(titles)} columns "
             "(counted from 0); correct the recipe"
         )
-    rows: list[list[float]] = []
-    numbers: list[int] = []
+    rows, numbers = array("d"), array("q")  # a list of lists takes four times the memory
     widths: Counter[int] = Counter()
     repeated = 0
     corrupt = [np.nan] * len(picks)
-    for number, line in enumerate(lines[first:], start=first + 1):
+    for number, line in enumerate(islice(lines_of(text), first, None), start=first + 1):
         stripped = line.strip()
         if not stripped or stripped.startswith("#"):
             continue
@@ -172,7 +185,7 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
         cells = _split(line, separator)
         widths[len(cells)] += 1
         good = len(cells) == len(titles)
-        rows.append([_number(cells[i], separator) for i in picks] if good else corrupt)
+        rows.extend([_number(cells[i], separator) for i in picks] if good else corrupt)
         numbers.append(number)
     _check_widths(widths, len(titles), name)
     skipped = header if names else first
@@ -181,8 +194,8 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
     if separator not in {",", None}:
         title = {";": "semicolons", "\t": "tabs"}[separator or ""]
         remarks.append(f"{name}: cells are separated by {title}, a comma is a decimal mark.")
-    values = np.array(rows, dtype=np.float64).reshape(len(rows), len(picks))
-    return LogTable(values, np.array(numbers, dtype=np.int64), tuple(remarks))
+    values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(picks))
+    return LogTable(values, np.frombuffer(numbers, dtype=np.int64), tuple(remarks))
 
 
 def flat_table(text: str, width: int, name: str) -> LogTable:
@@ -199,14 +212,15 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     Raises:
         RecordingError: no line is a number.
     """
-    lines = text.rstrip().splitlines()
-    first = _first_numeric(lines, name)
-    numbers = [_number(line.strip(), None) for line in lines[first:]]
+    text = text.rstrip()
+    first = _first_numeric(lines_of(text), name)
+    lines = islice(lines_of(text), first, None)
+    numbers = array("d", (_number(line.strip(), None) for line in lines))
     count, rest = divmod(len(numbers), width)
     remarks = [f"{name}: {first} lines before the first number were skipped."] * (first > 0)
     if rest:
         remarks.append(f"{name}: the last sample was cut short ({rest} of {width} numbers).")
-    values = np.array(numbers[: count * width], dtype=np.float64).reshape(count, width)
+    values = np.frombuffer(numbers, dtype=np.float64)[: count * width].reshape(count, width)
     return LogTable(values, first + 1 + width * np.arange(count), tuple(remarks))
 
 
@@ -226,7 +240,7 @@ def _number(cell: str, separator: str | None) -> float:
         return np.nan
 
 
-def _first_numeric(lines: list[str], name: str) -> int:
+def _first_numeric(lines: Iterable[str], name: str) -> int:
     for index, line in enumerate(lines):
         cells, separator = cells_of(line)
         if cells and all(np.isfinite(_number(cell, separator)) for cell in cells):

@@ -152,7 +152,9 @@ def _path(figure: Figure, experiment: Experiment, view: SavedView) -> None:
     kept = path[:: max(1, len(path) // POINTS)]
     axis.plot(*kept.T, color=BLUE)
     axis.plot(*path[:1].T, "o", color=GREEN, label="start and end")
-    axis.set_box_aspect(np.ptp(path, axis=0), zoom=0.9)
+    extent = np.ptp(path, axis=0)
+    if extent.any():  # else the path is one point
+        axis.set_box_aspect(extent, zoom=0.9)
     for name, one in zip("xyz", (axis.xaxis, axis.yaxis, axis.zaxis), strict=True):
         one.set_pane_color((1, 1, 1, 0))
         one.set_label_text(f"{name} [m]")

@@ -12,6 +12,7 @@ from runtime.errors import IdentificationError
 from runtime.excitation import Trajectory, covariance_of, design, information, predict, torque_band
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import FRICTION
+from runtime.excitation.search.prediction import MOST_SAMPLES
 from runtime.excitation.search.unseen_motions import unseen_rows, unseen_torque
 from runtime.identification.expected_accuracy.earlier_logs import information_of_logs
 from runtime.library import Library
@@ -21,6 +22,21 @@ from tests.runtime.trials import assert_variance, errors, pinocchio_rows, with_f
 
 DURATION = 10.0
 TRIALS = 200
+
+
+def test_samples_of_a_long_log_are_bounded(
+    lib: Library, trajectories: tuple[Trajectory, ...]
+) -> None:
+    """Property: a log of hours is counted by `MOST_SAMPLES` rows; 1000 s at 100 Hz took 0.4 GB.
+
+    One more sample than half of them changes the mean of the rows by 1e-4 of itself.
+    """
+    fast = information(lib, 0.05, rate=3 * MOST_SAMPLES / DURATION)
+    spread = covariance_of(lib, trajectories[0], fast)
+    same = covariance_of(lib, trajectories[0], fast, samples=MOST_SAMPLES)
+    np.testing.assert_array_equal(spread, same)
+    near = covariance_of(lib, trajectories[0], fast, samples=MOST_SAMPLES // 2)
+    assert np.diag(near) == pytest.approx(np.diag(spread), rel=1e-3)
 
 
 @pytest.fixture(scope="module")

@@ -195,6 +195,33 @@ def test_a_result_that_does_not_hold_together_is_one_sentence(
         read_experiments(study(tmp_path, change))
 
 
+def test_numbers_that_broke_are_gaps_or_one_sentence(tmp_path: Path) -> None:
+    """Property: infinite curves leave a gap, infinite trials do not agree with their summary."""
+
+    def infinite(raw: dict[str, Any]) -> None:
+        place = tmp_path / "series" / "toy"
+        with np.load(place / "series.npz") as file:
+            series = {name: np.where(values > 0.9, np.inf, values) for name, values in file.items()}
+        series["path"] = np.zeros((50, 3))
+        np.savez(place / "series.npz", **series)
+        raw["files"]["series.npz"] = digest(place / "series.npz")
+
+    write_experiments(study(tmp_path / "series", infinite), tmp_path / "report.html")
+
+    def not_a_number(raw: dict[str, Any]) -> None:
+        place = tmp_path / "trials" / "toy"
+        table = pq.read_table(place / "trials.parquet")
+        gone = pa.array([np.nan] * table.num_rows)
+        table = table.set_column(table.column_names.index("airm"), "airm", gone)
+        pq.write_table(table, place / "trials.parquet")
+        raw["files"]["trials.parquet"] = digest(place / "trials.parquet")
+        for entry in raw["summary"]:
+            entry["quartiles"] = [0.1, 0.2, 0.3]
+
+    with pytest.raises(RuntimeFault, match="differs from its trials"):
+        read_experiments(study(tmp_path / "trials", not_a_number))
+
+
 def test_truncated_and_missing_files_are_named(tmp_path: Path) -> None:
     for name in ("result.json", "trials.parquet", "series.npz", "config.json"):
         place = study(tmp_path / name.partition(".")[0]) / "toy"

@@ -29,6 +29,7 @@ LIBRARIES = {
     "pinocchio": (ENGINES,),
     "mujoco": (ENGINES, "runtime.simulation.mujoco_engine"),
     "pydrake": (ENGINES,),
+    "pxr": (ENGINES,),
     "yaml": (ENGINES,),
     "jinja2": ("runtime.outputs.report",),
     "matplotlib": ("runtime.outputs.report",),

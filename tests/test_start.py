@@ -15,6 +15,7 @@ HEAVY = (
         "pooch",
         "pyarrow",
         "mcap",
+        "pxr",
         "rosbags",
         "distributed",
         "mujoco",

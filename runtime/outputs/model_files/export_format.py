@@ -43,6 +43,7 @@ EXPORT_FORMATS = Registry(
         "urdf": f"{_FORMATS}.urdf:URDF",
         "mjcf": f"{_FORMATS}.mjcf:MJCF",
         "sdf": f"{_FORMATS}.sdf:SDF",
+        "usd": f"{_FORMATS}.usd:USD",
         "inertials": f"{_FORMATS}.inertials:INERTIALS",
         "actuators": f"{_FORMATS}.actuators:ACTUATORS",
         "gravity": f"{_FORMATS}.gravity:GRAVITY",

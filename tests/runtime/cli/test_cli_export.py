@@ -26,15 +26,15 @@ def test_export_writes_what_others_load(
     assert ran.code == 0, ran.err
     written = {path.name for path in (tmp_path / "out" / "export").iterdir()}
     assert written == {
-        *("fr3.urdf", "fr3.xml", "fr3.sdf", "inertials.yaml", "dynamics.yaml"),
+        *("fr3.urdf", "fr3.xml", "fr3.sdf", "fr3.usda", "inertials.yaml", "dynamics.yaml"),
         *("fr3_identified.h", "fr3_gravity.h"),
     }
-    assert ran.out.count("verified: reloaded by") == 7
+    assert ran.out.count("verified: reloaded by") == 8
     again = command("export", "out", "--robot", lib.folder, "--to", "mjcf,urdf")
     assert again.code == 2
     assert "fr3.xml' exists" in again.err
     assert command("export", "out", "--robot", lib.folder, "--to", "urdf", "--overwrite").code == 0
-    assert "friction, header; got 'usd'" in command("export", "out", "--to", "usd").err
+    assert "friction, header; got 'vrml'" in command("export", "out", "--to", "vrml").err
     assert "no valid result.json" in command("export", tmp_path).err
 
 
@@ -83,7 +83,7 @@ def test_a_format_of_another_package_is_used_by_its_name(
     lines = (tmp_path / "out" / "export" / "fr3_masses.csv").read_text().splitlines()
     assert lines[0] == "link,mass"
     assert {line.split(",")[0] for line in lines[1:]} >= set(lib.link_names)
-    assert "header, toy; got 'usd'" in export("out", "--to", "usd").stderr
+    assert "header, toy; got 'vrml'" in export("out", "--to", "vrml").stderr
 
 
 def test_export_says_what_it_could_not_write(

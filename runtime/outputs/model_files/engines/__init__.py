@@ -1,6 +1,6 @@
 """The programs that read model files: what each one read; None where it is not installed.
 
-In outputs, only these modules may import pinocchio, mujoco, pydrake and yaml.
+In outputs, only these modules may import pinocchio, mujoco, pydrake, pxr and yaml.
 """
 
 from runtime.outputs.model_files.engines.answer import Reloaded, Unreadable, random_states

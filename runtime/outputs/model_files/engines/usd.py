@@ -1,0 +1,143 @@
+"""Read USD by usd-core: bodies of the links, placements and friction of the joints."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from runtime.library import Array
+from runtime.outputs.model_files.bodies import RigidBody
+from runtime.outputs.model_files.engines.answer import Unreadable, pi_of
+from runtime.outputs.model_files.model import IdentifiedModel
+
+INSTALL = "pip install 'symgen[export]'"
+SINGLE = 1e-6
+"""Of single-precision attributes, relative: two roundings to 24 bits and the degrees."""
+_PER_DEGREE = 180 / np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class ReloadedStage:
+    """A robot as usd-core read it from a stage.
+
+    Attributes:
+        engine: name and version.
+        pi: (n, 10) bodies; those fixed to each other are summed in the frame of the moving link.
+        joints: name of a joint → its prim.
+        stage: to which the prims belong; they expire with it.
+    """
+
+    engine: str
+    pi: Array
+    joints: dict[str, Any]
+    stage: Any
+
+    def place_error(self, name: str, placement: Array, axis: Array | None) -> float:
+        """Largest difference of the placement of a joint, and of its axis.
+
+        Args:
+            name: of the joint.
+            placement: expected T (4, 4) from the child's frame to the parent's at q = 0.
+            axis: expected axis in the child's frame (3,); None for a fixed joint.
+
+        Returns:
+            Difference [m, 1]; infinite where the joint is missing.
+        """
+        prim = self.joints.get(name)
+        if prim is None:
+            return np.inf
+        first, second = (_frame(prim, k) for k in (0, 1))
+        error = float(np.abs(first @ np.linalg.inv(second) - placement).max())
+        if axis is not None:
+            error = max(error, float(np.abs(second[:3, 0] - axis).max()))
+        return error
+
+    def holds(self, name: str, quantity: str, value: float) -> bool:
+        """Whether a joint has a value for MuJoCo in double and for PhysX in single precision.
+
+        Args:
+            name: of the joint.
+            quantity: "damping", "friction" or "armature".
+            value: expected, SI units.
+
+        Returns:
+            False where one of them differs.
+        """
+        prim = self.joints[name]
+        is_angular = prim.GetTypeName() == "PhysicsRevoluteJoint"
+        axis = f"physxJointAxis:{'angular' if is_angular else 'linear'}"
+        mjc, physx = {
+            "damping": ("mjc:damping", "viscousFrictionCoefficient"),
+            "friction": ("mjc:frictionloss", "dynamicFrictionEffort"),
+            "armature": ("mjc:armature", "armature"),
+        }[quantity]
+        scale = _PER_DEGREE if quantity == "damping" and is_angular else 1.0
+        single = scale * float(prim.GetAttribute(f"{axis}:{physx}").Get())
+        return bool(prim.GetAttribute(mjc).Get() == value and abs(single - value) <= SINGLE * value)
+
+
+def reload(text: str, model: IdentifiedModel) -> ReloadedStage | None:
+    """Read a stage.
+
+    Args:
+        text: the file (.usda).
+        model: the robot; its tree says which links are fixed to each other.
+
+    Returns:
+        What usd-core read; None where it is not installed.
+
+    Raises:
+        Unreadable: usd-core refuses the file, or links of the robot are missing.
+    """
+    try:
+        from pxr import Sdf, Tf, Usd
+    except ImportError:
+        return None
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    try:
+        layer.ImportFromString(text)
+    except Tf.ErrorException as error:
+        raise Unreadable(error) from None
+    stage = Usd.Stage.Open(layer)
+    named: dict[str, Any] = {}
+    joints: dict[str, Any] = {}
+    for prim in stage.Traverse():
+        name = prim.GetAttribute("symgen:name")
+        if name:
+            (joints if prim.GetTypeName().endswith("Joint") else named)[name.Get()] = prim
+    lib, tree = model.lib, model.tree
+    P = dict.fromkeys(lib.link_names, np.zeros((4, 4)))
+    missing = [link for link in tree.links if link not in named]
+    if missing:
+        raise Unreadable(f"expected the link '{missing[0]}', which is missing")
+    for link in tree.links:
+        carrier, T = tree.carrier(link)
+        body = _body(named[link])
+        if carrier is not None and body is not None:
+            P[carrier] = P[carrier] + T @ body.pseudo_inertia @ T.T
+    version = ".".join(map(str, Usd.GetVersion()))
+    return ReloadedStage(f"usd-core {version}", np.array([pi_of(P[k]) for k in P]), joints, stage)
+
+
+def _body(prim: Any) -> RigidBody | None:
+    mass = prim.GetAttribute("symgen:mass")
+    if not mass:
+        return None
+    values = (prim.GetAttribute(f"symgen:{k}").Get() for k in ("centerOfMass", "diagonalInertia"))
+    com, diagonal = (np.array(value, dtype=float) for value in values)
+    R = _rotation(prim.GetAttribute("symgen:principalAxes").Get())
+    return RigidBody(float(mass.Get()), com, R @ np.diag(diagonal) @ R.T)
+
+
+def _frame(prim: Any, side: int) -> Array:
+    T = np.eye(4)
+    T[:3, :3] = _rotation(prim.GetAttribute(f"physics:localRot{side}").Get())
+    T[:3, 3] = prim.GetAttribute(f"physics:localPos{side}").Get()
+    return T
+
+
+def _rotation(quaternion: Any) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    x, y, z = quaternion.GetImaginary()
+    return np.asarray(Rotation.from_quat([x, y, z, quaternion.GetReal()]).as_matrix())

@@ -149,7 +149,8 @@ def _paths(model: IdentifiedModel, root: str, names: dict[str, str]) -> dict[str
 
     PhysX gives a body without mass the mass 1 kg, so that a flange without mass is no body.
     """
-    tree, paths = model.tree, {}
+    tree = model.tree
+    paths: dict[str, str] = {}
     for link in tree.subtree(tree.base):
         edge = tree.edges.get(link)
         is_frame = edge is not None and not _is_body(model, link)

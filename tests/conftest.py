@@ -76,6 +76,17 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
+def _zig_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """One folder for what zig compiles of its own before its first program, 15 s of CPU.
+
+    The workers of pytest-xdist share it, as they share the builds.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "zig"
+    os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(folder))
+
+
+@pytest.fixture(scope="session", autouse=True)
 def _own_builds(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Records of builds of this run; what was recorded before counts, and nothing is added to it.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from runtime.library import load
+from runtime.library import Library, load
 from tests.conftest import REPOSITORY
 
 ON_TILES = {
@@ -43,12 +43,13 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def build(home: Path) -> Any:
-    return script("bench_build", "--out", str(home / "generated"), home=home)
+    words = ("--level", "portable", "--out", str(home / "generated"))
+    return script("bench_build", *words, home=home)
 
 
 @pytest.fixture(scope="module")
-def kernels(home: Path, build: Any) -> Any:
-    robot = str(home / "generated" / build["robot"])
+def kernels(home: Path, fr3: Library) -> Any:
+    robot = str(fr3.folder)
     return script("bench_kernels", "--robot", robot, "--rounds", "1", "--no-cpp", home=home)
 
 
@@ -71,9 +72,9 @@ def test_a_build_from_nothing_needs_an_empty_folder(home: Path, build: Any) -> N
     assert "is not empty" in run.stderr
 
 
-def test_every_kernel_on_every_layout(kernels: Any, home: Path) -> None:
+def test_every_kernel_on_every_layout(kernels: Any, fr3: Library) -> None:
     """Oracle: the list above; the best level has all kernels, the others those of the bars."""
-    lib = load(home / "generated" / "fr3")
+    lib = fr3
     levels = set(kernels["limits"])
     assert {lib.level, "portable"} <= levels <= set(lib.levels)
     best = {(name, lib.level, layout) for name in ON_TILES for layout in ("tiles", "batch")}
@@ -136,9 +137,9 @@ def test_arms_of_any_length(home: Path) -> None:
     assert set(report["built"]) == {"serial, 2", "serial, 4"}
 
 
-def test_identification_is_timed_or_skipped(home: Path, build: Any) -> None:
+def test_identification_is_timed_or_skipped(home: Path, fr3: Library) -> None:
     """Property: every entry of the registry either has a row or a reason."""
-    robot = str(home / "generated" / build["robot"])
+    robot = str(fr3.folder)
     report = script("bench_identify", "--robot", robot, "--rounds", "1", "--no-trials", home=home)
     labels = [row["label"] for row in report["rows"]] + list(report["skipped"])
     assert len(labels) == len(set(labels)) == 11
@@ -152,10 +153,10 @@ def test_identification_is_timed_or_skipped(home: Path, build: Any) -> None:
         assert "has no function" in why or "--no-trials" in why
 
 
-def test_optimisers_of_excitation_solve_the_same_problem(home: Path, build: Any) -> None:
+def test_optimisers_of_excitation_solve_the_same_problem(home: Path, fr3: Library) -> None:
     """Oracle: SLSQP on our cost and on Pinocchio's, from one start, end in the same motion."""
     pytest.importorskip("pinocchio")
-    robot = str(home / "generated" / build["robot"])
+    robot = str(fr3.folder)
     arguments = ("--robot", robot, "--starts", "1", "--harmonics", "2")
     report = script("bench_excitation", *arguments, home=home)
     starts_of = {row["name"]: row["starts"] for row in report["rows"]}
@@ -181,9 +182,9 @@ def test_an_unknown_robot_is_one_sentence(tmp_path: Path) -> None:
     assert len(run.stderr.splitlines()) == 1
 
 
-def test_samples_fill_tiles(home: Path, build: Any) -> None:
+def test_samples_fill_tiles(home: Path, fr3: Library) -> None:
     """Property: a number of samples that tiles cannot hold is refused in one sentence."""
-    robot = str(home / "generated" / build["robot"])
+    robot = str(fr3.folder)
     script_path = str(REPOSITORY / "scripts" / "bench_kernels")
     command = [sys.executable, script_path, "--robot", robot, "--samples", "12", "--no-cpp"]
     environment = os.environ | {"PYTHONPATH": str(REPOSITORY), "XDG_CACHE_HOME": str(home)}
@@ -192,7 +193,7 @@ def test_samples_fill_tiles(home: Path, build: Any) -> None:
     assert "expected a multiple of it, got 12" in run.stderr
 
 
-def test_numpy_computes_the_same(home: Path, build: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numpy_computes_the_same(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the functions of runtime; a reference that did less would flatter us."""
     monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
     from bench import doors, numpy_identify
@@ -200,7 +201,7 @@ def test_numpy_computes_the_same(home: Path, build: Any, monkeypatch: pytest.Mon
     from runtime.estimators.regression import compress
     from runtime.excitation import ConditionCost
 
-    setting = doors.setting(load(home / "generated" / build["robot"]))
+    setting = doors.setting(fr3)
     lib, t = setting.lib, setting.trajectory
     shape = (lib, t.home, t.coefficients.shape[1], t.duration)
     value, gradient = numpy_identify.log_condition(*shape)

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -71,12 +72,13 @@ class Report:
         return asdict(self)
 
 
-def measure(robot: str, kept: Path | None = None) -> Report:
+def measure(robot: str, kept: Path | None = None, levels: Sequence[str] = ()) -> Report:
     """Build a bundled robot twice in an empty folder.
 
     Args:
         robot: name.
         kept: folder for the result; a temporary one without it.
+        levels: instruction sets; empty: those of `symgen build`.
 
     Raises:
         BenchError: the build failed, its message is part of the sentence; or `kept` is not empty.
@@ -91,8 +93,8 @@ def measure(robot: str, kept: Path | None = None) -> Report:
         timed = (sys.executable, "-I", "-S", str(wrapper), str(log), *compiler)
         out = kept or folder / "generated"
         start = time.time()
-        total = _build(robot, out, timed)
-        again = _build(robot, out, timed)
+        total = _build(robot, out, timed, levels)
+        again = _build(robot, out, timed, levels)
         lines = log.read_text(encoding="utf-8").splitlines()
         size = (out / robot / f"lib{robot}.so").stat().st_size
     calls = [json.loads(line) for line in lines]
@@ -120,11 +122,12 @@ def measure(robot: str, kept: Path | None = None) -> Report:
     )
 
 
-def _build(robot: str, out: Path, compiler: tuple[str, ...]) -> float:
+def _build(robot: str, out: Path, compiler: tuple[str, ...], levels: Sequence[str]) -> float:
     """Seconds of one `symgen build`."""
     path = os.pathsep.join((str(_ROOT), *filter(None, (os.environ.get("PYTHONPATH"),))))
     environment = os.environ | {"CC": shlex.join(compiler), "PYTHONPATH": path}
     command = [sys.executable, "-m", "symgen", "build", "--robot", robot, "--out", str(out)]
+    command += [word for level in levels for word in ("--level", level)]
     start = time.perf_counter()
     run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if run.returncode != 0:

@@ -151,6 +151,9 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         elif "armature_from" in block:
             kinds.append("armature")
             assert set(tomllib.loads(block)) == {"armature_from", "armature"}
+        elif "[centre]" in block:
+            kinds.append("type")
+            assert read_prior(path, fr3).friction.columns == ("viscous",)
         elif "trust" in block:
             kinds.append("prior")
             assert len(read_prior(path, fr3).constraints.bounds) > 4
@@ -166,7 +169,7 @@ def test_toml_blocks_are_read(tmp_path, fr3):
             kinds.append("robot")
             assert read_config(path).home is not None
     recipes = {"recipe", "law", "intervals"}
-    others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "rows"}
+    others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "rows", "type"}
     assert set(kinds) == recipes | others
 
 

@@ -24,6 +24,7 @@ COMMANDS = (
         "observe",
         "sample",
         "watch",
+        "fleet",
     ),
     *(
         "export",

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Robot, Seed, command_line, console, say, share_table, torque_table
-from runtime.cli.drive import delayed, drive_request, print_drives
+from runtime.cli.common import Robot, Seed, console, say
+from runtime.cli.drive import delayed, drive_request
+from runtime.cli.identify_output import finish
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -32,7 +33,7 @@ from runtime.cli.prepared_log import (
 )
 from runtime.cli.progress import STATE, counting
 from runtime.cli.robot import Yes, open_robot
-from runtime.cli.several_logs import Logs, PayloadOf, identify_several, print_agreement, runs_of
+from runtime.cli.several_logs import Logs, PayloadOf, identify_several, runs_of
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method, require_method
@@ -41,21 +42,20 @@ from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.long_logs import identify_streamed, require_streamable
-from runtime.identification.result_file import write_result
-from runtime.identification.result_warnings import still_joints
 from runtime.identification.settings import Settings
-from runtime.identification.several_logs import LogAgreement
 from runtime.identification.single_log import identify
 from runtime.identification.without_prior import settings_for
 from runtime.inspection.default_friction import MEMORY
 from runtime.library import Library
-from runtime.outputs.model_files import write_urdf
 from runtime.recording import Friction, Recording, StreamedRecording
 from runtime.simulation.controller_file import read_controller
 
 _WRITTEN = ResultFolder(
     "identify",
-    ("result.json", "predictions.npz", "posterior.npz", "identified.urdf", "report.html"),
+    (
+        *("result.json", "predictions.npz", "posterior.npz", "statistics.npz"),
+        *("identified.urdf", "report.html"),
+    ),
     "method",
 )
 
@@ -119,6 +119,13 @@ def identify_command(
             "known (one log, methods without early stopping)."
         ),
     ] = True,
+    save_statistics: Annotated[
+        bool,
+        typer.Option(
+            "--save-statistics",
+            help="Write statistics.npz, the compressed log that fleet needs.",
+        ),
+    ] = False,
     seed: Seed = 0,
     overwrite: Overwrite = False,
 ) -> None:
@@ -179,7 +186,7 @@ def identify_command(
                 "each alone, and write torque_delay_s under [preparation] of its recipe"
             )
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
-        _finish(result, folder, agreement)
+        finish(result, folder, save_statistics, agreement)
         return
     usable = usable_columns([chosen])
     if delay is not None or encoder_bias:  # whose result states Coulomb friction per drive
@@ -198,7 +205,7 @@ def identify_command(
             )
         result = _streamed(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-        _finish(result, folder)
+        finish(result, folder, save_statistics)
         return
     preparation = delayed(data.recording, data.preparation, delay)
     terms = data.friction
@@ -218,7 +225,7 @@ def identify_command(
         drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-    _finish(result, folder)
+    finish(result, folder, save_statistics)
 
 
 def _is_streamable(method: str | None, preset: str | None) -> bool:
@@ -260,50 +267,3 @@ def _with_progress(
         if drives is not None:
             return identify_drive(recording, lib, settings, drives, progress=report)
         return identify(recording, lib, settings, progress=report)
-
-
-def _finish(result: Identification, folder: Path, agreement: LogAgreement | None = None) -> None:
-    from runtime.outputs.report import write_report  # matplotlib is slow to import
-
-    facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
-    first = still_joints(result)
-    for warning in first:
-        say(f"warning: {warning}")
-    console.print(torque_table(facts))
-    shares = share_table(facts)
-    if shares is not None:
-        console.print(shares)
-    print_drives(facts)
-    if agreement is not None:
-        print_agreement(agreement)
-    if result.uncertainty is not None:
-        unknowns = len(result.uncertainty.beta_sigma)
-        say(
-            f"data: they determine {result.uncertainty.determined} of {unknowns} independent "
-            "combinations of parameters better than the prior does"
-        )
-    say(f"status: {result.status}")
-    verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
-    smallest = float(result.relative_eigenvalues.min())
-    say(f"links: all {len(facts['links'])} {verdict}, smallest relative eigenvalue {smallest:.1e}"
-        if result.is_consistent
-        else f"links: {verdict}, smallest relative eigenvalue {smallest:.1e}")  # fmt: skip
-    say(
-        f"gap to the convex optimum (PC-OLS on the same rows and weights): {100 * result.gap:.3f} %"
-    )
-    if result.uncertainty is not None:
-        say(f"advice: {result.uncertainty.advice()}")
-    say(f"time of the method: {result.seconds:.3f} s")
-    for warning in facts["warnings"][len(first) :]:
-        say(f"note: {warning}")
-    if result.is_consistent:
-        say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
-    else:
-        (folder / "identified.urdf").unlink(missing_ok=True)  # of a result that this one replaces
-        say("URDF:   not written, because the model is not physically consistent")
-    say(f"report: {write_report(folder)}")
-
-
-def _exported(result: Identification, folder: Path) -> str:
-    path = folder / "identified.urdf"
-    return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)

@@ -10,6 +10,7 @@
     com_hull = [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]
     symmetry = ["xz"]                 # planes of the link frame through its origin
 
+`[centre]` and `[friction]` of a type of robot, which `fleet` writes, are those of `type_prior`.
 Every entry is optional and every one is linear in π.
 """
 
@@ -24,6 +25,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.armature_prior import read_armature
 from runtime.estimators.convex import CAD, GRIPPER, NONE
 from runtime.estimators.convex.constraints import Constraints, Row
+from runtime.estimators.type_prior import KnownFriction, read_centre, read_friction
 from runtime.files import toml_of
 from runtime.library import Array, Library
 from runtime.library.parameters import PI_NAMES, links
@@ -36,7 +38,7 @@ MIRRORED = {
 }
 """Entries of π that vanish for a body that is symmetric about a plane of its link frame."""
 _LARGEST = sys.float_info.max
-_KEYS = ("trust", "total_mass", "link", "armature", "armature_from")
+_KEYS = ("trust", "total_mass", "link", "armature", "armature_from", "centre", "friction", "fleet")
 _LINK_KEYS = ("mass", "com_box", "com_hull", "symmetry")
 
 
@@ -49,11 +51,18 @@ class PriorFile:
         constraints: linear priors.
         armature: rotor inertia and its standard deviation per joint, (n, 2) [kg·m², kg], infinite
             without a prior; None where the file states none.
+        centre: π0 of the type of robot, (10 n,) [kg, kg·m, kg·m²], in place of the URDF's; None
+            where the file states none.
+        friction: friction coefficients of the type; None where the file states none.
+        units: number of units of the fleet that the prior was computed from; 0 for none.
     """
 
     kappa: float | None
     constraints: Constraints
     armature: Array | None = None
+    centre: Array | None = None
+    friction: KnownFriction | None = None
+    units: int = 0
 
 
 def read_prior(path: Path, lib: Library) -> PriorFile:
@@ -91,7 +100,7 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
     if unknown:
         raise IdentificationError(
             f"the prior '{path}' has an unknown entry '{unknown[0]}'; known are trust, total_mass, "
-            f"armature, armature_from, and {', '.join(_LINK_KEYS)} of the links "
+            f"armature, armature_from, centre, friction, and {', '.join(_LINK_KEYS)} of the links "
             f"{', '.join(lib.link_names)}"
         )
     rows = _Rows(lib, path)
@@ -108,7 +117,14 @@ def read_prior(path: Path, lib: Library) -> PriorFile:
             rows.symmetry(link, table["symmetry"])
     constraints = Constraints(tuple(rows.equations), tuple(rows.bounds))
     armature = read_armature(facts, path, lib)
-    return PriorFile(_trust(facts.get("trust"), path), constraints, armature)
+    return PriorFile(
+        _trust(facts.get("trust"), path),
+        constraints,
+        armature,
+        read_centre(facts, path, lib),
+        read_friction(facts, path, lib),
+        _units(facts.get("fleet"), path),
+    )
 
 
 class _Rows:
@@ -217,6 +233,17 @@ class _Rows:
         raise IdentificationError(
             f"the prior '{self._path}' expects {wanted} for {name}, got something else; correct it"
         )
+
+
+def _units(given: Any, path: Path) -> int:
+    """Number of units of the fleet; 0 without the table [fleet]."""
+    units = 0 if given is None else given.get("units") if isinstance(given, dict) else None
+    if isinstance(units, int) and not isinstance(units, bool) and units >= 0:
+        return units
+    raise IdentificationError(
+        f"the prior '{path}' expects units = a number of units in [fleet], got {given!r:.60}; "
+        "compute it again with: fleet DIR"
+    )
 
 
 def _trust(given: Any, path: Path) -> float | None:

@@ -18,7 +18,6 @@ from runtime.estimators.convex import (
     CAD,
     bodies_of,
     com_sigma,
-    prior_of,
     reduce,
     spread_of,
 )
@@ -34,6 +33,7 @@ from runtime.estimators.regression.residuals import (
     weights_from,
 )
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
 
 IDENTIFIED, PRIOR_DOMINATED, UNOBSERVABLE = "identified", "prior-dominated", "unobservable"
@@ -205,6 +205,7 @@ def uncertainty_of(
     coloured_noise: ColouredNoise | None = None,
     compressed: Callable[[Array], Statistics] | None = None,
     is_most_probable: bool = True,
+    centre: Array | None = None,
 ) -> Uncertainty:
     """Uncertainty of an identified model, by any method.
 
@@ -221,6 +222,8 @@ def uncertainty_of(
         compressed: weights (n,) → statistics of all samples, where `samples` are only some.
         is_most_probable: whether `pi` is the most probable model under this prior; the covariance
             of other estimates is that of data with a prior of unknown quality.
+        centre: centre of the prior of a type of robot, (10 n,), whose κ is that of its units; None
+            for the first guess.
 
     Returns:
         Covariance of π, verdict per entry, noise per joint and effective sample size.
@@ -233,13 +236,16 @@ def uncertainty_of(
         coloured = coloured_noise_of(lib, [samples], statistics, weights)
     # C = (AᵀA/S + κ B)⁻¹: A of weighted data with friction eliminated, B of the prior.
     data, _ = reduce(statistics, samples.equations)
-    bodies, prior = bodies_of(lib), prior_of(lib, first_guess)
+    bodies, prior = bodies_of(lib), prior_about(lib, first_guess, centre)
     inside = bodies.log_det(pi) is not None
     level = max(coloured.density, np.finfo(float).tiny)
     rows, target = data.factor / np.sqrt(level), data.target / np.sqrt(level)
     spread = spread_of(bodies, pi if inside else prior.centre, rows, kappa)
-    # What the estimate differs from data with hardly any prior counts as its error.
+    # What the estimate differs from data with hardly any prior counts as its error, unless the
+    # trust in the prior was estimated from other units of the type.
     reference, vague = vague_posterior(lib, prior, rows, target)
+    if centre is not None:
+        reference = pi
     root = np.column_stack([spread.root if is_most_probable else vague, pi - reference])
     weights = weights_from(noise(rest, lib, phi.size), samples.tau)
     contradictions = contradictions_of(lib, samples, weights, data, prior, kappa, level, pi)

@@ -125,30 +125,43 @@ def assemble(
         ),
         column_names=parts[0].column_names,
         left_out=rounding.ravel(),
-        friction_prior=known_friction(chosen, parts[0].column_names),
+        friction_prior=known_friction(chosen, parts[0].column_names, terms),
     )
     notes = left_out_note(rounding, lib.joint_names, parts[0].column_names)
     one_run = chosen.test is None
     return Assembly(problem, parts, terms, one_run, notes=notes, is_joined=is_joined)
 
 
-def known_friction(settings: Settings, columns: tuple[str, ...]) -> FrictionPrior | None:
-    """Prior of the friction coefficients, of the settings or of the armature in a file of priors.
+def known_friction(
+    settings: Settings, columns: tuple[str, ...], friction: Friction
+) -> FrictionPrior | None:
+    """Prior of the friction coefficients, of the settings or of a file of priors.
 
     Args:
         settings: of the identification.
         columns: names of the friction columns.
+        friction: friction model, for its widths.
 
     Returns:
         The prior; None without one.
 
     Raises:
-        IdentificationError: the file states armature, and no column is that of rotors.
+        IdentificationError: the file states armature, and no column is that of rotors, or its
+            friction belongs to another width.
     """
     prior = settings.prior
-    if settings.friction_prior is not None or prior is None or prior.armature is None:
+    if settings.friction_prior is not None or prior is None:
         return settings.friction_prior
-    return friction_prior_of(prior.armature, columns)
+    known = None if prior.friction is None else prior.friction.of(friction, columns)
+    if prior.armature is None:
+        return known
+    rotors = friction_prior_of(prior.armature, columns)
+    if known is None:
+        return rotors
+    stated = np.isfinite(rotors.sigma)
+    return FrictionPrior(
+        np.where(stated, rotors.mean, known.mean), np.where(stated, rotors.sigma, known.sigma)
+    )
 
 
 def rounding_of(train: Recording, lib: Library) -> NDArray[np.bool_]:

@@ -189,6 +189,7 @@ def _uncertainty(assembly: Assembly, fit: Fit, method: str, settings: Settings) 
         coloured_noise=fit.coloured_noise,
         compressed=problem.statistics,
         is_most_probable=METHODS[method].is_most_probable,
+        centre=None if prior is None else prior.centre,
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)

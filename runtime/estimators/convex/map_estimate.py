@@ -6,10 +6,12 @@ friction rather than noise, and the prior does not help against friction; the co
 uses `coloured_noise`, includes them.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import CAD, Minimum, Prior, convex_problem, prior_of, reduce, solve
+from runtime.estimators.convex import CAD, Minimum, Prior, convex_problem, reduce, solve
 from runtime.estimators.convex.constraints import Constraints, constrained
 from runtime.estimators.friction_bounds import (
     Bounds,
@@ -25,6 +27,7 @@ from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.residuals import inflation, noise, residuals, weights_from
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
 
 PASSES = 3
@@ -36,13 +39,19 @@ LEAST_VARIANCE = 1e-4
 rounding, and the prior decides only what the motion does not excite."""
 
 
-def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | None = None) -> Fit:
+def fit_map(
+    problem: Problem,
+    kappa: float = CAD,
+    constraints: Constraints | None = None,
+    centre: Array | None = None,
+) -> Fit:
     """Maximum a posteriori of π, strictly consistent, with the best friction coefficients.
 
     Args:
         problem: samples and first guess; its weights start the first pass.
         kappa: trust κ in the first guess: 16 from CAD, 4 for a gripper, 1 for none.
         constraints: linear priors.
+        centre: centre of the prior, (10 n,); None for the first guess.
 
     Returns:
         π, φ, λ, the estimated weights and the noise.
@@ -55,7 +64,7 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
             f"expected a trust κ above 0, got {kappa:g}; use 16 for a URDF from CAD, 1 for none"
         )
     lib, train = problem.lib, problem.train
-    prior = prior_of(lib, lib.pi_from_lam(problem.start))
+    prior = prior_about(lib, lib.pi_from_lam(problem.start), centre)
     few = _thinned(train)
     weights = problem.weights
     bounds = bounds_of(problem, is_passive=True)
@@ -70,6 +79,9 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
     phi, minimum, _ = _fitted(lib, _primed(problem, statistics), bounds, weights, prior, kappa)
     # The autocorrelation of the residuals sets γ = κ s²/N_eff of the last pass.
     ratio = inflation(residuals(lib, train, minimum.pi, phi), weights)
+    coloured = coloured_noise_of(lib, [train], statistics, weights)
+    if centre is not None:  # the trust in a type is relative to all of the noise
+        ratio = max(ratio, coloured.inflation)
     phi, (minimum, notes), held = _solved(
         lib, _primed(problem, statistics, ratio), bounds, weights, prior, kappa, ratio, constraints
     )
@@ -83,7 +95,7 @@ def fit_map(problem: Problem, kappa: float = CAD, constraints: Constraints | Non
         notes=(*prior.notes, *notes),
         statistics=statistics,
         weights=weights,
-        coloured_noise=coloured_noise_of(lib, [train], statistics, weights),
+        coloured_noise=coloured,
     )
 
 
@@ -101,7 +113,16 @@ def fit_with_prior(problem: Problem, prior: PriorFile | None = None) -> Fit:
         IdentificationError: the priors contradict each other.
     """
     kappa = prior.kappa if prior and prior.kappa else CAD
-    return fit_map(problem, kappa, prior.constraints if prior else None)
+    if prior is None:
+        return fit_map(problem, kappa)
+    fit = fit_map(problem, kappa, prior.constraints, prior.centre)
+    if not prior.units:
+        return fit
+    note = (
+        f"the inertial prior is that of {prior.units} units of the fleet, which differ by about "
+        f"{100 / np.sqrt(kappa):.2g} %"
+    )
+    return replace(fit, notes=(note, *fit.notes))
 
 
 def _fitted(

@@ -227,7 +227,7 @@ def _linearised(
     if request.delay:
         rate = _torque_rate(result, samples, request.per_joint)
     prior = settings.prior
-    known = known_friction(settings, result.friction.columns)
+    known = known_friction(settings, result.friction.columns, result.friction)
     return linearised(
         lib,
         samples,

@@ -199,7 +199,7 @@ def assemble_streamed(
         terms=terms,
         column_names=train_names,
         left_out=rounding.ravel(),
-        friction_prior=known_friction(chosen, train_names),
+        friction_prior=known_friction(chosen, train_names, terms),
     )
     require_enough(train, lib)
     windows = (parts["train"], parts["validation"], parts["test"])

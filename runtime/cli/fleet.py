@@ -1,0 +1,161 @@
+"""`symgen fleet`."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from runtime.cli.common import console, say
+from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.progress import counting
+from runtime.cli.robot import Yes, open_robot
+from runtime.files import replacing
+from runtime.identification.statistics_file import read_statistics
+from runtime.library import Library
+from runtime.library.parameters import links, mass
+from runtime.monitoring.fleet.friction import FleetFriction, fit_friction
+from runtime.monitoring.fleet.gather import gather, remove_parts, statistics_files
+from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
+from runtime.monitoring.fleet.prior_text import prior_text, write_prior
+from runtime.monitoring.fleet.unit import Unit
+from runtime.parallel import one_blas_thread
+
+SHOWN = 20
+"""Units that are printed, those that differ most first."""
+
+
+@one_blas_thread
+def fleet_command(
+    folder: Annotated[
+        Path,
+        typer.Argument(metavar="DIR", help="Folder with results of identify --save-statistics."),
+    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Prior of the type, as TOML.")] = Path(
+        "fleet.toml"
+    ),
+    robot: Annotated[
+        str | None, typer.Option(help="Name or folder of the robot; default that of the files.")
+    ] = None,
+    yes: Yes = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="tcp://HOST:PORT", help="Read the files on the workers of this dask cluster."
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
+) -> None:
+    r"""Compute the prior of a type of robot from many units of it.
+
+    Centre and spread of the inertias and of the friction come from the compressed statistics of
+    each unit; no log is needed. A new unit is then identified from a short motion:
+
+    \b
+    symgen identify u01.csv --save-statistics --out units/u01
+    symgen fleet units --out fleet.toml
+    symgen identify new.csv --prior fleet.toml
+
+    Units that differ from the others by more than the spread stand out; they are listed with the
+    link that differs most and do not count for the prior. Written are the prior, and beside it an
+    NPZ of the same name with the parameters of every unit. A run that was interrupted continues
+    with the same command.
+    """
+    beside = out.with_suffix(".npz")
+    require_unused([out, beside], overwrite)
+    files = statistics_files(folder)
+    lib = open_robot(robot or read_statistics(files[0]).robot, yes)
+    parts = out.with_name(f"{out.name}.parts")
+    with counting() as progress:
+        task = progress.add_task("statistics", total=len(files))
+        units = gather(
+            lib,
+            folder,
+            parts,
+            scheduler=scheduler,
+            progress=lambda done, _: progress.update(task, completed=done),
+        )
+    fit = fit_fleet(lib, units)
+    friction = fit_friction(lib, units, fit)
+    names = [unit.name for unit in units]
+    write_prior(out, prior_text(lib, names, fit, friction), lib)
+    with replacing(beside) as file:
+        np.savez(file, **_arrays(names, fit, friction))
+    remove_parts(parts)
+    if as_json:
+        print(json.dumps(_facts(lib, units, fit, friction, out), indent=1, allow_nan=False))
+        return
+    _show(lib, units, fit)
+    say(f"prior: {out}; use it with: identify LOG --prior {out}")
+
+
+def _arrays(names: list[str], fit: FleetFit, friction: FleetFriction) -> dict[str, Any]:
+    """Arrays of the file of units."""
+    return {
+        "names": np.asarray(names),
+        "pi": fit.pi,
+        "p_value": fit.p_value,
+        "stands_out": fit.stands_out,
+        "columns": np.asarray(friction.columns or ("",)),
+        "phi": friction.units,
+    }
+
+
+def _facts(
+    lib: Library, units: list[Unit], fit: FleetFit, friction: FleetFriction, out: Path
+) -> dict[str, Any]:
+    low, high = fit.interval
+    centre = links(fit.centre)
+    return {
+        "robot": lib.name,
+        "prior": str(out),
+        "units": len(units),
+        "kappa": fit.kappa,
+        "kappa_interval": [low, high],
+        "spread_percent": 100 / float(np.sqrt(fit.kappa)),
+        "trust": fit.trust,
+        "stand_out": [
+            {
+                "unit": units[k].name,
+                "p_value": float(fit.p_value[k]),
+                "link": _link(lib, fit, int(k))[0],
+                "mass_difference": _link(lib, fit, int(k))[1],
+            }
+            for k in np.flatnonzero(fit.stands_out)
+        ],
+        "links": [
+            {"name": name, "mass": float(mass(body))}
+            for name, body in zip(lib.link_names, centre, strict=True)
+        ],
+        "friction_columns": list(friction.columns),
+    }
+
+
+def _link(lib: Library, fit: FleetFit, k: int) -> tuple[str, float]:
+    """Link that differs most from the type, and the difference of its mass [kg]."""
+    at = int(fit.links[k])
+    difference = mass(links(fit.pi[k])[at]) - mass(links(fit.centre)[at])
+    return lib.link_names[at], float(difference)
+
+
+def _show(lib: Library, units: list[Unit], fit: FleetFit) -> None:
+    low, high = (100 / np.sqrt(end) for end in reversed(fit.interval))
+    out = int(fit.stands_out.sum())
+    say(
+        f"{len(units)} units of '{lib.name}' differ by {100 / np.sqrt(fit.kappa):.2g} % "
+        f"(95 %: {low:.2g} to {high:.2g} %)"
+        + (f"; {out} of them stand out and do not count" if out else "; none stands out")
+    )
+    table = Table("unit", title="units that differ most from the type")
+    for head in ("T", "p, corrected", "link", "mass against the type [kg]", "stands out"):
+        table.add_column(head, justify="right")
+    for k in np.argsort(-fit.statistic)[:SHOWN]:
+        where: tuple[str, ...] = ("", "", "no")
+        if fit.stands_out[k]:
+            name, difference = _link(lib, fit, int(k))
+            where = (name, f"{difference:+.3f}", "yes")
+        table.add_row(units[k].name, f"{fit.statistic[k]:.0f}", f"{fit.p_value[k]:.1e}", *where)
+    console.print(table)

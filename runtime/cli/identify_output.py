@@ -1,0 +1,82 @@
+"""What `symgen identify` writes and prints of a result."""
+
+from pathlib import Path
+
+from runtime.cli.common import command_line, console, say, share_table, torque_table
+from runtime.cli.drive import print_drives
+from runtime.cli.several_logs import print_agreement
+from runtime.identification.identified import Identification
+from runtime.identification.result_file import write_result
+from runtime.identification.result_warnings import still_joints
+from runtime.identification.several_logs import LogAgreement
+from runtime.identification.statistics_file import FILE as STATISTICS
+from runtime.identification.statistics_file import statistics_of, write_statistics
+from runtime.outputs.model_files import write_urdf
+
+
+def finish(
+    result: Identification,
+    folder: Path,
+    save_statistics: bool,
+    agreement: LogAgreement | None = None,
+) -> None:
+    """Write and print a result.
+
+    Args:
+        result: the identification.
+        folder: of the result.
+        save_statistics: value of --save-statistics.
+        agreement: of several logs; None for one log.
+
+    Raises:
+        RuntimeFault: the folder cannot be written.
+    """
+    from runtime.outputs.report import write_report  # matplotlib is slow to import
+
+    facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
+    first = still_joints(result)
+    for warning in first:
+        say(f"warning: {warning}")
+    console.print(torque_table(facts))
+    shares = share_table(facts)
+    if shares is not None:
+        console.print(shares)
+    print_drives(facts)
+    if agreement is not None:
+        print_agreement(agreement)
+    if result.uncertainty is not None:
+        unknowns = len(result.uncertainty.beta_sigma)
+        say(
+            f"data: they determine {result.uncertainty.determined} of {unknowns} independent "
+            "combinations of parameters better than the prior does"
+        )
+    say(f"status: {result.status}")
+    verdict = "physically consistent" if result.is_consistent else "NOT physically consistent"
+    smallest = float(result.relative_eigenvalues.min())
+    say(f"links: all {len(facts['links'])} {verdict}, smallest relative eigenvalue {smallest:.1e}"
+        if result.is_consistent
+        else f"links: {verdict}, smallest relative eigenvalue {smallest:.1e}")  # fmt: skip
+    say(
+        f"gap to the convex optimum (PC-OLS on the same rows and weights): {100 * result.gap:.3f} %"
+    )
+    if result.uncertainty is not None:
+        say(f"advice: {result.uncertainty.advice()}")
+    say(f"time of the method: {result.seconds:.3f} s")
+    for warning in facts["warnings"][len(first) :]:
+        say(f"note: {warning}")
+    if result.is_consistent:
+        say(f"URDF:   {folder / 'identified.urdf'} ({_exported(result, folder)})")
+    else:
+        (folder / "identified.urdf").unlink(missing_ok=True)  # of a result that this one replaces
+        say("URDF:   not written, because the model is not physically consistent")
+    say(f"report: {write_report(folder)}")
+    if save_statistics:
+        write_statistics(statistics_of(result, folder.resolve().name), folder / STATISTICS)
+        say(f"statistics: {folder / STATISTICS}")
+    else:
+        (folder / STATISTICS).unlink(missing_ok=True)  # of a result that this one replaces
+
+
+def _exported(result: Identification, folder: Path) -> str:
+    path = folder / "identified.urdf"
+    return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)

@@ -1,0 +1,233 @@
+"""Statistics files of a folder → the units of a fleet, here or on a dask cluster.
+
+The files are read in parts of `PART`. Each finished part is one file in the folder OUT.parts, whole
+or absent and named by the files that it was computed from, so that a run that was killed continues
+with the parts that are missing. A worker that is killed loses the part that it had begun, and dask
+gives it to another one. The folder is removed when the prior is written.
+"""
+
+import hashlib
+import threading
+import zipfile
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from runtime.errors import IdentificationError, RecordingError
+from runtime.files import bytes_of, replacing
+from runtime.identification.statistics_file import MARK, read_statistics, require_robot
+from runtime.library import Library, load
+from runtime.monitoring.fleet.unit import Unit, unit_of
+from runtime.parallel import cores, on_cluster
+from runtime.recording.formats.npz import open_npz
+
+PART = 32
+"""Files of one part: some tenths of a second of work."""
+MOST = 100_000
+"""Largest number of units."""
+VERSION = 1
+"""Version of the parts."""
+
+_here = threading.local()
+"""Last library of a thread of a worker, with its key."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """Message to a worker."""
+
+    folder: Path
+    level: str
+
+
+def statistics_files(folder: Path) -> list[Path]:
+    """Files of compressed statistics in a folder and the folders below it, by name.
+
+    Args:
+        folder: to search.
+
+    Returns:
+        Paths, sorted.
+
+    Raises:
+        IdentificationError: there is no such folder, no such file in it, or too many.
+    """
+    if not folder.is_dir():
+        raise IdentificationError(
+            f"expected a folder with the statistics of a fleet, got '{folder}'; give the folder "
+            "that holds the results of identify --save-statistics"
+        )
+    files = [path for path in sorted(folder.rglob("*.npz")) if _is_statistics(path)]
+    if not files:
+        raise IdentificationError(
+            f"'{folder}' holds no compressed statistics; write some with: "
+            "identify LOG --save-statistics"
+        )
+    if len(files) > MOST:
+        raise IdentificationError(
+            f"expected at most {MOST} units in '{folder}', got {len(files)}; split the folder"
+        )
+    return files
+
+
+def names_of(files: Sequence[Path], folder: Path) -> list[str]:
+    """Names of units: the folder of statistics.npz, else the name of the file.
+
+    Args:
+        files: of the units.
+        folder: of the fleet.
+
+    Returns:
+        Names relative to the folder, all different.
+    """
+    places = [path.relative_to(folder) for path in files]
+    return [
+        (
+            place.parent
+            if place.stem == "statistics" and place.parent.name
+            else place.with_suffix("")
+        ).as_posix()
+        for place in places
+    ]
+
+
+def gather(
+    lib: Library,
+    folder: Path,
+    parts: Path,
+    *,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] = lambda *_: None,
+) -> list[Unit]:
+    """Units of a fleet, by name.
+
+    Args:
+        lib: library of the robot.
+        folder: of the statistics files.
+        parts: folder of finished parts, made where it is missing.
+        scheduler: address of a dask cluster whose workers see the folder; None computes here.
+        progress: called with the number of units that are done, and of all units.
+
+    Returns:
+        The units.
+
+    Raises:
+        IdentificationError: a file is damaged or of another robot, or as `on_cluster`.
+        RuntimeFault: a part cannot be written.
+    """
+    files = statistics_files(folder)
+    named = list(zip(files, names_of(files, folder), strict=True))
+    pieces = [tuple(named[k : k + PART]) for k in range(0, len(named), PART)]
+    done: dict[str, list[Unit]] = {}
+    places = [_place(parts, lib, piece) for piece in pieces]
+    for place in places:
+        known = _read(place)
+        if known is not None:
+            done[place.name] = known
+    missing = [k for k, place in enumerate(places) if place.name not in done]
+    progress(sum(map(len, done.values())), len(files))
+    for k, units in _computed(lib, [(k, pieces[k]) for k in missing], scheduler):
+        _write(places[k], units)
+        done[places[k].name] = units
+        progress(sum(map(len, done.values())), len(files))
+    return [unit for place in places for unit in done[place.name]]
+
+
+def remove_parts(parts: Path) -> None:
+    """Remove the finished parts of a fleet whose prior is written.
+
+    Args:
+        parts: their folder.
+    """
+    for path in parts.glob("part-*.npz"):
+        path.unlink(missing_ok=True)
+    if parts.is_dir() and not any(parts.iterdir()):
+        parts.rmdir()
+
+
+Piece = tuple[tuple[Path, str], ...]
+
+
+def _computed(
+    lib: Library, work: Sequence[tuple[int, Piece]], scheduler: str | None
+) -> Generator[tuple[int, list[Unit]], None, None]:
+    """Parts in the order in which they end."""
+    if scheduler is not None and work:
+        sent = _Sent(lib.folder.resolve(), lib.level)
+        tasks = [(k, tuple((p.resolve(), name) for p, name in piece)) for k, piece in work]
+        yield from on_cluster(_on_worker, sent, [tasks], scheduler, "a part of the fleet")
+        return
+    pool = ThreadPoolExecutor(cores())
+    try:
+        with threadpool_limits(limits=1, user_api="blas"):
+            yield from pool.map(lambda task: (task[0], _units(lib, task[1])), work)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _on_worker(sent: _Sent, key: str, task: tuple[int, Piece]) -> tuple[int, list[Unit]]:
+    known: tuple[str, Library] | None = getattr(_here, "library", None)
+    if known is None or known[0] != key:
+        threadpool_limits(limits=1, user_api="blas")
+        known = _here.library = key, load(sent.folder, sent.level)
+    return task[0], _units(known[1], task[1])
+
+
+def _units(lib: Library, piece: Piece) -> list[Unit]:
+    return [
+        unit_of(require_robot(read_statistics(path), lib, path), lib, name) for path, name in piece
+    ]
+
+
+def _is_statistics(path: Path) -> bool:
+    """Whether an NPZ has the mark of statistics, or its name where it cannot be opened."""
+    if path.name.startswith("."):
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return f"{MARK}.npy" in archive.namelist()
+    except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
+        return path.name == "statistics.npz"
+
+
+def _place(parts: Path, lib: Library, piece: Piece) -> Path:
+    """File of a part, named by model, files and their state."""
+    facts = [f"{VERSION} {lib.manifest.model_hash}"]
+    for path, name in piece:
+        state = path.stat()
+        facts.append(f"{name} {state.st_size} {state.st_mtime_ns}")
+    mark = hashlib.sha256("\n".join(facts).encode(errors="surrogateescape")).hexdigest()
+    return parts / f"part-{mark[:24]}.npz"
+
+
+def _write(place: Path, units: list[Unit]) -> None:
+    """One part, whole or absent; arrays of friction one below the other."""
+    values: dict[str, Any] = {
+        "names": [unit.name for unit in units],
+        "columns": [",".join(unit.columns) for unit in units],
+        "widths": [unit.widths for unit in units],
+        "factor": [unit.factor for unit in units],
+        "target": [unit.target for unit in units],
+        "friction": np.concatenate([unit.friction for unit in units], axis=1),
+    }
+    with replacing(place) as file:
+        np.savez(file, **{key: np.asarray(value) for key, value in values.items()})  # type: ignore[arg-type]
+
+
+def _read(place: Path) -> list[Unit] | None:
+    """Units of a part; None where it is absent or damaged, and is computed again."""
+    try:
+        file = open_npz(bytes_of(place), place.name)
+        names, listed = file["names"].tolist(), file["columns"].tolist()
+        columns = [tuple(text.split(",")) if text else () for text in listed]
+        ends = np.cumsum([len(each) for each in columns])[:-1]
+        friction = np.split(file["friction"], ends, axis=1)
+        rows = (names, columns, file["widths"].tolist(), file["factor"], file["target"], friction)
+        return [Unit(n, c, tuple(w), A, b, f) for n, c, w, A, b, f in zip(*rows, strict=True)]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecordingError):
+        return None

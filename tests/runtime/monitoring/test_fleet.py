@@ -276,12 +276,12 @@ def test_the_commands_from_log_to_prior(
     """Property: identify --save-statistics, fleet, identify --prior; nothing is overwritten."""
     monkeypatch.setattr("runtime.outputs.report.write_report", lambda folder: folder)  # slow
     words = ("--friction", "viscous,coulomb", "--out", "units/real", "--save-statistics")
-    ran = command("identify", log, *words)
+    ran = command("identify", log, "--robot", lib.folder, *words)
     assert ran.code == 0, ran.err
     assert read_statistics(tmp_path / "units/real/statistics.npz").unit == "real"
     for each in fleet.statistics[:6]:
         write_statistics(each, tmp_path / "units" / f"{each.unit}.npz")
-    ran = command("fleet", "units", "--out", "fleet.toml", "--json")
+    ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet.toml", "--json")
     assert ran.code == 0, ran.err
     facts = json.loads(ran.out)
     assert facts["units"] == 7
@@ -295,7 +295,7 @@ def test_the_commands_from_log_to_prior(
     result = identify(noisy, lib, friction_columns=TERMS, prior=prior, certify=False)
     assert result.is_consistent
     assert "6 units of the fleet" in result.notes[0]
-    ran = command("fleet", "units", "--out", "fleet.toml")
+    ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet.toml")
     assert ran.code == 2
     assert "--overwrite" in ran.err
 
@@ -316,7 +316,7 @@ def test_bad_folders(
     if case == "other":
         odd = dataclasses.replace(fleet.statistics[1], joints=tuple("abcdefg"))
         write_statistics(odd, place / "u01" / "statistics.npz")
-    ran = command("fleet", "units", "--out", "fleet.toml")
+    ran = command("fleet", "units", "--robot", lib.folder, "--out", "fleet.toml")
     assert ran.code == 2
     sentence = ran.err.splitlines()[-1]
     assert "units" in sentence

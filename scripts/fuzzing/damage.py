@@ -7,6 +7,7 @@ import numpy as np
 
 from scripts.fuzzing.archives import npz_parts, parquet_columns
 from scripts.fuzzing.bags import remade_database, remade_mcap, remade_ros1, zstd_bomb
+from scripts.fuzzing.data_sets import hdf5_parts
 from scripts.fuzzing.mutators import (
     ANY,
     TEXT,
@@ -40,6 +41,8 @@ OF_SUFFIX: dict[str, tuple[Mutator, ...]] = {
     ".xml": _XML,
     ".npz": (*ANY, *[npz_parts] * 7),
     ".parquet": (*ANY, *[parquet_columns] * 7),
+    ".h5": (*ANY, *[hdf5_parts] * 7),
+    ".mat": (*ANY, *[hdf5_parts] * 7),
     ".mcap": (*ANY, *[remade_mcap("json", json_tree)] * 7),
     ".cdr.mcap": (*ANY, *[remade_mcap("cdr", _payload)] * 7),
     ".bag": (*ANY, *[remade_ros1(_payload)] * 7),

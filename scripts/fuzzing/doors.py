@@ -22,7 +22,7 @@ from runtime.outputs.viewer import look_of, read_motion
 from runtime.recording import load_recipe, open_streamed, read_recording
 from runtime.simulation import read_payload
 from runtime.simulation.settings import settings_of
-from scripts.fuzzing import goods, readers
+from scripts.fuzzing import data_sets, goods, models, readers
 from scripts.fuzzing.readers import OUT, Reader
 
 
@@ -48,14 +48,14 @@ def _log(file: str, furnish: Callable[[Path, Library], None], place: str = "") -
     return Door(file, furnish, lambda folder, lib: read_recording(folder / where))
 
 
-def _streamed(file: str) -> Door:
+def _streamed(file: str, furnish: Callable[[Path, Library], None] | None = None) -> Door:
     def read(folder: Path, lib: Library) -> None:
         log = open_streamed(folder / file)
         for start in range(0, min(log.rows, 10**6), 2**16):
             log.block(start, start + 2**16)
         log.instants(range(0, log.rows, 50), 20)
 
-    return Door(file, goods.Log(file), read)
+    return Door(file, furnish or goods.Log(file), read)
 
 
 def _doctor(file: str) -> Door:
@@ -91,11 +91,11 @@ def _visual(form: str) -> Door:
     def read(folder: Path, lib: Library) -> None:
         look_of(lib, folder / f"{form}.urdf")
 
-    return Door(f"mesh.{form}", goods.mesh, read)
+    return Door(f"mesh.{form}", models.mesh, read)
 
 
 def _collision(form: str) -> Door:
-    return Door(f"mesh.{form}", goods.mesh, readers.inspected(f"{form}.urdf"))
+    return Door(f"mesh.{form}", models.mesh, readers.inspected(f"{form}.urdf"))
 
 
 DOORS: dict[str, Door] = {
@@ -104,6 +104,11 @@ DOORS: dict[str, Door] = {
     "csv-gz": _log("log.csv.gz", goods.zipped),
     "npz": _log("log.npz", goods.Log("log.npz")),
     "parquet": _log("log.parquet", goods.Log("log.parquet")),
+    "hdf5": _log("log.h5", data_sets.hdf5),
+    "matlab": _log("log.mat", data_sets.hdf5),
+    "stream-hdf5": _streamed("log.h5", data_sets.hdf5),
+    "lerobot": _log("meta/info.json", data_sets.lerobot, "."),
+    "lerobot-frames": _log("data/chunk-000/file-000.parquet", data_sets.lerobot, "."),
     "mcap": _log("log.mcap", goods.mcap),
     "cdr": _log("log.cdr.mcap", goods.mcap),
     "ros1": _log("log.bag", goods.ros1),
@@ -122,19 +127,22 @@ DOORS: dict[str, Door] = {
     "headless": Door("log.csv", goods.headless, readers.headless),
     "recipe": Door("recipe.toml", goods.recipe, lambda f, _: load_recipe(f / "recipe.toml")),
     # Models.
-    "urdf": Door("robot.urdf", goods.urdf, readers.urdf),
-    "inspect": Door("robot.urdf", goods.urdf, readers.inspected("robot.urdf")),
-    "repair": Door("robot.urdf", goods.urdf, readers.repair),
-    "mjcf": Door("robot.xml", goods.mjcf, readers.inspected("robot.xml")),
+    "urdf": Door("robot.urdf", models.urdf, readers.urdf),
+    "inspect": Door("robot.urdf", models.urdf, readers.inspected("robot.urdf")),
+    "repair": Door("robot.urdf", models.urdf, readers.repair),
+    "mjcf": Door("robot.xml", models.mjcf, readers.inspected("robot.xml")),
     "stl": _collision("stl"),
     "obj": _collision("obj"),
     "dae": _collision("dae"),
-    "view-urdf": Door("robot.urdf", goods.urdf, lambda f, lib: look_of(lib, f / "robot.urdf")),
+    "view-urdf": Door("robot.urdf", models.urdf, lambda f, lib: look_of(lib, f / "robot.urdf")),
     "view-stl": _visual("stl"),
     "view-obj": _visual("obj"),
     "view-dae": _visual("dae"),
-    "robot": Door("robot.toml", goods.robot_config, readers.robot),
-    "masses": Door("masses.toml", goods.masses, readers.masses),
+    "robot": Door("robot.toml", models.robot_config, readers.robot),
+    "mechanism": Door("mechanism.toml", models.mechanism, readers.mechanism),
+    "dh": Door("rows.toml", models.dh, readers.built("rows.toml")),
+    "build-mjcf": Door("robot.xml", models.mjcf, readers.built("robot.xml")),
+    "masses": Door("masses.toml", models.masses, readers.masses),
     # Generated folders.
     "manifest": Door(
         "manifest.json", goods.generated, lambda f, _: read_manifest(f / "manifest.json")

@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ from runtime.recording import Friction, Preparation, Recording, write_recording
 from runtime.simulation.controller_file import ClosedLoop, write_controller
 from runtime.simulation.settings import settings_of
 from scripts.fuzzing import bags
-from scripts.fuzzing.texts import BOX, MJCF, PRIOR, RECIPE
+from scripts.fuzzing.texts import BOX, PRIOR, RECIPE
 
 OPTIONS = {
     "identify": {
@@ -38,7 +37,6 @@ OPTIONS = {
     "predict": {"--noise": "0.05", "--log-rate": "100", "--friction": "viscous"},
 }
 """Options with numbers, by command."""
-MODELS = Path(__file__).parents[2] / "symgen" / "robots"
 MARK = "ab" * 32
 
 
@@ -59,54 +57,9 @@ def generated(folder: Path, lib: Library) -> None:
     (folder / f"{folder.name}.urdf").write_text(lib.urdf())
 
 
-def urdf(folder: Path, lib: Library) -> None:
-    """The robot's URDF."""
-    (folder / "robot.urdf").write_text(lib.urdf())
-
-
-def mesh(folder: Path, lib: Library) -> None:
-    """A URDF of one link whose shape is a mesh, in three formats."""
-    import trimesh
-
-    solid = trimesh.creation.icosphere(1, 0.1)
-    for form in ("stl", "obj", "dae"):
-        data = solid.export(file_type=form)
-        text = data.decode("latin1") if isinstance(data, bytes) else data
-        text = re.sub(r"[0-9a-f]{32}|<(created|modified)>[^<]*</\1>", "", text)  # once and for all
-        (folder / f"mesh.{form}").write_bytes(text.encode("latin1"))
-        text = lib.urdf().replace(
-            "</inertial>",
-            "</inertial>"
-            + "".join(
-                f'<{tag}><geometry><mesh filename="mesh.{form}"/></geometry></{tag}>'
-                for tag in ("visual", "collision")
-            ),
-            1,
-        )
-        (folder / f"{form}.urdf").write_text(text)
-
-
-def mjcf(folder: Path, _: Library) -> None:
-    """A MuJoCo model."""
-    (folder / "robot.xml").write_text(MJCF)
-
-
-def robot_config(folder: Path, _: Library) -> None:
-    """Robot configuration (TOML)."""
-    shutil.copy(MODELS / "fr3.toml", folder / "robot.toml")
-
-
 def prior(folder: Path, lib: Library) -> None:
     """Inertial prior of an arm."""
     (folder / "prior.toml").write_text(PRIOR.format(link=lib.link_names[-1]))
-
-
-def masses(folder: Path, lib: Library) -> None:
-    """Masses of links, and a URDF without <inertial>."""
-    text = "".join(f'"{name}" = 1.5\n' for name in lib.link_names)
-    (folder / "masses.toml").write_text(text)
-    bare = re.sub(r"<inertial>.*?</inertial>", "", lib.urdf(), flags=re.DOTALL)
-    (folder / "robot.urdf").write_text(bare)
 
 
 def headless(folder: Path, lib: Library) -> None:

@@ -157,6 +157,29 @@ def masses(folder: Path, _: Library) -> None:
     read_chain(read_urdf(folder / "robot.urdf"), options)
 
 
+def mechanism(folder: Path, _: Library) -> None:
+    """Read a mechanism and the URDF that it completes."""
+    from symgen.chain import ChainOptions, read_chain
+    from symgen.cli.common import read_mechanism, read_urdf
+
+    read = read_mechanism(folder / "mechanism.toml")
+    read_chain(read_urdf(folder / "robot.urdf"), ChainOptions(mechanism=read))
+
+
+def built(file: str) -> Reader:
+    """Read what `symgen build --urdf FILE` reads, as a chain."""
+
+    def read(folder: Path, _: Library) -> None:
+        from symgen.build.sources import Source, read_source
+        from symgen.chain import ChainOptions, read_chain
+        from symgen.chain.mechanism import Mechanism
+
+        text, mechanism = read_source(Source(folder / file), Mechanism())
+        read_chain(text, ChainOptions(mechanism=mechanism))
+
+    return read
+
+
 def rows(folder: Path, _: Library) -> None:
     """Read rows of trials."""
     read_rows(folder / "toy" / "trials.parquet", goods.MARK)

@@ -59,3 +59,56 @@ MJCF = """<mujoco model="arm">
  <sensor><jointpos joint="j1"/></sensor>
 </mujoco>
 """
+MECHANISM = """independent = []
+[[spring]]
+name = "one"
+joint = "{joint}"
+rest = 0.1
+stiffness = 5.0
+[[spring]]
+name = "unknown"
+of = {{"{joint}" = 1.0}}
+[[known_torque]]
+joint = "{joint}"
+x = [-1.0, 0.0, 1.0]
+torque = [0.5, 0.0, -0.5]
+[[friction]]
+name = "motor"
+of = {{"{joint}" = 100.0}}
+"""
+DH = """name = "two"
+[[link]]
+name = "upper"
+parent = "base"
+a = 0.0
+alpha = 0.0
+d = 0.3
+theta = 0.0
+joint = "q1"
+mass = 2.0
+com = [0.0, 0.0, 0.1]
+inertia = [0.02, 0.02, 0.01, 0.0, 0.0, 0.0]
+[[link]]
+name = "lower"
+parent = "upper"
+a = 0.2
+alpha = 1.57
+d = 0.0
+theta = 0.5
+joint = "q2"
+mass = 1.0
+com = [0.0, 0.0, 0.1]
+inertia = [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]
+[[link]]
+name = "rail"
+parent = "lower"
+a = 0.1
+alpha = 0.0
+d = 0.0
+theta = 0.0
+kind = "prismatic"
+mass = 0.5
+com = [0.0, 0.0, 0.1]
+inertia = [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]
+of = {q1 = 0.5}
+"""

@@ -107,6 +107,11 @@ class HdfLog:
                 f"{self.path.name}: the array {key!r} is expected to be (samples, joints), "
                 f"but is of shape {shape}; reshape it"
             )
+        if 0 in shape:
+            raise RecordingError(
+                f"{self.path.name}: the array {key!r} is expected to hold samples, but is of shape "
+                f"{shape}; export the log again"
+            )
         return shape
 
     def _require_inside(self, array: Any, key: str) -> None:

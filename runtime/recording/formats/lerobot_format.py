@@ -17,7 +17,7 @@ from runtime.errors import RecordingError
 from runtime.files import json_of, require_file
 from runtime.recording.formats.log_format import LogFormat, LogReader, RawFile
 from runtime.recording.formats.parquet import ParquetLog
-from runtime.recording.formats.tables import FloatArray, LogTable
+from runtime.recording.formats.tables import FloatArray, LogTable, common_count
 from runtime.recording.recipes.recipe import Recipe, Signal, Time
 
 PAUSE_S = 1.0
@@ -90,9 +90,16 @@ class LerobotReader(LogReader):
             )
         for path in paths:
             key = f"{self.raw.name}/{path.relative_to(self.raw.path).as_posix()}"
-            if key not in self.raw.sha256:
+            if key in self.raw.sha256:
+                continue
+            try:
                 with require_file(path).open("rb") as file:
                     self.raw.sha256[key] = hashlib.file_digest(file, "sha256").hexdigest()
+            except OSError as error:
+                raise RecordingError(
+                    f"{key} is expected to be a Parquet file, but cannot be read "
+                    f"({error.strerror}); download the data set again"
+                ) from None
         return paths
 
     def _column(self, name: str) -> FloatArray:
@@ -116,7 +123,9 @@ class LerobotReader(LogReader):
         Returns:
             (N, 1) s, and a sentence where there are several episodes.
         """
-        steps = np.diff(self._column("episode_index")[:, 0])
+        episodes = self._column("episode_index")
+        common_count(self.raw.path, (len(stamps), len(episodes)))
+        steps = np.diff(episodes[:, 0])
         starts = np.flatnonzero(steps) + 1
         shifts = np.zeros_like(stamps)
         shifts[starts] = stamps[starts - 1] + PAUSE_S - stamps[starts]

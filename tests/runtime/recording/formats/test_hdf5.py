@@ -111,6 +111,7 @@ def external(path: Path) -> None:
         file.create_dataset("huge", shape=(1 << 40, 7), dtype="f8", chunks=(1024, 7))
         file["deep"] = np.ones((3, 3, 3))
         file["loop"] = file["/"]
+        file["empty"] = np.zeros(0)
 
 
 @pytest.mark.parametrize(
@@ -123,6 +124,7 @@ def external(path: Path) -> None:
         ("references", "expected to hold real numbers"),
         ("huge", "decompression limit"),
         ("deep", r"\(samples, joints\)"),
+        ("empty", r"hold samples, but is of shape \(0,\)"),
         ("nothing", "expected to hold the array 'nothing', but holds .*t"),
     ],
 )

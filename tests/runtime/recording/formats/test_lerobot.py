@@ -82,7 +82,12 @@ def test_what_is_missing_is_one_sentence(tmp_path):
         table = RECIPE | {"position": {"unit": "deg"} | change}
         with pytest.raises(RecordingError, match=words):
             read_recording(place, recipe_from_table(table))
-    (place / "data/chunk-000/file-000.parquet").unlink()
+    frames = place / "data/chunk-000/file-000.parquet"
+    frames.unlink()
+    frames.mkdir()
+    with pytest.raises(RecordingError, match=r"cannot be read \(not a regular file"):
+        read_recording(place, recipe_from_table(RECIPE))
+    frames.rmdir()
     with pytest.raises(RecordingError, match="but holds 0; download"):
         read_recording(place, recipe_from_table(RECIPE))
     (place / "meta/info.json").write_text("[" * 100_000)

@@ -16,9 +16,9 @@ from runtime.estimators.armature_prior import friction_prior_of
 from runtime.estimators.mass_unit import mass_unit
 from runtime.estimators.problem import FrictionPrior, Origin, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
-from runtime.identification.settings import Settings, settings_from
+from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.library import Array, Library
-from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import (
     default_terms,
@@ -28,7 +28,8 @@ from runtime.recording.friction import (
     without_columns,
 )
 from runtime.recording.plausibility import require_plausible
-from runtime.recording.preprocessing import prepare, prepare_power, split
+from runtime.recording.preprocessing import prepare, prepare_power, prepared_parts
+from runtime.recording.preprocessing.parts import rows_between
 
 PARTS = ("train", "validation", "test")
 
@@ -104,10 +105,11 @@ def assemble(
     if usual.regressor == "energy":
         train, validation = (
             without_columns(part, rounding)
-            for part in _of_power(recording, chosen.validation, parts, usual, terms, lib)
+            for part in _of_power(recording, lib, chosen, terms, parts, is_joined)
         )
     fitted, unseen = samples_of(train, lib), samples_of(validation, lib)
     require_enough(fitted, lib)
+    seen = recording if chosen.test is not None else _until_trained(recording, chosen, is_joined)
     problem = Problem(
         lib=lib,
         train=fitted,
@@ -117,7 +119,7 @@ def assemble(
         seed=chosen.seed,
         progress=progress,
         origin=Origin(
-            recording,
+            seen,
             terms,
             _aligned(parts[0], lib, preparation, terms, rounding),
             (parts[0].t[0], parts[0].t[-1]),
@@ -183,28 +185,30 @@ def _parts(
 ) -> tuple[Recording, Recording, Recording]:
     """Prepared training, validation and test recording."""
     validation, test = settings.validation, settings.test
-    done = [
-        _prepared(r, settings.preparation, terms, lib)
-        for r in (recording, validation, test)
-        if r is not None
-    ]
-    if validation is not None and test is not None:
-        return done[0], done[1], done[2]
     if (validation is None) != (test is None):
         raise IdentificationError("give both a validation and a test recording, or neither")
-    recipe = recording.recipe
-    shares = settings.splitting or (recipe.split if recipe else None) or Split()
-    first, second, third = split(done[0], shares, is_joined)
-    return first, second, third
+    if validation is not None and test is not None:
+        first, second, third = (
+            _prepared(each, settings.preparation, terms, lib)
+            for each in (recording, validation, test)
+        )
+        return first, second, third
+    return prepared_parts(
+        recording,
+        shares_of(recording, settings),
+        settings.preparation or recording.preparation,
+        lambda part, preparation: _prepared(part, preparation, terms, lib),
+        is_joined,
+    )
 
 
 def _of_power(
     recording: Recording,
-    validation: Recording | None,
-    parts: tuple[Recording, Recording, Recording],
-    preparation: Preparation,
-    terms: Friction,
     lib: Library,
+    settings: Settings,
+    terms: Friction,
+    parts: tuple[Recording, Recording, Recording],
+    is_joined: bool,
 ) -> tuple[Recording, Recording]:
     """Rows of power at the instants of the training and validation parts.
 
@@ -216,10 +220,16 @@ def _of_power(
             "expected a recording as read, because rows of energy are computed from the raw "
             "signals, got one that is already prepared; give the log itself"
         )
-    first = prepare_power(recording, preparation, terms, lib=lib)
-    second = first
-    if validation is not None:
-        second = prepare_power(validation, preparation, terms, lib=lib)
+
+    def of_power(part: Recording, preparation: Preparation) -> Recording:
+        return prepare_power(part, preparation, terms, lib=lib)
+
+    usual = settings.preparation or recording.preparation
+    if settings.validation is not None:
+        first, second = of_power(recording, usual), of_power(settings.validation, usual)
+    else:
+        shares = shares_of(recording, settings)
+        first, second, _ = prepared_parts(recording, shares, usual, of_power, is_joined)
     train, unseen = (
         whole.take(np.isin(whole.t, part.t), "Took the instants of a part.")
         for whole, part in zip((first, second), parts, strict=False)
@@ -253,6 +263,14 @@ def _prepared(
     if recording.columns is not None:
         return prepare(recording, preparation)
     return prepare(independent_joints(recording, lib), preparation, terms, lib=lib)
+
+
+def _until_trained(recording: Recording, settings: Settings, is_joined: bool) -> Recording:
+    """Rows of a recording from its beginning to the end of the training part."""
+    shares = shares_of(recording, settings)
+    last = shares.joined()[1] if is_joined else shares.train[1]
+    rows = rows_between(recording.t, 0.0, last)
+    return recording.take(rows, "Took the rows until the end of the training.")
 
 
 def _aligned(

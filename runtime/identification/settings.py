@@ -14,7 +14,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
-from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
 from runtime.simulation.controller_file import ClosedLoop
 
 RENAMED = {"loop": "controller"}
@@ -114,3 +114,17 @@ def settings_from(settings: Settings | str | None, keywords: Mapping[str, Any]) 
     if settings is None or isinstance(settings, str):
         settings = Settings(method=settings)
     return replace(settings, **keywords)
+
+
+def shares_of(recording: Recording | StreamedRecording, settings: Settings) -> Split:
+    """Fractions of the parts: of the settings, else of the recipe, else the default.
+
+    Args:
+        recording: log, with its recipe.
+        settings: of the identification.
+
+    Returns:
+        The fractions.
+    """
+    recipe = recording.recipe
+    return settings.splitting or (recipe.split if recipe else None) or Split()

@@ -182,7 +182,7 @@ def child(robot: str, path: str) -> None:
         log.block(first, last)
     again = time.process_time() - start - read
     start, count = time.process_time(), 0
-    for part in blocks.parts(*blocks.span()):
+    for part in blocks.parts(-np.inf, np.inf):
         count += len(part)
     prepare = time.process_time() - start - again
     samples = samples_of(result.train, lib)

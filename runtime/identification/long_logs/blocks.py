@@ -2,7 +2,7 @@
 
 The response of a Butterworth filter of order p decays like exp(−t/T), T = 1 / (2π f_c sin(π/2p));
 thirty T on both sides leave 1e-13 of the signal beyond the block. Blocks begin at instants that
-decimation keeps, so that the rows of all blocks are those of the whole log. Each block is prepared
+decimation keeps, so that the prepared rows are those of all rows at once. Each block is prepared
 once; its rows are then stored in a temporary file.
 """
 
@@ -11,7 +11,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from runtime.errors import RecordingError
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, StreamedRecording
 from runtime.recording.formats.spool import Spool
@@ -22,7 +21,7 @@ BLOCK = 65536
 """Rows of a block: a minute at 1 kHz, about ten megabytes."""
 FADING = 30.0
 """Time constants of the filter in the overlap."""
-_REACH = 4096
+REACH = 4096
 """Rows of which at least one has a usable time stamp."""
 
 
@@ -36,8 +35,9 @@ class Blocks:
         preparation: steps for each block; rows of rest are dropped.
         terms: friction columns.
         overlap: rows on either side that are prepared and discarded.
-        edges: first row of each block, then the number of rows.
-        instants: t [s] of these rows; −∞ and ∞ at the ends.
+        edges: first row of each block, then one past the last row.
+        instants: t [s] of these rows; at the ends those of the first and the last prepared row that
+            is kept, or −∞ and ∞.
         half_step: half of the time step [s]; edges lie between two rows.
         spool: temporary file of prepared rows.
         kept: index of a block → place of its prepared rows; None where the arm rests.
@@ -72,8 +72,8 @@ class Blocks:
 
     def _prepare(self, index: int) -> Recording | None:
         start, stop = self.edges[index], self.edges[index + 1]
-        first = max(start - self.overlap, 0)
-        window = self.log.block(first, min(stop + self.overlap, self.log.rows))
+        first = max(start - self.overlap, self.edges[0])
+        window = self.log.block(first, min(stop + self.overlap, self.edges[-1]))
         whole = prepare(
             window, replace(self.preparation, rest_speed=None), self.terms, lib=self.lib
         )
@@ -98,20 +98,6 @@ class Blocks:
         begin = int(np.searchsorted(self.instants, first, side="right")) - 1
         end = int(np.searchsorted(self.instants - self.half_step, last, side="left"))
         return range(max(begin, 0), min(max(end, 1), len(self)))
-
-    def span(self) -> tuple[float, float]:
-        """First and last prepared instant [s].
-
-        Raises:
-            RecordingError: no row is left of the log.
-        """
-        ends = []
-        for order in (range(len(self)), reversed(range(len(self)))):
-            part = next((p for p in map(self.prepared, order) if p is not None), None)
-            if part is None:
-                raise RecordingError(f"the robot rests in all of {self.log.name}; record a motion")
-            ends.append(part)
-        return float(ends[0].t[0]), float(ends[1].t[-1])
 
     def parts(self, first: float, last: float) -> Iterator[Recording]:
         """Prepared rows with first ≤ t < last, one block at a time.
@@ -177,15 +163,22 @@ def head_of(log: StreamedRecording) -> Recording:
 
 
 def blocks_of(
-    log: StreamedRecording, lib: Library, preparation: Preparation, terms: Friction
+    log: StreamedRecording,
+    lib: Library,
+    preparation: Preparation,
+    terms: Friction,
+    rows: tuple[int, int] | None = None,
+    between: tuple[float, float] = (-np.inf, np.inf),
 ) -> Blocks:
-    """Divide a log into blocks whose size is a whole number of prepared rows.
+    """Divide rows of a log into blocks whose size is a whole number of prepared rows.
 
     Args:
         log: rows in their file.
         lib: library of the robot.
         preparation: steps for each block.
         terms: friction columns.
+        rows: first row and one past the last; None for all rows.
+        between: instants between which prepared rows are kept [s].
 
     Returns:
         The blocks; none is prepared yet.
@@ -198,10 +191,11 @@ def blocks_of(
     ratio = blocks._ratio()
     overlap = _rounded(int(np.ceil(_reach_of_edge(preparation) * rate)) + 8, ratio)
     size = _rounded(max(BLOCK, 4 * overlap), ratio)
-    starts = range(0, log.rows, size)
-    instants = log.instants(starts, _REACH)
-    instants = np.concatenate([[-np.inf], instants[1:], [np.inf]])
-    edges = (*starts, log.rows)
+    first, stop = rows or (0, log.rows)
+    starts = range(first, stop, size)
+    ends = np.array(between) + blocks.half_step
+    instants = np.concatenate([ends[:1], log.instants(starts[1:], REACH), ends[1:]])
+    edges = (*starts, stop)
     return replace(blocks, overlap=overlap, edges=edges, instants=instants)
 
 

@@ -31,7 +31,8 @@ from runtime.estimators.regression.samples import (
     thesis_weights,
 )
 from runtime.identification.identified import Identification, WholeLog
-from runtime.identification.long_logs.blocks import Blocks, blocks_of, head_of
+from runtime.identification.long_logs.blocks import head_of
+from runtime.identification.long_logs.parts import StreamedPart, parts_of_log
 from runtime.identification.metrics import TorqueError, torque_error_of
 from runtime.identification.problem_setup import (
     PARTS,
@@ -40,7 +41,7 @@ from runtime.identification.problem_setup import (
     require_enough,
     rounding_of,
 )
-from runtime.identification.settings import Settings, settings_from
+from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.identification.single_log import identify_assembled
 from runtime.identification.without_prior import settings_for
 from runtime.library import Array, Library
@@ -49,7 +50,6 @@ from runtime.recording import (
     Friction,
     Preparation,
     Recording,
-    Split,
     StreamedRecording,
     check_consistency,
 )
@@ -89,14 +89,14 @@ class StreamedAssembly:
 
     Attributes:
         assembly: problem whose parts are windows of the log.
-        blocks: blocks of the log.
-        spans: name of a part → its first instant and that of the next part, s.
+        log: rows in their file.
+        parts: name of a part → its rows in blocks.
         report: called with a phrase that names the present step.
     """
 
     assembly: Assembly
-    blocks: Blocks
-    spans: dict[str, tuple[float, float]]
+    log: StreamedRecording
+    parts: dict[str, StreamedPart]
     report: Callable[[str], None]
 
     def counts(self) -> dict[str, int]:
@@ -105,7 +105,7 @@ class StreamedAssembly:
 
     def errors(self, result: Identification) -> tuple[TorqueError, ...]:
         """Torque errors over the whole test part: first guess, result, URDF with friction."""
-        lib = self.blocks.lib
+        lib = self.assembly.problem.lib
         self.report("predicting the test part")
         models = [(lib.pi0, np.zeros(0)), (result.pi, result.phi)]
         if result.urdf_phi is not None:
@@ -123,8 +123,9 @@ class StreamedAssembly:
 
     def note(self, counts: dict[str, int]) -> str:
         """Sentence on which figures come from all rows and which from windows."""
+        blocks = {id(part.blocks): len(part.blocks) for part in self.parts.values()}
         return (
-            f"streamed {self.blocks.log.rows} rows in {len(self.blocks)} blocks: the fit uses all "
+            f"streamed {self.log.rows} rows in {sum(blocks.values())} blocks: the fit uses all "
             f"{counts['train']} training samples and the torque error all {counts['test']} test "
             "samples; the first weights and the residual correlations come from up to "
             f"{WINDOWS} windows of {LENGTH} samples"
@@ -170,11 +171,9 @@ def assemble_streamed(
     head = _head(log, lib)
     terms = chosen.friction_columns or default_terms(head) or Friction(columns=())
     terms = geared(terms, head, lib)
-    blocks = blocks_of(log, lib, preparation, terms)
-    report(f"windows of {len(blocks)} blocks")
-    shares = chosen.splitting or (recipe.split if recipe else None) or Split()
-    spans = _spans(blocks, shares, is_joined)
-    parts = {name: _windows(blocks, name, *span) for name, span in spans.items()}
+    whole = parts_of_log(log, lib, preparation, terms, shares_of(log, chosen), is_joined)
+    report("windows of the parts")
+    parts = {name: _windows(part, name) for name, part in whole.items()}
     rounding = rounding_of(parts["train"], lib)
     parts = {name: without_columns(part, rounding) for name, part in parts.items()}
     train, validation = samples_of(parts["train"], lib), samples_of(parts["validation"], lib)
@@ -183,7 +182,7 @@ def assemble_streamed(
 
     def recordings(name: str) -> Iterator[Recording]:
         report(f"passing over the {name} part")
-        return (without_columns(part, rounding) for part in blocks.parts(*spans[name]))
+        return (without_columns(part, rounding) for part in whole[name].recordings())
 
     def samples(name: str) -> Iterator[Samples]:
         return (samples_of(part, lib) for part in recordings(name))
@@ -207,7 +206,7 @@ def assemble_streamed(
     assembly = Assembly(
         problem, windows, terms, one_run=True, pieces=recordings, notes=notes, is_joined=is_joined
     )
-    return StreamedAssembly(assembly, blocks, spans, report)
+    return StreamedAssembly(assembly, log, whole, report)
 
 
 @one_blas_thread
@@ -244,7 +243,8 @@ def identify_streamed(
     result = identify_assembled(whole.assembly, chosen)
     errors = whole.errors(result)
     counts = whole.counts()
-    streamed = WholeLog(counts, whole.spans, *errors)
+    spans = {name: part.span for name, part in whole.parts.items()}
+    streamed = WholeLog(counts, spans, *errors)
     return replace(result, streamed=streamed, notes=(*result.notes, whole.note(counts)))
 
 
@@ -255,30 +255,17 @@ def _head(log: StreamedRecording, lib: Library) -> Recording:
     return head
 
 
-def _spans(blocks: Blocks, parts: Split, is_joined: bool = False) -> dict[str, tuple[float, float]]:
-    """First instant of every part and that of the next part [s], by name."""
-    first, last = blocks.span()
-
-    def instant(share: float) -> float:
-        end = blocks.half_step if share == 1.0 else 0.0  # the last instant belongs to the log
-        return first + share * (last - first) + end
-
-    shares = {name: getattr(parts, name) for name in PARTS}
-    if is_joined:
-        shares["train"] = parts.joined()
-    return {name: (instant(a), instant(b)) for name, (a, b) in shares.items()}
-
-
-def _windows(blocks: Blocks, name: str, first: float, last: float) -> Recording:
+def _windows(part: StreamedPart, name: str) -> Recording:
     """Windows spread evenly over a part, joined to one recording with gaps in time."""
-    within = blocks.within(first, last)
+    blocks = part.blocks
+    within = blocks.within(part.first, np.inf)
     chosen = np.unique(np.linspace(within.start, within.stop - 1, WINDOWS).round().astype(int))
     windows = []
     for index in chosen:
         block = blocks.prepared(int(index))
         if block is None:
             continue
-        inside = np.flatnonzero((block.t >= first) & (block.t < last))[:LENGTH]
+        inside = np.flatnonzero(block.t >= part.first)[:LENGTH]
         if inside.size:
             windows.append(block.take(inside, "Took a window."))
     if not windows:
@@ -289,7 +276,7 @@ def _windows(blocks: Blocks, name: str, first: float, last: float) -> Recording:
     sentence = f"Took {len(windows)} windows of the {name} part ({sum(map(len, windows))} rows)."
 
     def joined(key: str) -> Array | None:
-        values = [getattr(part, key) for part in windows]
+        values = [getattr(each, key) for each in windows]
         return None if values[0] is None else np.concatenate(values)
 
     signals = {key: joined(key) for key in ("t", *ALL)}

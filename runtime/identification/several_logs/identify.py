@@ -19,12 +19,13 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import Identification
 from runtime.identification.metrics import torque_error
 from runtime.identification.problem_setup import assemble
-from runtime.identification.settings import Settings, settings_from
+from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.identification.several_logs.agreement import LeftOutLog, LogAgreement
 from runtime.identification.several_logs.joint_fit import (
     OFFSET,
     NamedLog,
     joined,
+    parts_of,
     prepared_of,
     shared_terms,
 )
@@ -33,9 +34,8 @@ from runtime.identification.without_prior import settings_for
 from runtime.library import Library
 from runtime.library.parameters import links, mass
 from runtime.parallel import one_blas_thread
-from runtime.recording import Friction, Preparation, Recording, Split
+from runtime.recording import Friction, Preparation, Recording
 from runtime.recording.friction import default_terms, geared
-from runtime.recording.preprocessing import split
 
 ONE_LOG_ONLY = (
     *("preparation", "validation", "test", "lam0", "controller", "certify", "refit"),
@@ -75,15 +75,14 @@ def identify_logs(
     chosen = replace(chosen, method=chosen_method(chosen.method, chosen.preset, chosen.prior))
     names = _names(logs, chosen)
     first = logs[0].recording
-    recipe = first.recipe
     terms = chosen.friction_columns or default_terms(first) or Friction(columns=())
     terms = geared(terms, first, lib)
     prepared = [prepared_of(log, lib, terms) for log in logs]
     # The joint fit: all training parts in one recording, likewise validation and test.
-    shares = chosen.splitting or (recipe.split if recipe else None) or Split()
+    shares = shares_of(first, chosen)
     fit = _Fit(lib, chosen, terms)
     joins = not METHODS[chosen.method or DEFAULT].uses_validation
-    cut = [split(log, shares, joins) for log in prepared]
+    cut = [parts_of(log, lib, terms, shares, joins) for log in logs]
     train, validation, test = (joined([each[k] for each in cut], names, names) for k in range(3))
     result = fit.of(train, validation, test, progress=progress)
     # The joined rows are prepared already; the result states how.

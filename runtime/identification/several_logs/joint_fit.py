@@ -18,11 +18,11 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.payload import read_payload_facts
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, link_columns, links, mass
-from runtime.recording import Friction, Preparation, Recording
+from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.coupled_joints import independent_joints
 from runtime.recording.friction import OFFSET as OFFSET_COLUMN
 from runtime.recording.plausibility import require_plausible
-from runtime.recording.preprocessing import prepare
+from runtime.recording.preprocessing import prepare, prepared_parts
 from runtime.recording.recording import SIGNALS
 
 OFFSET = OFFSET_COLUMN.name
@@ -93,16 +93,54 @@ def prepared_of(log: NamedLog, lib: Library, terms: Friction) -> Recording:
     Raises:
         RuntimeFault: the log is not of this robot, or a step cannot be taken.
     """
+    bare, preparation = _bare(log, lib)
+    return _prepared(bare, preparation, log, lib, terms)
+
+
+def parts_of(
+    log: NamedLog, lib: Library, terms: Friction, shares: Split, is_joined: bool
+) -> tuple[Recording, Recording, Recording]:
+    """Split a log, prepare its parts and subtract the torque of its known payload.
+
+    Args:
+        log: log as read, with its preparation and payload.
+        lib: library of the robot.
+        terms: friction columns.
+        shares: fractions of the parts.
+        is_joined: the training part includes the validation part.
+
+    Returns:
+        Train, validation and test.
+
+    Raises:
+        RuntimeFault: the log is not of this robot, or a step cannot be taken.
+    """
+    bare, preparation = _bare(log, lib)
+
+    def prepared(part: Recording, steps: Preparation) -> Recording:
+        return _prepared(part, steps, log, lib, terms)
+
+    return prepared_parts(bare, shares, preparation, prepared, is_joined)
+
+
+def _bare(log: NamedLog, lib: Library) -> tuple[Recording, Preparation]:
+    """The log as read without friction columns, and its preparation."""
     recording = independent_joints(log.recording, lib)
     require_plausible(recording, lib)
-    bare = recording.replace(columns=None, column_names=(), name=log.name)
-    usual = log.preparation or bare.preparation
+    usual = log.preparation or log.recording.preparation
     if usual.regressor == "energy":
         raise IdentificationError(
             "rows of energy do not determine an offset per joint and log, which a fit of several "
             "logs needs; use --regressor momentum"
         )
-    data = prepare(bare, usual, terms, lib=lib)
+    return recording.replace(columns=None, column_names=(), name=log.name), usual
+
+
+def _prepared(
+    bare: Recording, preparation: Preparation, log: NamedLog, lib: Library, terms: Friction
+) -> Recording:
+    """Prepared rows without the torque of the known payload."""
+    data = prepare(bare, preparation, terms, lib=lib)
     if log.carried is None:
         return data
     samples = samples_of(data, lib)

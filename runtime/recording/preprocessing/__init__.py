@@ -9,6 +9,7 @@ from runtime.recording.preprocessing.filters import (
     moving_average,
     savitzky_golay,
 )
+from runtime.recording.preprocessing.parts import before_test, prepared_parts, split
 from runtime.recording.preprocessing.pipeline import (
     DOCUMENT,
     momentum_torque,
@@ -18,12 +19,10 @@ from runtime.recording.preprocessing.pipeline import (
 )
 from runtime.recording.preprocessing.segments import (
     advance_torque,
-    before_test,
     decimate,
     drop_rest,
     resample,
     segments,
-    split,
     trim,
 )
 
@@ -44,6 +43,7 @@ __all__ = [
     "on_grid",
     "prepare",
     "prepare_power",
+    "prepared_parts",
     "repair_clock",
     "resample",
     "savitzky_golay",

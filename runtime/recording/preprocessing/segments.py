@@ -1,4 +1,4 @@
-"""Holes, and the steps that depend on them: resample, trim, drop rest, decimate, split.
+"""Holes, and the steps that depend on them: resample, trim, drop rest, decimate.
 
 A hole is a gap longer than 1.5 median steps of time. `segments` is its only definition; filters and
 derivatives stay inside one segment.
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
-from runtime.recording import Recording, Split
+from runtime.recording import Recording
 from runtime.recording.recording import FloatArray
 
 HOLE = 1.5
@@ -241,63 +241,6 @@ def decimate(recording: Recording, rate_hz: float) -> Recording:
     return recording.take(
         keep, f"Kept every {k}. instant ({rate_hz:g} Hz, {int(keep.sum())} rows)."
     )
-
-
-def split(
-    recording: Recording, parts: Split, is_joined: bool = False
-) -> tuple[Recording, Recording, Recording]:
-    """Train, validation and test parts by fractions of the duration; [from, to), the last one
-    closed.
-
-    Split first and prepare each part afterwards: then the fractions are those of the log, and no
-    filter carries samples of one part into another.
-
-    Args:
-        recording: as read.
-        parts: fractions.
-        is_joined: the training part includes the validation part.
-
-    Returns:
-        Train, validation and test.
-
-    Raises:
-        RecordingError: a part holds no sample.
-    """
-    share = (recording.t - recording.t[0]) / (recording.duration or 1.0)
-
-    def part(name: str) -> Recording:
-        joins = is_joined and name == "train"
-        first, last = parts.joined() if joins else getattr(parts, name)
-        rows = (share >= first) & ((share < last) | ((last == 1.0) & (share <= 1.0)))
-        label = f"{recording.name}/{name}" if recording.name else name
-        sentence = (
-            f"Took the {name} part, {first:g} to {last:g} of the duration ({rows.sum()} rows)."
-        )
-        return recording.take(rows, sentence).replace(name=label)
-
-    return part("train"), part("validation"), part("test")
-
-
-def before_test(recording: Recording, parts: Split | None = None) -> Recording:
-    """Rows of the training and validation parts, on which settings may be chosen.
-
-    Taken before any filter, so that no sample of the test part has an effect on a choice.
-
-    Args:
-        recording: as read.
-        parts: fractions; None is the recipe's, else the default.
-
-    Returns:
-        The rows before the end of the validation part.
-    """
-    recipe = recording.recipe
-    shares = parts or (recipe.split if recipe else None) or Split()
-    last = shares.validation[1]
-    if last == 1.0:
-        return recording
-    share = (recording.t - recording.t[0]) / (recording.duration or 1.0)
-    rows = share < last
-    return recording.take(rows, f"Took the rows before the test part ({rows.sum()} rows).")
 
 
 def _between(hole: NDArray[np.bool_]) -> list[slice]:

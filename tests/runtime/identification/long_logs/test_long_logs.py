@@ -17,6 +17,7 @@ from runtime.estimators.regression.samples import samples_of
 from runtime.identification.identified import torque_errors
 from runtime.identification.long_logs import blocks, blocks_of, identify_streamed
 from runtime.identification.long_logs import identify as passes
+from runtime.identification.long_logs.parts import parts_of_log
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 from runtime.recording.formats import spool, text_rows
@@ -46,21 +47,20 @@ def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def streamed_factor(path: Path, lib: Library, weights: np.ndarray) -> Statistics:
-    facts = blocks_of(open_streamed(path), lib, PREPARATION, FRICTION)
-    assert len(facts) > 5
-    train = facts.parts(*passes._spans(facts, Split())["train"])
-    return compress_all(lib, (samples_of(part, lib) for part in train), weights)
+    train = parts_of_log(open_streamed(path), lib, PREPARATION, FRICTION, Split())["train"]
+    assert len(train.blocks) > 3
+    return compress_all(lib, (samples_of(part, lib) for part in train.recordings()), weights)
 
 
 @pytest.mark.parametrize("suffix", ["npz", "parquet", "csv"])
 def test_the_factor_is_that_of_the_whole_log(lib, log, tmp_path, suffix):
-    """Oracle: block by block, RᵀR is that of the log prepared at once, and so is the count.
+    """Oracle: block by block, RᵀR is that of the part prepared at once, and so is the count.
 
     1e-9 of the diagonal: what a filter leaves beyond the overlap (1e-13) and rounding, times the
     hundredfold gain of two differentiations at 500 Hz.
     """
     weights = np.linspace(1.0, 2.0, lib.n_joints)
-    train = split(prepare(log, PREPARATION, FRICTION, lib=lib), Split())[0]
+    train = prepare(split(log, Split())[0], PREPARATION, FRICTION, lib=lib)
     whole = compress(lib, samples_of(train, lib), weights)
     write_recording(log, tmp_path / f"x.{suffix}")
     result = streamed_factor(tmp_path / f"x.{suffix}", lib, weights)
@@ -108,16 +108,15 @@ def test_corrupt_rows_and_units_are_corrected_in_every_block(lib, log, tmp_path)
         }
     )
     facts = blocks_of(open_streamed(tmp_path / "x.npz", recipe), lib, PREPARATION, FRICTION)
-    parts = list(facts.parts(*facts.span()))
+    parts = list(facts.parts(-np.inf, np.inf))
     whole = prepare(log, PREPARATION, FRICTION, lib=lib)
     t = np.concatenate([part.t for part in parts])
-    # The last instant is outside: parts are half open.
-    assert t == pytest.approx(whole.t[:-1], abs=1e-9)
+    assert t == pytest.approx(whole.t, abs=1e-9)
     # A row of gap is interpolated linearly: (Δt)² q̈ / 8 of 4 ms and 2 rad/s².
     result = np.concatenate([part.q for part in parts])
-    assert np.abs(result - whole.q[:-1]).max() < 1e-5
+    assert np.abs(result - whole.q).max() < 1e-5
     tau = np.concatenate([part.tau for part in parts])
-    assert np.abs(tau - whole.tau[:-1]).max() < 0.1
+    assert np.abs(tau - whole.tau).max() < 0.1
 
 
 def test_memory_does_not_grow_with_the_log(lib, tmp_path, monkeypatch):

@@ -1,0 +1,172 @@
+"""Training, validation and test part of a log, each prepared on its own.
+
+The parts are cut from the rows as read. Clock, delay, filter and derivatives then work within one
+part, so that no sample of one part has an effect on another. Filters have samples on one side only
+at a cut, where the robot moves: rows close to it, the guard gap, are dropped.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from runtime.recording import Preparation, Recording, Split
+from runtime.recording.recording import FloatArray
+
+GUARD = 1.0
+"""Guard gap times the cut-off of a Butterworth filter: 2.4 time constants of its slowest pole."""
+LARGEST_SHARE = 0.25
+"""Largest share of a part that is trimmed at either end."""
+
+
+def split(
+    recording: Recording, parts: Split, is_joined: bool = False
+) -> tuple[Recording, Recording, Recording]:
+    """Train, validation and test parts by fractions of the duration; [from, to), the last one
+    closed.
+
+    `prepared_parts` splits first and prepares each part afterwards: then the fractions are those of
+    the log, and no filter carries samples of one part into another.
+
+    Args:
+        recording: as read.
+        parts: fractions.
+        is_joined: the training part includes the validation part.
+
+    Returns:
+        Train, validation and test.
+
+    Raises:
+        RecordingError: a part holds no sample.
+    """
+
+    def part(name: str) -> Recording:
+        joins = is_joined and name == "train"
+        first, last = parts.joined() if joins else getattr(parts, name)
+        rows = rows_between(recording.t, first, last)
+        label = f"{recording.name}/{name}" if recording.name else name
+        sentence = (
+            f"Took the {name} part, {first:g} to {last:g} of the duration "
+            f"({rows.stop - rows.start} rows)."
+        )
+        return recording.take(rows, sentence).replace(name=label)
+
+    return part("train"), part("validation"), part("test")
+
+
+def rows_between(t: FloatArray, first: float, last: float) -> slice:
+    """Rows of the part [first, last) of the duration; with last = 1 the last row belongs to it.
+
+    Args:
+        t: (N,) s.
+        first: fraction of the duration.
+        last: fraction of the duration.
+
+    Returns:
+        The rows.
+    """
+    share = (t - t[0]) / (float(t[-1] - t[0]) or 1.0)
+    start, stop = (int(np.searchsorted(share, edge)) for edge in (first, last))
+    return slice(start, len(t) if last == 1.0 else stop)
+
+
+def before_test(recording: Recording, parts: Split | None = None) -> Recording:
+    """Rows of the training and validation parts, on which settings may be chosen.
+
+    Taken before any filter, so that no sample of the test part has an effect on a choice.
+
+    Args:
+        recording: as read.
+        parts: fractions; None is the recipe's, else the default.
+
+    Returns:
+        The rows before the end of the validation part.
+    """
+    recipe = recording.recipe
+    shares = parts or (recipe.split if recipe else None) or Split()
+    last = shares.validation[1]
+    if last == 1.0:
+        return recording
+    rows = rows_between(recording.t, 0.0, last)
+    return recording.take(rows, f"Took the rows before the test part ({rows.stop} rows).")
+
+
+def prepared_parts(
+    recording: Recording,
+    shares: Split,
+    preparation: Preparation,
+    prepare_part: Callable[[Recording, Preparation], Recording],
+    is_joined: bool = False,
+) -> tuple[Recording, Recording, Recording]:
+    """Cut a recording into its parts and prepare each of them.
+
+    Args:
+        recording: as read.
+        shares: fractions of the duration.
+        preparation: of every part.
+        prepare_part: rows of one part and a preparation → prepared rows.
+        is_joined: the training part includes the validation part, whose rows are prepared with it.
+
+    Returns:
+        Train, validation and test.
+
+    Raises:
+        RecordingError: a part holds no sample, or a step cannot be taken.
+    """
+    if shares.is_everything:
+        return split(prepare_part(recording, preparation), shares)
+    raw = split(recording, shares, is_joined)
+    first, last = float(recording.t[0]), float(recording.t[-1])
+
+    def prepared(part: Recording) -> Recording:
+        short = for_part(preparation, part.duration)
+        done = prepare_part(part, short).replace(prepared=preparation)
+        low, high = float(part.t[0]), float(part.t[-1])
+        gap = guard_gap(short, part.duration)
+        rows = (done.t >= low + gap) | (low == first)
+        rows &= (done.t <= high - gap) | (high == last)
+        if rows.all():
+            return done
+        return done.take(rows, f"Dropped {(~rows).sum()} rows next to another part.")
+
+    train, test = prepared(raw[0]), prepared(raw[2])
+    if not is_joined:
+        return train, prepared(raw[1]), test
+    rows = train.t >= raw[1].t[0]
+    validation = train.take(rows, f"Took the validation part of these rows ({rows.sum()} rows).")
+    return train, validation.replace(name=raw[1].name), test
+
+
+def for_part(preparation: Preparation, seconds: float) -> Preparation:
+    """The preparation of a part, whose trimmed ends leave half of it at least.
+
+    Args:
+        preparation: of the log.
+        seconds: duration of the part [s].
+
+    Returns:
+        The preparation, with a shorter trim_s where the part is short.
+    """
+    most = LARGEST_SHARE * seconds
+    if preparation.trim_s is None or preparation.trim_s <= most:
+        return preparation
+    return replace(preparation, trim_s=most)
+
+
+def guard_gap(preparation: Preparation, seconds: float) -> float:
+    """Time next to another part in which rows are dropped.
+
+    Args:
+        preparation: of the part.
+        seconds: duration of the part [s].
+
+    Returns:
+        Gap [s]: 1 / f_c or the window of the filter, a quarter of the part at most. 0 without a
+        filter, or where the preparation trims the ends itself.
+    """
+    if preparation.filter == "none" or preparation.trim_s is not None:
+        return 0.0
+    gap = preparation.window_s or 0.0
+    if preparation.filter == "butterworth" and preparation.cutoff_hz is not None:
+        gap = GUARD / preparation.cutoff_hz
+    return min(gap, LARGEST_SHARE * seconds)

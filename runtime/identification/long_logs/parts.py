@@ -23,7 +23,7 @@ class StreamedPart:
 
     Attributes:
         blocks: blocks of its rows, or of those of the training part, which include it.
-        span: its first and last instant [s].
+        span: first and last instant of its prepared rows [s].
         first: first instant that is taken of the blocks [s].
     """
 
@@ -85,7 +85,9 @@ def parts_of_log(
             low + gap if gap and share[0] > 0.0 else -np.inf,
             high - gap if gap and share[1] < 1.0 else np.inf,
         )
-        return StreamedPart(blocks_of(log, lib, short, terms, rows, kept), (low, high))
+        edge = short.trim_s or 0.0
+        span = max(low + edge, kept[0]), min(high - edge, kept[1])
+        return StreamedPart(blocks_of(log, lib, short, terms, rows, kept), span)
 
     train = part("train", shares.joined() if is_joined else shares.train)
     if shares.is_everything:

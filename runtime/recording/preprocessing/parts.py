@@ -116,22 +116,22 @@ def prepared_parts(
     if shares.is_everything:
         return split(prepare_part(recording, preparation), shares)
     raw = split(recording, shares, is_joined)
-    first, last = float(recording.t[0]), float(recording.t[-1])
 
-    def prepared(part: Recording) -> Recording:
+    def prepared(part: Recording, share: tuple[float, float]) -> Recording:
         short = for_part(preparation, part.duration)
         done = prepare_part(part, short).replace(prepared=preparation)
-        low, high = float(part.t[0]), float(part.t[-1])
+        low, high = (float(recording.t[0]) + each * recording.duration for each in share)
         gap = guard_gap(short, part.duration)
-        rows = (done.t >= low + gap) | (low == first)
-        rows &= (done.t <= high - gap) | (high == last)
+        rows = (done.t >= low + gap) | (share[0] == 0.0)
+        rows &= (done.t < high - gap) | (share[1] == 1.0)
         if rows.all():
             return done
         return done.take(rows, f"Dropped {(~rows).sum()} rows next to another part.")
 
-    train, test = prepared(raw[0]), prepared(raw[2])
+    train = prepared(raw[0], shares.joined() if is_joined else shares.train)
+    test = prepared(raw[2], shares.test)
     if not is_joined:
-        return train, prepared(raw[1]), test
+        return train, prepared(raw[1], shares.validation), test
     rows = train.t >= raw[1].t[0]
     validation = train.take(rows, f"Took the validation part of these rows ({rows.sum()} rows).")
     return train, validation.replace(name=raw[1].name), test

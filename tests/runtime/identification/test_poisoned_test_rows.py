@@ -1,13 +1,23 @@
 """Test rows take part in no choice: with a poisoned torque they change the test error alone."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from runtime import Recording, identify
+from runtime.identification.identified import Identification
+from runtime.identification.long_logs import identify_streamed
+from runtime.identification.several_logs import NamedLog, identify_logs
+from runtime.inspection.cutoff_choice import choose_cutoff
+from runtime.inspection.default_friction import choose_default_friction
 from runtime.inspection.friction_choice import choose_friction
 from runtime.library import Library
-from runtime.recording import Friction, Split
+from runtime.recording import Friction, Preparation, Split, open_streamed, write_recording
 
+SLOW = Preparation(filter="butterworth", cutoff_hz=1.0, max_gap_s=0.1)
+"""Filter whose time constant is a twentieth of the log."""
 PARTS = Split((0.0, 0.6), (0.6, 0.8), (0.8, 1.0))
 
 
@@ -45,3 +55,75 @@ def test_the_friction_model_has_not_seen_the_test_rows(lib: Library, noisy: Reco
         choose_friction(log, lib, splitting=PARTS, names=names) for log in (noisy, poisoned(noisy))
     )
     assert clean == dirty
+
+
+@pytest.mark.parametrize("regressor", ["acceleration", "momentum", "energy"])
+@pytest.mark.parametrize("trim_s", [None, 0.5])
+@pytest.mark.parametrize("method", ["map", "adam"])
+def test_a_filter_has_not_seen_the_test_rows(
+    lib: Library, noisy: Recording, method: str, trim_s: float | None, regressor: str
+) -> None:
+    """Property: a zero-phase filter carries no test row into the rows of the other parts."""
+    steps = replace(SLOW, trim_s=trim_s, regressor=regressor)
+    clean, dirty = (
+        identify(log, lib, method, preparation=steps, splitting=PARTS, certify=False)
+        for log in (noisy, poisoned(noisy))
+    )
+    assert_equal_models(clean, dirty)
+    for one, two in ((clean.train, dirty.train), (clean.validation, dirty.validation)):
+        np.testing.assert_array_equal(one.tau, two.tau)
+
+
+def test_several_logs_have_not_seen_their_test_rows(lib: Library, noisy: Recording) -> None:
+    """Property: the joint model of two logs is equal to the bit."""
+    clean, dirty = (
+        identify_logs([NamedLog("a", log, SLOW), NamedLog("b", other, SLOW)], lib, splitting=PARTS)[
+            0
+        ]
+        for log, other in ((noisy, noisy), (poisoned(noisy), poisoned(noisy)))
+    )
+    assert_equal_models(clean, dirty)
+
+
+def test_a_streamed_log_has_not_seen_its_test_rows(
+    lib: Library, noisy: Recording, tmp_path: Path
+) -> None:
+    """Property: blocks of the training part hold no test row in their overlap."""
+    results = []
+    for name, log in (("clean", noisy), ("dirty", poisoned(noisy))):
+        write_recording(log, tmp_path / f"{name}.npz")
+        streamed = open_streamed(tmp_path / f"{name}.npz")
+        results.append(identify_streamed(streamed, lib, preparation=SLOW, splitting=PARTS))
+    assert_equal_models(*results)
+
+
+def test_choices_have_not_seen_the_test_rows(lib: Library, noisy: Recording) -> None:
+    """Property: cut-off and default friction are equal to the bit."""
+    clean, dirty = (
+        (
+            choose_cutoff(log, lib, splitting=PARTS).sentence,
+            choose_default_friction(log, lib, SLOW, PARTS),
+        )
+        for log in (noisy, poisoned(noisy))
+    )
+    assert clean == dirty
+
+
+def test_rows_next_to_another_part_are_dropped(lib: Library, noisy: Recording) -> None:
+    """Oracle: 1 / f_c = 0.5 s on the inner side of both parts, nothing at the ends of the log."""
+    steps = replace(SLOW, cutoff_hz=2.0)
+    result = identify(noisy, lib, preparation=steps, splitting=PARTS, certify=False)
+    first, last = noisy.t[0], noisy.t[-1]
+    cut = first + 0.8 * noisy.duration
+    step = 1.0 / noisy.rate_hz
+    assert result.train.t[[0, -1]] == pytest.approx([first, cut - 0.5], abs=1.01 * step)
+    assert result.test.t[[0, -1]] == pytest.approx([cut + 0.5, last], abs=1.01 * step)
+    assert "next to another part" in result.train.history[-1]
+
+
+def assert_equal_models(clean: Identification, dirty: Identification) -> None:
+    """π, φ and weights are equal to the bit, and only the test error differs."""
+    np.testing.assert_array_equal(clean.pi, dirty.pi)
+    np.testing.assert_array_equal(clean.phi, dirty.phi)
+    np.testing.assert_array_equal(clean.weights, dirty.weights)
+    assert np.abs(clean.test.tau - dirty.test.tau).max() > 100.0

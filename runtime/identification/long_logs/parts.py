@@ -14,7 +14,7 @@ from runtime.errors import RecordingError
 from runtime.identification.long_logs.blocks import REACH, Blocks, blocks_of
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
-from runtime.recording.preprocessing.parts import for_part, guard_gap
+from runtime.recording.preprocessing.parts import for_part, span_of_part, validation_start
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,22 +78,20 @@ def parts_of_log(
                 f"no row of {log.name} is in the {name} part, {share[0]:g} to {share[1]:g} of the "
                 "duration; use another --split"
             )
-        low, high = (start + each * duration for each in share)
-        short = for_part(preparation, high - low)
-        gap = guard_gap(short, high - low)
+        short = for_part(preparation, (share[1] - share[0]) * duration)
+        span = span_of_part((start, end), share, short)
+        guarded = short.trim_s is None
         kept = (
-            low + gap if gap and share[0] > 0.0 else -np.inf,
-            high - gap if gap and share[1] < 1.0 else np.inf,
+            span[0] if guarded and share[0] > 0.0 else -np.inf,
+            span[1] if guarded and share[1] < 1.0 else np.inf,
         )
-        edge = short.trim_s or 0.0
-        span = max(low + edge, kept[0]), min(high - edge, kept[1])
         return StreamedPart(blocks_of(log, lib, short, terms, rows, kept), span)
 
     train = part("train", shares.joined() if is_joined else shares.train)
     if shares.is_everything:
         return dict.fromkeys(("train", "validation", "test"), train)
     if is_joined:
-        low = start + shares.validation[0] * duration
+        low = validation_start(shares, train.span)
         validation = StreamedPart(train.blocks, (low, train.span[1]), low)
     else:
         validation = part("validation", shares.validation)

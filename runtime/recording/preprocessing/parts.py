@@ -18,6 +18,9 @@ GUARD = 1.0
 LARGEST_SHARE = 0.25
 """Largest share of a part that is trimmed at either end."""
 
+ROUNDING = 1e-9
+"""Share of a part within which an instant is at its edge."""
+
 
 def split(
     recording: Recording, parts: Split, is_joined: bool = False
@@ -116,25 +119,62 @@ def prepared_parts(
     if shares.is_everything:
         return split(prepare_part(recording, preparation), shares)
     raw = split(recording, shares, is_joined)
+    ends = float(recording.t[0]), float(recording.t[-1])
 
     def prepared(part: Recording, share: tuple[float, float]) -> Recording:
         short = for_part(preparation, part.duration)
         done = prepare_part(part, short).replace(prepared=preparation)
-        low, high = (float(recording.t[0]) + each * recording.duration for each in share)
-        gap = guard_gap(short, part.duration)
-        rows = (done.t >= low + gap) | (share[0] == 0.0)
-        rows &= (done.t < high - gap) | (share[1] == 1.0)
-        if rows.all():
+        low, high = span_of_part(ends, share, short)
+        # A repaired clock may run longer than the logged one.
+        high = max(high, float(done.t[-1]) - guard_gap(short, part.duration))
+        rows = (done.t >= low) | (share[0] == 0.0)
+        rows &= (done.t <= high) | (share[1] == 1.0)
+        if short.trim_s is not None or rows.all():
             return done
         return done.take(rows, f"Dropped {(~rows).sum()} rows next to another part.")
 
-    train = prepared(raw[0], shares.joined() if is_joined else shares.train)
-    test = prepared(raw[2], shares.test)
+    seen = shares.joined() if is_joined else shares.train
+    train, test = prepared(raw[0], seen), prepared(raw[2], shares.test)
     if not is_joined:
         return train, prepared(raw[1], shares.validation), test
-    rows = train.t >= raw[1].t[0]
+    span = span_of_part(ends, seen, for_part(preparation, raw[0].duration))
+    rows = train.t >= validation_start(shares, span)
     validation = train.take(rows, f"Took the validation part of these rows ({rows.sum()} rows).")
     return train, validation.replace(name=raw[1].name), test
+
+
+def span_of_part(
+    ends: tuple[float, float], share: tuple[float, float], preparation: Preparation
+) -> tuple[float, float]:
+    """First and last instant of the prepared rows of a part.
+
+    Args:
+        ends: first and last instant of the recording [s].
+        share: fractions of the duration.
+        preparation: of the part, from `for_part`.
+
+    Returns:
+        The instants [s].
+    """
+    duration = ends[1] - ends[0]
+    low, high = (ends[0] + each * duration for each in share)
+    edge, gap = preparation.trim_s or 0.0, guard_gap(preparation, high - low)
+    return low + edge + gap * (share[0] > 0.0), high - edge - gap * (share[1] < 1.0)
+
+
+def validation_start(shares: Split, span: tuple[float, float]) -> float:
+    """First instant of the validation part within the training part that includes it.
+
+    Args:
+        shares: fractions of the duration.
+        span: first and last instant of the prepared rows of both [s].
+
+    Returns:
+        The instant [s], which divides the span in the ratio of the shares.
+    """
+    first, last = shares.joined()
+    share = (shares.validation[0] - first) / (last - first)
+    return span[0] + (share - ROUNDING) * (span[1] - span[0])
 
 
 def for_part(preparation: Preparation, seconds: float) -> Preparation:

@@ -18,7 +18,7 @@ from tests.conftest import REPOSITORY
 
 COUNT = 6
 """Of each kind; `scripts/fuzz` reads ten thousand in all."""
-NEEDED = ("pyarrow", "mcap", "rosbags", "trimesh", "mujoco")
+NEEDED = ("pyarrow", "h5py", "mcap", "rosbags", "trimesh", "mujoco")
 
 
 def test_damaged_files_are_read_or_refused(tiny_built: Path) -> None:

@@ -2,7 +2,8 @@
 
 Motion identifies their sum only. A hand, a flange or a camera keeps its published inertia, and the
 moving link gets the rest, P_link = P_identified − Σ_k T_k P_k T_kᵀ. Where the rest is not
-physically consistent, the moving link gets the whole sum and the links fixed to it get none.
+physically consistent, the moving link gets the whole sum and the links fixed to it get none. It
+also gets the inertia of links without mass.
 """
 
 from dataclasses import dataclass
@@ -65,8 +66,18 @@ def divide_bodies(lib: Library, pi: Array, tree: Tree) -> LinkBodies:
                 f"not written: expected a positive mass of the link '{link}', got "
                 f"{whole[3, 3]:g} kg; export a physically consistent result"
             )
-        children = fixed[link]
+        # No engine reads an inertia without a mass.
+        massless = [
+            name for name, each in fixed[link].items() if not each.mass and each.inertia.any()
+        ]
+        children = {name: each for name, each in fixed[link].items() if name not in massless}
         rest = _rest(whole, children, tree)
+        if massless:
+            emptied += massless
+            notes.append(
+                f"The inertial of {link} includes {', '.join(massless)}, whose inertials without "
+                "mass were removed."
+            )
         if rest is None:
             bodies[link] = body_of(whole)
             emptied += children

@@ -38,8 +38,12 @@ def sdf_text(model: IdentifiedModel) -> str:
     _descend(model, top, tree.base)
     indent(root, space="  ")
     notes = [MASSLESS]
-    if tree.base != WORLD and tree.base not in model.bodies.by_link:
-        notes.append(f"{tree.base} is fixed to the world; SDF gives it 1 kg, which does not move.")
+    on_world = [edge.child for edge in tree.children(WORLD)] if tree.base == WORLD else [tree.base]
+    notes += [
+        f"{link} is fixed to the world; SDF gives it 1 kg, which does not move."
+        for link in on_world
+        if not _has_mass(model, link)
+    ]
     if model.lib.gravity[:2].any() or model.lib.gravity[2] >= 0:
         notes.append("Rotate the model so that gravity has the above direction in its base frame.")
     return xml_comment(model.robot_comment(*notes)) + tostring(root, "unicode") + "\n"
@@ -66,7 +70,8 @@ def _descend(model: IdentifiedModel, top: Element, link: str) -> None:
     for edge in model.tree.children(link):
         is_root = link == WORLD and link == model.tree.base
         parent = "__model__" if is_root else link
-        if _has_mass(model, edge.child):
+        # A frame of the model moves with its first link, so that what stands on the world is one.
+        if is_root or _has_mass(model, edge.child):
             element = _link(model, top, edge.child)
             element.insert(0, _pose(edge.placement, parent))
             _joint(model, top, edge, link)

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from xml.etree.ElementTree import SubElement, tostring
 
 import mujoco
 import numpy as np
@@ -16,6 +17,7 @@ from runtime.errors import ExportError
 from runtime.library import Library
 from runtime.outputs.model_files import EXPORT_FORMATS, IdentifiedModel, export, export_model
 from runtime.outputs.model_files.drives import KEYS, Drives
+from runtime.outputs.model_files.urdf_tree import read_tree
 from runtime.recording import Friction
 from tests.oracle import pinocchio_model, random_states
 from tests.runtime.exporting import perturbed
@@ -244,3 +246,35 @@ def test_names_that_other_formats_have_taken(arm: Library, tmp_path: Path) -> No
     assert "base_fixed" in {x.get("name") for x in sdf.iter("joint")}
     bodies = {x.get("name") for x in fromstring(files["mjcf"][0]).iter("body")}
     assert bodies == {*links, "flange", "tool"}
+
+
+def test_links_without_mass_are_lumped(
+    arm: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: engines reload a massless base fixed to the world, and a tool of inertia 1e-6.
+
+    Drake does not know a frame of the world, and no engine an inertia without a mass.
+    """
+    root = fromstring(arm.urdf())
+    base = read_tree(arm).base
+    assert base == "world"
+    for name, parent in (("plate", base), ("probe", "wrist")):
+        SubElement(root, "link", {"name": name})
+        joint = SubElement(root, "joint", {"name": f"{name}_joint", "type": "fixed"})
+        SubElement(joint, "origin", {"xyz": "0.1 0.2 0.3", "rpy": "0.1 0 0"})
+        SubElement(joint, "parent", {"link": parent})
+        SubElement(joint, "child", {"link": name})
+    for joint in root.findall("joint"):  # what stood on the world stands on the plate
+        parent = joint.find("parent")
+        if parent.get("link") == base and joint.find("child").get("link") != "plate":
+            parent.set("link", "plate")
+    root.find("joint[@name='plate_joint']/origin").attrib.clear()
+    inertial = SubElement(root.find("link[@name='probe']"), "inertial")
+    SubElement(inertial, "mass", {"value": "0"})
+    SubElement(inertial, "inertia", {f"i{a}": "1e-6" for a in ("xx", "yy", "zz")})
+    text = tostring(root, "unicode")
+    monkeypatch.setattr(Library, "urdf", lambda self: text)
+    files = exported(arm, tmp_path, "urdf", "mjcf", "sdf")
+    written = fromstring(files["urdf"][0])
+    assert written.find("link[@name='probe']/inertial") is None
+    assert "inertial of wrist includes probe" in " ".join(files["urdf"][0].split())

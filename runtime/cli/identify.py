@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Robot, Seed, console, say
+from runtime.cli.common import Robot, Seed
 from runtime.cli.drive import delayed, drive_request
+from runtime.cli.free_base import Rows, identify_free_base_log, require_fixed_base
 from runtime.cli.identify_output import finish
 from runtime.cli.log_options import (
     AUTO,
@@ -27,13 +28,13 @@ from runtime.cli.log_options import (
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import (
     LogOptions,
-    PreparedLog,
     read_prepared_log,
     usable_columns,
 )
 from runtime.cli.progress import STATE, counting
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.several_logs import Logs, PayloadOf, identify_several, runs_of
+from runtime.cli.streamed_log import is_streamable, streamed_result
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method, require_method
@@ -41,13 +42,12 @@ from runtime.estimators.prior_file import read_prior
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
-from runtime.identification.long_logs import identify_streamed, require_streamable
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
 from runtime.identification.without_prior import settings_for
 from runtime.inspection.default_friction import MEMORY
 from runtime.library import Library
-from runtime.recording import Friction, Recording, StreamedRecording
+from runtime.recording import Friction, Recording
 from runtime.simulation.controller_file import read_controller
 
 _WRITTEN = ResultFolder(
@@ -103,6 +103,7 @@ def identify_command(
     split: Parts = None,
     controller: ControllerFile = None,
     stream: Stream = None,
+    rows: Rows = None,
     robust: Annotated[
         bool,
         typer.Option(
@@ -141,6 +142,7 @@ def identify_command(
     symgen identify log.csv --robot my --regressor momentum --cutoff 2
     symgen identify log.csv --method didim --controller log.loop.toml --friction viscous
     symgen identify log.npz --robot my --recipe pd.toml --delay auto
+    symgen identify walk.npz --robot humanoid --rows base --cutoff 5
     symgen identify a.csv b.csv --robot my --payload-of b.csv=results/tool/payload.json
 
     A CSV log has the header t,q1…,dq1…,ddq1…,tau1… in SI units (s, rad or m, N·m or N); dq and
@@ -155,13 +157,30 @@ def identify_command(
     parameters so far.
     """
     lib, log = open_robot(robot, yes), logs[0]
+    if lib.manifest.floating:
+        unused: dict[str, object] = {"--method": method, "--preset": preset, "--recipe": recipe}
+        unused |= {"--run": run, "--friction": friction, "--rate": rate, "--regressor": regressor}
+        unused |= {"--delay": delay, "--controller": controller, "--robust": robust}
+        identify_free_base_log(
+            lib,
+            logs,
+            rows,
+            cutoff=cutoff,
+            split=split,
+            prior=None if prior is None else read_prior(prior, lib),
+            out=out,
+            overwrite=overwrite,
+            others=unused,
+        )
+        return
+    require_fixed_base(lib, rows)
     if stream is None and (
         controller
         or delay
         or encoder_bias
         or friction == AUTO
         or robust
-        or not _is_streamable(method, preset)
+        or not is_streamable(method, preset)
     ):
         stream = False  # these need the samples of the whole log
     options = LogOptions(
@@ -203,7 +222,7 @@ def identify_command(
                 "--delay and --encoder-bias need the whole log in memory, but it is streamed; "
                 "give --no-stream"
             )
-        result = _streamed(data.streamed, data, lib, settings)
+        result = streamed_result(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         finish(result, folder, save_statistics)
         return
@@ -226,30 +245,6 @@ def identify_command(
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     finish(result, folder, save_statistics)
-
-
-def _is_streamable(method: str | None, preset: str | None) -> bool:
-    try:
-        require_streamable(chosen_method(method, preset, None), preset)
-    except IdentificationError:
-        return False
-    return True
-
-
-def _streamed(
-    log: StreamedRecording, data: PreparedLog, lib: Library, settings: Settings
-) -> Identification:
-    say(f"streaming {log.rows} rows of {log.name}; --no-stream reads the log as a whole")
-    with console.status("streaming") as status:
-        return identify_streamed(
-            log,
-            lib,
-            settings,
-            preparation=data.preparation,
-            splitting=data.splitting,
-            friction_columns=data.friction,
-            progress=status.update,
-        )
 
 
 def _with_progress(

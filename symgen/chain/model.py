@@ -167,7 +167,7 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         joints=(*base, *joints),
         gravity=snapped(gravity),
         tip=_tip(document, model, (*base, *joints), options.tip),
-        lumped=_lumped(document),
+        lumped=_lumped(document, options.floating),
         removed=removed,
         urdf=urdf,
         assumed=options.assumed | new,
@@ -269,10 +269,11 @@ def _carrier(document: Document, link: str) -> str | None:
     return None
 
 
-def _lumped(document: Document) -> tuple[LumpedBody, ...]:
+def _lumped(document: Document, floating: bool) -> tuple[LumpedBody, ...]:
     bodies = []
     for link, element in document.links.items():
-        carrier, inertial = _carrier(document, link), element.find("inertial")
+        carrier = _carrier(document, link) or (document.root_link if floating else None)
+        inertial = element.find("inertial")
         if carrier in {None, link} or inertial is None:
             continue
         mass = inertial.find("mass")

@@ -45,9 +45,9 @@ def random_states(lib: Library, count: int = STATES) -> tuple[Array, Array, Arra
         count: number of states.
 
     Returns:
-        q, dq, ddq, (count, n) each [rad, rad/s, rad/s²; m].
+        q, dq, ddq, (count, n) each [rad, rad/s, rad/s²; m]; (count, 6 + n) with a free base.
     """
-    q, dq, ddq = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, count, lib.n_joints))
+    q, dq, ddq = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, count, lib.n_rows))
     return q, dq, ddq
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from defusedxml.ElementTree import fromstring
 
 from runtime.library import Array, Library
+from runtime.library.free_base import FREEDOM
 from runtime.library.parameters import PI_NAMES, PINOCCHIO_NAMES
 from runtime.outputs.model_files.engines.answer import STATES, Reloaded, Unreadable, random_states
 
@@ -32,11 +33,13 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
     if pinocchio is None:
         return None
     try:
-        model = pinocchio.buildModelFromXML(_with_limits(text))
+        root = (pinocchio.JointModelFreeFlyer(),) if lib.manifest.floating else ()
+        model = pinocchio.buildModelFromXML(_with_limits(text), *root)
     except (ValueError, RuntimeError) as error:
         raise Unreadable(error) from None
-    if set(model.names[1:]) != set(lib.all_joint_names):
-        listed, read = (", ".join(names) for names in (lib.all_joint_names, model.names[1:]))
+    names = tuple(model.names[1 + lib.manifest.floating :])
+    if set(names) != set(lib.all_joint_names):
+        listed, read = (", ".join(each) for each in (lib.all_joint_names, names))
         raise Unreadable(f"expected the joints {listed}, got {read}")
     model.gravity.linear = lib.gravity
     joints = [model.joints[model.getJointId(name)] for name in lib.all_joint_names]
@@ -46,7 +49,8 @@ def reload(text: str, lib: Library, count: int = STATES) -> Reloaded | None:
         if name in lib.joint_names
     ]
     order = [PINOCCHIO_NAMES.index(name) for name in PI_NAMES]
-    pi = [model.inertias[joint.id].toDynamicParameters()[order] for joint in joints]
+    bodies = [*([1] if lib.manifest.floating else []), *(joint.id for joint in joints)]
+    pi = [model.inertias[body].toDynamicParameters()[order] for body in bodies]
     return Reloaded(
         f"pinocchio {pinocchio.__version__}",
         _torques(pinocchio, model, lib, joints, count),
@@ -80,13 +84,20 @@ def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any], count:
     velocity = [joint.idx_v for joint in joints]
     position, v, a = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
     states, coupling = random_states(lib, count), lib.manifest.coupling
-    q, dq, ddq = (lib.all_positions(states[0]), *map(lib.all_velocities, states[1:]))
-    tau = np.empty_like(q)
+    base = FREEDOM if lib.manifest.floating else 0  # the free flyer has the first six velocities
+    q = lib.all_positions(states[0][:, base:])
+    dq, ddq = (lib.all_velocities(each[:, base:]) for each in states[1:])
+    tau, wrench = np.empty_like(q), np.empty((len(q), base))
     for k in range(len(q)):
+        if base:
+            turn = pinocchio.Quaternion(pinocchio.exp3(states[0][k, 3:base])).coeffs()
+            position[: base + 1] = np.concatenate([states[0][k, :3], turn])
+            v[:base], a[:base] = states[1][k, :base], states[2][k, :base]
         for joint, angle in zip(joints, q[k], strict=True):
             # Trap: pinocchio describes a continuous joint by cos q and sin q.
             circle = (np.cos(angle), np.sin(angle)) if joint.nq == 2 else (angle,)
             position[joint.idx_q : joint.idx_q + joint.nq] = circle
         v[velocity], a[velocity] = dq[k], ddq[k]
-        tau[k] = pinocchio.rnea(model, data, position, v, a)[velocity]
-    return tau if coupling is None else np.asarray(tau @ coupling.matrix)
+        every = pinocchio.rnea(model, data, position, v, a)
+        tau[k], wrench[k] = every[velocity], every[:base]
+    return np.hstack([wrench, tau if coupling is None else tau @ coupling.matrix])

@@ -1,0 +1,247 @@
+"""Identification of a robot with a free base: most probable consistent bodies, and their intervals.
+
+The rows of `rows` are given to the method map (entropic prior at the URDF, the base link included),
+so that what the log does not determine keeps the values of the URDF, and says so.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.convex import CAD, bodies_of, prior_of, reduce, spread_of
+from runtime.estimators.estimate_error import vague_posterior
+from runtime.estimators.methods import fit_by
+from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.problem import Fit, Problem
+from runtime.estimators.regression.samples import thesis_weights
+from runtime.estimators.uncertainty import IDENTIFIED, PRIOR_DOMINATED
+from runtime.identification.free_base.rows import FreeBaseRows, contact_jacobian, rows_of
+from runtime.library import Array, Library
+from runtime.library.parameters import MASS, N_PARAMETERS
+from runtime.parallel import one_blas_thread
+from runtime.recording.free_base import FreeBaseRecording
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion, motion_of
+
+SHARE = 0.6
+"""Share of the log that is trained on."""
+DETERMINED = 0.5
+"""Posterior over prior variance below which an entry counts as identified."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VerticalForce:
+    """Sum of the vertical contact forces on the test part.
+
+    Attributes:
+        weight: mean of the measured sum [N].
+        before: RMS error of the URDF's prediction [N].
+        after: RMS error of the identified model's prediction [N].
+    """
+
+    weight: float
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeBaseIdentification:
+    """Result of an identification with a free base.
+
+    Attributes:
+        lib: library of the robot.
+        pi: π, (10 L,), the base link first.
+        root: root of the covariance of π.
+        share: posterior over prior variance of every entry of π, (10 L,).
+        rows: choice of rows.
+        row_names: names of the rows whose errors are stated.
+        rms: RMS of their right side, (k,), on the test part.
+        before, after: RMS errors of URDF and result on the test part, (k,).
+        n_train, n_test: number of instants.
+        n_eff: effective sample size.
+        seconds: duration of the test part.
+        status: how the fit ended.
+        notes: sentences on the data.
+        vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
+    """
+
+    lib: Library
+    pi: Array
+    root: Array
+    share: Array
+    rows: str
+    row_names: tuple[str, ...]
+    rms: Array
+    before: Array
+    after: Array
+    n_train: int
+    n_test: int
+    n_eff: float
+    seconds: float
+    status: str
+    notes: tuple[str, ...]
+    vertical: VerticalForce | None
+
+    @property
+    def mass(self) -> tuple[float, float]:
+        """Total mass and its standard deviation [kg]."""
+        pick = np.zeros(self.pi.size)
+        pick[MASS::N_PARAMETERS] = 1.0
+        return float(pick @ self.pi), float(np.linalg.norm(pick @ self.root))
+
+    @property
+    def verdicts(self) -> tuple[str, ...]:
+        """Per entry of π: identified, or prior-dominated."""
+        return tuple(IDENTIFIED if s < DETERMINED else PRIOR_DOMINATED for s in self.share)
+
+    @property
+    def is_consistent(self) -> bool:
+        """Whether every link is strictly consistent."""
+        return bool(self.lib.relative_eigenvalues(self.pi).min() > 0)
+
+
+@one_blas_thread
+def identify_free_base(
+    recording: FreeBaseRecording,
+    lib: Library,
+    rows: str = "all",
+    *,
+    cutoff_hz: float | None = None,
+    share: float = SHARE,
+    prior: PriorFile | None = None,
+    trim_s: float = 0.0,
+) -> FreeBaseIdentification:
+    """Identify π of a robot with a free base.
+
+    Args:
+        recording: motion, contacts and, unless rows are those of the base, torques.
+        lib: library of a robot that was built with --floating.
+        rows: "all", "base" or "joints".
+        cutoff_hz: of the zero-phase low-pass of all signals [Hz]; None filters nothing.
+        share: share of the duration for training; the rest is the test part.
+        prior: inertial prior beyond the URDF.
+        trim_s: rows within this time of either end are left out, where filters swing in [s].
+
+    Returns:
+        Parameters with their covariance, and errors on the test part.
+
+    Raises:
+        RuntimeFault: the robot has a fixed base, or data and choice of rows give no equations.
+    """
+    if not lib.manifest.floating:
+        raise IdentificationError(
+            f"the base of '{lib.name}' is fixed, so a log with the motion of a base does not fit; "
+            "build the robot with --floating, or give a log of joints alone"
+        )
+    if not 0.1 <= share <= 0.95:
+        raise IdentificationError(
+            f"expected a training share of 0.1 to 0.95 of the log, got {share:g}; use --split"
+        )
+    motion = motion_of(recording, lib.joint_names, cutoff_hz)
+    inside = np.flatnonzero(
+        (motion.t >= motion.t[0] + trim_s) & (motion.t <= motion.t[-1] - trim_s)
+    )
+    border = motion.t[0] + share * (motion.t[-1] - motion.t[0])
+    first, second = inside[motion.t[inside] < border], inside[motion.t[inside] >= border]
+    if min(len(first), len(second)) < 1:
+        raise IdentificationError("no row is left for training or test; record for longer")
+    train, test = motion.rows(first), motion.rows(second)
+    trained, tested = rows_of(lib, train, rows), rows_of(lib, test, rows)
+    unknowns = len(lib.base_columns)
+    problem = Problem(
+        lib=lib,
+        train=trained.samples,
+        validation=tested.samples,
+        weights=thesis_weights(trained.samples.tau),
+        start=lib.lam0,
+    )
+    fit = fit_by(problem, "map", None, prior)
+    root, shares = _posterior(lib, fit, trained, prior)
+    notes = []
+    if trained.samples.tau.size < unknowns:
+        notes.append(
+            f"{trained.samples.tau.size} equations for {unknowns} base parameters: most of the "
+            "result is the prior"
+        )
+    left = trained.samples.equations
+    if left < len(trained.names):
+        notes.append(
+            f"contact wrenches are not measured completely: {left} of {len(trained.names)} "
+            "equations per instant are left"
+        )
+    names, measured = _shown(tested)
+    return FreeBaseIdentification(
+        lib=lib,
+        pi=fit.pi,
+        root=root,
+        share=shares,
+        rows=rows,
+        row_names=names,
+        rms=_rms(measured),
+        before=_rms(tested.samples.rigid(lib, lib.pi0) - measured),
+        after=_rms(tested.samples.rigid(lib, fit.pi) - measured),
+        n_train=len(train),
+        n_test=len(test),
+        n_eff=float(fit.n_eff or len(train)),
+        seconds=float(test.t[-1] - test.t[0]),
+        status=fit.status,
+        notes=(*fit.notes, *notes),
+        vertical=_vertical(lib, test, fit.pi),
+    )
+
+
+def _posterior(
+    lib: Library, fit: Fit, trained: FreeBaseRows, prior: PriorFile | None
+) -> tuple[Array, Array]:
+    """Root of the covariance and share of the prior, as `estimators.uncertainty` computes them."""
+    _, noise = fit.noise()
+    if fit.statistics is None:
+        raise IdentificationError("expected statistics of the fit; use the method map")
+    data, _ = reduce(fit.statistics, trained.samples.equations)
+    level = max(noise.density, float(np.finfo(float).tiny))
+    rows, target = data.factor / np.sqrt(level), data.target / np.sqrt(level)
+    kappa = prior.kappa if prior and prior.kappa else CAD
+    spread = spread_of(bodies_of(lib), fit.pi, rows, kappa)
+    reference, _ = vague_posterior(lib, prior_of(lib, lib.pi0), rows, target)
+    return np.column_stack([spread.root, fit.pi - reference]), spread.share
+
+
+def _shown(tested: FreeBaseRows) -> tuple[tuple[str, ...], Array]:
+    """Names and right side of the rows whose errors are stated."""
+    left = tested.samples.equations
+    if left == len(tested.names):
+        return tested.names, tested.samples.tau
+    return tuple(f"equation {k + 1}" for k in range(left)), tested.samples.tau
+
+
+def _vertical(lib: Library, motion: FreeBaseMotion, pi: Array) -> VerticalForce | None:
+    """Errors of ΣF_z, the vertical component of the forces on the base."""
+    contacts = motion.contacts
+    if not contacts.links:
+        return None
+    wrench = contacts.wrench
+    if contacts.axes == "world":
+        if np.isnan(wrench[:, :, 2]).any():
+            return None
+        measured = wrench[:, :, 2].sum(axis=1)
+    else:
+        if np.isnan(wrench[:, :, :3]).any():
+            return None
+        count = len(motion)
+        force = np.where(np.isnan(wrench), 0.0, wrench)
+        on_base = np.einsum("nck,nc->nk", contact_jacobian(lib, motion), force.reshape(count, -1))
+        measured = np.einsum("ni,ni->n", motion.rotation[:, 2], on_base[:, :3])
+
+    def predicted(parameters: Array) -> Array:
+        force = lib.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)[:, :3]
+        return np.einsum("ni,ni->n", motion.rotation[:, 2], force)
+
+    return VerticalForce(
+        float(measured.mean()),
+        float(_rms(predicted(lib.pi0) - measured)),
+        float(_rms(predicted(pi) - measured)),
+    )
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(np.square(values), axis=0)))

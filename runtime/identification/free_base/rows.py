@@ -1,0 +1,168 @@
+"""Equations of a robot with a free base.
+
+    Y(q, v, a) π = [0; τ] + Σ_c J_cᵀ w_c
+
+Rows are chosen ("base", "joints" or "all"). Components of contact wrenches that were not measured
+are eliminated by multiplication with a basis of the null space of their Jacobian, N(t)ᵀ Jᵀ = 0.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
+from runtime.library.free_base import FREEDOM
+from runtime.recording.preprocessing.free_base_motion import FreeBaseMotion
+
+ROWS = ("all", "base", "joints")
+"""Choices of rows."""
+RANK = 1e-6
+"""Singular value of the Jacobian of unknown wrenches, relative to the largest, that counts."""
+_BLOCK = 512
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeBaseRows:
+    """Equations of some instants.
+
+    Attributes:
+        samples: rows Y_b and their right side; m rows per instant.
+        basis: (N, k, m) N of the k chosen rows; identity where every wrench was measured.
+        names: of the k chosen rows.
+        known: (N, k) right side before the multiplication; contact wrenches that were measured
+            and torques.
+    """
+
+    samples: Samples
+    basis: Array
+    names: tuple[str, ...]
+    known: Array
+
+
+def rows_of(lib: Library, motion: FreeBaseMotion, choice: str) -> FreeBaseRows:
+    """Equations of a motion.
+
+    Args:
+        lib: library of a robot with a free base.
+        motion: N prepared instants.
+        choice: one of `ROWS`.
+
+    Returns:
+        The equations.
+
+    Raises:
+        IdentificationError: torques are missing, a link is unknown, or unknown contact wrenches
+            leave no equation.
+    """
+    if choice not in ROWS:
+        raise IdentificationError(f"expected --rows {'|'.join(ROWS)}, got '{choice}'")
+    kept = {
+        "base": np.arange(FREEDOM),
+        "joints": np.arange(FREEDOM, lib.n_rows),
+        "all": np.arange(lib.n_rows),
+    }[choice]
+    count = len(motion)
+    right = np.zeros((count, lib.n_rows))
+    if motion.tau is not None:
+        right[:, FREEDOM:] = motion.tau
+    elif choice != "base":
+        raise IdentificationError(
+            f"--rows {choice} needs joint torques, but the log has no array tau; use --rows base"
+        )
+    jacobian = contact_jacobian(lib, motion)  # (N, 6 C, 6 + n)
+    wrench = motion.contacts.wrench.reshape(count, -1)
+    unknown = np.isnan(wrench)
+    right += np.einsum("nck,nc->nk", jacobian, np.where(unknown, 0.0, wrench))
+    jacobian, known = jacobian[:, :, kept], right[:, kept]
+    y = np.concatenate(
+        [
+            lib.base_regressor(motion.q[i : i + _BLOCK], motion.dq[i : i + _BLOCK],
+                               motion.ddq[i : i + _BLOCK])[:, kept]
+            for i in range(0, count, _BLOCK)
+        ]
+    )  # fmt: skip
+    names = tuple(lib.row_names[k] for k in kept)
+    if not unknown.any():
+        basis = np.broadcast_to(np.eye(len(kept)), (count, len(kept), len(kept)))
+        return FreeBaseRows(_samples(y, known), basis, names, known)
+    basis = _null_spaces(jacobian, unknown)
+    if not basis.size:
+        raise IdentificationError(
+            "the contact wrenches that were not measured leave no equation; give contact_wrench or "
+            "contact_force_z, contact_flags of the feet that are lifted, or torques and --rows all"
+        )
+    back = np.swapaxes(basis, 1, 2)
+    left = np.einsum("nmk,nk->nm", back, known)
+    return FreeBaseRows(_samples(back @ y, left), basis, names, known)
+
+
+def contact_jacobian(lib: Library, motion: FreeBaseMotion) -> Array:
+    """Jacobians of the contact points in the axes of their wrenches.
+
+    Args:
+        lib: library of a robot with a free base.
+        motion: N prepared instants with C contacts.
+
+    Returns:
+        (N, 6 C, 6 + n), linear and angular velocity of each contact.
+
+    Raises:
+        IdentificationError: a contact is on a link that does not move by itself.
+    """
+    contacts, count = motion.contacts, len(motion)
+    if not contacts.links:
+        return np.zeros((count, 0, lib.n_rows))
+    poses = lib.link_poses(motion.q)
+    parts = []
+    for link, position in zip(contacts.links, contacts.position, strict=True):
+        if link not in lib.link_names:
+            fixed = {body["name"]: body["onto"] for body in lib.manifest.lumped}
+            onto = f"; it is fixed to '{fixed[link]}'" if link in fixed else ""
+            raise IdentificationError(
+                f"contact_links names '{link}', expected links of '{lib.name}' that move: "
+                f"{', '.join(lib.link_names)}{onto}; name that link, with contact_position"
+            )
+        j = np.array(lib.frame_jacobian(motion.q, link))
+        turn = poses[:, lib.link_names.index(link), :3, :3]
+        lever = turn @ position
+        j[:, :3] += np.cross(j[:, 3:], lever[:, :, None], axisa=1, axisb=1, axisc=1)
+        if contacts.axes == "link":
+            back = np.swapaxes(turn, 1, 2)
+            j = np.concatenate([back @ j[:, :3], back @ j[:, 3:]], axis=1)
+        parts.append(j)
+    return np.concatenate(parts, axis=1)
+
+
+def _samples(base: Array, right: Array) -> Samples:
+    """Samples of m equations; motion and friction columns have m entries that are not used."""
+    empty = np.zeros(right.shape)
+    columns = np.zeros((*right.shape, 0))
+    return Samples(empty, empty, None, np.ascontiguousarray(right), columns,
+                   base=np.ascontiguousarray(base))  # fmt: skip
+
+
+def _null_spaces(jacobian: Array, unknown: Array) -> Array:
+    """Orthonormal N(t) with J_u N = 0, continuous in time; zero columns where fewer are left."""
+    count, _, size = jacobian.shape
+    spaces = []
+    for j, missing in zip(jacobian, unknown, strict=True):
+        chosen = j[missing]
+        if not chosen.size:
+            spaces.append(np.eye(size))
+            continue
+        _, sigma, right = np.linalg.svd(chosen)
+        rank = int(np.sum(sigma > RANK * max(float(sigma[0]), 1e-300)))
+        spaces.append(right[rank:].T)
+    widest = max(space.shape[1] for space in spaces)
+    out = np.zeros((count, size, widest))
+    before = None
+    for k, space in enumerate(spaces):
+        if before is not None and before.shape == space.shape and space.size:
+            # The rotation within the space that is nearest to the basis before (Procrustes).
+            u, _, v = np.linalg.svd(space.T @ before)
+            out[k, :, : space.shape[1]] = before = space @ (u @ v)
+        else:
+            out[k, :, : space.shape[1]] = before = space
+    return out

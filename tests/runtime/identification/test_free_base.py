@@ -1,0 +1,174 @@
+"""Identification with a free base: recovery of virtual bodies, choices of rows, contacts, files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime.errors import RuntimeFault
+from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
+from runtime.identification.free_base.rows import rows_of
+from runtime.library import Library, load, to_pinocchio_order
+from runtime.recording.free_base import free_base_of
+from runtime.recording.preprocessing.free_base_motion import motion_of
+from symgen.build.pipeline import build
+from symgen.build.request import BuildRequest
+from symgen.chain import ChainOptions
+from tests.free_base_logs import VirtualLog, virtual_log
+from tests.robots import DATA, ONE_LEVEL
+from tests.runtime.conftest import Command
+
+HOPPER = (DATA / "hopper.urdf").read_text()
+FEET = ("left_foot", "right_thigh")
+
+
+@pytest.fixture(scope="module")
+def lib(tmp_path_factory: pytest.TempPathFactory) -> Library:
+    request = BuildRequest("hopper", HOPPER, ChainOptions(floating=True))
+    return load(build(request, tmp_path_factory.mktemp("free"), levels=ONE_LEVEL).folder)
+
+
+@pytest.fixture(scope="module")
+def log() -> VirtualLog:
+    return virtual_log(HOPPER, FEET, 0)
+
+
+def without(log: VirtualLog, *keys: str, **more: object) -> dict[str, np.ndarray]:
+    kept = {key: value for key, value in log.arrays.items() if key not in keys}
+    return kept | {key: np.array(value) for key, value in more.items()}
+
+
+def identified(
+    lib: Library, arrays: dict[str, np.ndarray], rows: str = "all", **options: float
+) -> FreeBaseIdentification:
+    return identify_free_base(free_base_of(arrays, "log"), lib, rows, **options)
+
+
+def base_error(lib: Library, log: VirtualLog, result: FreeBaseIdentification) -> float:
+    """‖β̂ − β‖ / ‖β‖."""
+    change = lib.base_matrix @ (result.pi - true_pi(lib, log))
+    return float(np.linalg.norm(change) / np.linalg.norm(lib.base_matrix @ true_pi(lib, log)))
+
+
+def true_pi(lib: Library, log: VirtualLog) -> np.ndarray:
+    names = np.arange(10.0)
+    order = np.argsort(to_pinocchio_order(names))
+    return log.pi.reshape(-1, 10)[:, order].ravel()
+
+
+@pytest.mark.parametrize("rows", ["all", "base", "joints"])
+def test_bodies_are_recovered(lib: Library, log: VirtualLog, rows: str) -> None:
+    """Oracle: torques and wrenches of Pinocchio; every choice of rows fits them.
+
+    The six base rows determine all base parameters by themselves.
+    """
+    result = identified(lib, log.arrays, rows)
+    # The prior keeps a share of about its γ = 1e-4 of the residuals; exact data leave nothing else.
+    assert (result.after < 1e-3 * result.rms.max()).all()
+    assert (result.before > 30 * result.after).any()
+    assert result.is_consistent
+    if rows != "joints":
+        assert base_error(lib, log, result) < 1e-3
+        total = true_pi(lib, log)[::10].sum()
+        assert result.mass[0] == pytest.approx(total, rel=1e-3)
+    assert result.vertical is not None
+    assert result.vertical.before > 10 * result.vertical.after or rows == "joints"
+
+
+def test_unknown_wrenches_are_eliminated(lib: Library, log: VirtualLog) -> None:
+    """Oracle: rows of the null space of the contact Jacobian hold for the true bodies."""
+    arrays = without(log, "contact_wrench", contact_flags=np.tile([1, 0], (600, 1)))
+    arrays["contact_wrench"] = log.arrays["contact_wrench"].copy()
+    arrays["contact_wrench"][:, 0] = np.nan  # the first foot has no sensor
+    del arrays["contact_flags"]
+    motion = motion_of(free_base_of(arrays, "log"), lib.joint_names)
+    rows = rows_of(lib, motion, "all")
+    assert rows.samples.equations == 3
+    residual = rows.samples.rigid(lib, true_pi(lib, log)) - rows.samples.tau
+    assert np.abs(residual).max() < 1e-6 * np.abs(rows.samples.tau).max()
+    result = identified(lib, arrays)
+    assert (result.after < 0.02 * result.rms).all()
+    with pytest.raises(RuntimeFault, match="leave no equation; give contact_wrench"):
+        identified(lib, arrays, "base")
+
+
+def test_vertical_forces_alone_tell_the_mass(lib: Library, log: VirtualLog) -> None:
+    """Oracle: one equation per instant, ΣF_z; the interval of the total mass holds it."""
+    motion = motion_of(free_base_of(log.arrays, "log"), lib.joint_names)
+    poses = lib.link_poses(motion.q)
+    force = np.stack(
+        [
+            np.einsum("nj,nj->n", poses[:, lib.link_names.index(foot), 2, :3], wrench)
+            for foot, wrench in zip(
+                FEET, np.moveaxis(log.arrays["contact_wrench"], 1, 0)[:, :, :3], strict=True
+            )
+        ],
+        axis=1,
+    )
+    force += np.random.default_rng(1).normal(0, 0.3, force.shape)
+    arrays = without(log, "contact_wrench", "tau", contact_force_z=force)
+    result = identified(lib, arrays, "base")
+    assert len(result.row_names) == 1
+    assert any("1 of 6 equations per instant" in note for note in result.notes)
+    total, sigma = result.mass
+    assert abs(total - true_pi(lib, log)[::10].sum()) < 4 * sigma < 0.5
+    assert result.vertical is not None
+    assert result.vertical.after < 0.5 < result.vertical.before  # noise is 0.3 √2
+    assert "prior-dominated" in result.verdicts
+
+
+def test_derivatives_and_poses(lib: Library, log: VirtualLog) -> None:
+    """Oracle: twist and acceleration of the simulation from the pose alone, by differences."""
+    arrays = without(log, "dq", "ddq", "base_twist", "base_acceleration")
+    exact = motion_of(free_base_of(log.arrays, "log"), lib.joint_names)
+    motion = motion_of(free_base_of(arrays, "log"), lib.joint_names)
+    inner = slice(5, -5)
+    # Differences at 100 Hz of sines up to 9 rad/s: (ω h)²/6 = 0.14 % once, twice that for ddq.
+    assert np.abs(motion.dq - exact.dq)[inner].max() < 0.002 * np.abs(exact.dq).max()
+    assert np.abs(motion.ddq - exact.ddq)[inner].max() < 0.006 * np.abs(exact.ddq).max()
+    filtered = motion_of(free_base_of(log.arrays, "log"), lib.joint_names, 20.0)
+    assert np.abs(filtered.ddq - exact.ddq)[60:-60].max() < 0.01 * np.abs(exact.ddq).max()
+    matrices = without(log, "base_pose")
+    matrices["base_pose"] = lib.link_poses(exact.q)[:, 0]
+    again = motion_of(free_base_of(matrices, "log"), lib.joint_names)
+    np.testing.assert_allclose(again.q, exact.q, rtol=0, atol=1e-9)
+
+
+def test_command(lib: Library, log: VirtualLog, tmp_path: Path, command: Command) -> None:
+    """Property: `identify --rows` writes result.json and a URDF with the base link's inertial."""
+    path, out = tmp_path / "walk.npz", tmp_path / "out"
+    np.savez(path, **without(log, contact_axes="link"))
+    done = command("identify", path, "--robot", lib.folder, "--rows", "base", "--out", out)
+    assert done.code == 0, done.err
+    assert "total mass" in done.out
+    facts = json.loads((out / "result.json").read_text())
+    low, high = facts["total_mass"]["interval"]
+    assert low < true_pi(lib, log)[::10].sum() < high or abs(high - low) < 0.1
+    assert [link["link"] for link in facts["links"]] == list(lib.link_names)
+    assert (out / "identified.urdf").exists()
+    done = command("identify", path, "--robot", lib.folder, "--friction", "viscous", "--out", out)
+    assert done.code == 2
+    assert "--friction does not apply to a robot with a free base" in done.err
+
+
+BAD = {
+    "no pose": ({}, ("base_pose",), "has no motion of the base"),
+    "wrong shape": ({"base_twist": np.zeros((3, 6))}, (), "base_twist needs real numbers"),
+    "misspelt": ({"base_poses": np.zeros(3)}, (), "has the array base_poses, expected"),
+    "length": ({"base_pose": np.zeros((600, 7))}, (), "differ from length 1"),
+    "no links": ({}, ("contact_links",), "no contact_links"),
+    "axes": ({"contact_axes": "base"}, (), "contact_axes is 'base', expected one of link, world"),
+    "fixed link": ({"contact_links": ["box", "body"]}, (), "it is fixed to 'body'"),
+    "torque": ({}, ("tau",), "needs joint torques"),
+    "joint": ({"joints": ["a", "b", "c"]}, (), "no joint 'left_hip' of the robot"),
+    "nan": ({"q": np.full((600, 3), np.nan)}, (), "q has NaN or infinite values"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_damaged_logs_get_a_sentence(lib: Library, log: VirtualLog, case: str) -> None:
+    """Property: expected, came, what to do."""
+    changes, removed, sentence = BAD[case]
+    with pytest.raises(RuntimeFault, match=sentence):
+        identified(lib, without(log, *removed, **changes))

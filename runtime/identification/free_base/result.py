@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from runtime import __version__
 from runtime.estimators.convex import com_sigma
 from runtime.estimators.uncertainty import PRIOR_DOMINATED
 from runtime.files import replacing
@@ -32,7 +31,6 @@ def free_base_facts(result: FreeBaseIdentification, command: str) -> dict[str, A
     facts: dict[str, Any] = {
         "free_base": 1,
         "command": command,
-        "version": __version__,
         "robot": result.lib.name,
         "model_hash": result.lib.manifest.model_hash,
         "rows": result.rows,

@@ -29,7 +29,15 @@ WRITTEN = ResultFolder("identify", ("result.json", "identified.urdf"), "free_bas
 
 
 def require_fixed_base(lib: Library, rows: str | None) -> None:
-    """Refuse --rows for a robot whose base is fixed."""
+    """Refuse --rows for a robot whose base is fixed.
+
+    Args:
+        lib: library of the robot.
+        rows: value of --rows.
+
+    Raises:
+        IdentificationError: --rows was given.
+    """
     if rows is not None:
         raise IdentificationError(
             f"--rows belongs to robots with a free base, and that of '{lib.name}' is fixed; leave "

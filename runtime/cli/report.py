@@ -13,10 +13,14 @@ from runtime.errors import IdentificationError
 def report_command(
     results: Annotated[
         Path,
-        typer.Argument(metavar="RESULTS", help="Folder written by identify, compare or reproduce."),
+        typer.Argument(
+            metavar="RESULTS",
+            help="Folder written by identify, compare or reproduce, or a history of watch.",
+        ),
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="HTML page; default RESULTS/report.html.")
+        Path | None,
+        typer.Option(metavar="FILE", help="HTML page; default report.html in the folder."),
     ] = None,
     markdown: Annotated[
         Path | None,
@@ -42,9 +46,10 @@ def report_command(
     \b
     symgen report results/first-map
     symgen report results/experiments --markdown tables.md --figures figures
+    symgen report results/history.jsonl
 
     The page needs no network: its tables sort and its figures zoom. identify and compare write it
-    themselves.
+    themselves. Of a history it shows the trends over time and temperature.
     """
     # matplotlib is slow to import
     from runtime.outputs.report import write_report
@@ -54,12 +59,17 @@ def report_command(
         write_experiments,
     )
 
-    page = out or results / "report.html"
+    is_history = results.is_file()
+    page = out or (results.with_suffix(".html") if is_history else results / "report.html")
     if out is None:
         require_page(page, overwrite)
     else:
         require_unused([out], overwrite)
-    if is_experiments(results):
+    if is_history and not (markdown or figures or into or readme):
+        from runtime.outputs.report.trends import write_trends
+
+        written: tuple[Path, ...] = (write_trends(results, page),)
+    elif is_experiments(results):
         place = Path("README.md") if readme else into
         require_unused([markdown] if markdown else [], overwrite, "--markdown")
         if figures is not None:

@@ -14,6 +14,7 @@ from rich.table import Table
 from runtime.cli.common import console, say
 from runtime.cli.log_options import Recipe
 from runtime.cli.robot import Yes, open_robot
+from runtime.errors import RecordingError
 from runtime.files import bytes_of
 from runtime.identification.posterior_file import read_posterior
 from runtime.identification.saved_result import SavedResult, read_result, require_model
@@ -24,8 +25,10 @@ from runtime.monitoring.model import model_of
 from runtime.monitoring.noise import read_held_out
 from runtime.recording import Preparation, Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
+from runtime.recording.extra_column import mean_of_column
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare
+from runtime.recording.reader import locate
 
 SHOWN = 5
 """Hypotheses that are printed per log."""
@@ -45,6 +48,19 @@ def watch_command(
             metavar="FILE", help="Append the verdicts to a history, one JSON object per line."
         ),
     ] = None,
+    temperature: Annotated[
+        str | None,
+        typer.Option(
+            metavar="COLUMN|NUMBER",
+            help="Temperature for the history: a column of the logs, or a number for all [°C].",
+        ),
+    ] = None,
+    date: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DATE", help="Date of the logs, 2026-11-30; default that of their files."
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
     r"""Test whether a robot has changed since its model was identified.
@@ -57,6 +73,8 @@ def watch_command(
     \b
     symgen watch results/arm monday.csv
     symgen watch results/arm monday.csv tuesday.csv --history results/arm/history.jsonl
+    symgen watch results/arm monday.csv --history h.jsonl --temperature motor_temp
+    symgen report h.jsonl
 
     The exit code is 1 where a log shows a change (p below 0.01), else 0.
     """
@@ -67,6 +85,10 @@ def watch_command(
     sigma = np.sqrt(np.mean(read_held_out(result, model_of(saved, lib)).rest ** 2, axis=0))
     if history is not None:
         read_history(history)  # before any work
+    circumstances = [
+        {"recorded": _recorded(log, date), "temperature": _temperature(log, recipe, temperature)}
+        for log in logs
+    ]
     recordings = [_read(lib, saved, log, recipe) for log in logs]
     verdicts = [verdict_of(lib, saved, root, sigma, each) for each in recordings]
     entries = [_facts(verdict) for verdict in verdicts]
@@ -75,8 +97,10 @@ def watch_command(
         append_history(
             history,
             [
-                marks | {"log_sha256": dict(log.source)} | facts
-                for log, facts in zip(recordings, entries, strict=True)
+                marks | {"log_sha256": dict(log.source)} | each | facts | {"sizes": _sizes(verdict)}
+                for log, each, facts, verdict in zip(
+                    recordings, circumstances, entries, verdicts, strict=True
+                )
             ],
         )
     worst = min(range(len(entries)), key=lambda k: entries[k]["p_value"])
@@ -127,6 +151,45 @@ def _facts(verdict: Verdict) -> dict[str, Any]:
 def _test_facts(test: Change) -> dict[str, Any]:
     keys = ("group", "where", "size", "unit", "p_value", "freedom", "score")
     return {key: getattr(test, key) for key in keys}
+
+
+def _sizes(verdict: Verdict) -> list[dict[str, Any]]:
+    """Estimated size of every change that has one, for trends."""
+    return [
+        {key: getattr(test, key) for key in ("group", "where", "size", "unit")}
+        | {"interval": list(test.interval)}
+        for test in verdict.tests
+        if test.size is not None and test.interval is not None
+    ]
+
+
+def _recorded(log: str, date: str | None) -> str:
+    """Date of a log: as given, else that of its file."""
+    if date is None:
+        when = datetime.fromtimestamp(locate(log).stat().st_mtime, UTC)
+        return when.isoformat(timespec="seconds")
+    try:
+        return datetime.fromisoformat(date).isoformat(timespec="seconds")
+    except ValueError:
+        raise RecordingError(
+            f"expected a date such as 2026-11-30 or 2026-11-30T08:15 for --date, got '{date}'; "
+            "correct it"
+        ) from None
+
+
+def _temperature(log: str, recipe: str | None, given: str | None) -> float | None:
+    """Temperature of a log [°C]: a number, or the mean of one of its columns."""
+    if given is None:
+        return None
+    try:
+        number = float(given)
+    except ValueError:
+        return mean_of_column(log, recipe, given)
+    if not -273.15 <= number < 1e4:
+        raise RecordingError(
+            f"expected a temperature in °C or a column for --temperature, got {given}; correct it"
+        )
+    return number
 
 
 def _marks(result: Path, lib: Library) -> dict[str, Any]:

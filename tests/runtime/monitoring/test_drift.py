@@ -126,6 +126,36 @@ def test_nothing_is_named_where_nothing_changed(
     assert len(after.splitlines()) == 7
 
 
+def test_the_history_has_date_temperature_and_sizes(
+    command: Command,
+    arm: Path,
+    lib: Library,
+    trajectories: tuple[Trajectory, ...],
+    pi_true: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    """Oracle: mean of the column that we wrote, the stated date, the gain that we changed."""
+    write_recording(later_log(lib, trajectories[1], pi_true, "sensor gain"), tmp_path / "a.csv")
+    head, *rows = (tmp_path / "a.csv").read_text().splitlines()
+    warm = [f"{row},{20 + k % 11}" for k, row in enumerate(rows)]
+    (tmp_path / "a.csv").write_text("\n".join([f"{head},motor_temp", *warm]) + "\n")
+    words = ("watch", arm, "a.csv", "--history", "h.jsonl")
+    ran = command(*words, "--temperature", "motor_temp", "--date", "2026-11-30")
+    assert ran.code == 1, ran.err
+    entry = json.loads((tmp_path / "h.jsonl").read_text())
+    expected = np.mean([20 + k % 11 for k in range(len(rows))])
+    assert entry["temperature"] == pytest.approx(expected, rel=1e-12)
+    assert entry["recorded"].startswith("2026-11-30")
+    sizes = {(each["group"], each["where"]): each for each in entry["sizes"]}
+    assert sizes["sensor gain", "fr3_joint3"]["size"] == pytest.approx(entry["size"])
+    assert len(sizes) > 25
+    for option, value in (("--temperature", "nothing"), ("--temperature", "1e9"), ("--date", "x")):
+        ran = command(*words, option, value)
+        assert ran.code == 2
+        assert value in ran.err
+    assert len((tmp_path / "h.jsonl").read_text().splitlines()) == 1
+
+
 def test_a_file_that_is_no_history_stays(
     command: Command, arm: Path, log: Path, tmp_path: Path
 ) -> None:

@@ -1,0 +1,187 @@
+"""Trends of a robot in its history: estimated changes over time and over temperature.
+
+    y_i = a + s x_i + N(0, f σ_i²)   by weighted least squares, f = max(1, χ² / (N − 2))
+
+for the estimated size y_i of one change in log i, with its standard deviation σ_i. A slope is
+significant where its p-value (Student's t), times the number of slopes, is below `ALPHA`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtr, stdtrit
+
+from runtime.errors import RecordingError
+from runtime.library import Array
+
+ALPHA = 0.01
+"""Probability that a history without a trend shows one."""
+NORMAL_95 = 1.959964
+MONTH = 365.25 / 12
+"""Days of a month."""
+LEAST = 4
+"""Smallest number of logs for a slope."""
+LARGEST = 1e12
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Estimated size of one change in all logs of a history.
+
+    Attributes:
+        group: part of the robot.
+        where: joint or link; "" for the whole robot.
+        unit: of the sizes.
+        at: number of the check of each entry, (N,).
+        size: estimates, (N,).
+        sigma: their standard deviations, (N,).
+    """
+
+    group: str
+    where: str
+    unit: str
+    at: tuple[int, ...]
+    size: Array
+    sigma: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Slope:
+    """Slope of a series.
+
+    Attributes:
+        value: per unit of x.
+        interval: its 95 % interval.
+        p_value: of no slope.
+        offset: a, at x = 0.
+    """
+
+    value: float
+    interval: tuple[float, float]
+    p_value: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trends:
+    """History of one model.
+
+    Attributes:
+        logs: names of the logs, in order of their dates.
+        days: date of each log, days since 1970-01-01.
+        temperature: of each log [°C]; NaN where it is not known.
+        changed: whether the log showed a change.
+        sentences: verdict of each log.
+        series: estimated changes.
+        others: number of checks of other models, which are left out.
+    """
+
+    logs: tuple[str, ...]
+    days: Array
+    temperature: Array
+    changed: tuple[bool, ...]
+    sentences: tuple[str, ...]
+    series: tuple[Series, ...]
+    others: int
+
+    @property
+    def months(self) -> Array:
+        """Months since the first log, (N,)."""
+        return (self.days - self.days[0]) / MONTH
+
+    def over_time(self, series: Series) -> Slope | None:
+        """Slope of a series per month; None where it is not determined."""
+        return slope_of(self.months[list(series.at)], series.size, series.sigma)
+
+    def over_temperature(self, series: Series) -> Slope | None:
+        """Slope of a series per °C; None where it is not determined."""
+        x = self.temperature[list(series.at)]
+        known = np.isfinite(x)
+        return slope_of(x[known], series.size[known], series.sigma[known])
+
+
+def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
+    """Series of a history, of the model that was checked last.
+
+    Args:
+        entries: of the history, as `read_history` returns them.
+
+    Returns:
+        Estimated changes in the order of the dates of their logs.
+
+    Raises:
+        RecordingError: an entry is damaged, or there is none.
+    """
+    if not entries:
+        raise RecordingError(
+            "the history has no entry; make one with: watch RESULT LOG --history FILE"
+        )
+    try:
+        model = entries[-1].get("result_sha256")
+        own = [each for each in entries if each.get("result_sha256") == model]
+        own.sort(key=_day)
+        values: dict[tuple[str, str, str], list[tuple[int, float, float]]] = {}
+        for k, entry in enumerate(own):
+            for each in entry.get("sizes", ()):
+                size, (low, high) = float(each["size"]), map(float, each["interval"])
+                sigma = (high - low) / (2 * NORMAL_95)
+                if not (abs(size) < LARGEST and 0 < sigma < LARGEST):
+                    continue
+                key = (str(each["group"]), str(each["where"]), str(each["unit"]))
+                values.setdefault(key, []).append((k, size, sigma))
+        warm = [entry.get("temperature") for entry in own]
+        return Trends(
+            tuple(str(entry["log"]) for entry in own),
+            np.array([_day(entry) for entry in own]),
+            np.array([np.nan if each is None else float(each) for each in warm]),
+            tuple(bool(entry["changed"]) for entry in own),
+            tuple(str(entry.get("sentence", "")) for entry in own),
+            tuple(_series(key, rows) for key, rows in values.items()),
+            len(entries) - len(own),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise RecordingError(
+            f"an entry of the history is damaged (no valid {error}); correct or remove its line"
+        ) from None
+
+
+def slope_of(x: Array, y: Array, sigma: Array) -> Slope | None:
+    """Slope of estimates over x.
+
+    Args:
+        x: (N,), finite.
+        y: estimates, (N,).
+        sigma: their standard deviations, (N,).
+
+    Returns:
+        The slope with its interval; None for fewer than `LEAST` values or one x only.
+    """
+    if len(x) < LEAST or not np.ptp(x) > 0:
+        return None
+    weight = sigma**-2
+    centre = float(weight @ x / weight.sum())
+    spread = float(weight @ (x - centre) ** 2)
+    value = float(weight @ ((x - centre) * y)) / spread
+    level = float(weight @ y / weight.sum())
+    rest = y - level - value * (x - centre)
+    freedom = len(x) - 2
+    factor = max(1.0, float(weight @ rest**2) / freedom)
+    deviation = np.sqrt(factor / spread)
+    half = float(stdtrit(freedom, 0.975) * deviation)
+    p_value = 2 * float(stdtr(freedom, -abs(value) / deviation))
+    return Slope(value, (value - half, value + half), p_value, level - value * centre)
+
+
+def _series(key: tuple[str, str, str], rows: list[tuple[int, float, float]]) -> Series:
+    at, size, sigma = zip(*rows, strict=True)
+    return Series(*key, at, np.array(size), np.array(sigma))
+
+
+def _day(entry: dict[str, Any]) -> float:
+    """Date of the log, else of the check, in days since 1970-01-01."""
+    when = datetime.fromisoformat(str(entry.get("recorded") or entry["checked"]))
+    when = when if when.tzinfo else when.replace(tzinfo=UTC)
+    return when.timestamp() / 86400

@@ -1,0 +1,136 @@
+"""Fleet: 3 s of motion of a new unit with the prior of 20 others, against 20 s without.
+
+The units are virtual FR3s with friction, delay and sensor biases. Links differ by 5 % from those
+of a type, which is 20 % off the URDF, and whose friction coefficients differ by 10 %. The test is a
+third motion of the same unit.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import Recording, identify
+from runtime.estimators.prior_file import PriorFile, read_prior
+from runtime.estimators.regression.samples import samples_of
+from runtime.excitation import Trajectory
+from runtime.identification.statistics_file import statistics_of
+from runtime.library import Library
+from runtime.monitoring.fleet.friction import fit_friction
+from runtime.monitoring.fleet.hierarchy import FleetFit, fit_fleet
+from runtime.monitoring.fleet.prior_text import prior_text, write_prior
+from runtime.monitoring.fleet.unit import unit_of
+from runtime.recording import Friction, Preparation
+from runtime.recording.preprocessing import prepare
+from runtime.recording.settings import EVERYTHING
+from runtime.simulation.settings import settings_of
+from runtime.simulation.virtual_robot import perturbed, record
+
+Array = NDArray[np.float64]
+
+OF_TYPE, SPREAD, OF_FRICTION = 0.2, 0.05, 0.1
+"""Distance of the type from the URDF, spread of the units, and of their friction."""
+SHORT_S, PAUSE_S = 3.0, 10.0
+"""Length of the short motion, and pause between two motions of a log, s."""
+TERMS = Friction(("viscous", "coulomb", "offset"))
+FILTERED = Preparation(filter="butterworth", cutoff_hz=20.0, rate_hz=100.0)
+WAYS = (
+    "3 s without prior",
+    "20 s without prior",
+    "3 s with the fleet's prior",
+    "20 s with the fleet's prior",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FleetTrials:
+    """Errors of new units.
+
+    Attributes:
+        fit: the fleet.
+        rms: RMS torque error on the test motion by way and unit, (4, count, n) [N·m].
+        consistent: whether all links of all models are strictly consistent.
+    """
+
+    fit: FleetFit
+    rms: Array
+    consistent: bool
+
+
+def fleet_trials(
+    lib: Library, designs: tuple[Trajectory, ...], units: int, count: int
+) -> FleetTrials:
+    """Identify a fleet, and new units from short and long motions.
+
+    Args:
+        lib: the FR3.
+        designs: two training motions; the test motion is their mean.
+        units: of the fleet.
+        count: number of new units.
+
+    Returns:
+        Errors on the test motion.
+    """
+    one, two = designs[:2]
+    other = Trajectory(lib.home, (one.coefficients + two.coefficients) / 2, one.duration)
+    centre = perturbed(lib, lib.pi0, OF_TYPE, np.random.default_rng(0))
+    known = []
+    for u in range(units):
+        log = joined(*(motion(lib, centre, d, u, k) for k, d in enumerate((one, two))))
+        result = identified(lib, log, None)
+        known.append(unit_of(statistics_of(result, f"u{u}"), lib, f"u{u}"))
+    fit = fit_fleet(lib, known)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "fleet.toml"
+        text = prior_text(lib, [u.name for u in known], fit, fit_friction(lib, known, fit))
+        write_prior(path, text, lib)
+        prior = read_prior(path, lib)
+    rms = np.zeros((len(WAYS), count, lib.n_joints))
+    consistent = bool((lib.relative_eigenvalues(fit.pi) > 0).all())
+    for k in range(count):
+        u = units + k
+        logs = [motion(lib, centre, d, u, number) for number, d in enumerate((one, two, other))]
+        long, test = joined(*logs[:2]), samples_of(prepare(logs[2], FILTERED, TERMS, lib=lib), lib)
+        start = np.random.default_rng([5, k]).uniform(0, one.duration - SHORT_S)
+        short = long.take((long.t >= start) & (long.t < start + SHORT_S), "short")
+        ways = ((short, None), (long, None), (short, prior), (long, prior))
+        for way, (log, given) in enumerate(ways):
+            result = identified(lib, log, given, certify=False)
+            rest = result.predict_samples(test) - test.tau
+            rms[way, k] = np.sqrt(np.mean(rest**2, axis=0))
+            consistent &= bool((lib.relative_eigenvalues(result.pi) > 0).all())
+    return FleetTrials(fit, rms, consistent)
+
+
+def motion(lib: Library, centre: Array, design: Trajectory, unit: int, number: int) -> Recording:
+    """One log of one unit of the type `centre`."""
+    rng = np.random.default_rng([3, unit])
+    usual = settings_of(lib)
+    factors = np.exp(OF_FRICTION * rng.normal(size=(2, lib.n_joints)))
+    friction = replace(
+        usual.friction,
+        coulomb=usual.friction.coulomb * factors[0],
+        viscous=usual.friction.viscous * factors[1],
+    )
+    settings = replace(usual, spread=SPREAD, friction=friction)
+    seed = 10 * unit + number + 1
+    return record(lib, design, settings, seed=seed, truth_seed=unit, pi=centre).recording
+
+
+def joined(first: Recording, second: Recording) -> Recording:
+    """Two motions as one log with a pause."""
+    later = second.t + first.t[-1] + PAUSE_S
+    columns = (
+        np.concatenate([getattr(first, key), getattr(second, key)]) for key in ("q", "dq", "tau")
+    )
+    q, dq, tau = columns
+    t = np.concatenate([first.t, later])
+    return Recording(t, q, dq, None, tau, name="unit", joint_names=first.joint_names)
+
+
+def identified(lib: Library, log: Recording, prior: PriorFile | None, certify: bool = True):  # type: ignore[no-untyped-def]
+    """The unit by the default method with all rows."""
+    settings = {"preparation": FILTERED, "friction_columns": TERMS, "splitting": EVERYTHING}
+    return identify(log, lib, prior=prior, certify=certify, **settings)

@@ -23,7 +23,7 @@ class Exported:
 
     Attributes:
         kind: name of the format.
-        path: file that was written; None where it was refused.
+        path: file or folder that was written; None where it was refused.
         sentence: how the file was verified, or why it was refused.
         is_optional: whether the file was refused because the model lacks what only this format
             holds, see `ExportFormat.holds_inertia`.
@@ -122,7 +122,7 @@ def export_model(
 
 
 def _write(model: IdentifiedModel, chosen: ExportFormat, path: Path) -> str:
-    """Write one file, checked before it takes its place; return the sentence of the check."""
+    """Write one file or folder, checked before; return the sentence of the check."""
     require_consistent(model)
     if not chosen.holds_inertia and not model.friction.is_known:
         raise ExportError(
@@ -134,6 +134,8 @@ def _write(model: IdentifiedModel, chosen: ExportFormat, path: Path) -> str:
         verdict = chosen.check(model, text)
     except (Unreadable, NotRealisableError) as error:
         raise ExportError(f"not written: cannot reload the {chosen.name} ({error})") from None
-    with replacing(path) as file:
-        file.write(text.encode())
+    texts = {path: text} if isinstance(text, str) else {path / k: v for k, v in text.items()}
+    for place, content in texts.items():
+        with replacing(place) as file:
+            file.write(content.encode())
     return verdict

@@ -4,8 +4,9 @@ A format is one module with an `ExportFormat` and one line of `EXPORT_FORMATS`, 
 of the group "symgen.export_formats" in another package.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.registry import Registry
@@ -18,10 +19,11 @@ class ExportFormat:
     Attributes:
         name: word by which a user selects it.
         sentence: what the file holds and who reads it, without a full stop.
-        file: file name, in which {robot} stands for the name of the robot.
-        write: model → text of the file.
-        check: model, text → one sentence on how the text was verified. It raises ExportError where
-            the text does not describe the model, Unreadable where it cannot be read.
+        file: file name, in which {robot} stands for the name of the robot; of a folder, where
+            `write` returns several files.
+        write: model → text of the file, or texts by their path in the folder.
+        check: model, what `write` returned → one sentence on how it was verified. It raises
+            ExportError where it does not describe the model, Unreadable where it cannot be read.
         holds_inertia: False for a file of joint friction alone. It is written for a model that is
             not physically consistent too, and refused for a model without friction.
     """
@@ -29,8 +31,8 @@ class ExportFormat:
     name: str
     sentence: str
     file: str
-    write: Callable[[IdentifiedModel], str]
-    check: Callable[[IdentifiedModel, str], str]
+    write: Callable[[IdentifiedModel], str | Mapping[str, str]]
+    check: Callable[[IdentifiedModel, Any], str]
     holds_inertia: bool = True
 
 
@@ -46,6 +48,7 @@ EXPORT_FORMATS = Registry(
         "usd": f"{_FORMATS}.usd:USD",
         "inertials": f"{_FORMATS}.inertials:INERTIALS",
         "actuators": f"{_FORMATS}.actuators:ACTUATORS",
+        "ros2": f"{_FORMATS}.ros2:ROS2",
         "gravity": f"{_FORMATS}.gravity:GRAVITY",
         "friction": f"{_FORMATS}.friction:FRICTION",
         "header": f"{_FORMATS}.header:HEADER",

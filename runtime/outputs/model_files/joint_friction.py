@@ -30,6 +30,7 @@ class JointFriction:
         armature: rotor inertia on the joint side [kg·m², kg].
         notes: what these three do not represent, sentences.
         names, values: the identified columns and φ (n, k) [N·m or N per unit of the column].
+        coulomb_speed: ε of the smooth sign of dry friction [rad/s].
     """
 
     damping: Values
@@ -38,6 +39,7 @@ class JointFriction:
     notes: tuple[str, ...] = ()
     names: tuple[str, ...] = ()
     values: Array | None = None
+    coulomb_speed: float = Friction().coulomb_speed
 
     @property
     def is_known(self) -> bool:
@@ -95,4 +97,10 @@ def joint_friction(lib: Library, terms: Friction | None, phi: Array | None) -> J
             "dry friction was identified as a smooth function of the velocity "
             f"(tanh(dq / {terms.coulomb_speed:.3g})); simulators use it for stiction as well"
         )
-    return JointFriction(**values, notes=tuple(notes), names=terms.columns, values=phi)
+    return JointFriction(
+        **values,
+        notes=tuple(notes),
+        names=terms.columns,
+        values=phi,
+        coulomb_speed=terms.coulomb_speed,
+    )

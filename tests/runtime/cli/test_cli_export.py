@@ -27,9 +27,9 @@ def test_export_writes_what_others_load(
     written = {path.name for path in (tmp_path / "out" / "export").iterdir()}
     assert written == {
         *("fr3.urdf", "fr3.xml", "fr3.sdf", "fr3.usda", "inertials.yaml", "dynamics.yaml"),
-        *("fr3_identified.h", "fr3_gravity.h"),
+        *("fr3_identified.h", "fr3_gravity.h", "fr3_identified_dynamics"),
     }
-    assert ran.out.count("verified: reloaded by") == 8
+    assert ran.out.count("verified: reloaded by") == 9
     again = command("export", "out", "--robot", lib.folder, "--to", "mjcf,urdf")
     assert again.code == 2
     assert "fr3.xml' exists" in again.err

@@ -1,0 +1,200 @@
+"""ROS 2 package: generated C, a plugin of inverse_dynamics_solver, parameters, an example node.
+
+    τ = M(q) ddq + C(q, dq) dq + g(q),   τ_f = damping dq + dry tanh(dq / ε) + offset
+
+The interface is that of `inverse_dynamics_solver` (Petrone, Ferrentino, Chiacchio; ROS 2 Humble and
+Jazzy). The templates are in `ros2_package`; @{name} stands for a value of `_values`.
+"""
+
+import re
+from collections.abc import Mapping
+from importlib.resources import files
+from string import Template
+
+import numpy as np
+
+from runtime.errors import ExportError
+from runtime.library import Array
+from runtime.library.parameters import PI_NAMES
+from runtime.outputs.model_files.bodies import digits, row
+from runtime.outputs.model_files.engines import compiler
+from runtime.outputs.model_files.export_format import ExportFormat
+from runtime.outputs.model_files.formats.header import array_rows, comment_text
+from runtime.outputs.model_files.model import IdentifiedModel
+from runtime.outputs.model_files.reload_check import unchecked
+
+PLACES = {
+    "package.xml": "package.xml",
+    "CMakeLists.txt": "CMakeLists.txt",
+    "plugins.xml": "plugins.xml",
+    "README.md": "README.md",
+    "solver.hpp": "include/@{package}/solver.hpp",
+    "solver.cpp": "src/solver.cpp",
+    "gravity_compensation.cpp": "src/gravity_compensation.cpp",
+    "gravity_compensation.launch.py": "launch/gravity_compensation.launch.py",
+}
+"""Template → place in the package."""
+
+
+class _Text(Template):
+    """Templates whose values are marked by @, since CMake and shells use $."""
+
+    delimiter = "@"
+
+
+def ros2_files(model: IdentifiedModel) -> dict[str, str]:
+    """Files of the package by their path in it.
+
+    Raises:
+        ExportError: the folder of the robot has no kernels.c, or a torque has no place in the
+            package.
+    """
+    lib = model.lib
+    if "known_torque" in lib.manifest.kernels:
+        raise ExportError(
+            "not written: torque curves and springs of known stiffness have no place in the ROS 2 "
+            "package; export header, and add lib.known_torque(q)"
+        )
+    values = _values(model)
+    templates = files("runtime.outputs.model_files") / "ros2_package"
+    written = {
+        _Text(place).substitute(values): _Text(
+            (templates / f"{name}.in").read_text(encoding="utf-8")
+        ).substitute(values)
+        for name, place in PLACES.items()
+    }
+    include = f"include/{values['package']}"
+    written[f"{include}/parameters.h"] = _header(model)
+    written["config/parameters.yaml"] = _yaml(model)
+    for name, place in (
+        ("kernels.c", "src/kernels.c"),
+        (f"{lib.name}.h", f"{include}/{lib.name}.h"),
+    ):
+        try:
+            written[place] = (lib.folder / name).read_text(encoding="utf-8")
+        except OSError:
+            raise ExportError(
+                f"not written: expected the generated code '{lib.folder / name}', and there is "
+                "none; run: python -m symgen build"
+            ) from None
+    return written
+
+
+def check_ros2(model: IdentifiedModel, written: Mapping[str, str]) -> str:
+    """Compile the header of the parameters; its numbers must be the identified ones bit for bit.
+
+    Args:
+        model: what was written.
+        written: the files by their path in the package.
+
+    Returns:
+        One sentence: verified, or not checked.
+
+    Raises:
+        ExportError: an array differs, or the kernels are those of another model.
+        Unreadable: the header does not compile.
+    """
+    lib = model.lib
+    (header,) = (text for place, text in written.items() if place.endswith("/parameters.h"))
+    expected = _arrays(model)
+    names = {f"{lib.name}_parameters_{key}": value.shape for key, value in expected.items()}
+    arrays = compiler.read_back(header, names)
+    if lib.manifest.model_hash not in written["src/kernels.c"]:
+        raise ExportError(
+            "not written: expected kernels.c of the model of the library, and it belongs to "
+            "another; run: python -m symgen build"
+        )
+    if arrays is None:
+        return unchecked(compiler.INSTALL)
+    for read, value in zip(arrays.values(), expected.values(), strict=True):
+        if not np.array_equal(read, value):
+            raise ExportError(
+                "not written: expected the identified parameters in the header, and a C compiler "
+                "reads other numbers; report this as a fault of symgen"
+            )
+    return "verified: reloaded by a C compiler, all parameters equal; colcon builds the package"
+
+
+def _values(model: IdentifiedModel) -> dict[str, str]:
+    lib = model.lib
+    notes = "".join(f"\n- {note}" for note in (*model.bodies.notes, *model.friction.notes))
+    return {
+        "robot": lib.name,
+        "package": package_name(lib.name),
+        "model_hash": lib.manifest.model_hash,
+        "n": str(lib.n_joints),
+        "links": str(lib.n_links),
+        "parameters": str(model.pi.size),
+        "joints": ", ".join(_quoted(name) for name in lib.joint_names),
+        "joint_list": ", ".join(f"`{name}`" for name in lib.joint_names),
+        "friction_speed": digits(model.friction.coulomb_speed),
+        "gravity": row(lib.gravity),
+        "notes": notes,
+    }
+
+
+def package_name(robot: str) -> str:
+    """Name of the package: lower case, one underscore at a time, as ROS requires."""
+    return re.sub(r"_+", "_", f"{robot}_identified_dynamics")
+
+
+def _arrays(model: IdentifiedModel) -> dict[str, Array]:
+    friction = model.friction
+    offset = np.zeros(model.lib.n_joints)
+    if friction.values is not None and "offset" in friction.names:
+        offset = friction.values[:, friction.names.index("offset")]
+    return {
+        "pi": model.pi,
+        "damping": friction.filled("damping"),
+        "dry_friction": friction.filled("friction"),
+        "offset": offset,
+    }
+
+
+def _header(model: IdentifiedModel) -> str:
+    lib = model.lib
+    guard = f"{lib.name.upper()}_PARAMETERS_H"
+    meaning = {
+        "pi": f"per link: {', '.join(PI_NAMES)}; kg, kg m, kg m^2 about the link origin",
+        "damping": "N m s/rad or N s/m per joint",
+        "dry_friction": "N m or N per joint",
+        "offset": "N m or N per joint",
+    }
+    comment = model.comment("Parameters")
+    lines = [f"#ifndef {guard}", f"#define {guard}", "", "/*"]
+    lines += [*(f" * {comment_text(line)}" for line in comment), " */", ""]
+    for key, values in _arrays(model).items():
+        lines += [
+            f"/* {comment_text(meaning[key])} */",
+            f"static const double {lib.name}_parameters_{key}[{values.size}] = {{",
+            array_rows(values),
+            "};",
+            "",
+        ]
+    return "\n".join([*lines, f"#endif /* {guard} */", ""])
+
+
+def _yaml(model: IdentifiedModel) -> str:
+    arrays = _arrays(model) | {"friction_speed": np.array([model.friction.coulomb_speed])}
+    lines = [
+        *(f"# {comment_text(line)}" for line in model.comment("Parameters")),
+        "gravity_compensation:",
+        "  ros__parameters:",
+        "    solver:",
+        *(f"      {key}: [{', '.join(map(digits, v))}]" for key, v in arrays.items()),
+    ]
+    return "\n".join([*lines, ""])
+
+
+def _quoted(name: str) -> str:
+    """C++ string literal of a joint's name."""
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+ROS2 = ExportFormat(
+    "ros2",
+    "ROS 2 package with an inverse_dynamics_solver plugin and a gravity-compensation node",
+    "{robot}_identified_dynamics",
+    ros2_files,
+    check_ros2,
+)

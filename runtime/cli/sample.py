@@ -54,7 +54,8 @@ def sample_command(
     """
     if not 1 <= count <= MOST:
         raise IdentificationError(f"expected --count from 1 to {MOST}, got {count}; correct it")
-    names = tuple(each.name for each in EXPORT_FORMATS.records() if each.holds_inertia)
+    formats = EXPORT_FORMATS.records()
+    names = tuple(each.name for each in formats if each.holds_inertia and not each.is_folder)
     kinds = listed(to, names, "--to")
     folder = out or (result if result.is_dir() else result.parent) / "samples"
     paths = sample_paths(folder, count, kinds)

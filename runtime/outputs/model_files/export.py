@@ -8,11 +8,10 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from runtime.errors import ExportError, NotRealisableError
-from runtime.files import replacing
 from runtime.library import Library
 from runtime.outputs.model_files.drives import Drives
 from runtime.outputs.model_files.engines import Unreadable
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, ExportFormat, save
 from runtime.outputs.model_files.model import IdentifiedModel, make_model, require_consistent
 from runtime.recording import Friction
 
@@ -134,8 +133,5 @@ def _write(model: IdentifiedModel, chosen: ExportFormat, path: Path) -> str:
         verdict = chosen.check(model, text)
     except (Unreadable, NotRealisableError) as error:
         raise ExportError(f"not written: cannot reload the {chosen.name} ({error})") from None
-    texts = {path: text} if isinstance(text, str) else {path / k: v for k, v in text.items()}
-    for place, content in texts.items():
-        with replacing(place) as file:
-            file.write(content.encode())
+    save(path, text)
     return verdict

@@ -6,8 +6,10 @@ of the group "symgen.export_formats" in another package.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from runtime.files import replacing
 from runtime.outputs.model_files.model import IdentifiedModel
 from runtime.registry import Registry
 
@@ -26,6 +28,7 @@ class ExportFormat:
             ExportError where it does not describe the model, Unreadable where it cannot be read.
         holds_inertia: False for a file of joint friction alone. It is written for a model that is
             not physically consistent too, and refused for a model without friction.
+        is_folder: whether `write` returns several files.
     """
 
     name: str
@@ -34,6 +37,7 @@ class ExportFormat:
     write: Callable[[IdentifiedModel], str | Mapping[str, str]]
     check: Callable[[IdentifiedModel, Any], str]
     holds_inertia: bool = True
+    is_folder: bool = False
 
 
 _FORMATS = "runtime.outputs.model_files.formats"
@@ -54,3 +58,19 @@ EXPORT_FORMATS = Registry(
         "header": f"{_FORMATS}.header:HEADER",
     },
 )
+
+
+def save(path: Path, written: str | Mapping[str, str]) -> None:
+    """Write what `ExportFormat.write` returned; every file appears complete or not at all.
+
+    Args:
+        path: of the file, or of the folder.
+        written: text, or texts by their path in the folder.
+
+    Raises:
+        RuntimeFault: the place cannot be written.
+    """
+    texts = {"": written} if isinstance(written, str) else written
+    for place, text in texts.items():
+        with replacing(path / place) as file:
+            file.write(text.encode())

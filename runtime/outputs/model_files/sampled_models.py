@@ -18,7 +18,7 @@ from runtime.library import Library
 from runtime.library.parameters import centre_of_mass, links, mass
 from runtime.monitoring.posterior_draws import Draws
 from runtime.outputs.model_files.engines.answer import STATES, Unreadable
-from runtime.outputs.model_files.export_format import EXPORT_FORMATS
+from runtime.outputs.model_files.export_format import EXPORT_FORMATS, save
 from runtime.outputs.model_files.joint_friction import TERMS, joint_friction
 from runtime.outputs.model_files.model import make_model, require_consistent
 from runtime.outputs.model_files.urdf_tree import read_tree
@@ -79,8 +79,7 @@ def write_samples(
                     "of symgen"
                 ) from None
             sentences.setdefault(kind, sentence)
-            with replacing(_path(folder, k, kind)) as file:
-                file.write(text.encode())
+            save(_path(folder, k, kind), text)
     facts = {
         "robot": lib.name,
         "model_hash": lib.manifest.model_hash,

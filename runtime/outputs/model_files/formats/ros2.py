@@ -197,4 +197,5 @@ ROS2 = ExportFormat(
     "{robot}_identified_dynamics",
     ros2_files,
     check_ros2,
+    is_folder=True,
 )

@@ -12,7 +12,7 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Library
-from runtime.outputs.model_files import EXPORT_FORMATS, export_model
+from runtime.outputs.model_files import export_model
 from runtime.outputs.model_files.formats.ros2 import ROS2
 from runtime.outputs.model_files.model import make_model
 from runtime.recording import Friction
@@ -128,4 +128,3 @@ def test_kernels_of_another_model_are_refused(tree: Library) -> None:
     written["src/kernels.c"] = "/* others */"
     with pytest.raises(ExportError, match=r"kernels\.c of the model of the library"):
         ROS2.check(model, written)
-    assert "ros2" in EXPORT_FORMATS

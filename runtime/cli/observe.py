@@ -32,6 +32,7 @@ from runtime.monitoring.observation import (
     verified,
 )
 from runtime.monitoring.wrench import wrench_at
+from runtime.outputs import torque_mcap
 from runtime.outputs.observer_c import FILES, observer_c
 from runtime.recording import Recording, read_recording
 from runtime.recording.coupled_joints import independent_joints
@@ -39,7 +40,7 @@ from runtime.recording.plausibility import require_plausible
 
 _WRITTEN = ResultFolder(
     "observe",
-    ("contacts.json", "external_torque.npz", "external_torque.png", *FILES),
+    ("contacts.json", "external_torque.npz", "external_torque.png", *FILES, *torque_mcap.FILES),
     "contacts",
 )
 SHOWN = 20
@@ -74,6 +75,10 @@ def observe_command(
         float,
         typer.Option(metavar="S", help="Time in which the observer shows 95 % of a contact, s."),
     ] = WITHIN_S,
+    mcap: Annotated[
+        bool,
+        typer.Option("--mcap", help="Write the torques as MCAP too, with a PlotJuggler layout."),
+    ] = False,
     robot: Annotated[
         str | None, typer.Option(help="Name or folder of the robot; default that of the result.")
     ] = None,
@@ -96,6 +101,8 @@ def observe_command(
 
     Written are external_torque.npz (t, r, sigma, threshold), contacts.json, external_torque.png
     and observer.c, the same observer for a control loop, with observer.h and example_observer.c.
+    --mcap adds external_torque.mcap (/measured, /predicted, /external) and the layout
+    external_torque.plotjuggler.xml.
     """
     rate = alarm_rate(false_alarms)
     folder = out or (model if model.is_dir() else model.parent) / "observe"
@@ -110,12 +117,18 @@ def observe_command(
     detector = detector_for(lib, known, data, held_out, rate, within, root)
     seen = observe(lib, detector, data)
     check = None if free is None else verified(lib, detector, _read(lib, known, free, None, None))
+    bag = torque_mcap.torque_mcap(lib.joint_names, data, seen) if mcap else None
     texts, left_out = _in_c(lib, detector, seen)
+    if bag is not None:
+        texts[torque_mcap.FILES[1]] = torque_mcap.plotjuggler_layout(lib.joint_names)
     facts = _facts(lib, detector, seen, check, data, link) | {"notes": notes + note + left_out}
     _write(lib, saved, seen, facts, folder)
     for name, content in texts.items():
         with replacing(folder / name) as file:
             file.write(content.encode())
+    if bag is not None:
+        with replacing(folder / torque_mcap.FILES[0]) as file:
+            file.write(bag)
     if as_json:
         print(json.dumps(facts, indent=1, ensure_ascii=False, allow_nan=False))
     else:

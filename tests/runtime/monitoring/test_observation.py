@@ -33,7 +33,9 @@ def test_free_motion_of_a_real_arm_raises_no_alarm(
     command: Command, monitored: Monitored, rest_file: Path, tmp_path: Path
 ) -> None:
     """Oracle, real data: no contact in the part that the model has not seen; files are written."""
-    facts = observed(command, rest_file, monitored.folder, "--out", "seen", "--free", rest_file)
+    facts = observed(
+        command, rest_file, monitored.folder, "--out", "seen", "--free", rest_file, "--mcap"
+    )
     assert (facts["alarms"], facts["contacts"]) == (0, [])
     assert facts["free_motion"]["alarms"] == 0
     assert facts["notes"] == []
@@ -43,7 +45,7 @@ def test_free_motion_of_a_real_arm_raises_no_alarm(
     assert len(facts["thresholds"]) == 7
     names = sorted(path.name for path in (tmp_path / "seen").iterdir())
     data, code = ["contacts.json"], ["observer.c", "observer.h"]
-    pictures = ["external_torque.npz", "external_torque.png"]
+    pictures = [f"external_torque.{kind}" for kind in ("mcap", "npz", "plotjuggler.xml", "png")]
     assert names == [*data, "example_observer.c", *pictures, *code]
 
 

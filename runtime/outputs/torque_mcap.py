@@ -61,7 +61,7 @@ def torque_mcap(names: Sequence[str], data: Recording, seen: Observation) -> byt
     writer.start(profile="ros2", library="symgen")
     schema = writer.register_schema(TYPE, "ros2msg", DEFINITION.encode())
     channels = [writer.register_channel(topic, "cdr", schema) for topic in TOPICS]
-    known = np.isfinite(seen.r).all(axis=1)
+    known = np.asarray(np.isfinite(seen.r).all(axis=1))
     message = JointStateEncoder(names)
     for k, t in enumerate(seen.t):
         stamp = max(round(float(t) * NANO), 0)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from symgen.inspect.geometry import Extent
+from symgen.inspect.groups import Group
 from symgen.inspect.model import ERROR, POINT, WARNING, Array, Body, Finding, Model
 from symgen.mechanics.inertia import REALISABLE_TOLERANCE
 
@@ -156,23 +157,20 @@ def _decimal_entry(body: Body, where: str) -> list[Finding]:
     return [Finding(WARNING, "decimal", where, observed, "expected the decimal point elsewhere")]
 
 
-def plausibility_warnings(model: Model, name: str, extent: Extent | None) -> list[Finding]:
+def plausibility_warnings(model: Model, group: Group) -> list[Finding]:
     """Warnings about a consistent body: density, size and place that links do not have.
 
     Args:
         model: the file.
-        name: of the link.
-        extent: space that its shapes occupy; None if unknown.
+        group: links that are fixed to each other.
 
     Returns:
         Warnings.
     """
-    body, where = model.links[name].body, f"link '{name}'"
-    if body is None or not body.is_realisable:
-        return []
+    body, where, extent = group.body, group.where, group.extent
     findings = [*_geometry(body, where, extent)]
     density = ellipsoid_density(body)
-    reach = extent.reach(body.com) if extent else _kinematic_reach(model, name, body)
+    reach = extent.reach(body.com) if extent else _kinematic_reach(model, group)
     slip = _slipped(body, reach)
     if density > OSMIUM:
         thin = np.sqrt(max(np.linalg.eigvalsh(body.sigma)[0], 0.0) / body.mass)
@@ -199,13 +197,10 @@ def plausibility_warnings(model: Model, name: str, extent: Extent | None) -> lis
     return findings
 
 
-def _kinematic_reach(model: Model, name: str, body: Body) -> float:
+def _kinematic_reach(model: Model, group: Group) -> float:
     """Distance from the link origin to its joints and its centre of mass, at most, m."""
-    joint = model.joint_of(name)
-    offsets = [joint.offset] if joint is not None else []
-    offsets += [child.offset for child in model.children(name)] + [body.com]
     whole = sum(float(np.linalg.norm(joint.offset)) for joint in model.joints)
-    return max(STUB * whole, *(float(np.linalg.norm(offset)) for offset in offsets))
+    return max(STUB * whole, group.reach)
 
 
 def _geometry(body: Body, where: str, extent: Extent | None) -> list[Finding]:

@@ -1,6 +1,6 @@
 """Inspection of one robot model file: numbers per link, findings, base parameters, and repair."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,10 @@ from symgen.documents import text_of
 from symgen.errors import InertiaError, SymgenError, UrdfError
 from symgen.inspect import bodies, comparison, joints
 from symgen.inspect.base import SampledBase, base_of
-from symgen.inspect.geometry import Meshes
+from symgen.inspect.geometry import Extent, Meshes
+from symgen.inspect.groups import groups_of
 from symgen.inspect.mjcf import read_mjcf
-from symgen.inspect.model import ERROR, Body, Finding, Model
+from symgen.inspect.model import ERROR, Body, Finding, Link, Model
 from symgen.inspect.repair import Repair, repair
 from symgen.inspect.rewrite import with_bodies
 from symgen.inspect.urdf import read_urdf
@@ -184,16 +185,7 @@ def _read(path: Path) -> str:
 
 def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) -> Inspection:
     extents = {name: meshes.extent(link) for name, link in model.links.items()}
-    findings = list(model.findings)
-    unread = {f.where for f in model.findings}
-    for name in model.links:
-        if f"link '{name}'" not in unread:
-            findings += bodies.consistency_errors(model, name)
-            findings += bodies.plausibility_warnings(model, name, extents[name])
-    findings += comparison.comparison_warnings(model)
-    for joint in model.joints:
-        if f"joint '{joint.name}'" not in unread:
-            findings += joints.joint_findings(joint)
+    findings = _findings(model, extents)
     findings.sort(key=lambda f: f.severity != ERROR)
     notes = list(model.notes)
     base = None
@@ -223,6 +215,29 @@ def _checked(model: Model, text: str | None, meshes: Meshes, with_base: bool) ->
             density = None if extent is None else link.body.mass / extent.volume
             rows.append(_figures(name, link.body, density))
     return Inspection(model, text, tuple(rows), tuple(findings), base, tuple(notes))
+
+
+def _findings(model: Model, extents: dict[str, Extent | None]) -> list[Finding]:
+    """Findings of reading, of each link, of links fixed to each other, of pairs, of joints."""
+    findings = list(model.findings)
+    unread = {f.where for f in model.findings}
+    readable = replace(
+        model,
+        links={
+            name: Link(name) if f"link '{name}'" in unread else link
+            for name, link in model.links.items()
+        },
+    )
+    for name in model.links:
+        if f"link '{name}'" not in unread:
+            findings += bodies.consistency_errors(model, name)
+    for group in groups_of(readable, extents):
+        findings += bodies.plausibility_warnings(model, group)
+    findings += comparison.comparison_warnings(model)
+    for joint in model.joints:
+        if f"joint '{joint.name}'" not in unread:
+            findings += joints.joint_findings(joint)
+    return findings
 
 
 def _figures(name: str, body: Body, density: float | None) -> LinkFigures:

@@ -4,6 +4,7 @@ A compiled model has all inertials, including those that MuJoCo infers from geom
 rejects inconsistent inertias; then the inertials written in the file are checked.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,9 +85,9 @@ def _compiled(model: Any, mujoco: Any) -> tuple[dict[str, Link], tuple[Joint, ..
         parent = names[model.body_parentid[k]]
         first, count = model.body_jntadr[k], model.body_jntnum[k]
         if count == 0:
-            joints.append(
-                _joint(f"{names[k]} (fixed)", "fixed", parent, names[k], model.body_pos[k])
-            )
+            turned = _rotation(model.body_quat[k], mujoco)
+            fixed = _joint(f"{names[k]} (fixed)", "fixed", parent, names[k], model.body_pos[k])
+            joints.append(replace(fixed, rotation=turned))
         for j in range(first, first + count):
             dof, kind = model.jnt_dofadr[j], _kind(model.jnt_type[j], mujoco)
             limited = bool(model.jnt_limited[j])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from symgen.inspect import ERROR
+from symgen.inspect.groups import groups_of
 from tests.symgen.bodies import BOX, BRICK, GOOD, POINT, TILTED, arm, block, inspect, solid, steiner
 
 WIDE = np.array([0.05, 0.03, 0.1])
@@ -197,3 +198,36 @@ def test_good_arm_has_no_finding() -> None:
     hits = inspect(arm(bricks, {1: placed}))
     assert hits.findings == ()
     assert hits.rows[0].density == pytest.approx(2.0 / 0.0036)
+
+
+def fixed(inertial: str) -> str:
+    """The good arm with a turned body fixed to its last link."""
+    mount = (
+        '<joint name="mount" type="fixed"><origin xyz="0 0.02 0.1" rpy="0.3 0.2 0.1"/>'
+        f'<parent link="link2"/><child link="part"/></joint><link name="part">{inertial}</link>'
+    )
+    return arm([GOOD, GOOD]).replace("</robot>", mount + "</robot>")
+
+
+def test_links_fixed_to_each_other_are_one_body() -> None:
+    """Property: a placeholder of a gram in a fixed link has no effect; a decimal slip has.
+
+    Oracle: the sum of pseudo-inertias, the fixed one placed by its joint.
+    """
+    gram = fixed(block(0.001, POINT, 1e-6 * np.eye(3)))
+    assert not inspect(gram).findings
+    (slipped,) = inspect(fixed(block(2.0, POINT, 1000 * BRICK))).findings
+    assert slipped.kind == "size"
+    assert slipped.where == "link 'link2' with what is fixed to it (1 more)"
+    model = inspect(fixed(GOOD)).model
+    (whole,) = (g for g in groups_of(model, dict.fromkeys(model.links)) if "link2" in g.where)
+    carrier, part = (model.links[name].body for name in ("link2", "part"))
+    mount = model.joint_of("part")
+    assert carrier is not None
+    assert part is not None
+    assert mount is not None
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = mount.rotation, mount.offset
+    expected = carrier.pseudo_inertia + pose @ part.pseudo_inertia @ pose.T
+    # Some ten operations on numbers of size 4.
+    np.testing.assert_allclose(whole.body.pseudo_inertia, expected, rtol=0, atol=1e-14)

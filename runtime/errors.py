@@ -13,6 +13,10 @@ class ShapeError(RuntimeFault):
     """An array does not have the shape or type that the robot requires."""
 
 
+class PostureError(RuntimeFault):
+    """Positions at which a closed loop cannot close or is singular."""
+
+
 class NotRealisableError(RuntimeFault):
     """Inertial parameters that are not physically consistent."""
 

@@ -5,13 +5,17 @@ that converts: every output of a `Kernel` is a dense vector in row-major order o
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import casadi as ca
 
 from symgen.errors import BuildError
+
+FURTHER = "further"
+"""Name of the symbols that are no inputs."""
 
 Matrix = Any
 """`casadi.SX | casadi.DM`; CasADi ships no type stubs."""
@@ -73,7 +77,8 @@ class Kernel:
         equation: one line that states what is computed, with its source.
         per: "sample" if a batch runs over time samples, "link" over bodies, "point" over anything
             else.
-        function: CasADi function, dense and row-major, inputs and outputs in the declared order.
+        function: CasADi function, dense and row-major, inputs and outputs in the declared order;
+            symbols of the expressions that are no inputs follow as one more (`with_further`).
         rare: True for kernels that are called seldom: a batch calls them sample by sample, and no
             vector code is compiled.
         factors: names of a regressor kernel and of a Jacobian kernel of a map of link parameters.
@@ -149,14 +154,35 @@ def make_kernel(
             )
         # Transposed, because CasADi's vec goes column by column and C arrays are row-major.
         rows.append(ca.densify(ca.vec(ca.SX(expression).T)))
-    function = ca.Function(
-        name,
-        list(inputs.values()),
-        rows,
-        [a.name for a in inputs],
-        [a.name for a in outputs],
-        {"cse": True},
-    )
+    names, options = [a.name for a in outputs], {"cse": True, "allow_free": True}
+    given = [a.name for a in inputs]
+    function = ca.Function(name, list(inputs.values()), rows, given, names, options)
+    if function.has_free():
+        symbols = [*inputs.values(), ca.vertcat(*function.free_sx())]
+        function = ca.Function(name, symbols, rows, [*given, FURTHER], names, {"cse": True})
     return Kernel(
         name, tuple(inputs), tuple(outputs), equation, per, function, rare, factors, through
     )
+
+
+def with_further(kernel: Kernel, values: Callable[[dict[str, Matrix], Matrix], Matrix]) -> Kernel:
+    """The kernel with values of the symbols that are no inputs.
+
+    Args:
+        kernel: as made; without further symbols it is returned as it is.
+        values: from the symbols of the inputs by name, and the further symbols, to their values.
+
+    Returns:
+        A kernel of the inputs alone.
+    """
+    function = kernel.function
+    if function.n_in() == len(kernel.inputs):
+        return kernel
+    *inputs, further = function.sx_in()
+    rows = function.call([*inputs, further])
+    names = [a.name for a in kernel.inputs]
+    known = values(dict(zip(names, inputs, strict=True)), further)
+    rows = ca.substitute(rows, [further], [known])
+    outputs = [a.name for a in kernel.outputs]
+    complete = ca.Function(kernel.name, inputs, rows, names, outputs, {"cse": True})
+    return replace(kernel, function=complete)

@@ -97,7 +97,8 @@ class ControlKernels:
         """Proven lower bound of the eigenvalues of M(q) + diag(J) at every q.
 
         M(q)⁻¹ ⪯ S for every q, S of the kernel `mobility_bound`; with coupled joints
-        M = Aᵀ M_all A ⪰ Aᵀ S⁻¹ A.
+        M = Aᵀ M_all A ⪰ Aᵀ S⁻¹ A, with closed loops M ⪰ S_qq⁻¹, the least over all rates of the
+        dependent joints.
 
         Args:
             pi: (10 L,) inertial parameters of the links.
@@ -113,7 +114,13 @@ class ControlKernels:
             return float("nan")
         s = self._binding.call("mobility_bound", pi)[0]
         coupling = self.manifest.coupling
-        matrix = np.eye(self.n_links) if coupling is None else np.asarray(coupling.matrix)
         rotors = np.broadcast_to(np.asarray(rotor, dtype=float), self.n_joints)
-        below = matrix.T @ np.linalg.solve(s, matrix) + np.diag(rotors)
+        if self.manifest.loops:
+            names = [joint.name for joint in self.manifest.all_joints]
+            places = [names.index(joint.name) for joint in self.manifest.joints]
+            below = np.linalg.inv(s[np.ix_(places, places)])
+        else:
+            matrix = np.eye(self.n_links) if coupling is None else np.asarray(coupling.matrix)
+            below = matrix.T @ np.linalg.solve(s, matrix)
+        below = below + np.diag(rotors)
         return float(np.linalg.eigvalsh((below + below.T) / 2)[0])

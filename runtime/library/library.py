@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from runtime.errors import LibraryError, ShapeError
+from runtime.errors import LibraryError
 from runtime.library.binding import Array, Binding
 from runtime.library.body_kernels import BodyKernels
 from runtime.library.compiled_closed_loop import (
@@ -28,12 +27,15 @@ from runtime.library.compiled_statistics import CompiledStatistics
 from runtime.library.control_kernels import ControlKernels
 from runtime.library.fixed_base_kernels import FixedBaseKernels
 from runtime.library.free_base import FREEDOM, ROWS
+from runtime.library.joint_motion import JointMotion
 from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
 from runtime.library.safety_kernels import SafetyKernels
 
 
-class Library(MotionKernels, FixedBaseKernels, SafetyKernels, BodyKernels, ControlKernels):
+class Library(
+    JointMotion, MotionKernels, FixedBaseKernels, SafetyKernels, BodyKernels, ControlKernels
+):
     """Compiled physics of one robot; every method takes one sample or N.
 
     n independent joints, L links, n_b base parameters; L = n unless joints are coupled or the base
@@ -92,47 +94,6 @@ class Library(MotionKernels, FixedBaseKernels, SafetyKernels, BodyKernels, Contr
     def __repr__(self) -> str:
         sizes = f"{self.n_joints} joints, {len(self.base_columns)} base parameters"
         return f"Library({self.name!r}, {sizes})"
-
-    def all_positions(self, q: ArrayLike) -> Array:
-        """Positions q_all = A q + b of all joints, in the order of `all_joint_names`.
-
-        Args:
-            q: (N, n) or (n,) positions of the independent joints [rad, m].
-
-        Returns:
-            (N, L) or (L,) [rad, m].
-
-        Raises:
-            ShapeError: q has another number of joints.
-        """
-        coupling = self.manifest.coupling
-        q = self._of_joints(q)
-        return q.copy() if coupling is None else q @ coupling.matrix.T + coupling.offset
-
-    def all_velocities(self, dq: ArrayLike) -> Array:
-        """Velocities A dq of all joints; accelerations alike.
-
-        Args:
-            dq: (N, n) or (n,) velocities of the independent joints [rad/s, m/s].
-
-        Returns:
-            (N, L) or (L,) [rad/s, m/s].
-
-        Raises:
-            ShapeError: dq has another number of joints.
-        """
-        coupling = self.manifest.coupling
-        dq = self._of_joints(dq)
-        return dq.copy() if coupling is None else dq @ coupling.matrix.T
-
-    def _of_joints(self, values: ArrayLike) -> Array:
-        array = np.asarray(values, dtype=float)
-        if array.ndim not in {1, 2} or array.shape[-1] != self.n_joints:
-            raise ShapeError(
-                f"expected ({self.n_joints},) or (N, {self.n_joints}) values of the joints "
-                f"{', '.join(self.joint_names)}, got {array.shape}"
-            )
-        return array
 
     def limits(self) -> dict[str, Array]:
         """Limits per joint, (n,), ±inf where unlimited.

@@ -126,7 +126,8 @@ class Manifest:
     """The facts of one robot, see the fields of `manifest.json`.
 
     `joints`: the independent ones; `all_joints`: one per moving link, which `parent` counts by.
-    `coupling`: None where they are the same. `friction_coordinates`: name → row (n,) of coordinates
+    `coupling`: None where they are the same. `loops`: names of the closed loops, whose kernels take
+    the place of `coupling`. `friction_coordinates`: name → row (n,) of coordinates
     beside the joints at whose speed friction acts. `springs`: names of those of unknown stiffness.
     `assumed`: link → "given mass" or "placeholder", where the URDF states no <inertial>.
     `floating`: the base is free, and the first of `all_joints` is its joint. `omitted`: kernel that
@@ -143,6 +144,7 @@ class Manifest:
     joints: tuple[JointFacts, ...]
     all_joints: tuple[JointFacts, ...]
     coupling: CouplingFacts | None
+    loops: tuple[str, ...]
     friction_coordinates: dict[str, tuple[float, ...]]
     springs: tuple[str, ...]
     home: tuple[float, ...]
@@ -196,6 +198,7 @@ def read_manifest(path: Path) -> Manifest:
             joints=tuple(_joint(joint) for joint in raw["joints"]),
             all_joints=tuple(_joint(joint) for joint in raw.get("all_joints", raw["joints"])),
             coupling=_coupling(raw["coupling"]) if "coupling" in raw else None,
+            loops=tuple(map(str, raw.get("loops", ()))),
             friction_coordinates={
                 str(k): tuple(map(float, v)) for k, v in raw.get("friction_coordinates", {}).items()
             },

@@ -1,6 +1,7 @@
-"""Logs of all joints of a robot with coupled joints → its independent joints.
+"""Logs of all joints of a robot with coupled joints or closed loops → its independent joints.
 
-q_all = A q + b,   τ = Aᵀ τ_all:   positions of the independent joints, torques by virtual power
+q_all = A q + b or g(q),   τ = Gᵀ τ_all:   positions of the independent joints, torques by virtual
+power with G = A or ∂g/∂q
 """
 
 import numpy as np
@@ -30,23 +31,34 @@ def independent_joints(recording: Recording, lib: Library) -> Recording:
 
     Raises:
         IdentificationError: the positions of a dependent joint contradict its coupling.
+        PostureError: positions are beyond a singular posture of a loop.
     """
-    coupling, count = lib.manifest.coupling, recording.n_joints
-    if coupling is None or recording.columns is not None or count == lib.n_joints:
+    reduced = _reduced(recording, lib)
+    if lib.manifest.loops and reduced.n_joints == lib.n_joints:
+        lib.require_closed(reduced.q)
+    return reduced
+
+
+def _reduced(recording: Recording, lib: Library) -> Recording:
+    count = recording.n_joints
+    is_tree = lib.manifest.coupling is None and not lib.manifest.loops
+    if is_tree or recording.columns is not None or count == lib.n_joints:
         return recording
     names = recording.joint_names or (lib.all_joint_names if count == lib.n_links else ())
     if not set(lib.joint_names) <= set(names):
         return recording
     places = [names.index(name) for name in lib.joint_names]
     rows = [k for k, name in enumerate(lib.all_joint_names) if name in names]
-    matrix = coupling.matrix[rows]
     columns = [names.index(lib.all_joint_names[k]) for k in rows]
     _require_agreement(recording, lib, rows, columns, places)
     changes = {
         key: None if values is None else values[:, places]
         for key, values in (("q", recording.q), ("dq", recording.dq), ("ddq", recording.ddq))
     }
-    tau = None if recording.tau is None else recording.tau[:, columns] @ matrix
+    tau = None
+    if recording.tau is not None:
+        jacobian = lib.joint_jacobian(recording.q[:, places])[:, rows]
+        tau = np.einsum("tk,tkn->tn", recording.tau[:, columns], jacobian)
     return recording.replace(
         **changes, tau=tau, joint_names=lib.joint_names if recording.joint_names else ()
     ).noted(

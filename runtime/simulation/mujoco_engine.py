@@ -62,7 +62,7 @@ def engine(
         SimulationError: MuJoCo is not installed or refuses the robot, or joints are coupled.
         NotRealisableError: a body of π is not physically consistent.
     """
-    if lib.manifest.coupling is not None:
+    if lib.manifest.coupling is not None or lib.manifest.loops:
         raise SimulationError(
             f"joints of '{lib.name}' follow others, which the simulation in MuJoCo does not "
             "support; use lib.forward_dynamics, or lock the joints when you build"

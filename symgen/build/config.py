@@ -156,9 +156,12 @@ def home_of(chain: Chain, config: RobotConfig) -> Vector:
         config: its home is taken if it has one.
 
     Returns:
-        (n,) rad or m; without a home each joint is at zero or in the middle of its range.
+        (n,) rad or m; without a home each joint is at zero or in the middle of its range, of a
+        closed chain in the assembly pose.
     """
-    return config.home or tuple(_middle(joint) for joint in chain.coordinates)
+    if config.home or chain.loops is None:
+        return config.home or tuple(_middle(joint) for joint in chain.coordinates)
+    return tuple(chain.loops.assembly[k] for k in chain.loops.independent)
 
 
 def _middle(joint: Joint) -> float:

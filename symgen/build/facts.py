@@ -135,8 +135,11 @@ def model_facts(
 def _mechanism_facts(chain: Chain) -> dict[str, Any]:
     """Coupling, all joints and the mechanism; nothing for a robot without them."""
     facts: dict[str, Any] = {}
-    if chain.coupling is not None:
+    if chain.coupling is not None or chain.loops is not None:
         facts["all_joints"] = [_joint_facts(joint) for joint in chain.joints]
+    if chain.loops is not None:
+        facts["loops"] = [closure.name for closure in chain.loops.closures]
+    elif chain.coupling is not None:
         facts["coupling"] = {
             "independent": list(chain.coupling.independent),
             "matrix": [list(row) for row in chain.coupling.matrix],

@@ -38,6 +38,7 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
             f"axes, then those of the {len(chain.coordinates)} joints"
         )
     notes += _coupled(chain)
+    notes += _closed(chain)
     notes += _assumed(chain)
     if chain.removed:
         notes.append(f"cut off by --base/--tip: {', '.join(chain.removed)}")
@@ -58,7 +59,7 @@ def notes_of(chain: Chain, projected: dict[str, float]) -> tuple[str, ...]:
 
 def _coupled(chain: Chain) -> list[str]:
     """Sentences about couplings and their friction."""
-    if chain.coupling is None:
+    if chain.coupling is None or chain.loops is not None:
         return []
     free = {joint.name for joint in chain.coordinates}
     names = [joint.name for joint in chain.single_joints if joint.name not in free]
@@ -70,6 +71,24 @@ def _coupled(chain: Chain) -> list[str]:
             f"only, as many as there are joints, not for {', '.join(friction[len(free) :])}"
         )
     return notes
+
+
+def _closed(chain: Chain) -> list[str]:
+    """Sentences about loops."""
+    if chain.loops is None:
+        return []
+    free = [joint.name for joint in chain.coordinates]
+    names = [joint.name for joint in chain.joints if joint.name not in free]
+    kinds = "; ".join(f"{c.name} is closed as {c.kind}" for c in chain.loops.closures)
+    ranges = ", ".join(
+        f"{j.name} {j.lower:.3g} … {j.upper:.3g}"
+        for j in chain.coordinates
+        if j.lower is not None and j.upper is not None
+    )
+    return [
+        f"{kinds}; q holds {', '.join(free)}, and {', '.join(names)} follow",
+        f"ranges away from singular postures: {ranges}",
+    ]
 
 
 def _assumed(chain: Chain) -> list[str]:

@@ -31,6 +31,7 @@ from symgen.documents import json_of
 from symgen.emit import Early, EmittedRobot, emit, ignored
 from symgen.errors import BuildError
 from symgen.kernel import Kernel
+from symgen.mechanics.loop_range import within_loops
 
 ONCE = ("kernels.c", "update.c", "online.c", "closed_loop.c")
 """Sources compiled once."""
@@ -117,7 +118,7 @@ class _Draft:
 
 
 def _draft(request: BuildRequest) -> _Draft:
-    chain = read_chain(request.urdf, request.options)
+    chain = within_loops(read_chain(request.urdf, request.options))
     pi0, projected = initial_parameters(chain, request.project)
     catalogue = make_catalogue(chain, request.config.collision)
     facts = model_facts(chain, request, catalogue.base, pi0, projected, catalogue.omitted)

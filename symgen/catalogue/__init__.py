@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from symgen.catalogue.bodies import body_kernels
 from symgen.catalogue.control import control_kernels
+from symgen.catalogue.loops import loop_kernels, without_seeds
 from symgen.catalogue.motion import motion_kernels
 from symgen.catalogue.omitted import omitted_kernels
 from symgen.catalogue.passive import passive_kernels
@@ -59,5 +60,6 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
         *safety_kernels(chain, collision or CollisionModel()),
         *passive_kernels(chain),
         *control_kernels(chain),
+        *loop_kernels(chain),
     )
-    return Catalogue(kernels, base, omitted)
+    return Catalogue(without_seeds(chain, kernels), base, omitted)

@@ -4,6 +4,8 @@
     [[friction]]      a further coordinate with friction of its own, y = Σ of[m] x_m
     [[spring]]        torsional or linear along joints, or between points of two links
     [[known_torque]]  a torque curve along joints, by polynomial or by points
+    [[loop]]          a loop joint: two frames of links that coincide
+    [assembly]        positions of joints near which the loops close
 
 The signs are those of τ: a torque that the drives must apply is positive.
 """
@@ -14,6 +16,7 @@ from typing import Any
 
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.entry import MechanismTable
+from symgen.chain.loop import Loop, read_loop
 from symgen.errors import UrdfError
 
 Vector = tuple[float, ...]
@@ -78,6 +81,8 @@ class Mechanism:
         friction: further coordinates with friction.
         spring: springs.
         known_torque: torque curves.
+        loop: loop joints.
+        assembly: joint → position of the assembly pose [rad or m]; others: 0 or mid-range.
     """
 
     coupling: tuple[CouplingRow, ...] = ()
@@ -85,9 +90,11 @@ class Mechanism:
     friction: tuple[FrictionCoordinate, ...] = ()
     spring: tuple[Spring, ...] = ()
     known_torque: tuple[KnownTorque, ...] = ()
+    loop: tuple[Loop, ...] = ()
+    assembly: dict[str, float] = field(default_factory=dict)
 
 
-_TABLES = ("coupling", "friction", "spring", "known_torque")
+_TABLES = ("coupling", "friction", "spring", "known_torque", "loop")
 
 
 def mechanism_from_table(table: dict[str, Any], where: str) -> Mechanism:
@@ -103,7 +110,7 @@ def mechanism_from_table(table: dict[str, Any], where: str) -> Mechanism:
     Raises:
         UrdfError: unknown key, or a value of the wrong kind.
     """
-    keys = (*_TABLES, "independent")
+    keys = (*_TABLES, "independent", "assembly")
     for key in table:
         if key not in keys:
             raise UrdfError(f"{where} has the unknown key '{key}'; known are {', '.join(keys)}")
@@ -123,6 +130,8 @@ def mechanism_from_table(table: dict[str, Any], where: str) -> Mechanism:
         friction=tuple(_friction(e, where) for e in table.get("friction", [])),
         spring=springs,
         known_torque=tuple(_known_torque(e, where) for e in table.get("known_torque", [])),
+        loop=tuple(read_loop(e, where) for e in table.get("loop", [])),
+        assembly=_assembly(table.get("assembly", {}), where),
     )
 
 
@@ -132,14 +141,24 @@ def table_from_mechanism(mechanism: Mechanism) -> dict[str, Any]:
     def filled(entry: Any) -> dict[str, Any]:
         values = {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(entry).items()}
         points = isinstance(entry, Spring) and entry.parent
-        dropped = ("of",) if points else ("parent", "child", "parent_xyz", "child_xyz")
+        dropped: tuple[str, ...] = ("parent", "child", "parent_xyz", "child_xyz")
+        dropped = ("of",) if points else dropped
+        if isinstance(entry, Loop):
+            dropped = () if entry.kind else ("kind",)
         return {k: v for k, v in values.items() if v not in (None, []) and k not in dropped}
 
     table: dict[str, Any] = {
         key: [filled(entry) for entry in getattr(mechanism, key)] for key in _TABLES
     }
     table["independent"] = list(mechanism.independent)
+    table["assembly"] = mechanism.assembly
     return {key: value for key, value in table.items() if value}
+
+
+def _assembly(table: Any, where: str) -> dict[str, float]:
+    if not isinstance(table, dict):
+        raise UrdfError(f"{where}: [assembly] needs lines JOINT = position, got {table!r}")
+    return {joint: MechanismTable(table, f"{where}: [assembly]").number(joint) for joint in table}
 
 
 def _coupling(entry: dict[str, Any], where: str) -> CouplingRow:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import pinocchio
 
+from symgen.chain.assembly import close_loops
 from symgen.chain.assumed_bodies import assume_bodies
 from symgen.chain.coupling import Coupling, mimic_rows, read_coupling
 from symgen.chain.document import MOVING, Document, numbers
@@ -22,6 +23,7 @@ from symgen.chain.joint import (
     snapped,
 )
 from symgen.chain.limits import limits_of, range_of_followers
+from symgen.chain.loop import Loops
 from symgen.chain.mechanism import Mechanism
 from symgen.chain.normalise import ChainOptions, normalise
 from symgen.chain.parse import parse_with_pinocchio
@@ -81,6 +83,7 @@ class Chain:
         base_is_assumed: no fixed joint attaches the base to the world; it is taken as fixed.
         coupling: q_all = A q + b; None where every joint is independent.
         mechanism: springs, torque curves and further friction coordinates.
+        loops: loop joints of a closed chain; None for a tree.
     """
 
     name: str
@@ -95,6 +98,7 @@ class Chain:
     base_is_assumed: bool = False
     coupling: Coupling | None = None
     mechanism: Mechanism = field(default_factory=Mechanism)
+    loops: Loops | None = None
 
     @property
     def floating(self) -> bool:
@@ -109,9 +113,10 @@ class Chain:
     @property
     def coordinates(self) -> tuple[Joint, ...]:
         """The n independent joints of one degree of freedom, whose positions are q."""
-        if self.coupling is None:
-            return self.single_joints
-        return tuple(self.single_joints[k] for k in self.coupling.independent)
+        free = self.single_joints
+        if self.coupling is not None:
+            free = tuple(free[k] for k in self.coupling.independent)
+        return free if self.loops is None else tuple(free[k] for k in self.loops.independent)
 
     @property
     def freedom(self) -> int:
@@ -176,15 +181,17 @@ def read_chain(text: str, options: ChainOptions | None = None) -> Chain:
         ),
         coupling=coupling,
         mechanism=options.mechanism,
+        loops=close_loops(model, joints, coupling, options.mechanism),
     )
 
 
 def _require_no_springs(options: ChainOptions) -> None:
     mechanism = options.mechanism
-    if options.floating and (mechanism.spring or mechanism.known_torque or mechanism.friction):
+    others = (mechanism.spring, mechanism.known_torque, mechanism.friction, mechanism.loop)
+    if options.floating and any(others):
         raise UrdfError(
-            "--floating takes couplings of a mechanism only, got [[spring]], [[known_torque]] or "
-            "[[friction]] too; remove these tables, or build without --floating"
+            "--floating takes couplings of a mechanism only, got [[spring]], [[known_torque]], "
+            "[[friction]] or [[loop]] too; remove these tables, or build without --floating"
         )
 
 
@@ -195,7 +202,8 @@ def _coupling(
     stated = {row.joint for row in mechanism.coupling}
     mimics = [row for row in mimic_rows(document) if row.joint not in stated]
     names = tuple(joint.name for joint in joints)
-    return read_coupling(names, (*mechanism.coupling, *mimics), mechanism.independent)
+    independent = () if mechanism.loop else mechanism.independent  # of loops: `close_loops`
+    return read_coupling(names, (*mechanism.coupling, *mimics), independent)
 
 
 def _joint(document: Document, model: pinocchio.Model, index: int, shift: int) -> Joint:

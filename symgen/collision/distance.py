@@ -16,7 +16,7 @@ from symgen.chain import Chain
 from symgen.collision.model import CollisionModel, Pair, Proxy
 from symgen.kernel import Matrix
 from symgen.mechanics.coordinates import all_positions, independent_forces
-from symgen.mechanics.kinematics import joint_pose
+from symgen.mechanics.pose import joint_pose
 
 _PARALLEL = 1e-12
 """Sine² of the angle below which two segments count as parallel: rounding of their directions."""
@@ -61,7 +61,7 @@ def clearance(chain: Chain, model: CollisionModel, q: Matrix) -> tuple[Matrix, M
     segments = {p.name: _segment(chain, model, frames, p) for p in model.proxies}
     rows = [_pair(model, pair, segments, frames) for pair in model.pairs]
     jacobian = ca.vertcat(*(row for _, row in rows))
-    return ca.vertcat(*(d for d, _ in rows)), independent_forces(chain, jacobian.T).T
+    return ca.vertcat(*(d for d, _ in rows)), independent_forces(chain, q, jacobian.T).T
 
 
 def plane_clearance(
@@ -92,7 +92,7 @@ def plane_clearance(
         distances.append(height - offset - proxy.radius)
         moment = ca.cross(lowest, normal)
         rows.append(_row(frames, normal, moment, segment.movers, frozenset()))
-    return ca.vertcat(*distances), independent_forces(chain, ca.vertcat(*rows).T).T
+    return ca.vertcat(*distances), independent_forces(chain, q, ca.vertcat(*rows).T).T
 
 
 def moving(chain: Chain, model: CollisionModel) -> tuple[Proxy, ...]:

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from symgen.chain import Chain
 from symgen.collision.geometry import LinkGeometry
 from symgen.collision.model import BASE
+from symgen.mechanics.closure import supplied
 from symgen.mechanics.coordinates import all_positions
-from symgen.mechanics.kinematics import joint_pose
+from symgen.mechanics.pose import joint_pose
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ def link_poses(chain: Chain, link: str, postures: Array) -> Array:
         top = ca.horzcat(step.rotation, step.translation)
         pose = ca.mtimes(ca.vertcat(top, ca.SX(ca.DM([[0, 0, 0, 1]]))), pose)
         index = chain.joints[index].parent
-    function = ca.Function("pose", [q], [ca.densify(ca.vec(pose.T))])
+    function = ca.Function("pose", [q], [supplied(chain, ca.densify(ca.vec(pose.T)), q)])
     rows = np.asarray(function.map(len(postures))(postures.T)).T
     return rows.reshape(-1, 4, 4)
 

@@ -151,12 +151,19 @@ def _descent(kernels: Kernels, tiles: Tiles) -> dict[str, Any]:
         "links": pi.size // lam.size,
         "base": beta.size,
         "uniform": max(tiles["loss_gradient"].uniform, 1),
-        "slides": len(tiles["loss_gradient"].turns) < kernels["loss_gradient"].inputs[0].size,
+        "slides": _reads_positions(kernels["loss_gradient"], tiles["loss_gradient"]),
         "to_base": _on_tiles(kernels["base_parameters"], pi, lam.size),
         "from_base": _on_tiles(
             kernels["base_adjoint"], kernels["base_adjoint"].outputs[0], lam.size
         ),
     }
+
+
+def _reads_positions(kernel: Kernel, tile: TileProgram) -> bool:
+    """Whether positions are needed beside their sines: of prismatic joints and of closed chains."""
+    q = kernel.inputs[0]
+    read = re.compile(rf"\b{q.name}\[")
+    return len(tile.turns) < q.size or any(read.search(line) for line in tile.body)
 
 
 def _on_tiles(kernel: Kernel, bodies: Argument, size: int) -> dict[str, Any]:

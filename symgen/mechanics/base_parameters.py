@@ -96,7 +96,10 @@ def numeric_base(
     q = rng.uniform(-np.pi, np.pi, (samples, n))
     dq, ddq = rng.normal(0, 2, (2, samples, n))
     # Columns of unit length: parameters of different units and sizes become comparable.
-    w = regressor(q, dq, ddq).reshape(-1, N_PARAMETERS * links)
+    if chain.loops is None:
+        w = regressor(q, dq, ddq).reshape(-1, N_PARAMETERS * links)
+    else:
+        w = _closed_rows(chain, regressor, q, dq, ddq)
     norms = np.linalg.norm(w, axis=0)
     nonzero = np.flatnonzero(norms > SILENT_COLUMN * norms.max())
     unit = w[:, nonzero] / norms[nonzero]
@@ -120,6 +123,28 @@ def numeric_base(
     matrix[:, nonzero] = _tidied(np.asarray(k_nonzero, dtype=float))
     matrix[:, columns] = np.eye(rank)
     return BaseParameters(columns, matrix, float(sigma[rank - 1]), float(sigma[rank]))
+
+
+def _closed_rows(
+    chain: Chain, regressor: Callable[[Array, Array, Array], Array], q: Array, dq: Array, ddq: Array
+) -> Array:
+    """W of a closed chain: all around the assembly pose where its loops close, and in its range.
+
+    A narrow range makes columns nearly dependent. The rows of a state are divided by their largest
+    entry, since they grow without bound towards a singular posture.
+    """
+    assembly = [chain.loops.assembly[k] for k in chain.loops.independent] if chain.loops else []
+    inside = q / np.pi
+    ends = [
+        (-np.pi, np.pi) if j.lower is None or j.upper is None else (j.lower, j.upper)
+        for j in chain.coordinates
+    ]
+    lower, upper = np.array(ends).T
+    states = np.vstack([assembly + q, (lower + upper) / 2 + (upper - lower) * inside / 2])
+    y = regressor(states, np.vstack([dq, dq]), np.vstack([ddq, ddq]))
+    y = y[np.isfinite(y).all(axis=(1, 2))]
+    y = y / np.maximum(np.abs(y).max(axis=(1, 2), keepdims=True), np.finfo(float).tiny)
+    return np.asarray(y.reshape(-1, y.shape[2]))
 
 
 def _preference(chain: Chain, column: int) -> tuple[int, int]:
@@ -149,6 +174,19 @@ def _independent(unit: Array, order: list[int], rank: int) -> list[int]:
             vectors[:, basis.shape[1]] = v / length
             basis = vectors[:, : basis.shape[1] + 1]
             residuals.append((length, k))
+    chosen = {k for _, k in residuals}
+    while len(residuals) < rank:  # nearly dependent columns: the farthest from the span so far
+        rest = unit - basis @ (basis.T @ unit)
+        rest = rest - basis @ (basis.T @ rest)
+        lengths = np.linalg.norm(rest, axis=0)
+        lengths[list(chosen)] = 0.0
+        k = int(np.argmax(lengths))
+        if not lengths[k] > ROUNDING * CLEAR_GAP:
+            break
+        vectors[:, basis.shape[1]] = rest[:, k] / lengths[k]
+        basis = vectors[:, : basis.shape[1] + 1]
+        residuals.append((float(lengths[k]), k))
+        chosen.add(k)
     if len(residuals) < rank:
         raise RankError(
             f"expected {rank} independent columns by the singular values, got {len(residuals)}; "

@@ -104,7 +104,7 @@ def frame_jacobians(chain: Chain, q: Matrix) -> Matrix:
                 jacobian[:3, first + k] = ca.cross(axes[k], lever)
                 jacobian[3:, first + k] = axes[k]
             k = chain.joints[k].parent
-        blocks.append(independent_forces(chain, jacobian.T).T)  # J A of coupled joints
+        blocks.append(independent_forces(chain, q, jacobian.T).T)  # J A of coupled joints
     return ca.vertcat(*blocks)
 
 

@@ -1,4 +1,6 @@
-"""Independent coordinates of a `Chain`: q_all = A q + b, τ = Aᵀ τ_all, M = Aᵀ M_all A.
+"""Independent coordinates of a `Chain`: q_all = A x + b, x = q or, with loops, x = g(q).
+
+    τ = (A G)ᵀ τ_all,   M = (A G)ᵀ M_all A G,   G = ∂x/∂q
 
 The recursions of the other modules run over all joints; these maps lead in and out of them. Where
 every joint is independent they return their argument itself, so that no operation is added.
@@ -15,6 +17,7 @@ import casadi as ca
 from symgen.chain import Chain
 from symgen.chain.joint import BASE_FREEDOM
 from symgen.kernel import Matrix
+from symgen.mechanics import closure
 
 
 def per_joint(chain: Chain, values: Matrix) -> list[Matrix]:
@@ -34,7 +37,7 @@ def per_joint(chain: Chain, values: Matrix) -> list[Matrix]:
 
 
 def all_positions(chain: Chain, q: Matrix) -> Matrix:
-    """q_all = A q + b.
+    """q_all = A x + b.
 
     Args:
         chain: N joints, n of them independent.
@@ -44,55 +47,95 @@ def all_positions(chain: Chain, q: Matrix) -> Matrix:
         (N,) positions of all joints [rad, m].
     """
     coupling = chain.coupling
+    x = q if chain.loops is None else closure.positions(chain, q)
     if coupling is None:
-        return q
+        return x
     offset = ca.DM(coupling.offset)
     if chain.floating:
         offset = ca.vertcat(ca.DM.zeros(BASE_FREEDOM), offset)
-    return all_rates(chain, q) + offset
+    return ca.mtimes(_matrix(chain), x) + offset
 
 
-def all_rates(chain: Chain, rate: Matrix) -> Matrix:
-    """A x, for velocities or accelerations of the independent joints.
+def all_rates(chain: Chain, q: Matrix, dq: Matrix) -> Matrix:
+    """A G dq.
 
     Args:
         chain: N joints, n of them independent.
-        rate: (n,) [rad/s, m/s] or higher derivatives.
+        q: (n,) positions of the independent joints [rad, m].
+        dq: (n,) their velocities [rad/s, m/s].
 
     Returns:
-        (N,) of all joints.
+        (N,) velocities of all joints [rad/s, m/s].
     """
+    rate = dq if chain.loops is None else closure.rates(chain, q, dq)
     return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
 
 
-def independent_forces(chain: Chain, force: Matrix) -> Matrix:
-    """Aᵀ τ_all: generalised forces of the independent joints, by virtual power.
+def all_accelerations(chain: Chain, q: Matrix, dq: Matrix, ddq: Matrix) -> Matrix:
+    """A (G ddq + Ġ dq).
 
     Args:
         chain: N joints, n of them independent.
+        q: (n,) positions of the independent joints [rad, m].
+        dq: (n,) their velocities [rad/s, m/s].
+        ddq: (n,) their accelerations [rad/s², m/s²].
+
+    Returns:
+        (N,) accelerations of all joints [rad/s², m/s²].
+    """
+    rate = ddq if chain.loops is None else closure.accelerations(chain, q, dq, ddq)
+    return rate if chain.coupling is None else ca.mtimes(_matrix(chain), rate)
+
+
+def independent_forces(chain: Chain, q: Matrix, force: Matrix) -> Matrix:
+    """(A G)ᵀ τ_all: generalised forces of the independent joints, by virtual power.
+
+    Args:
+        chain: N joints, n of them independent.
+        q: (n,) positions of the independent joints [rad, m].
         force: (N, m) generalised forces of all joints [N·m, N].
 
     Returns:
         (n, m) [N·m, N].
     """
-    return force if chain.coupling is None else ca.mtimes(_matrix(chain).T, force)
+    if chain.coupling is not None:
+        force = ca.mtimes(_matrix(chain).T, force)
+    return force if chain.loops is None else closure.forces(chain, q, force)
 
 
-def independent_mass(chain: Chain, mass: Matrix) -> Matrix:
-    """Aᵀ M_all A, symmetric to the bit.
+def independent_mass(chain: Chain, q: Matrix, mass: Matrix) -> Matrix:
+    """(A G)ᵀ M_all A G, symmetric to the bit.
 
     Args:
         chain: N joints, n of them independent.
+        q: (n,) positions of the independent joints [rad, m].
         mass: (N, N) mass matrix of all joints.
 
     Returns:
         (n, n) mass matrix of the independent joints.
     """
-    if chain.coupling is None:
+    if chain.coupling is None and chain.loops is None:
         return mass
-    full = independent_forces(chain, ca.mtimes(mass, _matrix(chain)))
+    moved = joint_jacobian(chain, q)
+    full = ca.mtimes(moved.T, ca.mtimes(mass, moved))
     upper = ca.triu(full)  # the lower triangle is a copy: sums in another order would differ
     return upper + ca.triu(full, False).T
+
+
+def joint_jacobian(chain: Chain, q: Matrix) -> Matrix:
+    """A G = ∂q_all/∂q.
+
+    Args:
+        chain: N joints, n of them independent.
+        q: (n,) positions of the independent joints [rad, m].
+
+    Returns:
+        (N, n).
+    """
+    if chain.loops is None:
+        return ca.DM.eye(q.numel()) if chain.coupling is None else _matrix(chain)
+    inner = closure.jacobian(chain, q)
+    return inner if chain.coupling is None else ca.mtimes(_matrix(chain), inner)
 
 
 def _matrix(chain: Chain) -> Matrix:

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from symgen.chain import Chain
 from symgen.chain.joint import FLOATING
 from symgen.kernel import Matrix
-from symgen.mechanics.coordinates import all_rates, independent_forces, per_joint
+from symgen.mechanics.closure import supplied
+from symgen.mechanics.coordinates import (
+    all_accelerations,
+    all_rates,
+    independent_forces,
+    per_joint,
+)
 from symgen.mechanics.inertia import N_PARAMETERS, bodies_of, pi_from_lam
 from symgen.mechanics.kinematics import joint_poses
 
@@ -39,7 +45,8 @@ def inverse_dynamics(
         (n,) joint torques or forces [N·m, N].
     """
     n = len(chain.joints)
-    dq, ddq = (per_joint(chain, all_rates(chain, x)) for x in (dq, ddq))
+    ddq = per_joint(chain, all_accelerations(chain, q, dq, ddq))
+    dq = per_joint(chain, all_rates(chain, q, dq))
     poses = joint_poses(chain, q)
     omega: list[Matrix] = []
     alpha: list[Matrix] = []
@@ -94,7 +101,7 @@ def inverse_dynamics(
                 + ca.mtimes(pose.rotation, m)
                 + ca.cross(pose.translation, f_parent)
             )
-    return independent_forces(chain, ca.vertcat(*tau))
+    return independent_forces(chain, q, ca.vertcat(*tau))
 
 
 def _spread(w: Matrix, al: Matrix) -> Matrix:
@@ -184,7 +191,7 @@ def sampled_regressor(chain: Chain) -> Callable[[Array, Array, Array], Array]:
     """
     n = chain.freedom
     q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
-    rows = ca.densify(ca.vec(regressor(chain, q, dq, ddq).T))
+    rows = supplied(chain, ca.densify(ca.vec(regressor(chain, q, dq, ddq).T)), q)
     function = ca.Function("Y", [q, dq, ddq], [rows], {"cse": True})
 
     def sample(q: Array, dq: Array, ddq: Array) -> Array:

@@ -13,7 +13,7 @@ from symgen.kernel import Matrix
 from symgen.mechanics.coordinates import all_positions, all_rates
 from symgen.mechanics.dynamics import inverse_dynamics
 from symgen.mechanics.inertia import bodies_of
-from symgen.mechanics.kinematics import joint_pose
+from symgen.mechanics.pose import joint_pose
 
 
 def momentum(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> Matrix:
@@ -47,7 +47,7 @@ def energies(chain: Chain, q: Matrix, dq: Matrix, pi: Matrix) -> tuple[Matrix, M
     Returns:
         Kinetic energy T and potential energy U, J.
     """
-    q, dq = all_positions(chain, q), all_rates(chain, dq)
+    dq, q = all_rates(chain, q, dq), all_positions(chain, q)
     omega: list[Matrix] = []
     speed: list[Matrix] = []
     down: list[Matrix] = []  # gravity in the link's frame

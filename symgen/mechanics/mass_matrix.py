@@ -63,7 +63,7 @@ def mass_matrix(chain: Chain, q: Matrix, pi: Matrix) -> Matrix:
         if joint.parent >= 0:
             more = seen_from(pose.rotation, pose.translation, beyond[i])
             beyond[joint.parent] = joined(beyond[joint.parent], more)
-    return ca.densify(independent_mass(chain, m))
+    return ca.densify(independent_mass(chain, q, m))
 
 
 def forward_dynamics(

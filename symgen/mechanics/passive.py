@@ -74,8 +74,13 @@ def friction_coordinates(chain: Chain) -> dict[str, tuple[float, ...]]:
         Name → (n,) row, its largest entry 1; parallel rows once.
     """
     named = {}
-    if chain.coupling is not None:
+    if chain.coupling is not None and chain.loops is None:
         named = {j.name: chain.coupling.matrix[k] for k, j in enumerate(chain.single_joints)}
+    if chain.loops is not None and chain.mechanism.friction:
+        raise UrdfError(
+            "[[friction]] of a closed chain would depend on the posture; remove it, the columns of "
+            "the independent joints remain"
+        )
     for extra in chain.mechanism.friction:
         named[extra.name] = tuple(_row(chain, extra.of).tolist())
     kept: dict[str, tuple[float, ...]] = {}

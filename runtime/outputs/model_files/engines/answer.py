@@ -48,6 +48,11 @@ def random_states(lib: Library, count: int = STATES) -> tuple[Array, Array, Arra
         q, dq, ddq, (count, n) each [rad, rad/s, rad/s²; m]; (count, 6 + n) with a free base.
     """
     q, dq, ddq = np.random.default_rng(0).uniform(-np.pi, np.pi, (3, count, lib.n_rows))
+    if lib.manifest.loops:  # postures that close
+        limits = lib.limits()
+        ends = (np.nan_to_num(limits[k], posinf=np.pi, neginf=-np.pi) for k in ("lower", "upper"))
+        lower, upper = ends
+        q = (lower + upper) / 2 + (upper - lower) * q / (2 * np.pi)
     return q, dq, ddq
 
 

@@ -83,10 +83,9 @@ def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any], count:
     data = model.createData()
     velocity = [joint.idx_v for joint in joints]
     position, v, a = pinocchio.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
-    states, coupling = random_states(lib, count), lib.manifest.coupling
+    states = random_states(lib, count)
     base = FREEDOM if lib.manifest.floating else 0  # the free flyer has the first six velocities
-    q = lib.all_positions(states[0][:, base:])
-    dq, ddq = (lib.all_velocities(each[:, base:]) for each in states[1:])
+    q, dq, ddq = lib.all_motion(*(each[:, base:] for each in states))
     tau, wrench = np.empty_like(q), np.empty((len(q), base))
     for k in range(len(q)):
         if base:
@@ -100,4 +99,5 @@ def _torques(pinocchio: Any, model: Any, lib: Library, joints: list[Any], count:
         v[velocity], a[velocity] = dq[k], ddq[k]
         every = pinocchio.rnea(model, data, position, v, a)
         tau[k], wrench[k] = every[velocity], every[:base]
-    return np.hstack([wrench, tau if coupling is None else tau @ coupling.matrix])
+    jacobian = lib.joint_jacobian(states[0][:, base:])
+    return np.hstack([wrench, np.einsum("tk,tkn->tn", tau, jacobian)])

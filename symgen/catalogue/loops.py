@@ -1,0 +1,99 @@
+"""Kernels of closed chains: motion of all joints, Jacobian, margins of the loops."""
+
+import casadi as ca
+
+from symgen.catalogue.units import STATE, state_unit
+from symgen.chain import Chain
+from symgen.kernel import Argument, Kernel, Matrix, make_kernel, with_further
+from symgen.mechanics import closure, coordinates, loop_seeds
+from symgen.mechanics.loop_equations import closed_chain
+
+
+def loop_kernels(chain: Chain) -> tuple[Kernel, ...]:
+    """Return the kernels that lead from the independent joints to all.
+
+    Args:
+        chain: n independent joints, N in all; without loops there are no such kernels.
+
+    Returns:
+        `all_joints`, `joint_jacobian` and `next_positions`.
+    """
+    if chain.loops is None:
+        return ()
+    n, count = len(chain.coordinates), len(chain.joints)
+    arguments = [Argument(STATE[k], (n,), state_unit(chain, k)) for k in range(3)]
+    symbols = [a.symbol() for a in arguments]
+    q, dq, ddq = symbols
+    last_ = Argument("last", (count,), state_unit(chain, 0))
+    last = last_.symbol()
+    _, margin = loop_seeds.seed_values(closed_chain(chain), q)
+    after, after_margin = loop_seeds.values_from_last(
+        closed_chain(chain), q, _dependent(chain, last)
+    )
+    everything = coordinates.all_positions(chain, q)
+    blocks = len(chain.loops.blocks)
+    return (
+        make_kernel(
+            "all_joints",
+            dict(zip(arguments, symbols, strict=True)),
+            {
+                Argument("q_all", (count,), state_unit(chain, 0)): everything,
+                Argument("dq_all", (count,), state_unit(chain, 1)): coordinates.all_rates(
+                    chain, q, dq
+                ),
+                Argument("ddq_all", (count,), state_unit(chain, 2)): coordinates.all_accelerations(
+                    chain, q, dq, ddq
+                ),
+            },
+            "phi(q, d) = 0 by Newton from the assembly pose; NaN at singular postures",
+            rare=True,
+        ),
+        make_kernel(
+            "joint_jacobian",
+            {arguments[0]: q},
+            {
+                Argument("G", (count, n), "d q_all / d q"): ca.densify(
+                    coordinates.joint_jacobian(chain, q)
+                ),
+                Argument("margin", (blocks,), "1"): margin,
+            },
+            "G = d q_all / d q; margin of each loop, 1 at the assembly, 0 where it is singular",
+            rare=True,
+        ),
+        make_kernel(
+            "next_positions",
+            {arguments[0]: q, last_: last},
+            {
+                Argument("q_all", (count,), state_unit(chain, 0)): closure.with_seeds(
+                    chain, everything, after
+                ),
+                Argument("margin", (blocks,), "1"): after_margin,
+            },
+            "phi(q, d) = 0 by Newton from all positions of a sample shortly before",
+            rare=True,
+        ),
+    )
+
+
+def without_seeds(chain: Chain, kernels: tuple[Kernel, ...]) -> tuple[Kernel, ...]:
+    """The kernels with the values of the loops' seeds.
+
+    Args:
+        chain: any chain; without loops nothing changes.
+        kernels: as the catalogue makes them.
+
+    Returns:
+        Kernels of their inputs alone.
+    """
+
+    def values(inputs: dict[str, Matrix], further: Matrix) -> Matrix:
+        return closure.values_of(chain, inputs["q"], ca.vertsplit(further))
+
+    return tuple(with_further(kernel, values) for kernel in kernels)
+
+
+def _dependent(chain: Chain, everything: Matrix) -> Matrix:
+    """d of all positions."""
+    loops = closed_chain(chain).loops
+    free = range(len(chain.joints)) if chain.coupling is None else chain.coupling.independent
+    return everything[[list(free)[k] for k in loops.dependent]]

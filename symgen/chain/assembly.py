@@ -1,0 +1,304 @@
+"""Assembly pose of closed chains, kinds of their loop joints, and the choice of coordinates.
+
+All decisions are numerical and made once, at the assembly pose x₀ and at poses beside it:
+
+    x₀            Newton from the stated pose, or from 0 or the middle of the limits
+    rows of φ     independent rows of ∂φ/∂x at x₀; a planar loop keeps two or three of six
+    coordinates   the joints named, or those that leave ∂φ/∂d well conditioned
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio
+
+from symgen.chain.document import listing
+from symgen.chain.loop import FREE_ROWS, Closure, Frame, Loop, Loops
+from symgen.chain.loop_pose import CLOSED, SINGULAR, Array, Tree, closed_pose
+from symgen.chain.mechanism import Mechanism
+from symgen.errors import UrdfError
+
+if TYPE_CHECKING:
+    from symgen.chain.coupling import Coupling
+    from symgen.chain.model import Joint
+
+_NEAR = 1e-3
+"""m, rad between two frames at the start, below which they are meant to coincide."""
+_ASIDE = 0.05
+"""rad, m: how far poses beside the assembly pose are."""
+_POSES = 3
+_MOST_CHOICES = 20_000
+_DIGITS = 12
+"""Decimals of the assembly pose: it starts an iteration, so that its last digits do not matter."""
+
+
+def close_loops(
+    model: pinocchio.Model,
+    joints: tuple["Joint", ...],
+    coupling: "Coupling | None",
+    mechanism: Mechanism,
+) -> Loops | None:
+    """Loops of a mechanism; None without any.
+
+    Args:
+        model: pinocchio's model of the tree, its joints in the order of `joints`.
+        joints: N moving joints.
+        coupling: of these joints.
+        mechanism: loop joints, independent joints and assembly pose.
+
+    Returns:
+        Rows, coordinates and assembly pose.
+
+    Raises:
+        UrdfError: unknown link or joint, a loop that cannot close, a singular assembly pose, or
+            independent joints that do not determine the others.
+    """
+    names = [joint.name for joint in joints]
+    _require_joints(mechanism.assembly, names, "[assembly]")
+    if not mechanism.loop:
+        return None
+    _require_joints(mechanism.independent, names, "independent")
+    count = len(joints)
+    free = tuple(range(count)) if coupling is None else coupling.independent
+    matrix = np.eye(count) if coupling is None else np.array(coupling.matrix)
+    offset = np.zeros(count) if coupling is None else np.array(coupling.offset)
+    tree = Tree(model, tuple(names[k] for k in free), matrix, offset)
+    chosen = [tree.names.index(n) for n in mechanism.independent if n in tree.names]
+    if len(chosen) < len(set(mechanism.independent)):
+        raise UrdfError(
+            f"independent names {listing(mechanism.independent)}, of which some follow others by a "
+            f"coupling; choose among {listing(tree.names)}"
+        )
+    start = np.array([_position(joints[k], mechanism.assembly) for k in free])
+    closures = [_closure(model, loop) for loop in mechanism.loop]
+    closures, x = _with_kinds(tree, closures, start, chosen)
+    beside = [x, *_poses_beside(tree, closures, x)]
+    slopes = [tree.rows(closures, pose)[1] for pose in beside]
+    rank = max(_rank(slope) for slope in slopes)
+    if len(beside) == 1:
+        raise UrdfError(
+            f"with {closures[0].name} no joint can move; remove it, give it another kind "
+            f"({', '.join(FREE_ROWS)}), or correct its frames"
+        )
+    if _rank(slopes[0]) < rank:
+        raise UrdfError(
+            f"the assembly pose of {closures[0].name} is singular: there the joints are not "
+            "determined by each other; state another pose under [assembly], such as "
+            f"{_line(tree.names, beside[1])}"
+        )
+    rows = _independent_rows(slopes[0], rank)
+    dependent = _dependent(tree, slopes[0][rows], chosen)
+    independent = chosen or [k for k in range(len(free)) if k not in dependent]
+    at = np.cumsum([0, *(len(c.rows) for c in closures)])
+    kept = tuple(
+        replace(c, rows=tuple(c.rows[r - at[k]] for r in rows if at[k] <= r < at[k + 1]))
+        for k, c in enumerate(closures)
+    )
+    return Loops(
+        kept,
+        tuple(independent),
+        tuple(dependent),
+        _blocks([slope[rows][:, dependent] for slope in slopes]),
+        tuple(float(v) for v in np.round(x, _DIGITS) + 0.0),
+    )
+
+
+def _require_joints(stated: Iterable[str], names: list[str], where: str) -> None:
+    for name in stated:
+        if name not in names:
+            raise UrdfError(
+                f"{where} names '{name}', which is not a moving joint of this robot; its moving "
+                f"joints are {listing(names)}"
+            )
+
+
+def _position(joint: "Joint", assembly: dict[str, float]) -> float:
+    """Stated position, else 0, else the middle of limits that exclude 0."""
+    if joint.name in assembly:
+        return assembly[joint.name]
+    if joint.lower is None or joint.upper is None or joint.lower <= 0 <= joint.upper:
+        return 0.0
+    return (joint.lower + joint.upper) / 2
+
+
+def _closure(model: pinocchio.Model, loop: Loop) -> Closure:
+    """The frames of a loop joint with the z axis along that of the joint."""
+    turn = pinocchio.Quaternion.FromTwoVectors(np.array([0, 0, 1.0]), np.array(loop.axis))
+    ends = (
+        (loop.parent, loop.parent_xyz, loop.parent_rpy),
+        (loop.child, loop.child_xyz, loop.child_rpy),
+    )
+    frames = []
+    for link, xyz, rpy in ends:
+        if not model.existFrame(link, pinocchio.BODY):
+            links = [frame.name for frame in model.frames if frame.type == pinocchio.BODY]
+            raise UrdfError(
+                f"{loop.name} names the link '{link}', which this robot does not have; its links "
+                f"are {listing(links)}"
+            )
+        frame = model.frames[model.getFrameId(link, pinocchio.BODY)]
+        here = pinocchio.SE3(pinocchio.rpy.rpyToMatrix(np.array(rpy)), np.array(xyz))
+        placed = frame.placement * here
+        rotation = placed.rotation @ turn.matrix()
+        rows = tuple(tuple(_tidy(v) for v in row) for row in rotation)
+        frames.append(
+            Frame(int(frame.parentJoint) - 1, rows, tuple(map(_tidy, placed.translation)))
+        )
+    if frames[0].joint == frames[1].joint:
+        raise UrdfError(
+            f"{loop.name} connects links that do not move relative to each other; name two links "
+            "between which joints move"
+        )
+    return Closure(loop.name, loop.kind, frames[0], frames[1], ())
+
+
+def _tidy(value: float) -> float:
+    return float(np.round(value)) + 0.0 if abs(value - np.round(value)) < 1e-12 else float(value)
+
+
+def _as(closures: list[Closure], kind: str) -> list[Closure]:
+    """The closures, those without a kind with this one; rows are all that it closes."""
+    named = [replace(c, kind=c.kind or kind) for c in closures]
+    return [
+        replace(c, rows=tuple(k for k in range(6) if k not in FREE_ROWS[c.kind])) for c in named
+    ]
+
+
+def _with_kinds(
+    tree: Tree, closures: list[Closure], start: Array, chosen: list[int]
+) -> tuple[list[Closure], Array]:
+    """Closures with their kinds, and the assembly pose.
+
+    Without a kind, frames that coincide with their axes at the start are fixed, if joints are left
+    to move, as many as are named independent. Else only the origins coincide.
+    """
+    fixed, point = _as(closures, "fixed"), _as(closures, "spherical")
+    if all(c.kind for c in closures):
+        return fixed, _closed(tree, fixed, start, chosen)
+    gap = np.abs(tree.rows(point, start)[0]).max()
+    if gap < _NEAR and np.abs(tree.rows(fixed, start)[0]).max() > _NEAR:
+        return point, _closed(tree, point, start, chosen)
+    try:
+        x = _closed(tree, fixed, start, chosen)
+    except UrdfError:
+        return point, _closed(tree, point, start, chosen)
+    poses = _poses_beside(tree, fixed, x)
+    left = len(start) - max((_rank(tree.rows(fixed, p)[1]) for p in poses), default=len(start))
+    if left > 0 and (left == len(chosen) if chosen else gap < _NEAR):
+        return fixed, x
+    return point, _closed(tree, point, start, chosen)
+
+
+def _turn(tree: Tree, closure: Closure, x: Array) -> Array:
+    """Components of the axes of a closure at a pose."""
+    return tree.rows([replace(closure, rows=(3, 4, 5))], x)[0]
+
+
+def _closed(tree: Tree, closures: list[Closure], start: Array, chosen: list[int]) -> Array:
+    """The pose at which all loops close, by damped Newton; independent joints stay if they can."""
+    if chosen:
+        others = [k for k in range(len(start)) if k not in chosen]
+        x = closed_pose(tree, closures, start, others)
+        if x is not None:
+            return x
+    x = closed_pose(tree, closures, start, list(range(len(start))))
+    if x is not None:
+        return x
+    value, _ = tree.rows(closures, start)
+    kept = next(c for c in closures)
+    gap, turn = np.abs(value[:3]).max(), np.abs(_turn(tree, kept, start)).max()
+    raise UrdfError(
+        f"{kept.name} cannot be closed: at the start its frames are {gap:.3g} m and {turn:.3g} "
+        "(sine of an angle) apart and Newton does not close them; correct parent_xyz, parent_rpy, "
+        "child_xyz, child_rpy, or state positions near the closed pose under [assembly]"
+    )
+
+
+def _poses_beside(tree: Tree, closures: list[Closure], x: Array) -> list[Array]:
+    """Closed poses at a small distance from x, along directions that ∂φ/∂x leaves free.
+
+    A triangle of bars that lie on one line has such a direction and no such pose.
+    """
+    rng, poses = np.random.default_rng(0), []
+    slope = tree.rows(closures, x)[1]
+    free = np.linalg.svd(slope)[2][_rank(slope) :]
+    for _ in range(_POSES if len(free) else 0):
+        direction = rng.normal(0, 1, len(free)) @ free
+        start = x + _ASIDE * direction / np.linalg.norm(direction)
+        pose = closed_pose(tree, closures, start, list(range(len(x))))
+        if pose is not None and np.linalg.norm(pose - x) > _ASIDE / 4:
+            poses.append(pose)
+    return poses
+
+
+def _rank(slope: Array) -> int:
+    sigma = np.linalg.svd(slope, compute_uv=False)
+    return int((sigma > SINGULAR * max(sigma[0], 1e-300)).sum())
+
+
+def _independent_rows(slope: Array, rank: int) -> list[int]:
+    """Rows that span the others: greedily the one farthest from the span of those before."""
+    left, rows = slope.copy(), list[int]()
+    for _ in range(rank):
+        lengths = np.linalg.norm(left, axis=1)
+        # the first of nearly equal rows, so that rounding does not decide
+        row = int(np.flatnonzero(lengths > lengths.max() * (1 - 1e-6))[0])
+        rows.append(row)
+        unit = left[row] / lengths[row]
+        left = left - np.outer(left @ unit, unit)
+    return sorted(rows)
+
+
+def _dependent(tree: Tree, slope: Array, chosen: list[int]) -> list[int]:
+    """Coordinates that the rows determine, by name or by the condition of ∂φ/∂d."""
+    rank, count = slope.shape
+    if chosen:
+        dependent = [k for k in range(count) if k not in chosen]
+        if len(dependent) != rank or _least(slope[:, dependent]) < SINGULAR:
+            suggested = [k for k in range(count) if k not in _dependent(tree, slope, [])]
+            raise UrdfError(
+                f"the independent joints {listing(tree.names[k] for k in chosen)} do not determine "
+                f"the others at the assembly pose; this mechanism has {count - rank} of them, such "
+                f"as {listing(tree.names[k] for k in suggested)}"
+            )
+        return dependent
+    moved = [k for k in range(count) if np.abs(slope[:, k]).max() > SINGULAR * np.abs(slope).max()]
+    choices = []
+    for k, places in enumerate(combinations(reversed(moved), rank)):
+        choices.append(places)
+        if k > _MOST_CHOICES:
+            break
+    least = np.array([_least(slope[:, places]) for places in choices])
+    # the last joints depend on the first ones where that costs at most half of the condition
+    best = int(np.flatnonzero(least >= 0.5 * least.max())[0])
+    return sorted(choices[best])
+
+
+def _least(square: Array) -> float:
+    sigma = np.linalg.svd(square, compute_uv=False)
+    return float(sigma[-1] / max(sigma[0], 1e-300))
+
+
+def _blocks(squares: list[Array]) -> tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]:
+    """Rows and columns of the connected parts of a square matrix, by its entries at some poses."""
+    size = np.max([np.abs(square) for square in squares], axis=0)
+    linked = size > CLOSED * size.max()
+    left, blocks = set(range(len(linked))), []
+    while left:
+        rows, columns = {min(left)}, set[int]()
+        while True:
+            wider = {int(c) for r in rows for c in np.flatnonzero(linked[r])}
+            taller = {int(r) for c in wider for r in np.flatnonzero(linked[:, c])}
+            if wider == columns and taller == rows:
+                break
+            rows, columns = taller | rows, wider
+        blocks.append((tuple(sorted(rows)), tuple(sorted(columns))))
+        left -= rows
+    return tuple(blocks)
+
+
+def _line(names: tuple[str, ...], x: Array) -> str:
+    return ", ".join(f"{name} = {value:.3g}" for name, value in zip(names, x, strict=True))

@@ -1,0 +1,151 @@
+"""Ranges of the independent joints of closed chains that keep away from singular postures.
+
+Within the box of the ranges every posture closes, the margin of every loop (`loop_seeds`)
+stays above a share of the best one, and the dependent joints stay within their limits. The box is
+searched from the assembly pose on a grid along each joint, and shrunk until random postures in it
+and its corners comply.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.chain import Chain
+from symgen.errors import UrdfError
+from symgen.mechanics.closure import supplied
+from symgen.mechanics.coordinates import all_positions
+from symgen.mechanics.loop_equations import closed_chain
+from symgen.mechanics.loop_seeds import seed_values
+
+Array = NDArray[np.float64]
+Sampler = Callable[[Array], tuple[Array, NDArray[np.bool_]]]
+
+SHARE = 0.2
+"""Least margin of a posture in the range, of the best one along the joints."""
+_AT_MOST = 0.5
+"""Least margin is at most this, so that the assembly pose (1) is always inside."""
+_GRID, _POSTURES, _MOST_CORNERS = 180, 400, 8
+_SHRINK = tuple(np.linspace(1.0, 0.05, 20))
+_EDGE = 1e-9
+"""rad or m beyond a limit that are rounding error."""
+_NARROW = 0.02
+"""rad or m: a range below this leaves nothing to move."""
+
+
+def within_loops(chain: Chain) -> Chain:
+    """The chain with the ranges of its independent joints narrowed.
+
+    Args:
+        chain: any chain; without loops it is returned as it is.
+
+    Returns:
+        The chain, `lower` and `upper` of joints that move a loop are finite.
+
+    Raises:
+        UrdfError: the assembly pose leaves no range.
+    """
+    if chain.loops is None:
+        return chain
+    home = np.array([chain.loops.assembly[k] for k in chain.loops.independent])
+    ends = np.array([_ends(chain, k, home[k]) for k in range(len(home))])
+    moving = [k for k in range(len(home)) if _moves_a_loop(chain, k)]
+    sample = _sampler(chain)
+    grids, results = {}, {}
+    for k in moving:
+        line = np.repeat(home[None], 2 * _GRID + 1, axis=0)
+        steps = np.linspace(0, 1, _GRID + 1)
+        low, high = (
+            home[k] + steps * (ends[k, 0] - home[k]),
+            home[k] + steps * (ends[k, 1] - home[k]),
+        )
+        line[:, k] = np.concatenate([low[:0:-1], high])
+        grids[k], results[k] = line[:, k], sample(line)
+    best = max((np.nanmax(margin) for margin, _ in results.values()), default=1.0)
+    least = min(SHARE * float(best), _AT_MOST)
+    for k in moving:
+        margin, inside = results[k]
+        good = (margin > least) & inside
+        if not good[_GRID]:
+            raise UrdfError(
+                f"a joint of {chain.loops.closures[0].name} is outside its limits in the assembly "
+                "pose; correct the limits, or state another pose under [assembly]"
+            )
+        first = _GRID - int(np.argmin(np.append(good[_GRID::-1], False))) + 1
+        last = _GRID + int(np.argmin(np.append(good[_GRID:], False))) - 1
+        ends[k] = grids[k][first], grids[k][last]
+    ends[moving] = _shrunk(sample, home, ends, moving, least)[moving]
+    joints = list(chain.joints)
+    for k in moving:
+        joint = chain.coordinates[k]
+        if ends[k, 1] - ends[k, 0] < _NARROW:
+            raise UrdfError(
+                f"joint '{joint.name}' can move by {ends[k, 1] - ends[k, 0]:.2g} rad or m only "
+                f"before {chain.loops.closures[0].name} is singular or its joints reach their "
+                "limits; state another pose under [assembly]"
+            )
+        lower, upper = (float(f"{end:.6g}") for end in ends[k])
+        joints[chain.joints.index(joint)] = replace(joint, lower=lower, upper=upper)
+    return replace(chain, joints=tuple(joints))
+
+
+def _ends(chain: Chain, k: int, home: float) -> tuple[float, float]:
+    """Limits of a joint, or a turn about the assembly pose."""
+    joint = chain.coordinates[k]
+    lower = home - np.pi if joint.lower is None else min(joint.lower, home)
+    upper = home + np.pi if joint.upper is None else max(joint.upper, home)
+    return lower, upper
+
+
+def _moves_a_loop(chain: Chain, k: int) -> bool:
+    q = ca.SX.sym("q", len(chain.coordinates))
+    margin = seed_values(closed_chain(chain), q)[1]
+    return bool(ca.which_depends(margin, q[k])[0] if margin.numel() else False)
+
+
+def _sampler(chain: Chain) -> Sampler:
+    """Function of postures (N, n): least margin, NaN where refused, and limits kept, (N,) each."""
+    q = ca.SX.sym("q", len(chain.coordinates))
+    margin = seed_values(closed_chain(chain), q)[1]
+    everything = supplied(chain, all_positions(chain, q), q)
+    function = ca.Function("margin", [q], [ca.mmin(margin), everything], {"cse": True})
+    lower = np.array([-np.inf if j.lower is None else j.lower for j in chain.joints])
+    upper = np.array([np.inf if j.upper is None else j.upper for j in chain.joints])
+
+    def sample(postures: Array) -> tuple[Array, NDArray[np.bool_]]:
+        least, positions = (np.asarray(x) for x in function.map(len(postures))(postures.T))
+        inside = (lower - positions.T <= _EDGE) & (positions.T - upper <= _EDGE)
+        return least.ravel(), np.asarray(inside.all(axis=1))
+
+    return sample
+
+
+def _shrunk(
+    sample: Sampler,
+    home: Array,
+    ends: Array,
+    moving: list[int],
+    least: float,
+) -> Array:
+    """The box about the assembly pose, shrunk until its postures comply."""
+    if len(moving) < 2:
+        return ends
+    rng = np.random.default_rng(0)
+    shares = rng.uniform(0, 1, (_POSTURES, len(home)))
+    if len(moving) <= _MOST_CORNERS:
+        corners = np.full((2 ** len(moving), len(home)), 0.5)
+        corners[:, moving] = list(product((0.0, 1.0), repeat=len(moving)))
+        shares = np.vstack([corners, shares])
+    box = ends
+    for shrink in _SHRINK:
+        box = home[:, None] + shrink * (ends - home[:, None])
+        postures = np.repeat(home[None], len(shares), axis=0)
+        span = box[:, 1] - box[:, 0]
+        postures[:, moving] = (box[:, 0] + shares * span)[:, moving]
+        margin, inside = sample(postures)
+        if ((margin > least) & inside).all():
+            break
+    return box

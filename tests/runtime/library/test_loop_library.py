@@ -1,0 +1,181 @@
+"""A library with a closed loop: names, maps, singular postures, logs, identification, wrenches."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runtime
+from runtime.errors import ExportError, IdentificationError, PostureError, ShapeError
+from runtime.library import Library, load
+from runtime.outputs.model_files.formats.mjcf import MJCF
+from runtime.outputs.model_files.formats.urdf import URDF
+from runtime.outputs.model_files.model import make_model
+from runtime.recording import Friction, Recording
+from runtime.recording.coupled_joints import independent_joints
+from symgen.build.pipeline import build
+from symgen.build.request import BuildRequest, request_from_folder
+from symgen.chain import ChainOptions
+from symgen.chain.mechanism import mechanism_from_table
+from tests.linkages import Projection, palletizer
+from tests.robots import ONE_LEVEL
+
+LINKAGE = palletizer(np.random.default_rng(7))
+ALL = ("waist", "arm", "forearm", "crank", "rod")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    options = ChainOptions(mechanism=mechanism_from_table(LINKAGE.mechanism, "M"))
+    request = BuildRequest("palletizer", LINKAGE.urdf, options)
+    return build(request, tmp_path_factory.mktemp("loops"), levels=ONE_LEVEL).folder
+
+
+@pytest.fixture(scope="module")
+def lib(folder: Path) -> Iterator[Library]:
+    return load(folder)
+
+
+def motion(count: int, seed: int = 0) -> tuple[np.ndarray, ...]:
+    """A smooth motion of the three independent joints within ±0.7 rad, 100 Hz."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(count) / 100
+    q, dq, ddq = (np.zeros((count, 3)) for _ in range(3))
+    for frequency in (0.3, 0.55, 0.9, 1.3):
+        w = 2 * np.pi * frequency
+        a, phase = rng.uniform(0.05, 0.17, 3), rng.uniform(0, 6, 3)
+        wave = w * t[:, None] + phase
+        q += a * np.sin(wave)
+        dq += a * w * np.cos(wave)
+        ddq -= a * w * w * np.sin(wave)
+    return t, q, dq, ddq
+
+
+def test_names_and_positions(lib: Library) -> None:
+    """Oracle: the rod stays parallel to the arm, so that forearm = crank − arm, rod = arm − crank;
+    NumPy's Newton gives the same.
+    """
+    assert lib.joint_names == LINKAGE.independent
+    assert set(lib.all_joint_names) == set(ALL)
+    assert (lib.n_joints, lib.n_links, lib.pi0.size) == (3, 5, 50)
+    _, q, dq, ddq = motion(50)
+    everything = dict(zip(lib.all_joint_names, lib.all_positions(q).T, strict=True))
+    np.testing.assert_allclose(everything["forearm"], q[:, 2] - q[:, 1], atol=1e-14)
+    np.testing.assert_allclose(everything["rod"], q[:, 1] - q[:, 2], atol=1e-14)
+    rates = dict(zip(lib.all_joint_names, lib.all_velocities(dq, q).T, strict=True))
+    np.testing.assert_allclose(rates["forearm"], dq[:, 2] - dq[:, 1], atol=1e-13)
+    accelerations = lib.all_motion(q, dq, ddq)[2]
+    place = lib.all_joint_names.index("rod")
+    np.testing.assert_allclose(accelerations[:, place], ddq[:, 1] - ddq[:, 2], atol=1e-11)
+    last = lib.all_positions(q[:-1])
+    np.testing.assert_allclose(
+        lib.next_positions(q[1:], last), lib.all_positions(q[1:]), atol=1e-14
+    )
+    jacobian = lib.joint_jacobian(q)
+    np.testing.assert_allclose(jacobian @ dq[..., None], lib.all_velocities(dq, q)[..., None])
+    with pytest.raises(ShapeError, match=r"all_velocities\(dq, q\)"):
+        lib.all_velocities(dq)
+
+
+def test_compiled_kernels_are_those_of_the_projection(lib: Library) -> None:
+    """Oracle: τ and ddq of the compiled batch equal KKT equations of Pinocchio's tree; the kernels
+    agree with each other.
+    """
+    _, q, dq, ddq = motion(40, 1)
+    oracle = Projection(LINKAGE, lib.all_joint_names, lib.gravity)
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0)
+    largest = np.abs(tau).max()
+    for k in range(0, 40, 10):
+        x = oracle.pose(q[k])
+        v, a = oracle.rates(x, dq[k], ddq[k])
+        np.testing.assert_allclose(oracle.torque(x, v, a), tau[k], atol=1e-10 * largest)
+    zero = np.zeros(3)
+    np.testing.assert_allclose(lib.forward_dynamics(q, dq, tau, lib.pi0, zero), ddq, atol=1e-9)
+    base = lib.base_regressor(q, dq, ddq) @ (lib.base_matrix @ lib.pi0)
+    np.testing.assert_allclose(base, tau, atol=1e-10 * largest)
+    np.testing.assert_allclose(lib.regressor(q, dq, ddq) @ lib.pi0, tau, atol=1e-10 * largest)
+    one = lib.inverse_dynamics(q[3], dq[3], ddq[3], lib.pi0)
+    np.testing.assert_allclose(one, tau[3], atol=1e-12 * largest)
+
+
+def test_the_folder_regenerates_itself(lib: Library, folder: Path) -> None:
+    """Property: the manifest keeps the loop, its kind and its coordinates."""
+    assert lib.manifest.loops == ("the loop of 'R' and 'F'",)
+    request = request_from_folder(folder)
+    assert request.options.mechanism == mechanism_from_table(LINKAGE.mechanism, "M")
+
+
+def test_singular_postures_are_refused_by_name(lib: Library) -> None:
+    """Property: where rod and arm are in line with the crank, positions and logs are refused; the
+    limits of the library keep away from there.
+    """
+    limits = lib.limits()
+    beyond = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, np.pi / 2 + 0.1]])
+    with pytest.raises(PostureError, match=r"1 of 2 .* row 1: .* crank = 1.671.*'R' and 'F'"):
+        lib.all_positions(beyond)
+    t, q, dq, ddq = motion(200)
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0)
+    with pytest.raises(PostureError, match="singular posture of the loop of 'R' and 'F'"):
+        independent_joints(Recording(t=t, q=q + np.array([0, 0, 1.6]), dq=dq, tau=tau), lib)
+    assert limits["upper"][2] - limits["lower"][1] < np.pi
+    assert np.isinf(limits["upper"][0])
+    rng = np.random.default_rng(0)
+    inside = rng.uniform(limits["lower"][1:], limits["upper"][1:], (200, 2))
+    assert lib.loop_margins(np.column_stack([np.zeros(200), inside])).min() > 0.1
+
+
+def test_a_log_of_all_joints_is_reduced(lib: Library) -> None:
+    """Property: a torque of a dependent joint acts by Gᵀ; positions off the loop are refused."""
+    t, q, dq, ddq = motion(60)
+    q_all, dq_all, _ = lib.all_motion(q, dq, ddq)
+    tau = np.random.default_rng(0).normal(0, 1, q_all.shape)
+    log = Recording(t=t, q=q_all, dq=dq_all, tau=tau)
+    reduced = independent_joints(log, lib)
+    expected = np.einsum("tk,tkn->tn", tau, lib.joint_jacobian(q))
+    np.testing.assert_allclose(reduced.tau, expected, atol=1e-13)
+    np.testing.assert_array_equal(reduced.q, q)
+    wrong = q_all.copy()
+    wrong[:, lib.all_joint_names.index("rod")] += 1.0
+    with pytest.raises(IdentificationError, match=r"joint 'rod' .* deviates from its coupling"):
+        independent_joints(log.replace(q=wrong), lib)
+
+
+def test_identification_recovers_the_torque(lib: Library) -> None:
+    """Property: from a log of another robot of the same geometry, with noise of 0.05 N·m, identify
+    predicts unseen torques to the noise, with consistent links.
+    """
+    rng = np.random.default_rng(4)
+    pi = lib.pi0.reshape(-1, 10) * rng.uniform(0.7, 1.4, (5, 1))
+    t, q, dq, ddq = motion(900, 2)
+    truth = lib.inverse_dynamics(q, dq, ddq, pi.ravel())
+    tau = truth + 0.05 * rng.normal(size=truth.shape)
+    log = Recording(t=t, q=q, dq=dq, ddq=ddq, tau=tau)
+    result = runtime.identify(log, lib, method="map", friction_columns=Friction(columns=()))
+    _, *unseen = motion(200, 9)
+    right = lib.inverse_dynamics(*unseen, pi.ravel())
+    error = np.sqrt(np.mean((result.predict(*unseen) - right) ** 2))
+    assert error < 0.05
+    assert lib.relative_eigenvalues(result.pi).min() > 0
+
+
+def test_wrenches_and_exports(lib: Library) -> None:
+    """Derivative: the Jacobian of a link on the loop is that of central differences of its pose.
+    The URDF of the tree is exported; formats that lack the loop are refused.
+    """
+    q, h = np.array([0.2, 0.3, -0.1]), 1e-6
+    k = lib.link_names.index("F")
+    slopes = [
+        (lib.link_poses(q + h * e)[k, :3, 3] - lib.link_poses(q - h * e)[k, :3, 3]) / (2 * h)
+        for e in np.eye(3)
+    ]
+    np.testing.assert_allclose(lib.frame_jacobian(q, "F")[:3], np.array(slopes).T, atol=1e-8)
+    rng = np.random.default_rng(1)
+    least = lib.least_inertia(lib.pi0)
+    masses = lib.mass_matrix(motion(50)[1] * rng.uniform(0, 1, (50, 1)), lib.pi0)
+    assert 0 < least <= np.linalg.eigvalsh(masses).min()
+    model = make_model(lib, lib.pi0)
+    text = URDF.write(model)
+    assert "verified" in URDF.check(model, text)
+    with pytest.raises(ExportError, match="mjcf"):
+        MJCF.write(model)

@@ -28,6 +28,7 @@ ALLOWED = {
     "import runtime.library": {"numpy"},
     "import runtime.recording": {"numpy"},
     "import runtime.identification.single_log": {"numpy", "scipy.linalg", "clarabel"},
+    "import runtime.outputs.report.report": {"numpy", "jinja2"},
 }
 """Statement → heavy libraries that it may load: what its results need in every case."""
 

@@ -9,7 +9,7 @@ import typer
 from runtime.cli.common import Robot, Seed
 from runtime.cli.drive import delayed, drive_request
 from runtime.cli.free_base import Rows, identify_free_base_log, require_fixed_base
-from runtime.cli.identify_output import finish
+from runtime.cli.identify_output import Outputs, finish
 from runtime.cli.log_options import (
     AUTO,
     ControllerFile,
@@ -127,6 +127,9 @@ def identify_command(
             help="Write statistics.npz, the compressed log that fleet needs.",
         ),
     ] = False,
+    report: Annotated[
+        bool, typer.Option(help="Write report.html; its figures cost a tenth of a second.")
+    ] = True,
     seed: Seed = 0,
     overwrite: Overwrite = False,
 ) -> None:
@@ -157,6 +160,7 @@ def identify_command(
     parameters so far.
     """
     lib, log = open_robot(robot, yes), logs[0]
+    outputs = Outputs(report, save_statistics)
     if lib.manifest.floating:
         unused: dict[str, object] = {"--method": method, "--preset": preset, "--recipe": recipe}
         unused |= {"--run": run, "--friction": friction, "--rate": rate, "--regressor": regressor}
@@ -205,7 +209,7 @@ def identify_command(
                 "each alone, and write torque_delay_s under [preparation] of its recipe"
             )
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
-        finish(result, folder, save_statistics, agreement)
+        finish(result, folder, outputs, agreement)
         return
     usable = usable_columns([chosen])
     if delay is not None or encoder_bias:  # whose result states Coulomb friction per drive
@@ -224,7 +228,7 @@ def identify_command(
             )
         result = streamed_result(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-        finish(result, folder, save_statistics)
+        finish(result, folder, outputs)
         return
     preparation = delayed(data.recording, data.preparation, delay)
     terms = data.friction
@@ -244,7 +248,7 @@ def identify_command(
         drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),
     )
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
-    finish(result, folder, save_statistics)
+    finish(result, folder, outputs)
 
 
 def _with_progress(

@@ -1,5 +1,6 @@
 """What `symgen identify` writes and prints of a result."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.cli.common import command_line, console, say, share_table, torque_table
@@ -14,10 +15,23 @@ from runtime.identification.statistics_file import statistics_of, write_statisti
 from runtime.outputs.model_files import write_urdf
 
 
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Files that options switch on or off.
+
+    Attributes:
+        report: value of --report.
+        statistics: value of --save-statistics.
+    """
+
+    report: bool
+    statistics: bool
+
+
 def finish(
     result: Identification,
     folder: Path,
-    save_statistics: bool,
+    outputs: Outputs,
     agreement: LogAgreement | None = None,
 ) -> None:
     """Write and print a result.
@@ -25,14 +39,12 @@ def finish(
     Args:
         result: the identification.
         folder: of the result.
-        save_statistics: value of --save-statistics.
+        outputs: files that are written beside result.json and the URDF.
         agreement: of several logs; None for one log.
 
     Raises:
         RuntimeFault: the folder cannot be written.
     """
-    from runtime.outputs.report import write_report  # matplotlib is slow to import
-
     facts = write_result(result, folder, command_line(), agreement.facts() if agreement else None)
     first = still_joints(result)
     for warning in first:
@@ -69,8 +81,13 @@ def finish(
     else:
         (folder / "identified.urdf").unlink(missing_ok=True)  # of a result that this one replaces
         say("URDF:   not written, because the model is not physically consistent")
-    say(f"report: {write_report(folder)}")
-    if save_statistics:
+    if outputs.report:
+        from runtime.outputs.report import write_report  # its template engine is slow to import
+
+        say(f"report: {write_report(folder)}")
+    else:
+        (folder / "report.html").unlink(missing_ok=True)  # of a result that this one replaces
+    if outputs.statistics:
         write_statistics(statistics_of(result, folder.resolve().name), folder / STATISTICS)
         say(f"statistics: {folder / STATISTICS}")
     else:

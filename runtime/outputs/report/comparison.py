@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from runtime.errors import RuntimeFault
 from runtime.files import json_of
-from runtime.outputs.report import figures
 from runtime.outputs.report.layout import Page, ReportTable, Section, Tile
 
 NAME = "compare.json"
@@ -207,6 +206,8 @@ def method_sections(methods: MethodComparison) -> tuple[Section, ...]:
     why = Section("Recommendation and reasons", items=tuple(map(_sentence, methods.sentences)))
     if not ran:
         return (why, table, messages)
+    from runtime.outputs.report import figures  # matplotlib is slow to import
+
     drawn = figures.method_bars(
         methods.joints,
         methods.units,

@@ -6,7 +6,7 @@ import numpy as np
 
 from runtime.files import replacing
 from runtime.monitoring.observation import Observation
-from runtime.outputs.report.figures import thinned
+from runtime.outputs.report.decimation import thinned
 from runtime.outputs.report.log_figure import POINTS, picture_format
 from runtime.outputs.report.style import BLUE, GREY, VERMILION, blank, settings
 

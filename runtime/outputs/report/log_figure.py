@@ -7,7 +7,7 @@ import numpy as np
 
 from runtime.errors import RecordingError
 from runtime.files import replacing
-from runtime.outputs.report.figures import thinned
+from runtime.outputs.report.decimation import thinned
 from runtime.outputs.report.style import BLUE, CYCLE, GREY, VERMILION, blank, settings
 from runtime.recording import Recording
 

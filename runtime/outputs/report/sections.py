@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from runtime.identification.metrics import CONSISTENCY_TOLERANCE
-from runtime.outputs.report import figures
 from runtime.outputs.report.layout import ReportTable, Section, Tile
 from runtime.outputs.report.result import Link, Result
+from runtime.outputs.report.result_figures import mass_change, torques
 from runtime.outputs.report.several_logs import several_logs_sections
 from runtime.outputs.report.uncertainty import uncertainty_sections
 from runtime.recording.friction import COLUMNS
@@ -148,7 +148,7 @@ def _shares(result: Result) -> Section | None:
 def _torques(result: Result) -> Section:
     p = result.prediction
     units = [_unit(unit) for unit in result.units]
-    drawn = figures.torques(result.joints, units, p.t, p.measured, p.before, p.after)
+    drawn = torques(result.joints, units, p.t, p.measured, p.before, p.after)
     return Section(
         "Measured and predicted torque",
         "Left: torque over the test split. Right: measured minus predicted torque.",
@@ -192,7 +192,7 @@ def _masses(result: Result) -> Section | None:
     if not result.links:
         return None
     known = result.uncertainty
-    drawn = figures.mass_change(
+    drawn = mass_change(
         [link.name for link in result.links],
         np.array([link.mass_before for link in result.links]),
         np.array([link.mass for link in result.links]),
@@ -224,6 +224,8 @@ def _convergence(result: Result) -> Section | None:
     if result.convergence is None:
         return None
     c = result.convergence
+    from runtime.outputs.report import figures  # matplotlib is slow to import
+
     return Section("Convergence", figure=figures.convergence(c.iteration, c.training, c.validation))
 
 

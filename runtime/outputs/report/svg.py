@@ -69,6 +69,10 @@ def svg(figure: Figure, name: str) -> Markup:
         The element.
     """
     buffer = io.StringIO()
+    layout = figure.get_layout_engine()
+    if layout is not None:  # once; savefig would draw everything once more for it
+        layout.execute(figure)
+        figure.set_layout_engine("none")
     with rc_context({"svg.hashsalt": name}):
         figure.savefig(
             buffer,

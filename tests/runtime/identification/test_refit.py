@@ -137,11 +137,13 @@ def test_a_motion_out_and_back_tests_on_its_training_rows(
 
 
 def test_the_command_refits(command: Command, lib: Library, tmp_path: Path) -> None:
-    """Property: by default, and not with --no-refit; retraced rows are named."""
+    """Property: by default, not with --no-refit; retraced rows are named; --no-report holds."""
     log = "fr3_simulated"
     assert command("identify", log, "--robot", lib.folder, "--out", "a").code == 0
-    ran = command("identify", log, "--robot", lib.folder, "--out", "b", "--no-refit")
+    ran = command("identify", log, "--robot", lib.folder, "--out", "b", "--no-refit", "--no-report")
     assert ran.code == 0
+    assert "report" not in ran.out
+    assert [(tmp_path / name / "report.html").exists() for name in "ab"] == [True, False]
     facts = [json.loads((tmp_path / name / "result.json").read_text()) for name in "ab"]
     assert facts[0]["trained"]["pi"] == facts[1]["pi"] != facts[0]["pi"]
     assert facts[1]["trained"] is None

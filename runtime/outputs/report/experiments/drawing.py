@@ -14,10 +14,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
+from runtime.outputs.report.decimation import thinned
 from runtime.outputs.report.experiments.labels import DOCUMENT, case_name, curve_name, method_name
 from runtime.outputs.report.experiments.reading import Array, Experiment, Key, SavedView, Value
 from runtime.outputs.report.experiments.tables import cases_of
-from runtime.outputs.report.figures import thinned
 from runtime.outputs.report.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, VERMILION
 from runtime.outputs.report.svg import OWNER, page_figure, svg
 

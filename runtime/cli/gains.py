@@ -10,10 +10,11 @@ from rich.table import Column, Table
 
 from runtime.cli.common import Robot, command_line, console, say
 from runtime.cli.log_options import CarryingLink, CoulombSpeed, CutoffHz, Rate, Recipe, Run
+from runtime.cli.one_log_gains import print_gains_of_one_log, weighed_masses, write_gains
 from runtime.cli.overwriting import Overwrite, write_recipe
 from runtime.cli.prepared_log import friction_of, preparation_of
 from runtime.cli.robot import Yes, open_robot
-from runtime.errors import RecordingError
+from runtime.errors import IdentificationError, RecordingError
 from runtime.identification.payload import read_known_payload
 from runtime.identification.payload.output import NORMAL_95
 from runtime.identification.sensor_gains import Gains, identify_gains
@@ -26,16 +27,28 @@ _WIDEST = 100.0
 
 def gains_command(
     empty: Annotated[str, typer.Argument(metavar="EMPTY", help="A log without payload.")],
-    loaded: Annotated[str, typer.Argument(metavar="LOADED", help="A log with the known payload.")],
+    loaded: Annotated[
+        str | None, typer.Argument(metavar="LOADED", help="A log with the known payload.")
+    ] = None,
     payload: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="KNOWN",
             help="Known payload MASS,CX,CY,CZ in kg and m in the flange frame, with "
             "IXX,IYY,IZZ,IXY,IXZ,IYZ about the centre of mass in kg·m² if known, or a JSON such as "
             "payload.json.",
         ),
-    ],
+    ] = None,
+    total_mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="With one log: weighed mass of all moving links together."),
+    ] = None,
+    weighed: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LINK=KG", help="With one log: mass of a link from a scale; repeatable."
+        ),
+    ] = None,
     robot: Robot = "fr3",
     yes: Yes = False,
     link: CarryingLink = None,
@@ -67,14 +80,37 @@ def gains_command(
     \b
     symgen gains empty.csv loaded.csv --robot fr3 --payload 3.021,0,0,0.045
     symgen gains empty.csv loaded.csv --payload payload.json --recipe-out recipe.toml
+    symgen gains log.csv --recipe currents.toml --total-mass 17.4
     symgen identify log.csv --recipe recipe.toml
 
     Record exciting motions without and with a payload of known mass and centre of mass; a
     heavy payload gives accurate gains. Gains, biases, friction and the parameters of the arm are
     estimated together. A gain whose 95 % interval is wider than 10 % is not changed. For motor
-    currents, write unit = "A" and gain = 1.0 into the recipe; the gains are then in N·m/A.
+    currents, write unit = "A" into the recipe; the gains are then in N·m/A.
+    One log without payload gives the gains up to a common factor, which comes from the masses of
+    the URDF, or from weighed masses.
     """
     lib = open_robot(robot, yes)
+    if loaded is None:
+        if payload is not None or loaded_run is not None:
+            raise IdentificationError(
+                "--payload and --loaded-run belong to a second log, with the payload; give EMPTY "
+                "and LOADED, or leave them out"
+            )
+        known_masses = weighed_masses(total_mass, weighed or ())
+        one, plan = print_gains_of_one_log(
+            empty, lib, known_masses, recipe=recipe, run=run, friction=friction,
+            coulomb_speed=coulomb_speed, cutoff=cutoff, rate=rate,
+        )  # fmt: skip
+        if recipe_out is not None:
+            write_gains(recipe_out, one, plan, overwrite)
+            say(f"recipe: {recipe_out}")
+        return
+    if payload is None or total_mass is not None or weighed:
+        raise IdentificationError(
+            "two logs need --payload and take no --total-mass and --weighed, which are for one "
+            "log; give --payload KNOWN, or one log"
+        )
     known = read_known_payload(payload)
     bare = read_recording(empty, recipe, run, lib.joint_names)
     full = read_recording(loaded, recipe, loaded_run or run, lib.joint_names)

@@ -10,6 +10,7 @@ from runtime.cli.common import console, numbers_option
 from runtime.cli.log_options import AUTO
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import require_method
+from runtime.identification.current_gains.scaling import with_current_gains
 from runtime.identification.long_logs import head_of
 from runtime.inspection.column_trial import DEFAULT_COLUMNS
 from runtime.inspection.cutoff_choice import choose_cutoff
@@ -115,6 +116,11 @@ def read_prepared_log(
     else:
         recording = read_recording(log, options.recipe, options.run, lib.joint_names)
         recording = independent_joints(recording, lib)
+    if streamed is not None and recording.has_unknown_gains:
+        raise IdentificationError(
+            "gains of motor currents are estimated on a log that is read as a whole, but this one "
+            "is streamed; write gain = [...] under [torque] of the recipe, or give --no-stream"
+        )
     parts = _split(options.split)
     terms = friction_of(recording, options.friction, options.coulomb_speed)
     chooses_friction = terms is not None and terms.columns[:1] == (AUTO,)
@@ -133,6 +139,7 @@ def read_prepared_log(
             cutoff = choose_cutoff(recording, lib, base, parts, None if chooses_friction else terms)
         console.print(cutoff_table(cutoff))
         prepared, notes = cutoff.preparation, (cutoff.sentence,)
+    recording = with_current_gains(recording, lib, preparation=prepared, splitting=parts)
     with console.status("checking the accelerations"):
         seen = before_test(recording, parts)
         prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)

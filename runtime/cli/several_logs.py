@@ -108,6 +108,11 @@ def identify_several(
         )
         for k, (log, run) in enumerate(runs)
     ]
+    if any(each.recording.gains is not None for each in data):
+        raise IdentificationError(
+            "the gains of motor currents are estimated from one log, but several are given; run "
+            "identify or gains on one of them, and write its gains into the recipe"
+        )
     names = _names(runs)
     named = [
         NamedLog(name, each.recording, each.preparation, carried.get(log))

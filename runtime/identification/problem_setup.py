@@ -16,6 +16,7 @@ from runtime.estimators.armature_prior import friction_prior_of
 from runtime.estimators.mass_unit import mass_unit
 from runtime.estimators.problem import FrictionPrior, Origin, Problem
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
+from runtime.identification.current_gains.scaling import in_torque
 from runtime.identification.settings import Settings, settings_from, shares_of
 from runtime.library import Array, Library
 from runtime.recording import Friction, Preparation, Recording
@@ -93,6 +94,7 @@ def assemble(
     recording = independent_joints(recording, lib)
     require_plausible(recording, lib)
     preparation = chosen.preparation
+    recording, chosen = in_torque(recording, lib, chosen)
     terms = chosen.friction_columns or default_terms(recording) or Friction(columns=())
     terms = geared(terms, recording, lib)
     usual = preparation or recording.preparation

@@ -6,67 +6,18 @@ migrated on reading: keys that they lack take the value that stands for "not rec
 """
 
 import copy
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import RecordingError
 from runtime.files import json_of
+from runtime.identification.drive.result_keys import TORQUE_KEYS
+from runtime.identification.result_key import MISSING, Key
 
 FORMAT = 2
 """Number of the present format; a change that an older reader would misread raises it."""
 
-
-class _Missing:
-    """Marks a key without a value for older files."""
-
-
-MISSING = _Missing()
-
-
-@dataclass(frozen=True, slots=True)
-class Key:
-    """One key of result.json.
-
-    Attributes:
-        path: names from the top, joined by dots; `[]` marks a list of tables.
-        kind: text, number, integer, boolean, list, table or any; with `?` it may be null.
-        meaning: what the value is.
-        shape: of a list; n joints, k friction columns, n_b base parameters.
-        unit: SI unit of the numbers.
-        older: value that a file of format 1 without this key is read with.
-        is_optional: the key may be absent in the present format, too.
-    """
-
-    path: str
-    kind: str
-    meaning: str
-    shape: str = ""
-    unit: str = ""
-    older: Any = MISSING
-    is_optional: bool = False
-
-    def accepts(self, value: object) -> bool:
-        """Whether a JSON value is of this kind."""
-        if value is None:
-            return self.kind.endswith("?") or self.kind == "any"
-        return _KINDS[self.kind.rstrip("?")](value)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-_KINDS: dict[str, Callable[[object], bool]] = {
-    "text": lambda value: isinstance(value, str),
-    "number": _is_number,
-    "integer": lambda value: isinstance(value, int) and not isinstance(value, bool),
-    "boolean": lambda value: isinstance(value, bool),
-    "list": lambda value: isinstance(value, list),
-    "table": lambda value: isinstance(value, dict),
-    "any": lambda value: True,
-}
 _WORDS = {"text": "a text", "number": "a number", "integer": "an integer",
           "boolean": "true or false", "list": "a list", "table": "a table"}  # fmt: skip
 _SI = "N·m or N"
@@ -91,25 +42,7 @@ KEYS: tuple[Key, ...] = (
     Key("recording.preparation", "table", "settings of the preparation that are not the default",
         older={}),
     Key("recording.split", "text", "instants of the parts, a phrase", unit="s", older=""),
-    Key("torque_source", "text", "measured, commanded (by a control law) or current (times a gain)",
-        is_optional=True),
-    Key("control_law", "table?", "law, kp, kd, effort_limit and gear of a commanded torque, one "
-        "number per joint or for all; null for a measured one", is_optional=True),
-    Key("delay_s", "any", "{value, sigma} of the delay of the torque; one per joint in a list, or "
-        "{log, value, sigma} per log; null where it was not estimated", unit="s",
-        is_optional=True),
-    Key("drive", "list?", "drive of every joint; null where the torque is measured and no delay "
-        "was estimated", "(n,)", is_optional=True),
-    Key("drive[].joint", "text", "name of the joint"),
-    Key("drive[].armature", "number?", "inertia of rotor and gear", unit="kg·m²"),
-    Key("drive[].viscous", "number?", "viscous friction", unit="N·m·s/rad"),
-    Key("drive[].coulomb", "number?", "Coulomb friction", unit="N·m"),
-    Key("drive[].offset", "number?", "torque offset", unit="N·m"),
-    Key("drive[].encoder_bias", "number?", "b of q_true = q + b", unit="rad"),
-    Key("drive[].sigma", "table", "standard deviations under the same names; null where the "
-        "motion does not determine the value"),
-    Key("drive[].encoder_bias_verdict", "text", "identified, not identifiable from this motion, "
-        "or not estimated"),
+    *TORQUE_KEYS,
     Key("torque_error_percent", "table", "100 ‖τ − τ̂‖/‖τ‖ on the test part"),
     Key("torque_error_percent.before", "list", "of the URDF without friction; null where τ = 0",
         "(n,)", "%"),

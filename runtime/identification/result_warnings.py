@@ -75,6 +75,8 @@ def warnings_of(
             "the torque is commanded by a control law, not measured: errors are shares of the "
             "commanded torque, and a wrong gain kp scales masses and friction alike"
         )
+    if result.train.gains is not None:
+        warnings += result.train.gains.sentences()
     if after.overall > max(WORSE * before.overall, SUSPICIOUSLY_GOOD):
         warnings.append(
             f"on the test data this model is worse than the URDF ({before.overall:.3g} % became "

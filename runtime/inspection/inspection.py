@@ -18,6 +18,7 @@ from runtime.inspection.checks import (
     outlying_rows,
     signals,
     units,
+    unknown_gains,
 )
 from runtime.inspection.checks.column_names import meaning
 from runtime.inspection.checks.file_layout import draft
@@ -104,6 +105,8 @@ def inspect_log(
     findings += backward
     plan, meant = vendor_torque(plan, lib, is_drafted=recipe is None)
     findings += meant
+    has_gains = not plan.has_unknown_gains
+    raw, plan = unknown_gains.with_gain_one(raw, plan)
     checks = CheckRun(raw, plan, findings)
     require_joints(checks.recording, lib)
     checks.run(frozen.frozen)
@@ -129,6 +132,9 @@ def inspect_log(
     else:
         check_torque(checks, lib, propose)
         findings += signals.little_torque(checks.recording, lib)
+    if not has_gains:
+        checks.plan, checks.findings = unknown_gains.stated(checks.plan, checks.findings)
+        findings = checks.findings
     motors = any(f.kind == "position_range" for f in findings) and not checks.plan.gear
     # Columns of coupled motors are proposed once the gear matrix is known.
     plan = checks.plan.replace(robot=lib.name) if motors else _completed(checks.plan, lib)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from runtime.errors import RecordingError
+from runtime.recording.current_gains import CurrentGains
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.recipes.control_law import ControlLaw
 from runtime.recording.recipes.recipe import Recipe
@@ -50,6 +51,7 @@ class Recording(Framed):
         prepared: how it was prepared, None as read.
         torque_source: "measured", "commanded" by a control law, or "current" of the motors.
         law: control law of a commanded torque.
+        gains: estimated gains of motor currents; None where the recipe states them.
     """
 
     t: FloatArray
@@ -69,6 +71,7 @@ class Recording(Framed):
     prepared: Preparation | None = None
     torque_source: str = "measured"
     law: ControlLaw | None = None
+    gains: CurrentGains | None = None
 
     def __post_init__(self) -> None:
         def put(key: str, value: Any) -> None:
@@ -163,6 +166,11 @@ class Recording(Framed):
     def n_joints(self) -> int:
         """Number of joints n."""
         return int(self.q.shape[1])
+
+    @property
+    def has_unknown_gains(self) -> bool:
+        """Whether τ holds motor currents, because neither the recipe nor an estimate has gains."""
+        return self.gains is None and self.recipe is not None and self.recipe.has_unknown_gains
 
     @property
     def preparation(self) -> Preparation:

@@ -148,6 +148,12 @@ def samples_of(recording: Recording, lib: Library) -> Samples:
         IdentificationError: something is missing, or the number of joints differs.
     """
     n = lib.n_joints
+    if recording.has_unknown_gains:
+        raise IdentificationError(
+            f"the recording '{recording.name}' holds motor currents whose gains are unknown, "
+            "expected torques; write gain = [...] in N·m/A under [torque] of the recipe, with the "
+            "gains of identify (result.json, current_gains) or of symgen gains"
+        )
     data = prepared_of(recording)
     if data.q.shape[1] != n:
         raise IdentificationError(

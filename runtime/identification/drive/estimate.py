@@ -15,6 +15,7 @@ from runtime.estimators.convex import CAD
 from runtime.estimators.methods import chosen_method
 from runtime.estimators.regression.recorded_delay import LATEST_S, recorded_delay, sign_of_delay
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.current_gains.scaling import with_current_gains
 from runtime.identification.drive.linearised import LinearisedDrive, linearised
 from runtime.identification.drive.result import DriveFit, DriveRequest
 from runtime.identification.identified import Identification
@@ -81,6 +82,9 @@ def identify_drive(
     """
     _require(settings, recording)
     recording = independent_joints(recording, lib)
+    recording = with_current_gains(
+        recording, lib, preparation=settings.preparation, splitting=settings.splitting or SPLIT
+    )
     recipe = recording.recipe
     # Delay, biases and intervals belong to the rows of the training: no second fit to all rows.
     settings = replace(settings, refit=False)

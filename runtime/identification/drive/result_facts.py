@@ -7,12 +7,13 @@ from runtime.recording.recipes.control_law import NUMBERS
 
 
 def torque_facts(result: Identification) -> dict[str, Any]:
-    """The parts `torque_source`, `control_law`, `delay_s` and `drive` of result.json."""
+    """Keys of result.json on the torque: source, control law, gains, delay and drives."""
     drive, joints = result.drive, result.lib.joint_names
     columns = result.friction.columns
     return {
         "torque_source": result.train.torque_source,
         "control_law": _law_facts(result),
+        "current_gains": None if result.train.gains is None else result.train.gains.facts(),
         "delay_s": None if drive is None else drive.delay_facts(),
         "drive": None if drive is None else drive.facts(joints, result.phi, columns),
     }

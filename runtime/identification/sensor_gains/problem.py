@@ -13,6 +13,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples, samples_of
+from runtime.identification.current_gains.scaling import of_gain_one
 from runtime.identification.payload import KnownPayload, Mount, mount_of, pi_of_body
 from runtime.library import Array, Library
 from runtime.library.parameters import INERTIA
@@ -115,7 +116,7 @@ def problem_of(
     runs = []
     for run in (empty, loaded):
         require_plausible(run, lib)
-        bare = run.replace(columns=None, column_names=())
+        bare = of_gain_one(run).replace(columns=None, column_names=())
         runs.append(samples_of(prepare(bare, preparation, geared(terms, run, lib), lib=lib), lib))
         if len(runs[-1]) < FEWEST:
             raise IdentificationError(

@@ -42,7 +42,7 @@ _UR = r"(?<![a-z])ur(3|5|7|8|10|12|15|16|18|20|30)e?(?![a-z0-9])|shoulder_lift_j
 _KINOVA = r"kinova|gen3|kortex|jaco|\bj2[ns]"
 _PIPER = r"piper"
 _XARM = r"xarm|lite6|uf850"
-_UNKNOWN_GAIN = "read it in A and calibrate its gains with symgen gains"
+_UNKNOWN_GAIN = "read it in A without gain: identify estimates gains, symgen gains fixes them"
 SIGNALS = (
     VendorSignal("UR RTDE", "actual_current", CURRENT, f"motor current in A; {_UNKNOWN_GAIN}"),
     VendorSignal(
@@ -197,7 +197,7 @@ def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe,
         is_drafted: whether the unit is a guess that the record may correct.
 
     Returns:
-        The recipe, with unit A or mA for a current whose unit is a guess, and
+        The recipe, with unit A or mA without gain for a current whose unit is a guess, and
         "vendor_signal".
     """
     known = vendor_signal(plan, lib)
@@ -209,7 +209,7 @@ def vendor_torque(plan: Recipe, lib: Library, is_drafted: bool) -> tuple[Recipe,
         level = INFO if not in_torque and not is_drafted else WARNING
         if is_drafted:
             unit = "mA" if plan.torque.unit == "mA" else "A"
-            plan = plan.replace(torque=replace(plan.torque, unit=unit, gain=1.0))
+            plan = plan.replace(torque=replace(plan.torque, unit=unit, gain=None))
     evidence = {"vendor": known.vendor, "signal": known.title, "meaning": known.meaning}
     trap = 11 if known.meaning in {CURRENT, MEASURED} else 4
     return plan, [

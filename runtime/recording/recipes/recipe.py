@@ -111,18 +111,14 @@ class Signal:
             )
 
     def check_unit(self, kind: str) -> None:
-        """Require a unit of this kind of signal, and a gain for amperes.
+        """Require a unit of this kind of signal; amperes without a gain have unknown gains.
 
         Raises:
-            RecordingError: the unit is another, or amperes have no gain.
+            RecordingError: the unit is another.
         """
         units = (self.unit,) if isinstance(self.unit, str) else self.unit
         for unit in units:
             one_of(f"[{kind}] unit", unit, tuple(UNITS[kind]))
-        if {"A", "mA"} & set(units) and self.gain is None:
-            raise RecordingError(
-                "[torque] in ampere expects a gain in N·m/A, got none; write gain = [...]"
-            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +186,11 @@ class Recipe:
         unit = self.torque.unit if self.torque else ""
         units = (unit,) if isinstance(unit, str) else unit
         return "current" if {"A", "mA"} & set(units) else "measured"
+
+    @property
+    def has_unknown_gains(self) -> bool:
+        """Whether the torque is a motor current without gain."""
+        return self.torque_source == "current" and getattr(self.torque, "gain", None) is None
 
     def replace(self, **changes: object) -> "Recipe":
         """The same recipe with some fields exchanged, e.g. another run."""

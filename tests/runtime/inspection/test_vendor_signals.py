@@ -42,7 +42,7 @@ def test_names_without_index_and_unit(title: str, plain: str) -> None:
 
 def read_from(title: str, robot: str, unit: str = "N*m") -> Recipe:
     """A recipe whose torque is one array."""
-    gain = 1.0 if unit == "A" else None
+    gain = 9.0 if unit == "A" else None
     return Recipe(
         robot=robot,
         time=Time(rate_hz=100.0),
@@ -118,7 +118,8 @@ def test_currents_of_a_ur_are_read_in_ampere(tmp_path: Path) -> None:
     assert "actual_current" in sentences(result)["vendor_signal"]
     assert result.plan.torque is not None
     assert result.plan.torque.unit == "A"
-    assert "torque_unit" in sentences(result)
+    assert result.plan.torque.gain is None
+    assert any(f.kind == "current_gains" for f in result.findings)
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.95])

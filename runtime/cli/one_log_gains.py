@@ -1,0 +1,141 @@
+"""`symgen gains` on one log: gains up to a common factor, or with a weighed mass."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.table import Column, Table
+
+from runtime.cli.common import command_line, console, say
+from runtime.cli.overwriting import write_recipe
+from runtime.cli.prepared_log import friction_of, preparation_of
+from runtime.errors import IdentificationError, RecordingError
+from runtime.identification.current_gains.one_log import Weighed, current_gains
+from runtime.identification.current_gains.scaling import of_gain_one
+from runtime.identification.payload.output import NORMAL_95
+from runtime.library import Library
+from runtime.recording import Recipe, plan_of, read_recording, recipe_text
+from runtime.recording.current_gains import CurrentGains
+
+
+def weighed_masses(total: float | None, links: Sequence[str]) -> tuple[Weighed, ...]:
+    """Masses of --total-mass and --weighed.
+
+    Args:
+        total: mass of the moving links together [kg].
+        links: LINK=KG of single links.
+
+    Returns:
+        The masses.
+
+    Raises:
+        IdentificationError: a text is not LINK=KG.
+    """
+    known = [] if total is None else [Weighed(total)]
+    for text in links:
+        link, _, kg = text.partition("=")
+        try:
+            known.append(Weighed(float(kg), link))
+        except ValueError:
+            raise IdentificationError(
+                f"--weighed needs LINK=KG, such as forearm=2.31, got '{text}'"
+            ) from None
+    return tuple(known)
+
+
+def print_gains_of_one_log(
+    log: str,
+    lib: Library,
+    weighed: Sequence[Weighed],
+    *,
+    recipe: str | None,
+    run: str | None,
+    friction: str | None,
+    coulomb_speed: float | None,
+    cutoff: float | None,
+    rate: float | None,
+) -> tuple[CurrentGains, Recipe]:
+    """Estimate and print the gains of one log.
+
+    Args:
+        log: file, folder or known data set.
+        lib: library of the robot.
+        weighed: known masses.
+        recipe: file that describes the log.
+        run: name of the run in the recipe.
+        friction: column names with commas, or none.
+        coulomb_speed: width of the smooth Coulomb sign, rad/s.
+        cutoff: of the low-pass, Hz.
+        rate: of the rows after decimation, Hz.
+
+    Returns:
+        The gains, and the recipe with them.
+
+    Raises:
+        RuntimeFault: the log cannot be read, or shows no gain.
+    """
+    recording = of_gain_one(read_recording(log, recipe, run, lib.joint_names))
+    gains = current_gains(
+        recording,
+        lib,
+        weighed,
+        friction=friction_of(recording, friction, coulomb_speed),
+        preparation=preparation_of(recording, cutoff, rate),
+    )
+    console.print(_table(gains))
+    for sentence in gains.sentences():
+        say(f"note: {sentence}")
+    plan = plan_of(log, recipe, run)
+    if plan.torque is None:
+        raise RecordingError(
+            "expected a log with motor currents, got one without; record torque or motor current"
+        )
+    before = 1.0 if plan.torque.gain is None else np.array(plan.torque.gain)
+    factors = np.broadcast_to(before, gains.gain.shape) * gains.gain
+    return gains, with_factors(plan, tuple(float(f"{each:.6g}") for each in factors))
+
+
+def with_factors(plan: Recipe, factors: tuple[float, ...]) -> Recipe:
+    """The recipe with these gains.
+
+    Args:
+        plan: complete recipe with a torque.
+        factors: torque over value in the file, (n,).
+
+    Returns:
+        The recipe.
+    """
+    torque = plan.signals()["torque"]
+    return plan.replace(torque=replace(torque, gain=factors))
+
+
+def write_gains(path: Path, gains: CurrentGains, plan: Recipe, overwrite: bool) -> None:
+    """Write the recipe of `symgen gains LOG --recipe-out`.
+
+    Args:
+        path: file of the recipe.
+        gains: what its comment states.
+        plan: recipe with the gains.
+        overwrite: replace a file that exists.
+    """
+    text = recipe_text(plan, *gains.sentences(), command_line())
+    write_recipe(path, text, overwrite)
+
+
+def _table(gains: CurrentGains) -> Table:
+    table = Table(Column("joint", overflow="fold"), title="Torque over current, N·m/A or N/A")
+    reference = gains.channels[gains.reference]
+    for head in ("gain ± 95 %", f"ratio to {reference} ± 95 %"):
+        table.add_column(head, justify="right")
+    table.add_column("verdict")
+    for j, name in enumerate(gains.channels):
+        value = f"{gains.gain[j]:.4g}"
+        ratio = "-"
+        if np.isfinite(gains.sigma[j]):
+            value += f" ± {NORMAL_95 * gains.sigma[j]:.2g}"
+            size = gains.gain[j] / gains.gain[gains.reference]
+            half = NORMAL_95 * gains.ratio_sigma[j] * abs(size)
+            ratio = f"{size:.4g} ± {half:.2g}" if half else "1"
+        table.add_row(name, value, ratio, gains.verdicts[j])
+    return table

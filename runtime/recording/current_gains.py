@@ -1,0 +1,87 @@
+"""Gains of motor currents that a log does not state: estimates with standard deviations.
+
+τ_j = k_j i_j        k in N·m/A or N/A
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+LARGEST = 0.1
+"""Relative standard deviation above which a gain counts as not determined."""
+DETERMINED = "determined"
+UP_TO_FACTOR = "determined up to the common factor"
+OF_URDF = "from the masses of the URDF"
+UNSEEN = "not identifiable from this motion"
+VERDICTS = (DETERMINED, UP_TO_FACTOR, OF_URDF, UNSEEN)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurrentGains:
+    """Estimated gains of the channels of one log.
+
+    Attributes:
+        channels: names of the joints, or of the motors where the gear couples them.
+        gain: k̂, (n,) N·m/A or N/A; that of `UNSEEN` channels is the median of the others.
+        sigma: standard deviation with the URDF as prior, (n,) N·m/A or N/A; NaN for `UNSEEN`.
+        ratio_sigma: relative standard deviation of k_j/k_r without the URDF, (n,); NaN likewise.
+        reference: channel r.
+        verdicts: per channel, one of `VERDICTS`.
+        scale: what fixes the common factor, a phrase.
+        common_sigma: relative standard deviation of the common factor with the URDF as prior.
+    """
+
+    channels: tuple[str, ...]
+    gain: FloatArray
+    sigma: FloatArray
+    ratio_sigma: FloatArray
+    reference: int
+    verdicts: tuple[str, ...]
+    scale: str
+    common_sigma: float
+
+    def facts(self) -> list[dict[str, Any]]:
+        """`current_gains` of result.json, one table per channel."""
+        return [
+            {
+                "channel": name,
+                "gain": float(self.gain[j]),
+                "sigma": _number(self.sigma[j]),
+                "ratio_to": self.channels[self.reference],
+                "ratio_sigma": _number(self.ratio_sigma[j]),
+                "verdict": self.verdicts[j],
+            }
+            for j, name in enumerate(self.channels)
+        ]
+
+    def sentences(self) -> tuple[str, ...]:
+        """What the gains leave undetermined, for notes and reports."""
+        percent = 100 * self.common_sigma
+        first = (
+            "the torque is a motor current times estimated gains, whose common factor comes from "
+            f"{self.scale} and has a standard deviation of {percent:.2g} %; masses, inertias, "
+            "friction and rotor inertia are proportional to the gain of their joint, and the "
+            "intervals of this result do not contain its error. Errors in percent and ratios of "
+            "the coefficients of one joint do not depend on it"
+        )
+        opposite = [n for n, k in zip(self.channels, self.gain, strict=True) if k < 0]
+        signs = tuple(
+            f"the gain of {name} is negative: its current counts against the direction of q"
+            for name in opposite
+        )
+        unseen = [n for n, v in zip(self.channels, self.verdicts, strict=True) if v == UNSEEN]
+        if not unseen:
+            return (first, *signs)
+        return (
+            first,
+            *signs,
+            f"the currents of {', '.join(unseen)} show no torque of the links, so that their gains "
+            "are not identifiable from this motion; they take the median of the others",
+        )
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -121,10 +121,10 @@ def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
         )
     try:
         model = entries[-1].get("result_sha256")
-        own = [each for each in entries if each.get("result_sha256") == model]
-        own.sort(key=_day)
+        kept = [each for each in entries if each.get("result_sha256") == model]
+        kept.sort(key=_day)
         values: dict[tuple[str, str, str], list[tuple[int, float, float]]] = {}
-        for k, entry in enumerate(own):
+        for k, entry in enumerate(kept):
             for each in entry.get("sizes", ()):
                 size, (low, high) = float(each["size"]), map(float, each["interval"])
                 sigma = (high - low) / (2 * NORMAL_95)
@@ -132,15 +132,15 @@ def trends_of(entries: Sequence[dict[str, Any]]) -> Trends:
                     continue
                 key = (str(each["group"]), str(each["where"]), str(each["unit"]))
                 values.setdefault(key, []).append((k, size, sigma))
-        warm = [entry.get("temperature") for entry in own]
+        warm = [entry.get("temperature") for entry in kept]
         return Trends(
-            tuple(str(entry["log"]) for entry in own),
-            np.array([_day(entry) for entry in own]),
+            tuple(str(entry["log"]) for entry in kept),
+            np.array([_day(entry) for entry in kept]),
             np.array([np.nan if each is None else float(each) for each in warm]),
-            tuple(bool(entry["changed"]) for entry in own),
-            tuple(str(entry.get("sentence", "")) for entry in own),
+            tuple(bool(entry["changed"]) for entry in kept),
+            tuple(str(entry.get("sentence", "")) for entry in kept),
             tuple(_series(key, rows) for key, rows in values.items()),
-            len(entries) - len(own),
+            len(entries) - len(kept),
         )
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise RecordingError(

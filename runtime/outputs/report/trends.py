@@ -62,12 +62,12 @@ def _page(trends: Trends, name: str) -> Page:
         for series in trends.series
         if (slope := axis.slope(series)) is not None
     ]
-    found = [each for each in slopes if each[2].p_value * len(slopes) < ALPHA]
+    significant = [each for each in slopes if each[2].p_value * len(slopes) < ALPHA]
     first, last = _date(trends.days[0]), _date(trends.days[-1])
     count = sum(trends.changed)
     sentences = [
         f"{_name(series)} changes with {axis.word} by {_slope(slope, series, axis)}."
-        for axis, series, slope in found
+        for axis, series, slope in significant
     ]
     left_out = (f"{trends.others} checks of other models are left out.",) if trends.others else ()
     return Page(
@@ -79,7 +79,12 @@ def _page(trends: Trends, name: str) -> Page:
         tiles=(
             Tile("Logs", str(len(trends.logs)), f"{first} to {last}"),
             Tile("Changes", str(count), "logs with a change", "bad" if count else "good"),
-            Tile("Trends", str(len(found)), "significant slopes", "bad" if found else "good"),
+            Tile(
+                "Trends",
+                str(len(significant)),
+                "significant slopes",
+                "bad" if significant else "good",
+            ),
         ),
         sections=(*_sections(trends, axes, len(slopes)), _verdicts(trends)),
         glossary=GLOSSARY,

@@ -91,6 +91,37 @@ def test_c_is_the_python_observer(
     np.testing.assert_array_equal((bits[:, None] >> np.arange(7)) & 1, above)
 
 
+def test_no_uninitialised_byte_decides(
+    lib: Library, detector: Detector, rest_of_log: Recording, tmp_path: Path
+) -> None:
+    """Oracle: valgrind's memcheck on the portable code; a contact depends on every number."""
+    valgrind, compiler = shutil.which("valgrind"), shutil.which("cc")
+    if valgrind is None or compiler is None:
+        pytest.skip("valgrind is not installed: apt-get install valgrind")
+    texts = observer_c(lib, detector, np.zeros(7))
+    for name, text in {**texts, "driver.c": DRIVER}.items():
+        (tmp_path / name).write_text(text)
+    sources = [tmp_path / "driver.c", tmp_path / "observer.c"]
+    sources += [lib.folder / "kernels.c", lib.folder / "update.c"]
+    words = [compiler, "-std=c99", "-g", "-O0", f"-I{lib.folder}", f"-I{tmp_path}"]
+    program = tmp_path / "run"
+    subprocess.run([*words, *map(str, sources), "-lm", "-o", str(program)], check=True)
+    part = prepared_for(rest_of_log.take(slice(0, 400), "part"), detector.model)
+    data = np.hstack([part.q, part.dq, part.tau]).tobytes()
+    done = subprocess.run(
+        [valgrind, "--error-exitcode=9", "--quiet", "--leak-check=full", str(program)],
+        input=data,
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr.decode()[:2000]
+    assert not done.stderr
+    answer = np.frombuffer(done.stdout).reshape(-1, 15)
+    first = detector.settings.steps + 1
+    seen = observe(lib, detector, part)
+    np.testing.assert_allclose(answer[first:, :7], seen.r[first:], rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("columns", [("viscous", "rotor", "stribeck"), ()])
 def test_without_window_and_with_other_friction(
     columns: tuple[str, ...], lib: Library, detector: Detector, tmp_path: Path

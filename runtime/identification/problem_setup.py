@@ -31,6 +31,7 @@ from runtime.recording.friction import (
 from runtime.recording.plausibility import require_plausible
 from runtime.recording.preprocessing import prepare, prepare_power, prepared_parts
 from runtime.recording.preprocessing.parts import rows_between
+from runtime.recording.settings import EVERYTHING
 
 PARTS = ("train", "validation", "test")
 
@@ -111,7 +112,9 @@ def assemble(
         )
     fitted, unseen = samples_of(train, lib), samples_of(validation, lib)
     require_enough(fitted, lib)
-    seen = recording if chosen.test is not None else _until_trained(recording, chosen, is_joined)
+    whole = chosen.test is not None
+    trained = EVERYTHING if whole else shares_of(recording, chosen)
+    span = trained.joined() if is_joined else trained.train
     problem = Problem(
         lib=lib,
         train=fitted,
@@ -121,9 +124,9 @@ def assemble(
         seed=chosen.seed,
         progress=progress,
         origin=Origin(
-            seen,
+            recording,
             terms,
-            _aligned(parts[0], lib, preparation, terms, rounding),
+            _aligned(parts[0], span, lib, preparation, terms, rounding),
             (parts[0].t[0], parts[0].t[-1]),
             chosen.controller,
         ),
@@ -267,16 +270,9 @@ def _prepared(
     return prepare(independent_joints(recording, lib), preparation, terms, lib=lib)
 
 
-def _until_trained(recording: Recording, settings: Settings, is_joined: bool) -> Recording:
-    """Rows of a recording from its beginning to the end of the training part."""
-    shares = shares_of(recording, settings)
-    last = shares.joined()[1] if is_joined else shares.train[1]
-    rows = rows_between(recording.t, 0.0, last)
-    return recording.take(rows, "Took the rows until the end of the training.")
-
-
 def _aligned(
     part: Recording,
+    share: tuple[float, float],
     lib: Library,
     preparation: Preparation | None,
     terms: Friction,
@@ -284,13 +280,15 @@ def _aligned(
 ) -> Callable[[Recording], Samples]:
     """Map from another recording of the same clock to its samples at the rows of `part`.
 
-    The other recording passes the same preparation; its values are interpolated at part.t.
+    The rows of the other recording in the share of the training part pass the same preparation; the
+    values are interpolated at part.t.
     """
     usual = preparation or part.preparation
     usual = replace(usual, rest_speed=None)
 
     def rows(other: Recording) -> Samples:
-        done = without_columns(_prepared(other, usual, terms, lib), rounding)
+        seen = other.take(rows_between(other.t, *share), "Took the rows of the training part.")
+        done = without_columns(_prepared(seen, usual, terms, lib), rounding)
 
         def at(values: Array) -> Array:
             flat = values.reshape(len(done), -1).T

@@ -108,8 +108,8 @@ def test_options_reach_the_method(
     assert ran.code == 0, ran.err
     facts = json.loads((tmp_path / "out" / "result.json").read_text())
     assert facts["provenance"]["seed"] == 3
-    # 10 s at 50 Hz, halves and quarters.
-    assert facts["recording"]["samples"] == {"train": 250, "validation": 125, "test": 126}
+    # 10 s at 50 Hz, halves and quarters, without 1 / f_c = 0.05 s on both sides of the cuts.
+    assert facts["recording"]["samples"] == {"train": 248, "validation": 120, "test": 123}
     history = " ".join(facts["recording"]["history"])
     assert "Low-passed at 20 Hz" in history
     assert facts["iterations"] <= 1500

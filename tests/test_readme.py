@@ -160,17 +160,18 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         elif "[[link]]" in block:
             kinds.append("rows")
             assert read_source(Source(path), Mechanism())[1].coupling[0].joint == "coupler_joint"
-        elif "[[coupling]]" in block:
-            kinds.append("mechanism")
-            assert len(read_mechanism(path).spring) == 2
+        elif "[[coupling]]" in block or "[[loop]]" in block:
+            mechanism = read_mechanism(path)
+            kinds.append("loop" if mechanism.loop else "mechanism")
+            assert mechanism.loop or len(mechanism.spring) == 2
         elif "entry-points" in block:
             kinds.append("plugin")
         else:
             kinds.append("robot")
             assert read_config(path).home is not None
     recipes = {"recipe", "law", "intervals"}
-    others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "rows", "type"}
-    assert set(kinds) == recipes | others
+    others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "loop", "rows"}
+    assert set(kinds) == recipes | others | {"type"}
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

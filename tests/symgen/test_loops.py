@@ -1,6 +1,7 @@
 """Closed loops: equations against an independent projection, choices at the assembly, sentences."""
 
 from functools import partial
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,7 @@ from symgen.build.facts import initial_parameters
 from symgen.catalogue import make_catalogue
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import mechanism_from_table, table_from_mechanism
+from symgen.cli import main
 from symgen.errors import UrdfError
 from symgen.mechanics import dynamics
 from symgen.mechanics.base_parameters import numeric_base
@@ -266,3 +268,23 @@ def test_a_singular_assembly_is_refused() -> None:
     flat = {"a1": 0.0, "a2": 0.0, "b1": 0.0}
     with pytest.raises(UrdfError, match=r"assembly pose of the loop of 'A2' and 'B1' is singular"):
         chain_of(linkage, assembly=flat)
+
+
+def test_a_wrong_loop_ends_the_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Property: exit code 2 and one sentence; nothing is written."""
+    (tmp_path / "bar.urdf").write_text(BAR.urdf)
+    (tmp_path / "bar.toml").write_text(
+        '[[loop]]\nparent = "A2"\nchild = "B1"\nparent_xyz = [9.0, 0.0, 0.0]\n'
+    )
+    arguments = ["build", "--urdf", tmp_path / "bar.urdf", "--name", "bar"]
+    arguments += ["--mechanism", tmp_path / "bar.toml", "--out", tmp_path / "out"]
+    monkeypatch.setattr("sys.argv", ["symgen", *map(str, arguments)])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert "the loop of 'A2' and 'B1' cannot be closed" in said
+    assert "Traceback" not in said
+    assert not (tmp_path / "out").exists()

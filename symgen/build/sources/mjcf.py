@@ -1,8 +1,9 @@
-"""MJCF → URDF and couplings, by MuJoCo's compiler.
+"""MJCF → URDF, couplings and loops, by MuJoCo's compiler.
 
 Hinges become revolute, slides prismatic joints; several joints of a body are a chain through links
 of `SPECK_KG`. The frame of a link is at the anchor of its joint; at q = ref the body is where the
-file shows it. Linear equalities of two joints become couplings, `damping` and `frictionloss` stand
+file shows it. Linear equalities of two joints become couplings, `connect` and `weld` loop joints
+that are closed at the initial pose (`mjcf_loops`), `damping` and `frictionloss` stand
 in <dynamics>. A URDF has no place for armature, which the friction column `rotor` identifies.
 """
 
@@ -13,6 +14,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 import numpy as np
 import pinocchio
 
+from symgen.build.sources.mjcf_loops import assembly_of, loop_of_equality
 from symgen.chain.coupling import CouplingRow
 from symgen.chain.mechanism import Mechanism
 from symgen.errors import BuildError
@@ -28,7 +30,7 @@ def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
         path: the file; it may include others.
 
     Returns:
-        Text of the URDF, and the couplings of its joint equalities.
+        Text of the URDF, couplings of its joint equalities, loops of `connect` and `weld`.
 
     Raises:
         BuildError: MuJoCo is not installed or rejects the file, or it has joints or equalities
@@ -53,8 +55,17 @@ def robot_from_mjcf(path: Path) -> tuple[str, Mechanism]:
     for body in range(1, model.nbody):
         _add_body(robot, mujoco, model, body, names, shifts)
     indent(robot, space="  ")
-    rows = tuple(_coupling(mujoco, model, k) for k in range(model.neq))
-    return tostring(robot, "unicode") + "\n", Mechanism(coupling=rows)
+    joint = int(mujoco.mjtEq.mjEQ_JOINT)
+    active = [k for k in range(model.neq) if model.eq_active0[k]]
+    rows = tuple(_coupling(model, k) for k in active if int(model.eq_type[k]) == joint)
+    loops = tuple(
+        loop_of_equality(mujoco, model, k, names, shifts)
+        for k in active
+        if int(model.eq_type[k]) != joint
+    )
+    assembly = assembly_of(model) if loops else {}
+    mechanism = Mechanism(coupling=rows, loop=loops, assembly=assembly)
+    return tostring(robot, "unicode") + "\n", mechanism
 
 
 def _unique(names: list[str]) -> list[str]:
@@ -150,13 +161,8 @@ def _add_fixed(
     return joint
 
 
-def _coupling(mujoco: Any, model: Any, k: int) -> CouplingRow:
+def _coupling(model: Any, k: int) -> CouplingRow:
     """Row of an equality x_1 − ref_1 = c_0 + c_1 (x_2 − ref_2)."""
-    if int(model.eq_type[k]) != int(mujoco.mjtEq.mjEQ_JOINT):
-        raise BuildError(
-            f"the equality {k + 1} of the file is not one of joints; loops and tendons of MJCF "
-            "cannot be modelled, so remove it, or state [[coupling]] in a mechanism file"
-        )
     first, second = (int(model.eq_obj1id[k]), int(model.eq_obj2id[k]))
     name = model.joint(first).name
     c = np.array(model.eq_data[k][:5])

@@ -1,7 +1,7 @@
 """One file of any kind → text of a URDF and a mechanism."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from symgen.build.sources.mjcf import robot_from_mjcf
@@ -36,7 +36,8 @@ def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
         mechanism: that of --mechanism.
 
     Returns:
-        Text of the URDF, and the mechanism of both files.
+        Text of the URDF, and the mechanism of both files; `independent` and [assembly] of
+        --mechanism count for the mechanism of the robot file too.
 
     Raises:
         BuildError: the file cannot be read, or two files describe a mechanism.
@@ -58,11 +59,16 @@ def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
         text = urdf_text(path)
         if "<mujoco" in text and "<robot" not in text:
             text, stated = robot_from_mjcf(path)
-    if stated != Mechanism() and mechanism != Mechanism():
+    choice = Mechanism(independent=mechanism.independent, assembly=mechanism.assembly)
+    if stated != Mechanism() and mechanism != choice:
         raise BuildError(
             f"'{path}' and --mechanism both describe a mechanism; move all tables into one of them"
         )
-    return text, mechanism if stated == Mechanism() else stated
+    if stated == Mechanism():
+        return text, mechanism
+    assembly = stated.assembly | mechanism.assembly
+    independent = mechanism.independent or stated.independent
+    return text, replace(stated, independent=independent, assembly=assembly)
 
 
 def urdf_text(path: Path) -> str:

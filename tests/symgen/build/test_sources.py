@@ -13,7 +13,8 @@ from symgen.build.sources import Packages, Source, published_urdf, read_source
 from symgen.chain import Chain, ChainOptions, read_chain
 from symgen.chain.mechanism import Mechanism, mechanism_from_table
 from symgen.errors import BuildError, SymgenError
-from symgen.mechanics.coordinates import all_positions
+from symgen.mechanics.closure import supplied
+from symgen.mechanics.coordinates import all_accelerations, all_positions, all_rates
 from symgen.mechanics.dynamics import inverse_dynamics
 from tests.conftest import TINY_URDF
 
@@ -162,9 +163,13 @@ def _has_examples() -> bool:
 REFUSED = {
     "free joint": (HAND.replace('type="slide" axis="0 1 0"', 'type="ball"'), "ball or free joint"),
     "quadratic": (HAND.replace("0.3 -1.5 0 0 0", "0.3 -1.5 2 0 0"), "polynomial of degree 2"),
-    "weld": (
-        HAND.replace("<equality>", '<equality><weld body1="nail" body2="thumb"/>'),
-        "equality 1 of the file is not one of joints",
+    "tendon": (
+        HAND.replace(
+            "<equality>",
+            '<tendon><fixed name="t"><joint joint="bend" coef="1"/></fixed></tendon><equality>'
+            '<tendon tendon1="t"/>',
+        ),
+        "equality 1 of the file is none of joint, connect and weld",
     ),
     "damaged": (HAND.replace("</mujoco>", ""), "MuJoCo rejects"),
 }
@@ -179,6 +184,71 @@ def test_mjcf_without_counterpart_is_refused(case: str, tmp_path: Path) -> None:
     with pytest.raises(SymgenError, match=sentence) as caught:
         from_file(path)
     assert "\n" not in str(caught.value)
+
+
+FIVE_BAR = """<mujoco model="five"><compiler angle="radian" autolimits="true"/><worldbody>
+  <body name="A1" quat="0.96 0 -0.28 0"><joint name="a1" axis="0 1 0" pos="0.02 0 0.01"/>
+    <inertial pos="0.2 0.01 0" mass="1.1" diaginertia="0.01 0.03 0.03"/>
+    <body name="A2" pos="0.4 0 0" quat="0.96 0 0.28 0"><joint name="a2" axis="0 1 0" ref="0.3"/>
+      <inertial pos="0.2 0 0.02" mass="0.7" diaginertia="0.01 0.02 0.02"/>
+      <site name="tip" pos="0.35 0 0"/>
+    </body></body>
+  <body name="B1" pos="0.7 0.05 0" quat="0.8 0 -0.6 0"><joint name="b1" axis="0 1 0"/>
+    <inertial pos="0.15 0 0" mass="0.9" diaginertia="0.01 0.02 0.02"/>
+    <body name="B2" pos="0.3 0 0" quat="0.9 0 0.43589 0"><joint name="b2" axis="0 1 0"/>
+      <inertial pos="0.1 0 0" mass="0.5" diaginertia="0.005 0.01 0.01"/>
+    </body></body></worldbody>
+  <equality><connect body1="A2" body2="B2" anchor="0.35 0 0"/></equality>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("weld", [False, True])
+def test_connect_and_weld_are_loops(tmp_path: Path, weld: bool) -> None:
+    """Oracle: positions of all joints keep the points, and the frames of a weld, together in
+    MuJoCo; τ is MuJoCo's inverse dynamics of the tree projected by differences of the positions.
+    """
+    text = FIVE_BAR.replace("<connect", "<weld") if weld else FIVE_BAR
+    path = tmp_path / "five.xml"
+    path.write_text(text)
+    choice = {"independent": ["a1"] if weld else ["a1", "b1"]}
+    stated = read_source(Source(path), mechanism_from_table(choice, "M"))
+    assert stated[1].loop[0].kind == ("fixed" if weld else "spherical")
+    chain = read_chain(stated[0], ChainOptions(mechanism=stated[1]))
+    n = len(chain.coordinates)
+    assert n == (1 if weld else 2)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data = mujoco.MjData(model)
+    at = [int(model.joint(joint.name).dofadr[0]) for joint in chain.joints]
+    pi, _ = initial_parameters(chain, False)
+    x = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
+    results = ca.vertcat(
+        all_positions(chain, x[0]),
+        all_rates(chain, *x[:2]),
+        all_accelerations(chain, *x),
+        inverse_dynamics(chain, *x, ca.DM(pi)),
+    )
+    function = ca.Function("f", x, [supplied(chain, results, x[0])])
+    # the point of `weld` is given in body 2 first, that of `connect` in body 1
+    ends = [int(model.eq_obj1id[0]), int(model.eq_obj2id[0])][:: -1 if weld else 1]
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        q, dq, ddq = rng.normal(0, [[0.1], [1], [3]], (3, n))
+        q_all, dq_all, ddq_all, tau = np.split(np.asarray(function(q, dq, ddq)).ravel(), [4, 8, 12])
+        data.qpos[at], data.qvel[at], data.qacc[at] = q_all, dq_all, ddq_all
+        mujoco.mj_inverse(model, data)
+        points = [
+            data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.eq_data[0][part]
+            for body, part in zip(ends, (slice(3), slice(3, 6)), strict=True)
+        ]
+        np.testing.assert_allclose(points[0], points[1], atol=1e-12)
+        h = 1e-6
+        moved = [
+            np.asarray(function(q + h * e, dq, ddq) - function(q - h * e, dq, ddq))[:4, 0] / (2 * h)
+            for e in np.eye(n)
+        ]
+        np.testing.assert_allclose(dq_all, dq @ np.array(moved), atol=1e-8)
+        np.testing.assert_allclose(tau, np.array(moved) @ data.qfrc_inverse[at], atol=1e-7)
 
 
 def test_two_mechanisms_and_stray_arguments_are_refused(tmp_path: Path) -> None:

@@ -1,5 +1,9 @@
-"""Run the tests of a room on its mutants, each in a forked process on a copy of the repository."""
+"""Run tests on the mutants of a room, each in a forked process on a copy of the repository.
 
+A mutant meets the tests of its room, then the test files elsewhere that import its module.
+"""
+
+import ast
 import os
 import random
 import signal
@@ -8,7 +12,7 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -77,12 +81,13 @@ def mutate(
     noticed, equivalent, survived = 0, list[Mutant](), list[Mutant]()
     with _copy() as folder:
         start = time.perf_counter()
-        if not _passes(folder, room, 1e4):
+        if not _passes(folder, room.tests, 1e4):
             raise RuntimeError(
                 f"the tests of the room '{name}' fail before any mutation; expected them to pass; "
                 f"run pytest {' '.join(room.tests)}"
             )
         limit = limit_s or 20 + 5 * (time.perf_counter() - start)
+        imports = {path: _imported(ROOT / path) for path in _test_files(room)}
         for mutant in sample:
             if (mutant.path, mutant.before, mutant.after) in known:
                 equivalent.append(mutant)
@@ -90,7 +95,11 @@ def mutate(
             path = folder / mutant.path
             whole = path.read_text(encoding="utf-8")
             path.write_text(mutant.text, encoding="utf-8")
-            passed = _passes(folder, room, limit)
+            module = mutant.path.removesuffix(".py").replace("/", ".")
+            others = [path for path, names in imports.items() if module in names]
+            passed = _passes(folder, room.tests, limit) and (
+                not others or _passes(folder, others, limit)
+            )
             path.write_text(whole, encoding="utf-8")
             if not passed:
                 noticed += 1
@@ -125,12 +134,29 @@ def _copy() -> Iterator[Path]:
         yield Path(folder)
 
 
-def _passes(folder: Path, room: Room, limit_s: float) -> bool:
-    """Whether every test of the room passes in time, in a process of its own."""
+def _test_files(room: Room) -> list[str]:
+    """Test files outside the folders and files of the room, sorted."""
+    files = (path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py"))
+    return sorted(f for f in files if not any(Path(f).is_relative_to(t) for t in room.tests))
+
+
+def _imported(file: Path) -> set[str]:
+    """Modules and names that a test file imports, a.b and a.b.c of `from a.b import c`."""
+    names = set[str]()
+    for node in ast.walk(ast.parse(file.read_bytes())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return names
+
+
+def _passes(folder: Path, tests: Sequence[str], limit_s: float) -> bool:
+    """Whether every test passes in time, in a process of its own."""
     child = os.fork()
     if child == 0:
         os.setsid()
-        _tests(folder, room)
+        _tests(folder, tests)
     end = time.monotonic() + limit_s
     while time.monotonic() < end:
         done, status = os.waitpid(child, os.WNOHANG)
@@ -142,7 +168,7 @@ def _passes(folder: Path, room: Room, limit_s: float) -> bool:
     return False
 
 
-def _tests(folder: Path, room: Room) -> None:
+def _tests(folder: Path, tests: Sequence[str]) -> None:
     """Run pytest in this process and end it with the exit code."""
     os.chdir(folder)
     os.environ.setdefault("SYMGEN_DATA", str(ROOT.parent / "shared"))
@@ -156,7 +182,7 @@ def _tests(folder: Path, room: Room) -> None:
     os.dup2(silent, 2)
     import pytest
 
-    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *room.tests]
+    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
     try:
         code = int(pytest.main(words))
     except BaseException:  # a mutant may raise anything, in a plugin or at import

@@ -5,6 +5,8 @@ import pytest
 
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
+from runtime.estimators.regression.coloured_noise import coloured_noise_of
+from runtime.estimators.regression.compression import compress
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.library import Library
@@ -71,6 +73,27 @@ def test_rank_is_that_of_the_motion(
     rubbing[:, np.arange(7), np.arange(7)] = dq
     rubbing = rubbing.reshape(-1, 7)[:, : 7 if friction else 0]
     assert u.rank == _rank(np.hstack([rigid, rubbing])) - (_rank(rubbing) if friction else 0)
+
+
+def test_the_weakest_direction_is_that_of_the_regressor(lib: Library) -> None:
+    """Oracle: least over largest singular value of Y_b, columns of unit length, of a small motion.
+
+    Lengths of columns are far from 1, so that one that is not scaled changes the ratio.
+    """
+    rng = np.random.default_rng(3)
+    q = lib.home + 0.05 * rng.normal(size=(300, 7))
+    dq, ddq = 0.1 * rng.normal(size=(2, 300, 7))
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + 0.05 * rng.normal(size=q.shape)
+    s, weights = Samples(q, dq, ddq, tau, np.zeros((300, 7, 0))), np.ones(7)
+    statistics = compress(lib, s, weights)
+    u = uncertainty_of(
+        lib, s, lib.pi0, np.zeros(0), first_guess=lib.pi0, statistics=statistics,
+        coloured_noise=coloured_noise_of(lib, [s], statistics, weights),
+    )  # fmt: skip
+    rigid = lib.base_regressor(q, dq, ddq).reshape(-1, 43)
+    sizes = np.linalg.svd(rigid / np.linalg.norm(rigid, axis=0), compute_uv=False)
+    # The QR of the compression is exact to 1e-16 of the largest value.
+    assert u.conditioning == pytest.approx(sizes[-1] / sizes[0], rel=1e-9)
 
 
 def test_a_rotor_that_an_inertia_explains_costs_no_rank(lib: Library) -> None:

@@ -7,6 +7,7 @@ from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.descent.descent import Descent
 from runtime.estimators.descent.fit import fit_levenberg, start_of
 from runtime.estimators.descent.newton import _Loss
+from runtime.estimators.methods import METHODS
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.library import Library
@@ -48,3 +49,13 @@ def test_slopes_are_those_of_the_loss(lib, ideal_runs):
         np.testing.assert_allclose(
             (ends[0] - ends[1]) / (2 * h), hessian @ move, atol=1e-5 * np.abs(hessian @ move).max()
         )
+
+
+def test_two_methods_descend_in_two_kinds_of_coordinates(lib, ideal_runs):
+    """Property: lm descends in λ and log-cholesky in its own coordinates, so that traces differ."""
+    problem = noisy_problem(lib, ideal_runs[0], 0)
+    for name, cholesky in (("lm", False), ("log-cholesky", True)):
+        here, other = (fit_levenberg(problem, kind) for kind in (cholesky, not cholesky))
+        trace = METHODS[name].fit(problem).trace
+        assert trace == here.trace
+        assert trace != other.trace

@@ -1,0 +1,5 @@
+"""From a design to a recorded log: drivers that run a motion under guards.
+
+`driver` is the interface, `guards` decide on every sample whether the motion goes on, and
+`virtual_driver` is the robot that is always there.
+"""

@@ -1,0 +1,228 @@
+"""Drivers: how a motion reaches a robot and its samples come back, under guards.
+
+`state()` reads the robot, `stream(trajectory, on_sample, guards)` lets it follow a motion. The loop
+is written here once; an adapter of a robot provides `state`, `exchange` and `stop`. The robot is
+stopped at the first sample that a guard refuses, where no sample arrives, and on any error, Ctrl-C
+included; the samples up to there are kept.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from runtime.errors import SimulationError
+from runtime.excitation import Trajectory
+from runtime.excitation.motion.trajectory import sample_times
+from runtime.library import Array, Library
+from runtime.recording import Recording
+
+START = 0.02
+"""Largest distance from the start of a motion at which it begins [rad, m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One sample of a robot.
+
+    Attributes:
+        t: clock of the robot [s].
+        arrived: clock of the driver when the sample came [s].
+        q, dq, tau: (n,) measured positions, velocities, torques [rad, m; N·m, N].
+    """
+
+    t: float
+    arrived: float
+    q: Array
+    dq: Array
+    tau: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What was commanded before a sample: q_d, dq_d, ddq_d, (n,) each."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Why a motion ended early.
+
+    Attributes:
+        guard: name of the guard, "connection" or "interrupt".
+        sentence: what was expected and what came.
+        seconds: time since the start of the motion, by the clock of the driver [s].
+    """
+
+    guard: str
+    sentence: str
+    seconds: float
+
+
+class Guard(Protocol):
+    """A condition that every sample must fulfil."""
+
+    name: str
+
+    def refusal(self, sample: Sample, reference: Reference) -> str | None:
+        """Sentence on why the motion must stop; None lets it go on.
+
+        Args:
+            sample: newest sample.
+            reference: commanded before it.
+
+        Returns:
+            The sentence, or None.
+        """
+
+
+class NoSampleError(SimulationError):
+    """No sample arrived in time."""
+
+
+@dataclass(slots=True)
+class Streamed:
+    """Samples of one motion, and why it ended early.
+
+    Attributes:
+        samples: in the order of arrival.
+        stop: None for a motion that was completed.
+    """
+
+    samples: list[Sample] = field(default_factory=list)
+    stop: Stop | None = None
+
+    def recording(self, lib: Library, name: str) -> Recording:
+        """The samples as a log.
+
+        Args:
+            lib: library of the robot.
+            name: of the log.
+
+        Returns:
+            Recording with t from 0 on.
+
+        Raises:
+            SimulationError: there is no sample.
+        """
+        if not self.samples:
+            raise SimulationError("expected a log of samples, got none: the robot sent nothing")
+        t = np.array([each.t for each in self.samples])
+        q, dq, tau = (np.array([getattr(s, k) for s in self.samples]) for k in ("q", "dq", "tau"))
+        history = [f"Recorded {len(t)} samples by a driver."]
+        if not (np.diff(t) > 0).all():  # a log needs time that increases
+            t = np.array([each.arrived for each in self.samples])
+            history.append("Time is that of arrival, since the clock of the robot went back.")
+        if self.stop is not None:
+            history.append(f"Stopped by {self.stop.guard}: {self.stop.sentence}.")
+        return Recording(
+            *(t - t[0], q, dq, None, tau),
+            name=name,
+            joint_names=lib.joint_names,
+            history=tuple(history),
+        )
+
+
+class Driver(ABC):
+    """A robot that follows motions.
+
+    Attributes:
+        lib: library of the robot.
+        rate_hz: rate of commands and samples [Hz].
+    """
+
+    def __init__(self, lib: Library, rate_hz: float) -> None:
+        self.lib = lib
+        self.rate_hz = rate_hz
+
+    @abstractmethod
+    def clock(self) -> float:
+        """Clock of the driver [s], which never goes back."""
+
+    @abstractmethod
+    def state(self) -> Sample:
+        """Newest sample of the robot at rest.
+
+        Raises:
+            NoSampleError: none arrived in time.
+        """
+
+    @abstractmethod
+    def exchange(self, reference: Reference) -> Sample:
+        """Command one reference and wait for the next sample.
+
+        Args:
+            reference: of this period.
+
+        Returns:
+            The sample.
+
+        Raises:
+            NoSampleError: none arrived in time.
+        """
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Brake to rest and hold; called once, also where the connection is lost."""
+
+    def stream(
+        self,
+        trajectory: Trajectory,
+        on_sample: Callable[[Sample], None] = lambda _: None,
+        guards: Sequence[Guard] = (),
+    ) -> Streamed:
+        """Let the robot follow a motion.
+
+        Args:
+            trajectory: from rest to rest.
+            on_sample: called with every sample before the guards.
+            guards: asked in this order; the first refusal stops the robot.
+
+        Returns:
+            Samples, and why the motion ended early.
+
+        Raises:
+            SimulationError: the robot is not at the start of the motion.
+        """
+        t = sample_times(trajectory.duration, self.rate_hz)
+        q, dq, ddq, _ = trajectory.at(self.lib, t)
+        self._require_start(q[0])
+        done, start, is_complete = Streamed(), self.clock(), False
+
+        def stopped(guard: str, sentence: str) -> Stop:
+            return Stop(guard, sentence, self.clock() - start)
+
+        try:
+            for k in range(len(t)):
+                reference = Reference(q[k], dq[k], ddq[k])
+                sample = self.exchange(reference)
+                done.samples.append(sample)
+                on_sample(sample)
+                for guard in guards:
+                    sentence = guard.refusal(sample, reference)
+                    if sentence is not None:
+                        done.stop = stopped(guard.name, sentence)
+                        return done
+            is_complete = True
+        except NoSampleError as error:
+            done.stop = stopped("connection", str(error))
+        except KeyboardInterrupt:
+            done.stop = stopped("interrupt", "the user pressed Ctrl-C")
+        finally:
+            if not is_complete:
+                self.stop()
+        return done
+
+    def _require_start(self, start: Array) -> None:
+        away = np.abs(self.state().q - start)
+        if not away.max() <= START:
+            j = int(np.argmax(np.nan_to_num(away, nan=np.inf)))
+            raise SimulationError(
+                f"expected the robot at the start of the motion, and {self.lib.joint_names[j]} is "
+                f"{away[j]:.3g} rad or m away; move it there first"
+            )

@@ -1,0 +1,139 @@
+"""Drivers and guards: what goes wrong stops the virtual robot, and the log up to there is whole."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import read_recording, write_recording
+from runtime.campaign.driver import Sample, Streamed
+from runtime.campaign.guards import KeyGuard, LimitsGuard, usual_guards
+from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
+from runtime.errors import SimulationError
+from runtime.excitation import Trajectory
+from runtime.excitation.trajectory_file import read_trajectory
+from runtime.library import Library
+
+MOTION = Path(__file__).parents[3] / "runtime" / "examples" / "fr3_trajectory.json"
+WITHIN_S = 0.005 + 1e-9
+"""Time from a fault to the stop that is promised, and rounding of the clock."""
+
+
+@pytest.fixture(scope="module")
+def motion(fr3: Library) -> Trajectory:
+    return read_trajectory(MOTION, fr3)
+
+
+def streamed(fr3: Library, motion: Trajectory, fault: PlantedFault | None, **words) -> Streamed:
+    robot = VirtualDriver(fr3, fault=fault, **words)
+    robot.place(motion.home)
+    done = robot.stream(motion, guards=usual_guards(fr3, robot.rate_hz))
+    # Braked: 0.5 s of a controller whose time constant is 1/15 s.
+    assert np.abs(robot.velocity).max() < 0.05
+    return done
+
+
+def require_whole(done: Streamed, folder: Path, fr3: Library) -> None:
+    """The log has every sample up to the stop, in a file too."""
+    assert done.stop is not None
+    log = done.recording(fr3, "stopped")
+    assert len(log.t) == len(done.samples)
+    write_recording(log, folder / "stopped.npz")
+    again = read_recording(folder / "stopped.npz")
+    np.testing.assert_array_equal(again.q, [each.q for each in done.samples])
+    np.testing.assert_array_equal(again.tau, [each.tau for each in done.samples])
+    assert f"Stopped by {done.stop.guard}" in " ".join(log.history)
+
+
+@pytest.mark.parametrize("joint", range(7))
+def test_a_collision_stops_the_robot(
+    fr3: Library, motion: Trajectory, joint: int, tmp_path: Path
+) -> None:
+    """Property: 10 N·m on any joint, of either sign, during a fast motion; within 5 ms."""
+    at = 0.30 + 0.03 * joint
+    done = streamed(
+        fr3, motion, PlantedFault("collision", at, joint, 10.0 * (-1) ** joint), seed=joint
+    )
+    assert done.stop is not None
+    assert done.stop.guard == "external torque"
+    assert fr3.joint_names[joint] in done.stop.sentence
+    assert 0 < done.stop.seconds - at <= WITHIN_S
+    assert len(done.samples) == round(1000 * done.stop.seconds)
+    require_whole(done, tmp_path, fr3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "guard"),
+    [
+        ("stuck", 0.0, {"limits", "external torque", "tracking"}),
+        ("dead", 0.0, {"connection"}),
+        ("clock", 0.5, {"clock"}),
+        ("clock", -0.5, {"clock"}),
+    ],
+)
+def test_other_faults_stop_the_robot(
+    fr3: Library, motion: Trajectory, kind: str, size: float, guard: set[str], tmp_path: Path
+) -> None:
+    """Property: a joint that stops turning, a lost connection, a clock that jumps; within 5 ms."""
+    at = 0.4
+    done = streamed(fr3, motion, PlantedFault(kind, at, 1, size))
+    assert done.stop is not None
+    assert done.stop.guard in guard
+    assert 0 < done.stop.seconds - at <= WITHIN_S
+    require_whole(done, tmp_path, fr3)
+
+
+def test_a_sound_robot_completes_its_motion(fr3: Library, motion: Trajectory) -> None:
+    """Property: no guard refuses free motion; samples come at the rate of the robot."""
+    short = replace(motion, coefficients=0.05 * motion.coefficients, duration=1.5)
+    robot, seen = VirtualDriver(fr3, seed=3), []
+    robot.place(short.home)
+    done = robot.stream(short, seen.append, usual_guards(fr3, robot.rate_hz))
+    assert done.stop is None
+    assert seen == done.samples
+    log = done.recording(fr3, "virtual")
+    np.testing.assert_allclose(np.diff(log.t), 1e-3, atol=1e-9)
+    assert len(log.t) == 1501
+
+
+def test_the_user_stops_the_robot(fr3: Library, motion: Trajectory) -> None:
+    """Property: a key and Ctrl-C at the sample at which they come; the samples are kept."""
+    robot, count = VirtualDriver(fr3), []
+    robot.place(motion.home)
+    done = robot.stream(motion, count.append, [KeyGuard(lambda: len(count) == 20)])
+    assert (done.stop.guard, len(done.samples)) == ("key", 20)
+
+    def interrupted(_: Sample) -> None:
+        raise KeyboardInterrupt
+
+    robot.place(motion.home)
+    done = robot.stream(motion, interrupted)
+    assert (done.stop.guard, len(done.samples)) == ("interrupt", 1)
+
+
+def test_limits(fr3: Library) -> None:
+    """Property: position, velocity, torque and numbers that are not finite, named by joint."""
+    guard, still = LimitsGuard(fr3), np.zeros(7)
+    good = Sample(0.0, 0.0, fr3.home, still, still)
+    assert guard.refusal(good, None) is None
+    for key, j, value, said in (
+        ("q", 3, 0.5, "expected fr3_joint4 in"),
+        ("dq", 0, -2.9, "velocity of fr3_joint1"),
+        ("tau", 6, 13.0, "torque of fr3_joint7"),
+        ("dq", 2, np.nan, "finite velocity of fr3_joint3"),
+    ):
+        values = getattr(good, key).copy()
+        values[j] = value
+        assert said in guard.refusal(replace(good, **{key: values}), None)
+
+
+def test_a_motion_begins_where_the_robot_is(fr3: Library, motion: Trajectory) -> None:
+    """Property: one sentence; the robot does not move."""
+    robot = VirtualDriver(fr3)
+    robot.place(motion.home + 0.1)
+    with pytest.raises(SimulationError, match="expected the robot at the start of the motion"):
+        robot.stream(motion)
+    np.testing.assert_array_equal(robot.velocity, 0)
+    with pytest.raises(SimulationError, match="expected a fault of stuck"):
+        PlantedFault("fire", 0.1)

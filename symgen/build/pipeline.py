@@ -26,6 +26,7 @@ from symgen.build.notes import notes_of
 from symgen.build.request import BuildRequest
 from symgen.build.user_builds import is_recorded, record_build
 from symgen.catalogue import make_catalogue
+from symgen.catalogue.omitted import LONG
 from symgen.chain import Chain, read_chain
 from symgen.documents import json_of
 from symgen.emit import Early, EmittedRobot, emit, ignored
@@ -127,7 +128,8 @@ def _draft(request: BuildRequest) -> _Draft:
 
 def _emitted(request: BuildRequest, draft: _Draft, early: Early = ignored) -> EmittedRobot:
     versions = {"symgen": __version__, "casadi": version("casadi")}
-    robot = emit(request.name, draft.kernels, draft.facts, versions, early)
+    longest = LONG if draft.chain.is_large else None
+    robot = emit(request.name, draft.kernels, draft.facts, versions, early, longest)
     files = robot.files | {f"{request.name}.urdf": draft.chain.urdf}
     files["compile.json"] = _compile_facts(files)
     return EmittedRobot(files, robot.model_hash)

@@ -9,7 +9,7 @@ from symgen.catalogue.bodies import body_kernels
 from symgen.catalogue.control import control_kernels
 from symgen.catalogue.loops import loop_kernels, without_seeds
 from symgen.catalogue.motion import motion_kernels
-from symgen.catalogue.omitted import omitted_kernels
+from symgen.catalogue.omitted import omitted_kernels, shortened
 from symgen.catalogue.passive import passive_kernels
 from symgen.catalogue.safety import safety_kernels
 from symgen.catalogue.trajectory import trajectory_kernels
@@ -50,16 +50,14 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
     """
     base = numeric_base(chain, dynamics.sampled_regressor(chain))
     omitted = omitted_kernels(chain)
-    if chain.floating:
-        free = (*motion_kernels(chain, base), *body_kernels(), *control_kernels(chain))
-        return Catalogue(free, base, omitted)
-    kernels = (
-        *motion_kernels(chain, base),
-        *body_kernels(),
-        *trajectory_kernels(chain, base),
-        *safety_kernels(chain, collision or CollisionModel()),
-        *passive_kernels(chain),
-        *control_kernels(chain),
-        *loop_kernels(chain),
-    )
-    return Catalogue(without_seeds(chain, kernels), base, omitted)
+    kernels = (*motion_kernels(chain, base, omitted), *body_kernels())
+    if not chain.floating:
+        kernels = (
+            *kernels,
+            *trajectory_kernels(chain, base, omitted),
+            *safety_kernels(chain, collision or CollisionModel(), omitted),
+            *passive_kernels(chain),
+        )
+    kernels = (*kernels, *control_kernels(chain, omitted), *loop_kernels(chain))
+    kept, dropped = shortened(chain, without_seeds(chain, kernels))
+    return Catalogue(kept, base, omitted | dropped)

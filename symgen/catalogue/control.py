@@ -3,6 +3,8 @@
 A controller calls them once per period, so that no vector code is compiled for them.
 """
 
+from collections.abc import Container
+
 from symgen.catalogue.units import STATE, state_unit
 from symgen.chain import Chain
 from symgen.kernel import Argument, Kernel, make_kernel
@@ -11,11 +13,12 @@ from symgen.mechanics.inertia import N_PARAMETERS
 from symgen.mechanics.regrouping import regrouped
 
 
-def control_kernels(chain: Chain) -> tuple[Kernel, ...]:
+def control_kernels(chain: Chain, omitted: Container[str] = ()) -> tuple[Kernel, ...]:
     """Return the kernels of computed-torque, adaptive and impedance controllers.
 
     Args:
         chain: n independent joints.
+        omitted: names of kernels that the robot does not get.
 
     Returns:
         Coriolis matrix, regressor of Slotine and Li, Jacobians of the frames, bound of M⁻¹.
@@ -36,6 +39,15 @@ def control_kernels(chain: Chain) -> tuple[Kernel, ...]:
     )
     if chain.floating:
         return (jacobians,)
+    bound = make_kernel(
+        "mobility_bound",
+        {pi_: pi},
+        {Argument("S", (links, links), "d ddq / d tau"): mass_matrix.mobility_bound(chain, pi)},
+        "S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q",
+        rare=True,
+    )
+    if "coriolis_matrix" in omitted:
+        return (jacobians, bound)
     return (
         make_kernel(
             "coriolis_matrix",
@@ -60,11 +72,5 @@ def control_kernels(chain: Chain) -> tuple[Kernel, ...]:
             rare=True,
         ),
         jacobians,
-        make_kernel(
-            "mobility_bound",
-            {pi_: pi},
-            {Argument("S", (links, links), "d ddq / d tau"): mass_matrix.mobility_bound(chain, pi)},
-            "S = B I^-1 B', the inverse of M(q) of all joints is at most S for every q",
-            rare=True,
-        ),
+        bound,
     )

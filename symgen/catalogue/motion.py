@@ -1,5 +1,6 @@
 """Kernels of the robot's motion: torques, regressors, mass matrix, base parameters."""
 
+from collections.abc import Container
 from typing import Any
 
 import casadi as ca
@@ -13,12 +14,15 @@ from symgen.mechanics.inertia import N_PARAMETERS as P
 from symgen.mechanics.regrouping import regrouped
 
 
-def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
+def motion_kernels(
+    chain: Chain, base: BaseParameters, omitted: Container[str] = ()
+) -> tuple[Kernel, ...]:
     """Return the kernels of τ(q, dq, ddq) and its parameters.
 
     Args:
         chain: n independent joints.
         base: n_b base parameters.
+        omitted: names of kernels that the robot does not get.
 
     Returns:
         Kernels whose batches run over time samples.
@@ -96,7 +100,7 @@ def motion_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
             },
             "Y_b with tau = Y_b beta, Eq. 3.11",
         ),
-        *(() if chain.floating else _without_accelerations(chain, base, q_, dq_)),
+        *(() if "momentum_regressor" in omitted else _without_accelerations(chain, base, q_, dq_)),
         make_kernel(
             "base_parameters",
             {pi_once_: pi_once},

@@ -1,9 +1,14 @@
 """Kernels that a robot does not get, each with what to use instead.
 
-The manifest lists them, and the run time answers a call of one with its sentence.
+The manifest lists them, and the run time answers a call of one with its sentence. Straight-line
+code of second derivatives and of regressors grows with the square of the joints; a large robot does
+without kernels that others replace, and gets the largest of the rest without vector code.
 """
 
+from dataclasses import replace
+
 from symgen.chain import Chain
+from symgen.kernel import Kernel
 
 _FIXED = "build the robot without --floating for motions that a fixed base carries out"
 _FREE_BASE = {
@@ -27,6 +32,60 @@ _FREE_BASE = {
 }
 
 
+_PART = "use it on a part of the robot: build with --base and --tip, or --lock"
+_LARGE = {
+    "momentum_regressor": "use base_regressor with differentiated velocities",
+    "energy_regressor": "use base_regressor with differentiated velocities",
+    "regressor_adjoint": _PART,
+    "torque_derivatives": _FREE_BASE["torque_derivatives"],
+    "torque_rate": _FREE_BASE["torque_rate"],
+    "torque_rate_adjoint": _PART,
+    "torque_course": _FREE_BASE["torque_course"],
+    "coriolis_matrix": "use bias_forces for C dq",
+    "slotine_li_regressor": "use regressor",
+}
+
+LONG = 6000
+"""Operations above which a kernel of a large robot has no vector code."""
+_NO_SUMS = {"loss_gradient": "use base_regressor, or a method on compressed data such as map"}
+"""Kernels that exist as vector code only, because a batch adds up their outputs."""
+
+
+def shortened(
+    chain: Chain, kernels: tuple[Kernel, ...]
+) -> tuple[tuple[Kernel, ...], dict[str, str]]:
+    """Kernels of a large robot, the longest without vector code, and those that it does not get.
+
+    Kernels whose length grows with the joints alone keep their vector code, whatever their length.
+
+    Args:
+        chain: of the robot.
+        kernels: all that were written.
+
+    Returns:
+        The kernels, and kernel → what to use instead; both unchanged for other robots.
+    """
+    if not chain.is_large:
+        return kernels, {}
+    sizes = {kernel.name: kernel.operations for kernel in kernels if not kernel.factors}
+    long = {name for name, size in sizes.items() if size > LONG and name in _SQUARE}
+    dropped = {name: instead for name, instead in _NO_SUMS.items() if name in long}
+    kept = []
+    for kernel in kernels:
+        if kernel.name in dropped:
+            continue
+        is_long = bool(long & {kernel.name, *kernel.factors})
+        kept.append(replace(kernel, rare=True) if is_long else kernel)
+    return tuple(kept), dropped
+
+
+_SQUARE = {
+    *("regressor", "base_regressor", "forward_dynamics", "mass_matrix", "loss_gradient"),
+    *("base_parameters", "base_adjoint"),
+}
+"""Kernels whose length grows with the square of the joints."""
+
+
 def omitted_kernels(chain: Chain) -> dict[str, str]:
     """Names of the kernels that this robot does not get.
 
@@ -36,4 +95,5 @@ def omitted_kernels(chain: Chain) -> dict[str, str]:
     Returns:
         Kernel → what to use instead.
     """
-    return dict(_FREE_BASE) if chain.floating else {}
+    large = _LARGE if chain.is_large else {}
+    return large | (_FREE_BASE if chain.floating else {})

@@ -4,6 +4,7 @@ Distance kernels exist only where a robot has proxies. A design spends its time 
 most of these run sample by sample: vector code for them would double the build time.
 """
 
+from collections.abc import Container
 from typing import Any
 
 import casadi as ca
@@ -18,17 +19,21 @@ from symgen.mechanics.inertia import N_PARAMETERS
 from symgen.mechanics.regrouping import regrouped
 
 
-def safety_kernels(chain: Chain, collision: CollisionModel) -> tuple[Kernel, ...]:
+def safety_kernels(
+    chain: Chain, collision: CollisionModel, omitted: Container[str] = ()
+) -> tuple[Kernel, ...]:
     """Return the kernels of all limits of a motion beyond those of q and its derivatives.
 
     Args:
         chain: n independent joints.
         collision: proxies and pairs.
+        omitted: names of kernels that the robot does not get.
 
     Returns:
         Kernels of torques, tip and distances.
     """
-    return (*_torques(chain), _tip(chain), *_distances(chain, collision))
+    torques = () if "torque_rate" in omitted else _torques(chain)
+    return (*torques, _tip(chain), *_distances(chain, collision))
 
 
 def _motion(chain: Chain, count: int) -> tuple[list[Argument], list[Any]]:

@@ -1,5 +1,7 @@
 """Kernels for the design of a motion: bases of trajectories and the adjoint of the regressor."""
 
+from collections.abc import Container
+
 import casadi as ca
 
 from symgen.catalogue.units import STATE, state_unit
@@ -9,12 +11,15 @@ from symgen.mechanics import excitation
 from symgen.mechanics.base_parameters import BaseParameters
 
 
-def trajectory_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]:
+def trajectory_kernels(
+    chain: Chain, base: BaseParameters, omitted: Container[str] = ()
+) -> tuple[Kernel, ...]:
     """Return the kernels that the design of a motion needs beside those of its limits.
 
     Args:
         chain: n independent joints.
         base: n_b base parameters.
+        omitted: names of kernels that the robot does not get.
 
     Returns:
         Kernels of bases and of the regressor's adjoint.
@@ -32,7 +37,7 @@ def trajectory_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]
     q, dq, ddq = motion.values()
     seed_ = Argument("seed", (n, b), "d cost / d Y_b")
     seed = seed_.symbol()
-    return (
+    bases = (
         make_kernel(
             "harmonic_basis",
             {m_: m, t_: t, tf_: tf},
@@ -49,6 +54,11 @@ def trajectory_kernels(chain: Chain, base: BaseParameters) -> tuple[Kernel, ...]
             "point",
             rare=True,
         ),
+    )
+    if "regressor_adjoint" in omitted:
+        return bases
+    return (
+        *bases,
         make_kernel(
             "regressor_adjoint",
             motion | {seed_: seed},

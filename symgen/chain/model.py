@@ -29,6 +29,8 @@ from symgen.chain.normalise import ChainOptions, normalise
 from symgen.chain.parse import parse_with_pinocchio
 from symgen.errors import UrdfError
 
+LARGE = 20
+"""Moving bodies above which a robot is large."""
 MOST_JOINTS = 100
 """Largest number of moving joints; the C code grows with its square."""
 
@@ -104,6 +106,11 @@ class Chain:
     def floating(self) -> bool:
         """Whether the base is free."""
         return self.joints[0].kind == FLOATING
+
+    @property
+    def is_large(self) -> bool:
+        """Whether the robot has so many bodies that code without loops becomes too long."""
+        return len(self.joints) > LARGE
 
     @property
     def single_joints(self) -> tuple[Joint, ...]:

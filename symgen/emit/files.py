@@ -57,6 +57,7 @@ def emit(
     facts: dict[str, Any],
     versions: dict[str, str],
     early: Early = ignored,
+    longest_reference: int | None = None,
 ) -> EmittedRobot:
     """Render all files of a generated folder.
 
@@ -66,6 +67,7 @@ def emit(
         facts: the robot's part of the manifest, JSON-ready.
         versions: tool → version, for the banner and the manifest.
         early: called with reference.c, which depends on no other file.
+        longest_reference: operations above which a kernel is not in reference.c; None: all are.
 
     Returns:
         All files and the hash of the model.
@@ -74,9 +76,16 @@ def emit(
         BuildError: an instruction of a kernel has no C text.
     """
     render = _renderer()
-    reference = reference_code(kernels)
+    referenced = kernels
+    if longest_reference is not None:
+        # Without `torque` the run time does not list the level of this file.
+        referenced = tuple(
+            k for k in kernels if k.operations <= longest_reference and k.name != "torque"
+        )
+    reference = reference_code(referenced)
     context: dict[str, Any] = {"name": name, "kernels": kernels, "versions": versions}
-    reference_c = render("reference.c.jinja2", context | {"reference": reference})
+    shown = {"reference": reference, "kernels": referenced}
+    reference_c = render("reference.c.jinja2", context | shown)
     early("reference.c", reference_c)
     forms = forms_of(name, kernels)
     manifest = {

@@ -42,9 +42,13 @@ def forms_of(robot: str, kernels: tuple[Kernel, ...]) -> Forms:
     whole = [kernel for kernel in kernels if not kernel.factors and kernel.name not in called]
     bodies = {kernel.name: c_body(kernel) for kernel in whole}
     bodies |= {k.name: composed_body(robot, k, by_name) for k in composed}
-    tiles = {kernel.name: tile_program(kernel) for kernel in whole if not kernel.rare}
+    factors = {name for kernel in kernels for name in kernel.factors}
+    # Products need the structure of their factors, even of those without vector code.
+    forms = {k.name: tile_program(k) for k in whole if not k.rare or k.name in factors}
+    tiles = {name: form for name, form in forms.items() if not by_name[name].rare}
     for kernel in composed:  # may call a composition before it
         tiles[kernel.name] = composed_program(robot, kernel, by_name, tiles)
-    products = {k.name: product(k, by_name, tiles) for k in kernels if k.factors}
-    tiles |= {name: product_program(by_name[name], p, tiles) for name, p in products.items()}
+    products = {k.name: product(k, by_name, forms) for k in kernels if k.factors}
+    vector = {name: p for name, p in products.items() if not by_name[name].rare}
+    tiles |= {name: product_program(by_name[name], p, tiles) for name, p in vector.items()}
     return Forms(bodies, tiles, products)

@@ -48,22 +48,23 @@ def programs(
     """
     by_name = {kernel.name: kernel for kernel in kernels}
     chosen = []
-    if by_name.keys() >= _STATISTICS:
+    vectors = tiles.keys()
+    if vectors >= _STATISTICS:
         tables = _statistics(by_name, tiles)
         chosen += [Program("statistics.c", tables), Program("update.c", tables)]
-    if by_name.keys() >= _DESCENT:
+    if by_name.keys() >= _DESCENT and "loss_gradient" in vectors:
         chosen.append(Program("descent.c", _descent(by_name, tiles)))
     if by_name.keys() >= _CONVEX:
         chosen.append(Program("convex.c", _convex(by_name)))
-    if by_name.keys() >= _ONLINE:
+    if by_name.keys() >= _ONLINE and vectors >= _STATISTICS:
         chosen.append(Program("online.c", _online(by_name)))
         chosen.append(Program("example_online.c", _example(facts)))
-    if by_name.keys() >= _EXCITATION:
+    if vectors >= _EXCITATION:
         chosen.append(Program("excitation.c", _excitation(by_name, tiles), ("eigen.h",)))
     if by_name.keys() >= _CLOSED_LOOP and not facts.get("floating"):
         joints = by_name["bias_forces"].outputs[0].size
         chosen.append(Program("closed_loop.c", {"joints": joints}))
-    if by_name.keys() >= _EXAMPLE:
+    if by_name.keys() >= _EXAMPLE and vectors >= _STATISTICS:
         chosen.append(Program("example.c", _example(facts)))
     return tuple(chosen)
 

@@ -69,13 +69,19 @@ def stack_bounds(
     for w in (1, 2, 4, 8):
         tiles[w] = {k.name: _tiles(k, forms.tiles[k.name], w) for k in kernels if not k.rare}
         for name, p in forms.products.items():
+            if by_name[name].rare:
+                continue
             tiles[w][name] += ROW * p.joints * p.links * p.size + tiles[w][p.regressor]
         for name, images in composed.items():
             *maps, last = by_name[name].through
             tiles[w][name] += images + max([tiles[w][last], *(one[called] for called in maps)])
     return StackBounds(
         {k.name: one[k.name] + NUMBER * _arguments(k) for k in kernels},
-        {k.name: _reference(k, reference.bodies[k.name]) for k in kernels},
+        {
+            k.name: _reference(k, reference.bodies[k.name])
+            for k in kernels
+            if k.name in reference.bodies
+        },
         tiles,
     )
 

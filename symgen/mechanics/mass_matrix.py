@@ -85,7 +85,7 @@ def forward_dynamics(
     n = chain.freedom
     m = mass_matrix(chain, q, pi) + ca.diag(rotor)
     x = tau - bias_forces(chain, q, dq, pi)
-    if chain.floating:
+    if chain.floating or chain.is_large:
         # From the tips to the base: branches stay apart, so that L has the zeros of M
         # (Featherstone, Rigid Body Dynamics Algorithms, 2008, Sec. 6.5).
         back = list(reversed(range(n)))

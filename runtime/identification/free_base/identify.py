@@ -37,11 +37,13 @@ class VerticalForce:
         weight: mean of the measured sum [N].
         before: RMS error of the URDF's prediction [N].
         after: RMS error of the identified model's prediction [N].
+        spread: standard deviation of the measured sum, the error of the best constant [N].
     """
 
     weight: float
     before: float
     after: float
+    spread: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -240,6 +242,7 @@ def _vertical(lib: Library, motion: FreeBaseMotion, pi: Array) -> VerticalForce 
         float(measured.mean()),
         float(_rms(predicted(lib.pi0) - measured)),
         float(_rms(predicted(pi) - measured)),
+        float(measured.std()),
     )
 
 

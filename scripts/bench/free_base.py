@@ -1,0 +1,251 @@
+"""Robots with a free base: recovery of virtual bodies, and the vertical forces of a walking iCub.
+
+The logs of Go2 and G1 are computed by Pinocchio (`tests.free_base_logs`): motion, torques and six
+components of every contact wrench, with noise of 1 % of their RMS. iCub's log has vertical forces.
+"""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from runtime.identification.free_base.identify import identify_free_base
+from runtime.library import Library, load, to_pinocchio_order
+from runtime.recording.formats.npz import open_npz
+from runtime.recording.free_base import free_base_of
+from symgen.build.pipeline import build
+from symgen.build.request import BuildRequest
+from symgen.chain import ChainOptions
+from symgen.chain.document import MOVING, Document
+from tests.free_base_logs import virtual_log
+from tests.robots import ONE_LEVEL
+
+NOISE = 0.01
+"""Standard deviation of torques and wrenches over their RMS."""
+CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)
+"""Low-passes of the walking log [Hz]."""
+TRIM_S = 0.3
+"""Rows at either end that are left out of the walking log [s]."""
+_GO2 = tuple(f"{leg}_calf" for leg in ("FL", "FR", "RL", "RR"))
+_G1 = tuple(f"{side}_ankle_roll_link" for side in ("left", "right"))
+ROBOTS = {
+    "Go2": ("go2_description/urdf/go2.urdf", _GO2),
+    "G1": ("g1_description/urdf/g1_29dof_rev_1_0.urdf", _G1),
+}
+"""Robot → URDF of example-robot-data, and the links in contact."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trials:
+    """Recovery of the bodies of one robot over all trials.
+
+    Attributes:
+        robot: its name.
+        joints: number of joints.
+        base_parameters: number of base parameters.
+        rows: choice of rows.
+        trials: number of trials.
+        relative: median of ‖β̂ − β‖/‖β‖.
+        single: median over trials and base parameters of |β̂_i − β_i|/|β_i|.
+        urdf: median of ‖β_URDF − β‖/‖β‖.
+        consistent: share of trials whose links are all strictly consistent.
+        mass_covered: share of trials whose 95 % interval holds the total mass.
+    """
+
+    robot: str
+    joints: int
+    base_parameters: int
+    rows: str
+    trials: int
+    relative: float
+    single: float
+    urdf: float
+    consistent: float
+    mass_covered: float
+
+
+@dataclass(frozen=True, slots=True)
+class Walk:
+    """Vertical forces of the walking iCub at one low-pass, in % of the weight.
+
+    Attributes:
+        cutoff: [Hz].
+        urdf: RMS error of the URDF on the second half.
+        identified: RMS error of the model that was fitted to the first half.
+        constant: standard deviation of the measured sum on the second half.
+        mass, low, high: total mass and its 95 % interval [kg].
+        determined: entries of π that the log determines, of all.
+        entries: number of entries of π.
+    """
+
+    cutoff: float
+    urdf: float
+    identified: float
+    constant: float
+    mass: float
+    low: float
+    high: float
+    determined: int
+    entries: int
+
+
+def library(urdf: str, name: str, folder: Path, locks: dict[str, float] | None = None) -> Library:
+    """Library of a robot with a free base, of one instruction set.
+
+    Args:
+        urdf: text of the URDF.
+        name: of the robot.
+        folder: folder of generated robots.
+        locks: joints that are fixed.
+
+    Returns:
+        The library.
+    """
+    options = ChainOptions(floating=True, locks=locks or {}, snap=1e-4)
+    return load(
+        build(BuildRequest(name, urdf, options, project=True), folder, levels=ONE_LEVEL).folder
+    )
+
+
+def recovery(robot: str, models: Path, folder: Path, trials: int, rows: str = "all") -> Trials:
+    """Trials of one robot of `ROBOTS`.
+
+    Args:
+        robot: its name.
+        models: folder `robots` of example-robot-data.
+        folder: folder of generated robots.
+        trials: number of trials.
+        rows: choice of rows.
+
+    Returns:
+        Medians and shares.
+    """
+    path, feet = ROBOTS[robot]
+    lib = library((models / path).read_text(), robot.lower(), folder)
+    order = np.argsort(to_pinocchio_order(np.arange(10.0)))
+    errors, singles, before, consistent, covered = [], [], [], 0, 0
+    for seed in range(trials):
+        log = virtual_log(lib.urdf(), feet, seed, noise=NOISE)
+        result = identify_free_base(free_base_of(log.arrays, robot), lib, rows)
+        true = log.pi.reshape(-1, 10)[:, order].ravel()
+        beta = lib.base_matrix @ true
+        change = lib.base_matrix @ result.pi - beta
+        errors.append(np.linalg.norm(change) / np.linalg.norm(beta))
+        singles.append(np.abs(change) / np.abs(beta))
+        before.append(np.linalg.norm(lib.base_matrix @ (lib.pi0 - true)) / np.linalg.norm(beta))
+        consistent += result.is_consistent
+        total, sigma = result.mass
+        covered += abs(total - true[::10].sum()) < 1.96 * sigma
+    return Trials(
+        robot,
+        lib.n_joints,
+        len(lib.base_columns),
+        rows,
+        trials,
+        float(np.median(errors)),
+        float(np.median(singles)),
+        float(np.median(before)),
+        consistent / trials,
+        covered / trials,
+    )
+
+
+def walking(data: Path, folder: Path) -> list[Walk]:
+    """iCub: first half of the log for the second half, at several low-passes.
+
+    Args:
+        data: folder of walking.npz and model.urdf.
+        folder: folder of generated robots.
+
+    Returns:
+        One row per low-pass.
+    """
+    log = open_npz((data / "walking.npz").read_bytes(), "walking.npz")
+    urdf = (data / "model.urdf").read_text()
+    document = Document(urdf)
+    still = [
+        name
+        for name in document.joints
+        if document.kind(name) in MOVING and name not in set(map(str, log["joints"]))
+    ]
+    lib = library(urdf, "icub", folder, dict.fromkeys(still, 0.0))
+    arrays = {key: log[key] for key in ("q", "joints", "base_rpy")} | {
+        "t": log["t"] - log["t"][0],
+        "base_position": log["base_pos"],
+        "contact_links": np.array(["l_foot", "r_foot"]),
+        "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
+    }
+    recording = free_base_of(arrays, "walking.npz")
+    rows = []
+    for cutoff in CUTOFFS:
+        result = identify_free_base(
+            recording, lib, "base", cutoff_hz=cutoff, share=0.5, trim_s=TRIM_S
+        )
+        vertical, (mass, sigma) = result.vertical, result.mass
+        if vertical is None:
+            raise RuntimeError("expected vertical forces of both feet in walking.npz")
+        weight = vertical.weight
+        rows.append(
+            Walk(
+                cutoff,
+                100 * vertical.before / weight,
+                100 * vertical.after / weight,
+                100 * vertical.spread / weight,
+                mass,
+                mass - 1.96 * sigma,
+                mass + 1.96 * sigma,
+                sum(verdict == "identified" for verdict in result.verdicts),
+                len(result.verdicts),
+            )
+        )
+    return rows
+
+
+def recovery_table(rows: list[Trials]) -> Table:
+    """Table of `recovery`."""
+    table = Table("robot", title="bodies recovered from virtual logs")
+    heads = ("joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %", "each β %", "URDF %")
+    for head in (*heads, "consistent %", "mass in interval %"):
+        table.add_column(head, justify="right")
+    for r in rows:
+        table.add_row(
+            r.robot, str(r.joints), str(r.base_parameters), r.rows, str(r.trials),
+            f"{100 * r.relative:.3f}", f"{100 * r.single:.3f}", f"{100 * r.urdf:.1f}",
+            f"{100 * r.consistent:.0f}", f"{100 * r.mass_covered:.0f}",
+        )  # fmt: skip
+    return table
+
+
+def walking_table(rows: list[Walk]) -> Table:
+    """Table of `walking`."""
+    table = Table("low-pass Hz", title="iCub walking: error of ΣF_z on the second half")
+    for head in (
+        "URDF %",
+        "identified %",
+        "measured sum, std %",
+        "mass kg",
+        "95 %",
+        "π determined",
+    ):
+        table.add_column(head, justify="right")
+    for r in rows:
+        table.add_row(
+            f"{r.cutoff:g}", f"{r.urdf:.2f}", f"{r.identified:.2f}", f"{r.constant:.2f}",
+            f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}", f"{r.determined} of {r.entries}",
+        )  # fmt: skip
+    return table
+
+
+def facts(recovered: list[Trials], walks: list[Walk]) -> dict[str, Any]:
+    """Everything as JSON.
+
+    Args:
+        recovered: rows of `recovery`.
+        walks: rows of `walking`.
+
+    Returns:
+        JSON-ready facts.
+    """
+    return {"recovery": [asdict(r) for r in recovered], "walking": [asdict(w) for w in walks]}

@@ -7,6 +7,7 @@
 | `.xacro` | `xacro_file` expands it |
 | `.toml` of modified DH rows | `symgen.chain.dh` |
 | MJCF | `mjcf` reads it with MuJoCo |
+| SDF | `sdf`, with the frames of `sdf_frames` |
 | name of a published robot | `published` |
 """
 

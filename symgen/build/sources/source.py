@@ -6,6 +6,7 @@ from pathlib import Path
 
 from symgen.build.sources.mjcf import robot_from_mjcf
 from symgen.build.sources.packages import Packages
+from symgen.build.sources.sdf import robot_from_sdf
 from symgen.build.sources.xacro_file import expanded
 from symgen.chain.dh import robot_from_rows
 from symgen.chain.mechanism import Mechanism
@@ -32,7 +33,7 @@ def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
     """Return the URDF of a robot file, and the mechanism.
 
     Args:
-        source: URDF, xacro, MJCF or TOML of modified DH rows.
+        source: URDF, xacro, MJCF, SDF or TOML of modified DH rows.
         mechanism: that of --mechanism.
 
     Returns:
@@ -59,6 +60,8 @@ def read_source(source: Source, mechanism: Mechanism) -> tuple[str, Mechanism]:
         text = urdf_text(path)
         if "<mujoco" in text and "<robot" not in text:
             text, stated = robot_from_mjcf(path)
+        elif "<sdf" in text and "<robot" not in text:
+            text, stated = robot_from_sdf(text, f"'{path}'")
     choice = Mechanism(independent=mechanism.independent, assembly=mechanism.assembly)
     if stated != Mechanism() and mechanism != choice:
         raise BuildError(

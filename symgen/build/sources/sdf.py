@@ -1,0 +1,213 @@
+"""SDF → URDF, couplings and loops.
+
+The first model of the file is read: links, joints, inertials, limits, damping, friction, mimics.
+The frame of a URDF link is that of the joint that moves it, at the pose of the file. A further
+joint of a link that has one already, and every <loop_joint>, close a loop. Source: SDFormat 1.4–1.11,
+sdformat.org/spec; poses with `relative_to`, axes with `expressed_in`.
+"""
+
+from xml.etree.ElementTree import Element, ParseError, SubElement, indent, tostring
+
+import numpy as np
+import pinocchio
+from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import fromstring
+
+from symgen.build.sources.sdf_frames import Frames, pose_of
+from symgen.chain.coupling import CouplingRow
+from symgen.chain.document import numbers
+from symgen.chain.loop import Loop
+from symgen.chain.mechanism import Mechanism
+from symgen.errors import BuildError
+
+_TREE = {"revolute": "revolute", "continuous": "continuous", "prismatic": "prismatic"}
+_LOOPS = {"continuous": "revolute", "ball": "spherical"}
+"""Type of a joint of SDF → kind of a loop joint; others keep their name."""
+_KINDS = ("revolute", "prismatic", "spherical", "fixed")
+_ENDLESS = 1e15
+"""Limit of SDF, rad or m, above which there is none."""
+
+
+def robot_from_sdf(text: str, where: str) -> tuple[str, Mechanism]:
+    """URDF of an SDF file.
+
+    Args:
+        text: the file.
+        where: its name, for messages.
+
+    Returns:
+        Text of the URDF, couplings of mimics and loop joints.
+
+    Raises:
+        BuildError: not an SDF with one model, or a joint without a counterpart.
+        UrdfError: an attribute is not a number.
+    """
+    model = _model(text, where)
+    frames = Frames(model, where)
+    joints = [*model.findall("joint"), *model.findall("loop_joint")]
+    moved: dict[str, Element] = {}
+    closing = []
+    for joint in joints:
+        child = _end(joint, "child", where)
+        if joint.tag == "loop_joint" or child in moved or child == "world":
+            closing.append(joint)
+        else:
+            moved[child] = joint
+    robot = Element("robot", {"name": model.get("name") or "robot"})
+    places = {name: frames.of(joint.get("name", "")) for name, joint in moved.items()}
+    names = [link.get("name", "") for link in model.findall("link")]
+    if any(_end(joint, "parent", where) == "world" for joint in joints):
+        SubElement(robot, "link", {"name": "world"})
+        places["world"] = pinocchio.SE3.Identity()
+    for link in model.findall("link"):
+        name = link.get("name", "")
+        places.setdefault(name, frames.of(name))
+        element = SubElement(robot, "link", {"name": name})
+        if (inertial := link.find("inertial")) is not None:
+            _add_inertial(element, inertial, places[name].inverse() * frames.of(name), name)
+    rows = []
+    for child, joint in moved.items():
+        parent = _end(joint, "parent", where)
+        _require_link(parent, (*names, "world"), joint, where)
+        _require_link(child, names, joint, where)
+        _add_joint(robot, joint, parent, child, places, frames)
+        rows += _mimic(joint)
+    loops = tuple(_loop(joint, places, frames, where) for joint in closing)
+    indent(robot, space="  ")
+    return tostring(robot, "unicode") + "\n", Mechanism(coupling=tuple(rows), loop=loops)
+
+
+def _model(text: str, where: str) -> Element:
+    try:
+        root = fromstring(text, forbid_dtd=True)
+    except DefusedXmlException:
+        raise BuildError(f"{where} declares a DTD or entities; remove the <!DOCTYPE …>") from None
+    except (ParseError, ValueError) as error:
+        raise BuildError(f"{where} is not well-formed XML ({error}); correct the file") from None
+    model = next(root.iter("model"), None)
+    if root.tag != "sdf" or model is None:
+        raise BuildError(f"{where}: expected an <sdf> with a <model>, got <{root.tag}>")
+    for tag in ("model", "include"):
+        if model.find(tag) is not None:
+            raise BuildError(
+                f"{where} contains a nested <{tag}>, which is not read; write its links and joints "
+                "into the model"
+            )
+    return model
+
+
+def _end(joint: Element, which: str, where: str) -> str:
+    name = (joint.findtext(which) or "").strip()
+    if not name:
+        raise BuildError(
+            f"{where}: joint '{joint.get('name', '')}' has no <{which}>; name the link it connects"
+        )
+    return name
+
+
+def _require_link(
+    name: str, names: tuple[str, ...] | list[str], joint: Element, where: str
+) -> None:
+    if name not in names:
+        raise BuildError(
+            f"{where}: joint '{joint.get('name', '')}' names '{name}', which is not a link of the "
+            f"model; its links are {', '.join(names)}"
+        )
+
+
+def _add_inertial(element: Element, inertial: Element, link: pinocchio.SE3, name: str) -> None:
+    place = link * pose_of(inertial, name)
+    node = SubElement(element, "inertial")
+    _add_origin(node, place)
+    mass = inertial.findtext("mass", "1.0").strip()
+    SubElement(node, "mass", {"value": f"{numbers(mass, 1, f'link {name}: mass')[0]:.17g}"})
+    entries = {}
+    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        default = "1" if key in {"ixx", "iyy", "izz"} else "0"
+        word = inertial.findtext(f"inertia/{key}", default).strip()
+        entries[key] = f"{numbers(word, 1, f'link {name}: {key}')[0]:.17g}"
+    SubElement(node, "inertia", entries)
+
+
+def _add_joint(
+    robot: Element,
+    joint: Element,
+    parent: str,
+    child: str,
+    places: dict[str, pinocchio.SE3],
+    frames: Frames,
+) -> None:
+    name, kind = joint.get("name", ""), joint.get("type", "")
+    if kind != "fixed" and kind not in _TREE:
+        raise BuildError(
+            f"joint '{name}' is of the type '{kind}'; revolute, continuous, prismatic and fixed "
+            "joints can be modelled, others only as <loop_joint>"
+        )
+    element = SubElement(robot, "joint", {"name": name, "type": kind})
+    _add_origin(element, places[parent].inverse() * places[child])
+    SubElement(element, "parent", {"link": parent})
+    SubElement(element, "child", {"link": child})
+    if kind == "fixed":
+        return
+    axis = joint.find("axis")
+    SubElement(element, "axis", {"xyz": _words(frames.axis(joint))})
+    limits = {}
+    for key in ("lower", "upper", "effort", "velocity"):
+        word = None if axis is None else axis.findtext(f"limit/{key}")
+        value = np.inf if word is None else float(numbers(word, 1, f"joint '{name}': {key}")[0])
+        if abs(value) < _ENDLESS and not (key in {"effort", "velocity"} and value < 0):
+            limits[key] = f"{value:.17g}"
+    if kind == "revolute" and not {"lower", "upper"} <= limits.keys():
+        element.set("type", "continuous")
+    if limits:
+        SubElement(element, "limit", {"effort": "0", "velocity": "0"} | limits)
+    damping, friction = (
+        "0" if axis is None else axis.findtext(f"dynamics/{key}", "0")
+        for key in ("damping", "friction")
+    )
+    if float(damping) or float(friction):
+        SubElement(element, "dynamics", {"damping": damping, "friction": friction})
+
+
+def _mimic(joint: Element) -> list[CouplingRow]:
+    """Row x = multiplier (x_leader − reference) + offset."""
+    node = joint.find("axis/mimic")
+    if node is None:
+        return []
+    name, leader = joint.get("name", ""), node.get("joint", "")
+    factor, offset, reference = (
+        float(numbers(node.findtext(key, default), 1, f"joint '{name}': {key}")[0])
+        for key, default in (("multiplier", "1"), ("offset", "0"), ("reference", "0"))
+    )
+    return [CouplingRow(name, {leader: factor}, offset - factor * reference)]
+
+
+def _loop(joint: Element, places: dict[str, pinocchio.SE3], frames: Frames, where: str) -> Loop:
+    name = joint.get("name", "")
+    kind = _LOOPS.get(joint.get("type", ""), joint.get("type", ""))
+    if kind not in _KINDS:
+        raise BuildError(
+            f"{where}: the joint '{name}' closes a loop and is of the type '{kind}'; revolute, "
+            "prismatic, ball and fixed joints can close one"
+        )
+    ends = parent, child = (_end(joint, "parent", where), _end(joint, "child", where))
+    for end in ends:
+        _require_link(end, list(places), joint, where)
+    here = frames.of(name)
+    (a, r_a), (c, r_c) = (
+        (place.translation.tolist(), pinocchio.rpy.matrixToRpy(place.rotation).tolist())
+        for place in (places[end].inverse() * here for end in ends)
+    )
+    axis = (
+        tuple(frames.axis(joint).tolist()) if kind in {"revolute", "prismatic"} else (0.0, 0.0, 1.0)
+    )
+    return Loop(parent, child, tuple(a), tuple(r_a), tuple(c), tuple(r_c), kind, axis)
+
+
+def _add_origin(element: Element, place: pinocchio.SE3) -> None:
+    rpy = pinocchio.rpy.matrixToRpy(place.rotation)
+    SubElement(element, "origin", {"xyz": _words(place.translation), "rpy": _words(rpy)})
+
+
+def _words(values: np.ndarray) -> str:
+    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))

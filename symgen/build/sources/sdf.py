@@ -2,8 +2,8 @@
 
 The first model of the file is read: links, joints, inertials, limits, damping, friction, mimics.
 The frame of a URDF link is that of the joint that moves it, at the pose of the file. A further
-joint of a link that has one already, and every <loop_joint>, close a loop. Source: SDFormat 1.4–1.11,
-sdformat.org/spec; poses with `relative_to`, axes with `expressed_in`.
+joint of a link that has one already, and every <loop_joint>, close a loop. Source: SDFormat 1.4 to
+1.11, sdformat.org/spec; poses with `relative_to`, axes with `expressed_in`.
 """
 
 from xml.etree.ElementTree import Element, ParseError, SubElement, indent, tostring

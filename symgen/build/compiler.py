@@ -151,10 +151,8 @@ class Compilation:
         self._folder, self._compiler = folder, find_compiler()
         _require_levels(wanted)
         self._units: dict[str, list[tuple[str, list[str]]]] = {}
-        spared = {tuple(group["gcc"]) for group in how["groups"]}
-        spared = {
-            flags for flags in spared if _accepts(self._compiler, flags)
-        }  # only GCC accepts them
+        spared = {tuple(group["gcc"]) for group in how["groups"]}  # only GCC accepts them
+        spared = {flags for flags in spared if _accepts(self._compiler, flags)}
         for group in how["groups"]:
             level, is_here = group["level"], group["machine"] in {"", machine()}
             if not is_here or (wanted and level and level not in wanted):
@@ -287,6 +285,20 @@ def _accepts(compiler: tuple[str, ...], flags: Sequence[str]) -> bool:
     """True if the compiler supports all these flags."""
     probe = [*compiler, "-Werror", *flags, "-x", "c", "-E", os.devnull]
     return not flags or subprocess.run(probe, capture_output=True, check=False).returncode == 0
+
+
+def accepts_level(compiler: tuple[str, ...], level: str) -> bool:
+    """Return whether a compiler knows the instruction set of a level.
+
+    Args:
+        compiler: words of its command.
+        level: of this machine.
+
+    Returns:
+        True also for levels without an instruction set.
+    """
+    _, architecture = LEVELS.get(machine(), PORTABLE)[level]
+    return not architecture or _accepts(compiler, [_spelled(f"-march={architecture}", compiler)])
 
 
 def _run(command: tuple[str, ...], folder: Path) -> None:

@@ -11,7 +11,7 @@ import os
 import shlex
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -21,6 +21,7 @@ from typing import Any
 from symgen import __version__
 from symgen.build.compiler import Compilation, Compiled, how_to_compile, sha256_of
 from symgen.build.exchange import replace_folder, require_no_foreign_file
+from symgen.build.expected_cost import ExpectedCost, expected_cost
 from symgen.build.facts import initial_parameters, model_facts
 from symgen.build.notes import notes_of
 from symgen.build.request import BuildRequest
@@ -64,6 +65,7 @@ def build(
     force: bool = False,
     levels: Sequence[str] = (),
     overwrite: bool = False,
+    watch: Callable[[ExpectedCost], None] | None = None,
 ) -> BuildResult:
     """Generate and compile the library of a robot unless it is up to date.
 
@@ -73,6 +75,7 @@ def build(
         force: True rebuilds although nothing changed.
         levels: instruction sets to compile for (`compiler.level_names`); empty: all.
         overwrite: True replaces files of a folder that no build has written.
+        watch: called with the expected cost before anything is compiled.
 
     Returns:
         The folder, whether it was rebuilt, and notes.
@@ -84,6 +87,8 @@ def build(
     if not force and is_current(request, folder, levels):
         return BuildResult(folder, False, ())
     draft = _draft(request)  # before any write: a robot that fails here leaves no trace on disk
+    if watch is not None:
+        watch(expected_cost(draft.kernels, levels))
     with _write_errors(folder):
         root.mkdir(parents=True, exist_ok=True)
         with _lock(root, request.name):

@@ -108,10 +108,25 @@ def build_command(
         list[str] | None,
         typer.Option(
             help="Instruction set to compile for: v4 (AVX-512), v3 (AVX2), v2 (SSE), neon (ARM), "
-            "portable, or casadi (reference code by CasADi); repeatable. Default: all; the best "
-            "that the processor supports is chosen when the library is loaded."
+            "portable, or casadi (reference code by CasADi); repeatable. Default: this processor's "
+            "and portable, for bundled robots all; the best that the processor supports is chosen "
+            "when the library is loaded."
         ),
     ] = None,
+    all_levels: Annotated[
+        bool,
+        typer.Option(
+            "--all-levels",
+            help="Compile every level of this machine, for a library that others will load.",
+        ),
+    ] = False,
+    watch_size: Annotated[
+        bool,
+        typer.Option(
+            "--watch-size",
+            help="Print operations, CPU time and memory to expect before the compilation starts.",
+        ),
+    ] = False,
     force: Annotated[
         bool, typer.Option("--force", help="Rebuild even if the folder is up to date.")
     ] = False,
@@ -121,7 +136,8 @@ def build_command(
     r"""Generate and compile the C library of a robot arm.
 
     Reads a URDF, derives the kernels (torques, regressor, base parameters, derivatives), writes
-    them as C to OUT/NAME/ and compiles one library for all instruction sets of this machine.
+    them as C to OUT/NAME/ and compiles one library: of your own robot for the instruction set of
+    this processor and a portable one, with --all-levels for every one of this machine.
     Nothing is done if the folder is up to date; the files of an earlier build are replaced.
 
     \b
@@ -160,8 +176,10 @@ def build_command(
         )
         source = Source(urdf, read_arguments(arg or []), Packages(tuple(package or ())))
         request = _request_from_urdf(source, name, options, project, config)
+    levels = _levels(level, all_levels, request.name)
     with console.status(f"building {request.name}"):
-        result = build(request, out, force, level or (), overwrite)
+        watch = (lambda cost: say(f"{request.name}: {cost}")) if watch_size else None
+        result = build(request, out, force, levels, overwrite, watch)
     for note in result.notes:
         say(f"note: {note}")
     state = "built" if result.rebuilt else "up to date"
@@ -221,6 +239,17 @@ def clean_command(
         else:
             shutil.rmtree(folder)
         say(f"{folder}: clean")
+
+
+def _levels(chosen: list[str] | None, every: bool, name: str) -> tuple[str, ...]:
+    """Levels to compile; empty means all."""
+    from symgen.build.processor import levels_of_processor
+
+    if chosen and every:
+        raise BuildError("--level and --all-levels both name levels; give one of them")
+    if chosen or every or name in bundled_robots():
+        return tuple(chosen or ())
+    return levels_of_processor()
 
 
 def _changed_request(

@@ -24,6 +24,7 @@ from runtime.cli.log_options import (
     Regressor,
     Run,
     Stream,
+    Symmetric,
 )
 from runtime.cli.overwriting import Overwrite, ResultFolder, require_result_folder
 from runtime.cli.prepared_log import (
@@ -41,6 +42,7 @@ from runtime.estimators.methods import METHODS, chosen_method, require_method
 from runtime.estimators.prior_file import read_prior
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
+from runtime.identification.drive.symmetry import mirrored_joints, with_sides
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
 from runtime.identification.single_log import identify
@@ -100,6 +102,7 @@ def identify_command(
     regressor: Regressor = None,
     delay: Delay = None,
     encoder_bias: EncoderBias = None,
+    symmetric: Symmetric = None,
     split: Parts = None,
     controller: ControllerFile = None,
     stream: Stream = None,
@@ -182,6 +185,7 @@ def identify_command(
         controller
         or delay
         or encoder_bias
+        or symmetric
         or friction == AUTO
         or robust
         or not is_streamable(method, preset)
@@ -190,6 +194,7 @@ def identify_command(
     options = LogOptions(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
     )
+    mirrored_joints(lib.joint_names, tuple(symmetric or ()))  # refused before the fit
     known = None if prior is None else read_prior(prior, lib)
     wanted = Settings(method=method, preset=preset, prior=known, seed=seed, robust=robust)
     settings = settings_for(lib, wanted)
@@ -203,10 +208,10 @@ def identify_command(
             raise IdentificationError(
                 "--controller belongs to one log, but several are given; leave it out"
             )
-        if delay is not None or encoder_bias:
+        if delay is not None or encoder_bias or symmetric:
             raise IdentificationError(
-                "--delay and --encoder-bias belong to one log, but several are given; identify "
-                "each alone, and write torque_delay_s under [preparation] of its recipe"
+                "--delay, --encoder-bias and --symmetric belong to one log, but several are given; "
+                "identify each alone, and write torque_delay_s under [preparation] of its recipe"
             )
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
         finish(result, folder, outputs, agreement)
@@ -247,6 +252,8 @@ def identify_command(
         ),
         drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),
     )
+    if symmetric:
+        result = with_sides(result, tuple(symmetric))
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     finish(result, folder, outputs)
 

@@ -94,6 +94,14 @@ EncoderBias = Annotated[
         "estimates the delay of a commanded torque.",
     ),
 ]
+Symmetric = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="LEFT:RIGHT",
+        help="Compare armature and friction of mirrored joints, whose names differ in these parts, "
+        "such as left:right or FL:FR; repeatable.",
+    ),
+]
 Rate = Annotated[
     float | None,
     typer.Option(

@@ -87,6 +87,7 @@ class Identification(Framed):
         trained: fit to the training part alone, whose errors, loss and gap are reported, where π
             and φ are those of all rows; None where they are those of the training part.
         drive: delay, encoder biases and standard deviations of φ; None where not estimated.
+        symmetric: comparison of mirrored joints; empty where it was not requested.
         is_joined: the training part includes the validation part, which nothing is tuned by.
     """
 
@@ -119,6 +120,7 @@ class Identification(Framed):
     trained: TrainedModel | None = None
     drive: DriveFit | None = None
     is_joined: bool = False
+    symmetric: tuple[Any, ...] = ()
 
     def __repr__(self) -> str:
         source = f"{self.lib.name} from {len(self.train)} samples of {self.train.name!r}"

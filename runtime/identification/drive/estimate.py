@@ -177,6 +177,7 @@ def _certified(
         bias_sigma=step.bias_sigma if request.bias else empty,
         bias_prior=BIAS_PRIOR,
         phi_sigma=step.phi_sigma,
+        phi_covariance=step.phi_covariance,
     )
     return replace(result, drive=drive)
 

@@ -45,6 +45,7 @@ class LinearisedDrive:
         delay_sigma: (m,) [s].
         bias_sigma: (n,) or empty [rad, m].
         phi_sigma: (n, k); NaN where a coefficient is not determined.
+        phi_covariance: of the coefficients of every joint, (n, k, k).
     """
 
     delay_step: Array
@@ -52,6 +53,7 @@ class LinearisedDrive:
     delay_sigma: Array
     bias_sigma: Array
     phi_sigma: Array
+    phi_covariance: Array
 
 
 def bias_columns(lib: Library, samples: Samples, pi: Array) -> Array:
@@ -158,7 +160,13 @@ def linearised(
         delay_sigma=sigma[first : first + m],
         bias_sigma=sigma[first + m :],
         phi_sigma=sigma[len(pi) : first].reshape(n, k),
+        phi_covariance=_blocks(root[len(pi) : first].reshape(n, k, -1)),
     )
+
+
+def _blocks(root: Array) -> Array:
+    """Covariance blocks (n, k, k) from rows of their root, (n, k, r)."""
+    return np.asarray(root @ np.swapaxes(root, 1, 2))
 
 
 def _density(rows: Array, triangle: Array, slope: Array, rest: Array) -> float:

@@ -39,6 +39,7 @@ class DriveFit:
         bias_sigma: (n,) [rad, m].
         bias_prior: standard deviation of the prior of b [rad, m].
         phi_sigma: standard deviations of φ, (n, k).
+        phi_covariance: of the coefficients of every joint, (n, k, k).
     """
 
     delay: Array
@@ -47,6 +48,7 @@ class DriveFit:
     bias_sigma: Array
     bias_prior: float
     phi_sigma: Array
+    phi_covariance: Array
 
     def verdicts(self) -> tuple[str, ...]:
         """Per joint: whether gravity and motion determine the encoder bias."""

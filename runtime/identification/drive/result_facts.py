@@ -15,6 +15,7 @@ def torque_facts(result: Identification) -> dict[str, Any]:
         "control_law": _law_facts(result),
         "current_gains": None if result.train.gains is None else result.train.gains.facts(),
         "delay_s": None if drive is None else drive.delay_facts(),
+        "symmetric": [each.facts() for each in result.symmetric] or None,
         "drive": None if drive is None else drive.facts(joints, result.phi, columns),
     }
 

@@ -53,6 +53,27 @@ TORQUE_KEYS: tuple[Key, ...] = (
         is_optional=True,
     ),
     Key(
+        "symmetric",
+        "list?",
+        "armature and friction of mirrored joints, one table per pair and quantity; null where "
+        "--symmetric was not given",
+        is_optional=True,
+    ),
+    Key("symmetric[].left", "text", "left joint"),
+    Key("symmetric[].right", "text", "right joint"),
+    Key("symmetric[].quantity", "text", "armature or friction"),
+    Key("symmetric[].values", "list", "left and right, per coefficient", "(2, m)"),
+    Key("symmetric[].sigma", "list", "standard deviations", "(2, m)"),
+    Key("symmetric[].distance", "number", "difference in its standard deviations"),
+    Key("symmetric[].agrees", "boolean", "whether it is within the 95 % interval"),
+    Key(
+        "symmetric[].rise",
+        "number?",
+        "error of the held-out torque with exchanged drives over "
+        "that with theirs; null where the sides agree",
+    ),
+    Key("symmetric[].sentence", "text?", "where the sides disagree and why; null where they agree"),
+    Key(
         "drive",
         "list?",
         "drive of every joint; null where the torque is measured and no delay was estimated",

@@ -15,6 +15,7 @@ from runtime.errors import RecordingError, RuntimeFault
 from runtime.files import require_file, values_of
 from runtime.identification.result_schema import read_facts
 from runtime.outputs.report.several_logs import SeveralLogs, read_several_logs
+from runtime.outputs.report.sides import Row, read_sides
 from runtime.outputs.report.uncertainty import ResultUncertainty, read_uncertainty
 from runtime.recording.formats.npz import open_npz
 
@@ -124,6 +125,7 @@ class Result:
     warnings: tuple[str, ...]
     uncertainty: ResultUncertainty | None
     several_logs: SeveralLogs | None
+    sides: tuple[Row, ...]
     provenance: Provenance
     prediction: PredictedTorques
 
@@ -179,6 +181,7 @@ def _result(raw: Mapping[str, Any], folder: Path) -> Result:
         condition_number=_optional(raw, "condition_number"),
         warnings=_texts(raw, "warnings"),
         uncertainty=read_uncertainty(raw["uncertainty"], n, len(raw["links"])),
+        sides=read_sides(raw.get("symmetric")),
         several_logs=read_several_logs(raw["sessions"], len(raw["links"])),
         provenance=_provenance(raw["provenance"] or {}),
         prediction=_prediction(folder / "predictions.npz", n),

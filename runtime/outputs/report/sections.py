@@ -13,6 +13,7 @@ from runtime.outputs.report.layout import ReportTable, Section, Tile
 from runtime.outputs.report.result import Link, Result
 from runtime.outputs.report.result_figures import mass_change, torques
 from runtime.outputs.report.several_logs import several_logs_sections
+from runtime.outputs.report.sides import sides_section
 from runtime.outputs.report.uncertainty import uncertainty_sections
 from runtime.recording.friction import COLUMNS
 
@@ -95,7 +96,7 @@ def sections(result: Result) -> tuple[Section, ...]:
     several = (
         () if result.several_logs is None else several_logs_sections(result.several_logs, links)
     )
-    return (*first, *several, *uncertain, *last)
+    return (*first, *several, *sides_section(result.sides), *uncertain, *last)
 
 
 # --- sections -------------------------------------------------------------------------------

@@ -47,7 +47,7 @@ def test_what_is_written_is_what_the_schema_names(
     facts = json.loads((tmp_path / "result.json").read_text())
     assert facts["format"] == FORMAT == 2
     optional = {key.path for key in KEYS if key.is_optional}
-    lists = ("sessions.", "drive[].", "current_gains[].")
+    lists = ("sessions.", "drive[].", "current_gains[].", "symmetric[].")
     several = {key.path for key in KEYS if key.path.startswith(lists)}
     written = paths_of(facts)
     assert written <= {key.path for key in KEYS}

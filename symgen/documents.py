@@ -12,6 +12,8 @@ LARGEST = 50 * 2**20
 """Largest file that is read, bytes. Robot descriptions have thousands of lines, not millions."""
 LARGEST_TOML = 2**22
 """Largest size of a TOML text that is parsed [characters]."""
+_DIGITS = 19
+"""Largest number of digits of an integer that is read; a double has no room for 400 of them."""
 _KEY_PARTS = 32
 """Largest number of parts of a dotted key; the time to read one grows with their square."""
 _KEY_LENGTH = 1000
@@ -48,7 +50,7 @@ def json_of(path: Path) -> Any:
         ValueError: as for `text_of`, or the text is not JSON.
     """
     try:
-        return json.loads(text_of(path))
+        return json.loads(text_of(path), parse_int=_whole)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
 
@@ -65,9 +67,29 @@ def toml_of(path: Path) -> dict[str, Any]:
         raise ValueError(f"it has more than {LARGEST_TOML >> 20} MiB")
     require_short_keys(text)
     try:
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+    _require_short_integers(tables)
+    return tables
+
+
+def _whole(text: str) -> int:
+    if len(text) > _DIGITS + 1:
+        raise ValueError(f"an integer has more than {_DIGITS} digits")
+    return int(text)
+
+
+def _require_short_integers(tree: Any) -> None:
+    pending = [tree]
+    while pending:
+        value = pending.pop()
+        if isinstance(value, dict):
+            pending += value.values()
+        elif isinstance(value, list):
+            pending += value
+        elif isinstance(value, int) and abs(value) >= 10**_DIGITS:
+            raise ValueError(f"an integer has more than {_DIGITS} digits")
 
 
 def require_short_keys(text: str) -> None:

@@ -7,10 +7,13 @@ import pytest
 
 from symgen.build.config import read_config
 from symgen.build.request import request_from_folder
+from symgen.build.sources import Source, read_source
 from symgen.chain import read_chain
+from symgen.chain.mechanism import Mechanism
 from symgen.cli.common import read_urdf
 from symgen.collision.geometry import read_geometry
-from symgen.errors import CollisionError, SymgenError
+from symgen.documents import json_of
+from symgen.errors import BuildError, CollisionError, SymgenError
 from symgen.inspect import inspect_file
 from tests.conftest import TINY_URDF
 
@@ -102,3 +105,13 @@ def test_only_files_are_read(tmp_path: Path, make) -> None:
     ):
         with pytest.raises(SymgenError, match=r"regular file|not a complete generated folder"):
             read()
+
+
+def test_integers_that_no_double_holds_are_refused(tmp_path: Path) -> None:
+    """Property: 400 digits raise no OverflowError where a length is read."""
+    (tmp_path / "robot.toml").write_text(f'[[link]]\nname = "a"\na = {"9" * 400}\n')
+    with pytest.raises(BuildError, match="more than 19 digits"):
+        read_source(Source(tmp_path / "robot.toml"), Mechanism())
+    (tmp_path / "x.json").write_text("9" * 400)
+    with pytest.raises(ValueError, match="more than 19 digits"):
+        json_of(tmp_path / "x.json")

@@ -5,6 +5,7 @@ only when that command runs. `symgen` and `runtime` never import each other, so 
 named as text. `inspect` exists twice: a model file goes to symgen, a log to runtime.
 """
 
+import os
 import shlex
 import shutil
 import sys
@@ -16,6 +17,7 @@ from importlib import import_module
 from pathlib import Path
 
 from symgen import __version__
+from symgen.completion import SCRIPTS, fitting, words_asked
 
 BUILD, RUN = "symgen.cli", "runtime.cli"
 """Packages of commands: one writes the library of a robot, one uses it."""
@@ -107,13 +109,19 @@ GROUPS: dict[str, tuple[Command, ...]] = {
 def main() -> None:
     """Run `symgen COMMAND …` on `sys.argv`; an unknown command is one sentence and exit code 2."""
     words = sys.argv[1:]
+    if words_asked():
+        print("\n".join(fitting(words, _packages())))
+        return
+    if words[:1] == ["--show-completion"]:
+        _show_completion(words[1:])
+        return
     if not words or words[0] in {"-h", "--help"}:
         print(overview(shutil.get_terminal_size().columns))
         return
     if words[0] == "--version":
         print(f"symgen {__version__}")
         return
-    packages = [c.package for group in GROUPS.values() for c in group if c.name == words[0]]
+    packages = _packages().get(words[0], [])
     if not packages:
         sys.stderr.write(f"symgen: {_unknown(words[0])}\n")
         raise SystemExit(2)
@@ -125,6 +133,27 @@ def main() -> None:
     if len(packages) > 1 and file is not None:
         package = BUILD if is_model(Path(file)) else RUN
     commands_of(package)()
+
+
+def _packages() -> dict[str, list[str]]:
+    """Packages of each command."""
+    packages: dict[str, list[str]] = {}
+    for group in GROUPS.values():
+        for command in group:
+            packages.setdefault(command.name, []).append(command.package)
+    return packages
+
+
+def _show_completion(words: Sequence[str]) -> None:
+    """Print the script of a shell."""
+    shell = words[0] if words else Path(os.environ.get("SHELL", "")).name
+    if shell not in SCRIPTS:
+        sys.stderr.write(
+            f"symgen: expected one of the shells {', '.join(SCRIPTS)}, got {shell or 'none'!r}; "
+            "run: symgen --show-completion bash\n"
+        )
+        raise SystemExit(2)
+    print(SCRIPTS[shell])
 
 
 def overview(width: int) -> str:
@@ -164,6 +193,7 @@ def overview(width: int) -> str:
             "",
             "symgen COMMAND --help describes a command with all its options.",
             "symgen --version prints the version.",
+            "symgen --show-completion prints the script that completes words in your shell.",
         ]
     )
 

@@ -23,6 +23,7 @@ from symgen.console import (
     Command,
     inspected_file,
     is_model,
+    main,
     overview,
 )
 from tests.conftest import REPOSITORY, TINY_URDF
@@ -222,3 +223,50 @@ def test_provenance_names_the_program(script: Path, tmp_path: Path) -> None:
     ran = run(script, "inspect", EXAMPLE, "--json", cwd=tmp_path)
     assert ran.returncode in {0, 1}, ran.stderr
     assert json.loads(ran.stdout)["command"] == f"symgen inspect {EXAMPLE} --json"
+
+
+def completed(words: list[str]) -> list[str]:
+    """What bash offers after these words, by the script that `--show-completion` prints."""
+    line = " ".join(f"'{word}'" for word in ["symgen", *words])
+    call = (
+        f"symgen() {{ '{sys.executable}' -P -c 'from symgen.console import main; main()' \"$@\"; }}"
+        f'\neval "$(symgen --show-completion bash)"\nCOMP_WORDS=({line})\n'
+        f"COMP_CWORD={len(words)}\n_symgen\nprintf '%s\\n' \"${{COMPREPLY[@]}}\"\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    done = subprocess.run(
+        ["/bin/bash", "-c", call], env=environment, capture_output=True, text=True, check=True
+    )
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["pr"], {"predict", "proxies"}),
+        (["identify", "--fri"], {"--friction"}),
+        (["identify", "--friction", "v"], {"viscous"}),
+        (["identify", "--method", "m"], {"map"}),
+        (["identify", "log"], set()),
+    ],
+)
+def test_a_shell_completes(words: list[str], expected: set[str]) -> None:
+    """Oracle: bash itself, with the printed script; files are left to the shell."""
+    offered = set(completed(words))
+    assert expected <= offered
+    assert expected or not offered
+
+
+def test_scripts_of_unknown_shells_are_refused(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Property: one sentence and exit code 2; the shell of the user is taken without a word."""
+    monkeypatch.setattr(sys, "argv", ["symgen", "--show-completion", "tcsh"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2
+    assert "expected one of the shells bash, zsh, fish, got 'tcsh'" in capsys.readouterr().err
+    monkeypatch.setattr(sys, "argv", ["symgen", "--show-completion"])
+    monkeypatch.setenv("SHELL", "/usr/bin/zsh")
+    main()
+    assert capsys.readouterr().out.startswith("#compdef symgen")

@@ -87,6 +87,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command("identify", RUN, "Identify the inertial parameters of a robot from logs."),
         Command("payload", RUN, "Identify mass, centre of mass and inertia of a payload."),
         Command("gains", RUN, "Identify gain and bias of every torque sensor or drive."),
+        Command("fleet", RUN, "Compute the prior of a type of robot from many units of it."),
         Command("compare", RUN, "Compare all identification methods on one log."),
     ),
     "Use a result": (

@@ -72,6 +72,8 @@ class LimitRows:
 
     def by_constraint(self, a: Array) -> list[Array]:
         """Values g per constraint, (R, N) each."""
+        if not self._constraints:  # a long grid of the motion takes a gigabyte for nothing
+            return []
         if not np.array_equal(self._seen[0], a):
             motion = self.motion(a)
             parts = [

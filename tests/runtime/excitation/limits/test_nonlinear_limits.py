@@ -252,3 +252,10 @@ def test_a_home_without_speed_is_reported(lib: Library) -> None:
     home[3] = facts.upper[3] - 0.005
     with pytest.raises(IdentificationError, match=r"'fr3_joint4' its velocity limit.*no speed"):
         require_rest(constraints(lib, home, Safety()), home)
+
+
+def test_without_constraints_no_motion_is_evaluated() -> None:
+    """Property: a grid of an hour takes no memory for the motion where no limit needs it."""
+    rows = LimitRows([], np.zeros(2), np.zeros((5, 3, 4)), half=False)
+    rows.motion = None  # type: ignore[assignment,method-assign]  it is not called
+    assert rows.worst(np.ones((2, 3))) == -1.0

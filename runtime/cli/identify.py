@@ -162,7 +162,7 @@ def identify_command(
     and the output shows how well the other logs predict each of them. Ctrl-C keeps the best
     parameters so far.
     """
-    lib, log = open_robot(robot, yes), logs[0]
+    lib, log = open_robot(robot, yes, takes_free_base=True), logs[0]
     outputs = Outputs(report, save_statistics)
     if lib.manifest.floating:
         unused: dict[str, object] = {"--method": method, "--preset": preset, "--recipe": recipe}

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from runtime.cli.common import program
+from runtime.errors import LibraryError
 from runtime.library import Library, load
 from runtime.library.find import ForeignRobotError, find
 
@@ -16,20 +17,31 @@ Yes = Annotated[
 ]
 
 
-def open_robot(robot: str, yes: bool) -> Library:
+def open_robot(robot: str, yes: bool, takes_free_base: bool = False) -> Library:
     """Load the robot of a command and print on stderr whose it is.
 
     Args:
         robot: name, or path of a generated folder.
         yes: run the code of a folder of the working directory without a question.
+        takes_free_base: the command works on robots with a free base too.
 
     Returns:
         Its library.
 
     Raises:
         ForeignRobotError: it was not built by the user, who did not agree to run its code.
-        LibraryError: it cannot be loaded.
+        LibraryError: it cannot be loaded, or its base is free and the command needs a fixed one.
     """
+    lib = _opened(robot, yes)
+    if lib.manifest.floating and not takes_free_base:
+        raise LibraryError(
+            f"this command needs a robot with a fixed base, and that of '{lib.name}' is free; use "
+            "identify --rows, or build the robot without --floating"
+        )
+    return lib
+
+
+def _opened(robot: str, yes: bool) -> Library:
     try:
         place = find(robot)
     except ForeignRobotError as error:

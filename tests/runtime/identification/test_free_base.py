@@ -2,11 +2,13 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from runtime.errors import RuntimeFault
+from runtime.estimators.prior_file import read_prior
 from runtime.identification.free_base.identify import FreeBaseIdentification, identify_free_base
 from runtime.identification.free_base.rows import rows_of
 from runtime.library import Library, load, to_pinocchio_order
@@ -40,7 +42,7 @@ def without(log: VirtualLog, *keys: str, **more: object) -> dict[str, np.ndarray
 
 
 def identified(
-    lib: Library, arrays: dict[str, np.ndarray], rows: str = "all", **options: float
+    lib: Library, arrays: dict[str, np.ndarray], rows: str = "all", **options: Any
 ) -> FreeBaseIdentification:
     return identify_free_base(free_base_of(arrays, "log"), lib, rows, **options)
 
@@ -150,6 +152,37 @@ def test_command(lib: Library, log: VirtualLog, tmp_path: Path, command: Command
     done = command("identify", path, "--robot", lib.folder, "--friction", "viscous", "--out", out)
     assert done.code == 2
     assert "--friction does not apply to a robot with a free base" in done.err
+
+
+@pytest.mark.parametrize("words", [("inspect", "walk.npz"), ("excite",), ("compare", "walk.npz")])
+def test_other_commands_refuse_a_free_base(
+    lib: Library, log: VirtualLog, tmp_path: Path, command: Command, words: tuple[str, ...]
+) -> None:
+    """Property: exit code 2 and what to use instead."""
+    np.savez(tmp_path / "walk.npz", **log.arrays)
+    done = command(*words, "--robot", lib.folder)
+    assert done.code == 2
+    assert "this command needs a robot with a fixed base" in done.err
+
+
+def test_prior_of_the_base_link(lib: Library, log: VirtualLog, tmp_path: Path) -> None:
+    """Property: a known mass of the base link holds where the log tells only the total mass."""
+    (tmp_path / "prior.toml").write_text("[link.body]\nmass = 7.5\n")
+    prior = read_prior(tmp_path / "prior.toml", lib)
+    still = np.broadcast_to(np.array([0, 0, 1, 0, 0, 0, 1.0]), (60, 7))
+    force = np.tile([40.0, 70.0], (60, 1)) + np.random.default_rng(0).normal(0, 1, (60, 2))
+    arrays = {
+        "t": np.arange(60) / 20.0,
+        "q": np.zeros((60, 3)),
+        "base_pose": still,
+        "contact_links": np.array(FEET),
+        "contact_force_z": force,
+    }
+    free = identified(lib, arrays, "base")
+    held = identified(lib, arrays, "base", prior=prior)
+    assert held.pi[0] == pytest.approx(7.5, abs=0.01)
+    assert abs(free.pi[0] - 7.5) > 0.1
+    assert held.mass[0] == pytest.approx(force.sum(axis=1).mean() / 9.81, rel=0.05)
 
 
 BAD = {

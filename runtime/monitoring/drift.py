@@ -10,7 +10,8 @@ the log. The part is named by the likelihood with unknown noise per joint,
 
     N_eff Σ_j log(‖e_j‖² / ‖e_j − C_h x‖²) − k log N_eff + 2 log prior          (Schwarz 1978)
 
-and the p-value of that hypothesis is multiplied by the number of hypotheses (Bonferroni).
+a single inner link only where it explains clearly more than all base parameters do. The p-value of
+that hypothesis is multiplied by the number of hypotheses (Bonferroni).
 """
 
 import math
@@ -32,6 +33,10 @@ ALPHA = 0.01
 """Corrected p-value below which a robot counts as changed."""
 RANK = 1e-6
 """Singular value of unit columns, relative to the largest, below which a direction is absent."""
+MARGIN = 0.25
+"""Lead of a single inner link over all base parameters, in parts of the difference of their
+penalties, below which the whole model is named. Bodies of 0.3 kg on one link of an ideal arm lead
+by 0.3 to 0.5, the best link of a virtual FR3 whose links all differ by 4 % by 0.2 and less."""
 MOST_ROWS = 4000
 """Rows of a log that are tested, evenly spread."""
 NORMAL_95 = 1.959964
@@ -137,7 +142,7 @@ def verdict_of(
         _tested(each, e, over, spread, n_eff)
         for each in hypotheses(lib, model, saved.pi, recording.t, samples)
     ]
-    ranked = tuple(sorted(tests, key=lambda test: -test.score))
+    ranked = _ranked(tests, n_eff)
     p_value = min(1.0, ranked[0].p_value * len(tests))
     error = 100 * float(np.linalg.norm(rest)) / max(float(np.linalg.norm(samples.tau)), 1e-300)
     return Verdict(
@@ -149,6 +154,22 @@ def verdict_of(
         error,
         ranked,
     )
+
+
+def _ranked(tests: list[Change], n_eff: float) -> tuple[Change, ...]:
+    """Hypotheses by their score, the best first.
+
+    All links of a wrong model differ, and one of them may explain most of it. Where one link is the
+    whole change, its score exceeds that of all base parameters by their larger penalty, less what
+    so many coefficients gain by chance.
+    """
+    ranked = sorted(tests, key=lambda test: -test.score)
+    best, whole = ranked[0], next(test for test in tests if test.group == "model")
+    penalty = (whole.freedom - best.freedom) * math.log(max(n_eff, math.e))
+    if best.group == "links" and best.score - whole.score < MARGIN * penalty:
+        ranked.remove(whole)
+        ranked.insert(0, whole)
+    return tuple(ranked)
 
 
 def _tested(hypothesis: Hypothesis, e: Array, over: Array, spread: Array, n_eff: float) -> Change:

@@ -1,8 +1,7 @@
 """Fleet: 3 s of motion of a new unit with the prior of 20 others, against 20 s without.
 
-The units are virtual FR3s with friction, delay and sensor biases. Links differ by 5 % from those
-of a type, which is 20 % off the URDF, and whose friction coefficients differ by 10 %. The test is a
-third motion of the same unit.
+The units are virtual FR3s with friction, delay and sensor biases. Their links differ by 5 % from
+those of a type, which is 20 % off the URDF. The test is a third motion of the same unit.
 """
 
 from dataclasses import dataclass, replace
@@ -30,8 +29,8 @@ from runtime.simulation.virtual_robot import perturbed, record
 
 Array = NDArray[np.float64]
 
-OF_TYPE, SPREAD, OF_FRICTION = 0.2, 0.05, 0.1
-"""Distance of the type from the URDF, spread of the units, and of their friction."""
+OF_TYPE, SPREAD = 0.2, 0.05
+"""Distance of the type from the URDF, and spread of the units."""
 SHORT_S, PAUSE_S = 3.0, 10.0
 """Length of the short motion, and pause between two motions of a log, s."""
 TERMS = Friction(("viscous", "coulomb", "offset"))
@@ -60,7 +59,7 @@ class FleetTrials:
 
 
 def fleet_trials(
-    lib: Library, designs: tuple[Trajectory, ...], units: int, count: int
+    lib: Library, designs: tuple[Trajectory, ...], units: int, count: int, of_friction: float
 ) -> FleetTrials:
     """Identify a fleet, and new units from short and long motions.
 
@@ -69,6 +68,7 @@ def fleet_trials(
         designs: two training motions; the test motion is their mean.
         units: of the fleet.
         count: number of new units.
+        of_friction: relative spread of the friction coefficients of the units.
 
     Returns:
         Errors on the test motion.
@@ -78,7 +78,9 @@ def fleet_trials(
     centre = perturbed(lib, lib.pi0, OF_TYPE, np.random.default_rng(0))
     known = []
     for u in range(units):
-        log = joined(*(motion(lib, centre, d, u, k) for k, d in enumerate((one, two))))
+        log = joined(
+            *(motion(lib, centre, d, (u, k), of_friction) for k, d in enumerate((one, two)))
+        )
         result = identified(lib, log, None)
         known.append(unit_of(statistics_of(result, f"u{u}"), lib, f"u{u}"))
     fit = fit_fleet(lib, known)
@@ -91,7 +93,10 @@ def fleet_trials(
     consistent = bool((lib.relative_eigenvalues(fit.pi) > 0).all())
     for k in range(count):
         u = units + k
-        logs = [motion(lib, centre, d, u, number) for number, d in enumerate((one, two, other))]
+        logs = [
+            motion(lib, centre, d, (u, number), of_friction)
+            for number, d in enumerate((one, two, other))
+        ]
         long, test = joined(*logs[:2]), samples_of(prepare(logs[2], FILTERED, TERMS, lib=lib), lib)
         start = np.random.default_rng([5, k]).uniform(0, one.duration - SHORT_S)
         short = long.take((long.t >= start) & (long.t < start + SHORT_S), "short")
@@ -104,11 +109,14 @@ def fleet_trials(
     return FleetTrials(fit, rms, consistent)
 
 
-def motion(lib: Library, centre: Array, design: Trajectory, unit: int, number: int) -> Recording:
-    """One log of one unit of the type `centre`."""
+def motion(
+    lib: Library, centre: Array, design: Trajectory, which: tuple[int, int], of_friction: float
+) -> Recording:
+    """One log, by unit and number, of the type `centre`."""
+    unit, number = which
     rng = np.random.default_rng([3, unit])
     usual = settings_of(lib)
-    factors = np.exp(OF_FRICTION * rng.normal(size=(2, lib.n_joints)))
+    factors = np.exp(of_friction * rng.normal(size=(2, lib.n_joints)))
     friction = replace(
         usual.friction,
         coulomb=usual.friction.coulomb * factors[0],

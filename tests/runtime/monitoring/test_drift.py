@@ -1,5 +1,6 @@
 """Drift watch: what was changed is named with its size, and nothing where nothing was."""
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from runtime import Recording, identify, write_recording
 from runtime.excitation import Trajectory
 from runtime.identification.result_file import write_result
 from runtime.library import Library
+from runtime.monitoring.drift import Change, _ranked
 from runtime.recording import Friction, Preparation
 from runtime.simulation import Plant, ideal
 from runtime.simulation.box_payload import Box
@@ -46,6 +48,8 @@ def later_log(
     }
     if change == "payload":
         pi = pi + Box(0.2, (0.0, 0.0, 0.1), (0.05,) * 3, "fr3_link7").pi(lib)
+    if change == "links":
+        pi = pi + Box(0.3, (0.03, 0.0, 0.06), (0.08,) * 3, "fr3_link4").pi(lib)
     if change == "model":
         pi = perturbed(lib, pi, 0.1, np.random.default_rng(3))
     log = ideal(
@@ -67,6 +71,7 @@ CASES = {
     "friction": ("", 20.0, 6.0),
     "payload": ("fr3_link7", 0.2, 0.02),
     "clock": ("", 5.0, 0.8),
+    "links": ("fr3_link4", 0.3, 0.1),
     "model": ("", None, 0.0),
 }
 """Group → place, size that is injected, and four standard deviations of its estimate."""
@@ -93,6 +98,25 @@ def test_a_change_is_named(
     if size is not None:
         assert facts["size"] == pytest.approx(size, abs=tolerance)
         assert facts["interval"][0] < facts["size"] < facts["interval"][1]
+
+
+@pytest.mark.parametrize(("lead", "named"), [(11.0, "model"), (26.0, "model"), (71.0, "links")])
+def test_one_link_of_many_is_not_named_alone(lead: float, named: str) -> None:
+    """Property: the score of a link must exceed that of all base parameters clearly.
+
+    The leads are those of two virtual robots whose links all differ, and of a body on one link.
+    """
+    whole = Change("model", "", 400.0, 43, 0.0, 100.0, None, None, "")
+    link = Change("links", "fr3_link3", 300.0, 10, 0.0, 100.0 + lead, 0.3, (0.2, 0.4), "kg")
+    gain = Change("sensor gain", "fr3_joint1", 20.0, 1, 0.0, 30.0, 5.0, (4.0, 6.0), "%")
+    ranked = _ranked([gain, whole, link], 72.0)
+    assert ranked[0].group == named
+    assert [each.group for each in ranked[1:]] == [
+        "links" if named == "model" else "model",
+        "sensor gain",
+    ]
+    tool = dataclasses.replace(link, group="payload")
+    assert _ranked([gain, whole, tool], 72.0)[0].group == "payload"
 
 
 def test_nothing_is_named_where_nothing_changed(

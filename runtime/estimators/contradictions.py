@@ -6,8 +6,9 @@ torques of the joints fit each other (`regression.gain_test`), and does the resu
 
 from runtime.estimators.convex import Prior, Reduced
 from runtime.estimators.convex.prior_test import LEAST_DENSITY, PriorTest, prior_test
-from runtime.estimators.regression.gain_test import GainTest, gain_test
-from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.friction_test import FrictionTest, friction_test
+from runtime.estimators.regression.gain_test import GainTest, gain_test_of
+from runtime.estimators.regression.score_test import FreeFit
 from runtime.library import Array, Library
 
 SCALE = 3.0
@@ -20,8 +21,7 @@ the prior, is the cause."""
 
 def contradictions_of(
     lib: Library,
-    samples: Samples,
-    weights: Array,
+    fit: FreeFit | None,
     data: Reduced,
     prior: Prior,
     kappa: float,
@@ -32,8 +32,7 @@ def contradictions_of(
 
     Args:
         lib: library of the robot.
-        samples: training samples.
-        weights: 1/s_j² of their residuals, (m,) [1/(N·m)²].
+        fit: least squares of the training samples without a prior; None for rows of power.
         data: least squares over π, friction eliminated.
         prior: inertial prior.
         kappa: trust κ in the prior.
@@ -43,7 +42,7 @@ def contradictions_of(
     Returns:
         One sentence per contradiction; empty where everything fits.
     """
-    gains = gain_test(lib, samples, weights)
+    gains = None if fit is None else gain_test_of(fit)
     test = prior_test(lib, data, prior, kappa, density)
     sentences = []
     if gains is not None and gains.is_contradicted:
@@ -59,6 +58,29 @@ def contradictions_of(
             "data; use map"
         )
     return tuple(sentences)
+
+
+def model_errors_of(lib: Library, fit: FreeFit | None) -> tuple[str, ...]:
+    """Assumptions of the intervals that the residuals contradict.
+
+    Args:
+        lib: library of the robot.
+        fit: least squares of the training samples without a prior; None for rows of power.
+
+    Returns:
+        One sentence per assumption; empty where the residuals are noise.
+    """
+    test = None if fit is None else friction_test(fit)
+    return () if test is None or not test.is_contradicted else (_of_friction(lib, test),)
+
+
+def _of_friction(lib: Library, test: FrictionTest) -> str:
+    return (
+        f"the residuals of {', '.join(test.names(lib))} contain friction that the columns do not "
+        f"describe, a Stribeck peak or friction that grows with the load ({test.excess:.2g} times "
+        "the threshold): the parameters take up a part of it, and their intervals are too narrow; "
+        "compare with --friction auto"
+    )
 
 
 def _of_gains(lib: Library, test: GainTest) -> str:

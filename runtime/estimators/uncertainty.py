@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from runtime.estimators.contradictions import contradictions_of
+from runtime.estimators.contradictions import contradictions_of, model_errors_of
 from runtime.estimators.convex import (
     CAD,
     bodies_of,
@@ -33,6 +33,7 @@ from runtime.estimators.regression.residuals import (
     weights_from,
 )
 from runtime.estimators.regression.samples import Samples
+from runtime.estimators.regression.score_test import free_fit
 from runtime.estimators.type_prior import prior_about
 from runtime.library import Array, Library
 
@@ -80,6 +81,7 @@ class Uncertainty:
         conditioning: weakest over strongest excited direction.
         contradictions: sentences on priors, joints and results that the data contradict.
         information: what the posterior is computed from; None where it was not kept.
+        model_errors: sentences on assumptions of the intervals that the residuals contradict.
     """
 
     root: Array
@@ -97,6 +99,7 @@ class Uncertainty:
     conditioning: float
     contradictions: tuple[str, ...] = ()
     information: Information | None = None
+    model_errors: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"Uncertainty({self.advice()})"
@@ -180,6 +183,8 @@ class Uncertainty:
                 "values of the first guess; record a motion that moves every joint (the command "
                 "excite designs one)"
             )
+        if self.model_errors:
+            return "; ".join(self.model_errors)
         if self.inflation > 2:
             return (
                 f"the residuals are autocorrelated: the effective sample size of {self.n_samples} "
@@ -206,6 +211,7 @@ def uncertainty_of(
     compressed: Callable[[Array], Statistics] | None = None,
     is_most_probable: bool = True,
     centre: Array | None = None,
+    tests: bool = True,
 ) -> Uncertainty:
     """Uncertainty of an identified model, by any method.
 
@@ -224,6 +230,7 @@ def uncertainty_of(
             of other estimates is that of data with a prior of unknown quality.
         centre: centre of the prior of a type of robot, (10 n,), whose κ is that of its units; None
             for the first guess.
+        tests: whether data, prior and result are tested.
 
     Returns:
         Covariance of π, verdict per entry, noise per joint and effective sample size.
@@ -247,8 +254,11 @@ def uncertainty_of(
     if centre is not None:
         reference = pi
     root = np.column_stack([spread.root if is_most_probable else vague, pi - reference])
-    weights = weights_from(noise(rest, lib, phi.size), samples.tau)
-    contradictions = contradictions_of(lib, samples, weights, data, prior, kappa, level, pi)
+    errors: tuple[tuple[str, ...], ...] = (), ()
+    if tests:
+        fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
+        contradictions = contradictions_of(lib, fit, data, prior, kappa, level, pi)
+        errors = contradictions, model_errors_of(lib, fit)
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
@@ -275,8 +285,9 @@ def uncertainty_of(
         rank=rank,
         determined=spread.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
-        contradictions=contradictions,
+        contradictions=errors[0],
         information=Information(statistics, float(level), kappa, prior.centre),
+        model_errors=errors[1],
     )
 
 

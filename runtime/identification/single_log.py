@@ -160,8 +160,12 @@ def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Id
     if result.uncertainty:
         # Errors of the friction model grow with the rows as a contradiction does: the margin of the
         # tests holds for training rows.
-        known = result.uncertainty.contradictions
-        posterior = replace(_uncertainty(whole, fit, result.method, settings), contradictions=known)
+        known = result.uncertainty
+        posterior = replace(
+            _uncertainty(whole, fit, result.method, settings, tests=False),
+            contradictions=known.contradictions,
+            model_errors=known.model_errors,
+        )
     return replace(
         result,
         pi=fit.pi,
@@ -174,7 +178,9 @@ def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Id
     )
 
 
-def _uncertainty(assembly: Assembly, fit: Fit, method: str, settings: Settings) -> Uncertainty:
+def _uncertainty(
+    assembly: Assembly, fit: Fit, method: str, settings: Settings, tests: bool = True
+) -> Uncertainty:
     """Posterior of the fit; κ is that of the inertial prior where it states one."""
     problem, prior = assembly.problem, settings.prior
     lib = problem.lib
@@ -190,6 +196,7 @@ def _uncertainty(assembly: Assembly, fit: Fit, method: str, settings: Settings) 
         compressed=problem.statistics,
         is_most_probable=METHODS[method].is_most_probable,
         centre=None if prior is None else prior.centre,
+        tests=tests,
     )
     if problem.train.equations < lib.n_joints:  # rows of power have no noise of single joints
         samples = samples_of(assembly.parts[0], lib)

@@ -39,7 +39,7 @@ RHO = 0.9
 GAIN, DELAY = 0.02, 0.003
 """Relative standard deviation of wrong gains, and delay of the torque, s."""
 FILTERED = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=100.0)
-DISTRUST = ("do not trust", "autocorrelated")
+DISTRUST = ("do not trust", "too narrow", "autocorrelated")
 """Parts of an advice that state a broken assumption."""
 
 

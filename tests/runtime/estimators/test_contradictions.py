@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from runtime import identify
+from runtime.estimators import uncertainty
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import uncertainty_of
@@ -106,3 +107,43 @@ def test_a_result_short_of_the_data_is_named(lib, trajectories):
     u = uncertainty_of(lib, train, 1.2 * right.pi, right.phi, first_guess=lib.pi0)
     assert TRUST not in u.advice()
     assert "the method stopped short of the data" in u.advice()
+
+
+def gripping(recording: Recording, joints: tuple[int, ...]) -> Recording:
+    """The same log with 0.8 N·m exp(−|dq| / 0.05) sgn dq more on some joints."""
+    tau = recording.tau.copy()
+    dq = recording.dq[:, joints]
+    tau[:, joints] += 0.8 * np.exp(-np.abs(dq) / 0.05) * np.sign(dq)
+    return recording.replace(tau=tau)
+
+
+@pytest.mark.parametrize("method", ["map", "ols"])
+def test_friction_without_a_column_is_named(lib, trajectories, method):
+    """Oracle: a peak of another shape than that of the test, on joint 2."""
+    words = advice(gripping(logged(lib, trajectories[0], 1), (1,)), lib, method)
+    assert TRUST not in words
+    assert "the residuals of fr3_joint2 contain friction" in words
+    assert "intervals are too narrow" in words
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_described_friction_raises_no_alarm(lib, trajectories, seed):
+    """Property: with right columns the test of friction stays below its threshold (20 of 20)."""
+    assert "contain friction" not in advice(logged(lib, trajectories[seed], seed), lib)
+
+
+def test_a_refit_keeps_the_tests_of_the_training_rows(lib, trajectories, monkeypatch):
+    """Property: the fit to all rows is not tested again, and its result has the same sentences."""
+    calls = []
+    tested = uncertainty.free_fit
+
+    def counted(*args):
+        calls.append(len(args[1]))
+        return tested(*args)
+
+    monkeypatch.setattr(uncertainty, "free_fit", counted)
+    log = gripping(logged(lib, trajectories[0], 1), (1,))
+    result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED, refit=True)
+    assert len(calls) == 1
+    assert result.uncertainty.model_errors
+    assert "contain friction" in result.uncertainty.advice()

@@ -1,0 +1,78 @@
+"""Test of the friction columns of a fit against friction that they do not describe.
+
+    τ_j = (Y_b β + F φ)_j + ζ₁ s(dq_j) exp(−(dq_j / v)²) + ζ₂ s(dq_j) |τ̂_j|
+
+The two columns of every joint, a Stribeck peak and friction that grows with the load, are the
+deviations of gears that viscous, Coulomb and offset columns leave in the residual. The fit of the
+inertial parameters takes up a part of them, so that its intervals are too narrow.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from runtime.estimators.regression.score_test import (
+    SIGNIFICANCE,
+    FreeFit,
+    orthonormal,
+    score_test,
+)
+from runtime.library import Array, Library
+
+PEAK, SIGN = 0.15, 0.05
+"""Speed v of the peak and width of the sign s, over the root mean square speed of a joint."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionTest:
+    """Result of the test.
+
+    Attributes:
+        excess: statistic of all joints over the value that it seldom exceeds.
+        joints: excess of the columns of every joint alone, (n,).
+    """
+
+    excess: float
+    joints: Array
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether the residuals contain friction that no column describes."""
+        return self.excess > 1
+
+    def names(self, lib: Library) -> list[str]:
+        """Joints whose own columns are contradicted, or the one with the largest excess."""
+        largest = float(self.joints.max())
+        chosen = np.flatnonzero(self.joints >= min(1.0, largest))
+        return [lib.joint_names[int(k)] for k in chosen]
+
+
+def friction_test(fit: FreeFit) -> FrictionTest | None:
+    """Test the friction columns of a fit.
+
+    Args:
+        fit: least squares with these columns.
+
+    Returns:
+        The test; None where no joint moves, or without noise to compare with.
+    """
+    dq, n = fit.samples.dq, fit.scale.size
+    speed = np.sqrt(np.mean(dq**2, axis=0))
+    moving = speed > 0
+    unit = np.where(moving, speed, 1.0)
+    sign = np.tanh(dq / (SIGN * unit))
+    load = np.abs(fit.predicted.reshape(-1, n))
+    columns = np.zeros((len(dq), n, n, 2))
+    columns[:, range(n), range(n), 0] = sign * np.exp(-((dq / (PEAK * unit)) ** 2))
+    columns[:, range(n), range(n), 1] = sign * load
+    test = score_test(fit, columns[:, :, moving].reshape(len(dq) * n, -1))
+    if test is None:
+        return None
+    joints = np.zeros(n)
+    for k, joint in enumerate(np.flatnonzero(moving)):
+        added = orthonormal(test.columns[:, 2 * k : 2 * k + 2])
+        explained = added.T @ fit.rest
+        quantile = float(chdtri(max(added.shape[1], 1), SIGNIFICANCE))
+        joints[joint] = float(explained @ explained) / test.density / quantile
+    return FrictionTest(test.statistic / test.quantile, joints)

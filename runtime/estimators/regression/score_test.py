@@ -1,0 +1,130 @@
+"""Score test of columns that a linear fit lacks.
+
+    τ = Y_b β + F φ + Z ζ + e,     T = ‖P_Z r‖² / S
+
+r is the residual of the fit without Z, and P_Z projects on what Z adds to the other columns. T is
+χ² with rank P_Z degrees of freedom where ζ = 0, for noise of density S at the frequencies of the
+columns. Every Z that is a function of the motion gives a valid test.
+Source: Breusch & Pagan 1980 for score tests.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
+from runtime.estimators.regression.samples import Samples
+from runtime.library import Array, Library
+
+SIGNIFICANCE = 1e-4
+"""Probability of an alarm where the columns are absent, as in the test of the prior."""
+ROWS = 1500
+"""Samples that determine a gain to a percent or better."""
+RANK_TOLERANCE = 1e-6
+"""Singular value, relative to the largest, below which a direction is absent. The common factor of
+all gains is absent up to rounding × condition of the fit."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreeFit:
+    """Least squares of base parameters and friction without a prior, on evenly spread samples.
+
+    Attributes:
+        samples: the N samples.
+        scale: √w_j that the rows are multiplied by, (n,).
+        basis: orthonormal basis of the weighted columns, (N n, p).
+        predicted: weighted torque of the fit, (N n,).
+        rest: weighted residual, (N n,).
+    """
+
+    samples: Samples
+    scale: Array
+    basis: Array
+    predicted: Array
+    rest: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ScoreTest:
+    """Result of the test of columns Z.
+
+    Attributes:
+        statistic: T.
+        quantile: value that T exceeds with the probability `SIGNIFICANCE` where ζ = 0.
+        density: S, in units of the weights.
+        columns: what Z adds to the other columns, (N n, k).
+    """
+
+    statistic: float
+    quantile: float
+    density: float
+    columns: Array
+
+
+def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
+    """Fit base parameters and friction to about `ROWS` evenly spread samples.
+
+    Args:
+        lib: library of the robot.
+        samples: training samples.
+        weights: diagonal of W, (n,) [1/(N·m)²].
+
+    Returns:
+        The fit; None for rows of power and for data without residual.
+    """
+    if samples.equations < lib.n_joints:
+        return None
+    # Evenly spread rows: S is estimated from their residuals, correlated or not.
+    s = samples.rows(slice(None, None, max(1, len(samples) // ROWS)))
+    scale = np.sqrt(weights)
+    rows = np.concatenate([s.base_rows(lib), s.friction_rows()], axis=2) * scale[:, None]
+    flat, target = rows.reshape(-1, rows.shape[2]), (s.tau * scale).ravel()
+    basis = orthonormal(flat)
+    predicted = basis @ (basis.T @ target)
+    rest = target - predicted
+    if np.linalg.norm(rest) <= RANK_TOLERANCE * np.linalg.norm(target):
+        return None
+    return FreeFit(s, scale, basis, predicted, rest)
+
+
+def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
+    """Test columns that a fit lacks.
+
+    Args:
+        fit: the fit without them.
+        columns: Z, in the units of its weighted torque, (N n, k).
+
+    Returns:
+        The test; None where Z adds no direction, or the data leave no noise to compare with.
+    """
+    added = columns - fit.basis @ (fit.basis.T @ columns)
+    directions = orthonormal(added, np.linalg.norm(columns, axis=0))
+    if not directions.shape[1]:
+        return None
+    explained = directions.T @ fit.rest
+    shape = (len(fit.samples), fit.scale.size)
+    left = (fit.rest - directions @ explained).reshape(shape)
+    whole = np.concatenate([fit.basis, directions], axis=1).reshape(*shape, -1)
+    density = coloured_noise_of_basis([(whole, left)], 1).density
+    if not density > 0:
+        return None
+    quantile = float(chdtri(directions.shape[1], SIGNIFICANCE))
+    return ScoreTest(float(explained @ explained) / density, quantile, density, added)
+
+
+def orthonormal(columns: Array, lengths: Array | None = None) -> Array:
+    """Orthonormal basis of columns, without absent directions.
+
+    Args:
+        columns: (N, k).
+        lengths: units of the columns, (k,); None for their lengths.
+
+    Returns:
+        The basis, (N, at most k).
+    """
+    units = np.linalg.norm(columns, axis=0) if lengths is None else lengths
+    q, upper = np.linalg.qr(columns / np.where(units > 0, units, 1.0))
+    space, sizes, _ = np.linalg.svd(upper)
+    present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)
+    return np.asarray(q @ space[:, : len(sizes)][:, present])

@@ -1,0 +1,123 @@
+"""How often `identify` names a fault of a log, and how often it names one where there is none.
+
+Every trial draws a motion, torque noise and friction model from its number alone. The advice of the
+result is read as a user reads it.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.coverage import FILTERED, LINK, TERMS
+from runtime import Recording, identify
+from runtime.excitation import Trajectory
+from runtime.library import Library
+from runtime.library.parameters import links
+from runtime.simulation import Plant, ideal
+from runtime.simulation.box_payload import Box
+from runtime.simulation.virtual_robot import perturbed
+
+Array = NDArray[np.float64]
+
+NOISE, VISCOUS, COULOMB = 0.05, 0.5, 0.3
+"""Standard deviation of the torque noise [N·m] and friction of every joint [N·m·s, N·m]."""
+SPREAD = 0.1
+"""Spread of the robots about the URDF."""
+GAIN = 1.1
+PEAK, WIDTH = 1.0, 0.1
+"""Stribeck peak [N·m] and its speed [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A fault and the words by which the advice names it.
+
+    Attributes:
+        label: row of the table.
+        words: one of these is in an advice that names the fault.
+        robot: π of the URDF and random numbers → π of the arm, (10 n,).
+        torque: torque and speed (N, n) of the log → the torque that is logged.
+    """
+
+    label: str
+    words: tuple[str, ...]
+    robot: Callable[[Library, np.random.Generator], Array]
+    torque: Callable[[Array, Array], Array] = lambda tau, _: tau
+
+
+def _usual(lib: Library, rng: np.random.Generator) -> Array:
+    return perturbed(lib, lib.pi0, SPREAD, rng)
+
+
+def _loaded(kilograms: float) -> Callable[[Library, np.random.Generator], Array]:
+    def robot(lib: Library, rng: np.random.Generator) -> Array:
+        place = (*(0.02 * rng.normal(size=2)), 0.15)
+        return _usual(lib, rng) + Box(kilograms, place, (0.1, 0.08, 0.06), LINK).pi(lib)
+
+    return robot
+
+
+def _foreign(lib: Library, rng: np.random.Generator) -> Array:
+    """Bodies of the links in reverse order: another arm with the same joints."""
+    return links(_usual(lib, rng))[::-1].ravel()
+
+
+def _gain(joint: int) -> Callable[[Array, Array], Array]:
+    def torque(tau: Array, _: Array) -> Array:
+        return tau * np.where(np.arange(tau.shape[1]) == joint, GAIN, 1.0)
+
+    return torque
+
+
+def _peak(tau: Array, dq: Array) -> Array:
+    return np.asarray(tau + PEAK * np.exp(-np.abs(dq) / WIDTH) * np.sign(dq))
+
+
+ALARM = ("do not trust", "too narrow")
+CASES = (
+    Case("none", ALARM, _usual),
+    *(
+        Case(f"unknown payload of {mass:g} kg", ("the URDF is wrong",), _loaded(mass))
+        for mass in (0.5, 1.0, 3.0)
+    ),
+    *(
+        Case(f"torque gain of joint {k + 1} 10 % off", (f"at fr3_joint{k + 1},",), _usual, _gain(k))
+        for k in range(7)
+    ),
+    Case("torque in mN·m", ("the unit or sign",), _usual, lambda tau, _: 1e3 * tau),
+    Case("bodies of another arm", ("contradict the inert",), _foreign),
+    Case("Stribeck friction without a column", ("contain friction",), _usual, _peak),
+)
+
+
+def alarms(lib: Library, designs: list[Trajectory], count: int) -> Iterator[tuple[str, int, int]]:
+    """Identify `count` logs of every case.
+
+    Args:
+        lib: the FR3.
+        designs: motions of 10 s.
+        count: number of trials.
+
+    Yields:
+        Label of a case, trials whose advice names the fault, and trials whose advice doubts
+        the result.
+    """
+    for case in CASES:
+        words = [_advice(lib, designs[k % len(designs)], case, k) for k in range(count)]
+        named = sum(any(each in text for each in case.words) for text in words)
+        doubted = sum(any(each in text for each in ALARM) for text in words)
+        yield case.label, named, doubted
+
+
+def _advice(lib: Library, motion: Trajectory, case: Case, seed: int) -> str:
+    rng = np.random.default_rng([seed, 11])
+    plant = Plant(case.robot(lib, rng), viscous=VISCOUS, coulomb=COULOMB)
+    run = ideal(lib, motion, plant)
+    noise = NOISE * rng.normal(size=run.tau.shape)
+    tau = case.torque(run.tau + noise, run.required("dq"))
+    log = Recording(t=run.t, q=run.q, dq=run.dq, tau=tau, name="trial")
+    result = identify(log, lib, preparation=FILTERED, friction_columns=TERMS)
+    assert result.uncertainty is not None  # noqa: S101  certify is on
+    return result.uncertainty.advice()

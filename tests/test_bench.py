@@ -238,3 +238,17 @@ def test_coverage_of_intervals() -> None:
     assert min(right.band, right.payload, right.gains) > 0.75
     assert right.named == 0
     assert wrong.named == 1
+
+
+def test_faults_are_named(fr3: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: a trial of every case but the gain of joint 7, which friction takes up."""
+    monkeypatch.syspath_prepend(str(REPOSITORY / "scripts"))
+    from bench.alarms import CASES, alarms
+    from bench.trials import trajectories
+
+    designs = trajectories(REPOSITORY / "scripts" / "bench" / "fr3_trials.json", fr3)
+    rows = {label: (named, doubted) for label, named, doubted in alarms(fr3, designs, 1)}
+    assert len(rows) == len(CASES)
+    assert rows.pop(CASES[0].label) == (0, 0)
+    rows.pop("torque gain of joint 7 10 % off")
+    assert set(rows.values()) == {(1, 1)}

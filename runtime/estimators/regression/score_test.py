@@ -118,7 +118,8 @@ def orthonormal(columns: Array, lengths: Array | None = None) -> Array:
 
     Args:
         columns: (N, k).
-        lengths: units of the columns, (k,); None for their lengths.
+        lengths: of the columns before a part was taken away, (k,), to which a direction is
+            compared as well; None for the present ones.
 
     Returns:
         The basis, (N, at most k).
@@ -126,5 +127,6 @@ def orthonormal(columns: Array, lengths: Array | None = None) -> Array:
     units = np.linalg.norm(columns, axis=0) if lengths is None else lengths
     q, upper = np.linalg.qr(columns / np.where(units > 0, units, 1.0))
     space, sizes, _ = np.linalg.svd(upper)
-    present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)
+    least = 1e-300 if lengths is None else 1.0
+    present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), least)
     return np.asarray(q @ space[:, : len(sizes)][:, present])

@@ -1,0 +1,48 @@
+"""Score test of columns that a fit lacks: χ² distributed without them, and large with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from runtime.estimators.regression.friction_test import friction_test
+from runtime.estimators.regression.gain_test import gain_test
+from runtime.estimators.regression.samples import samples_of
+from runtime.estimators.regression.score_test import free_fit, score_test
+from runtime.library import Library
+from runtime.recording import Recording
+
+DRAWS = 16
+
+
+def test_the_statistic_is_chi_square(lib: Library, noisy: Recording) -> None:
+    """Oracle: mean of χ² with 14 degrees of freedom; 4 standard errors of 16 draws are 5.3."""
+    samples = samples_of(noisy, lib)
+    n, count = lib.n_joints, len(samples)
+    rng = np.random.default_rng(3)
+    columns = rng.normal(size=(count * n, 14))
+    statistics = []
+    for _ in range(DRAWS):
+        drawn = replace(samples, tau=rng.normal(size=(count, n)))
+        test = score_test(free_fit(lib, drawn, np.ones(n)), columns)
+        statistics.append(test.statistic)
+        assert test.density == pytest.approx(1.0, abs=0.15)
+    assert np.mean(statistics) == pytest.approx(14.0, abs=4 * np.sqrt(2 * 14 / DRAWS))
+
+
+def test_columns_of_the_fit_add_nothing(lib: Library, noisy: Recording) -> None:
+    """Property: columns that the fit has already, and joints at rest, are no test."""
+    fit = free_fit(lib, samples_of(noisy, lib), np.ones(lib.n_joints))
+    assert score_test(fit, fit.basis[:, :3]) is None
+    still = replace(fit.samples, dq=0.0 * fit.samples.dq)
+    assert friction_test(replace(fit, samples=still)) is None
+
+
+def test_a_gain_of_a_joint_with_little_torque(lib: Library, noisy: Recording) -> None:
+    """Oracle: a gain of 2 at joint 7, whose torque is a hundredth of that of joint 2."""
+    samples = samples_of(noisy, lib)
+    tau = samples.tau.copy()
+    tau[:, 6] *= 2.0
+    test = gain_test(lib, replace(samples, tau=tau), np.full(lib.n_joints, 400.0))
+    assert test.joint == 6
+    assert test.is_contradicted

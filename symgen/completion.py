@@ -38,7 +38,7 @@ _APPLICATIONS = {
 }
 
 
-def words_asked() -> bool:
+def is_completion() -> bool:
     """Whether a shell asks for words: `VARIABLE` is set."""
     return bool(os.environ.get(VARIABLE))
 

@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 
 from symgen import __version__
-from symgen.completion import SCRIPTS, fitting, words_asked
+from symgen.completion import SCRIPTS, fitting, is_completion
 
 BUILD, RUN = "symgen.cli", "runtime.cli"
 """Packages of commands: one writes the library of a robot, one uses it."""
@@ -110,7 +110,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
 def main() -> None:
     """Run `symgen COMMAND …` on `sys.argv`; an unknown command is one sentence and exit code 2."""
     words = sys.argv[1:]
-    if words_asked():
+    if is_completion():
         print("\n".join(fitting(words, _packages())))
         return
     if words[:1] == ["--show-completion"]:

@@ -19,8 +19,9 @@ from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import Array, Library
 from runtime.recording import Recording
 
-START = 0.02
-"""Largest distance from the start of a motion at which it begins [rad, m]."""
+START = 0.05
+"""Largest distance from the start of a motion at which it begins [rad, m]: friction holds an arm
+without integral action some hundredths away."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ COMMANDS = (
         "excite",
         "predict",
         "simulate",
+        "campaign",
         "reproduce",
         "report",
         "view",

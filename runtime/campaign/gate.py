@@ -1,0 +1,94 @@
+"""The gate before a stage: the certificate at its speed, and the logs recorded so far.
+
+A stage is released where the motion keeps every limit at its speed, the last log has no error that
+`inspect` finds, the identification contradicts neither the prior nor the torque sensors, and the
+last log agrees with the model that was identified without it.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from runtime.excitation import Safety, Trajectory
+from runtime.excitation.proof.certificate import certificate_of
+from runtime.identification.identified import Identification
+from runtime.inspection import ERROR, inspect_log
+from runtime.library import Library
+
+AGREEMENT = 3.0
+"""Largest RMS of the residual of a new log over the RMS of the band that the model states."""
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Decision on a stage.
+
+    Attributes:
+        reasons: sentences on why the stage is refused; empty where it is released.
+        checked: what was checked.
+        agreement: RMS of the residual over that of the band, per joint; None without a model.
+    """
+
+    reasons: tuple[str, ...]
+    checked: tuple[str, ...]
+    agreement: tuple[float, ...] | None = None
+
+    @property
+    def is_released(self) -> bool:
+        """Whether the stage may run."""
+        return not self.reasons
+
+    def to_facts(self) -> dict[str, object]:
+        """JSON-ready content."""
+        return {
+            "released": self.is_released,
+            "reasons": list(self.reasons),
+            "checked": list(self.checked),
+            "agreement": None if self.agreement is None else list(self.agreement),
+        }
+
+
+def released(
+    lib: Library,
+    motion: Trajectory,
+    log: Path | None,
+    model: Identification | None,
+    agreement: tuple[float, ...] | None = None,
+) -> Release:
+    """Decide whether a stage may run.
+
+    Args:
+        lib: library of the robot.
+        motion: of the stage, at its speed.
+        log: recorded last; None before the first one.
+        model: identified from all logs so far; None before the first one.
+        agreement: of the last log with the model before it, of `agreement_of`; None without.
+
+    Returns:
+        Decision with its reasons.
+    """
+    reasons: list[str] = []
+    checked = ["limits at every instant"]
+    certificate = certificate_of(lib, motion, Safety())
+    reasons += [
+        f"the motion uses {100 * use.bound:.4g} % of the limit of {use.kind}"
+        for use in certificate.broken
+    ]
+    if log is not None:
+        checked.append("faults of the last log")
+        errors = inspect_log(log, lib).of_level(ERROR)
+        reasons += [f"{log.name}: {each.sentence}" for each in errors]
+    if model is not None and model.uncertainty is not None:
+        checked.append("contradictions of the identification")
+        reasons += list(model.uncertainty.contradictions)
+    if agreement is not None:
+        checked.append("agreement of the last log with the model before it")
+        worst = int(np.argmax(agreement))
+        if not agreement[worst] <= AGREEMENT:
+            reasons.append(
+                f"the residual of the last log on {lib.joint_names[worst]} is "
+                f"{agreement[worst]:.2g} times the band of the model, where {AGREEMENT:g} is "
+                "allowed; has the load, the friction or a sensor changed?"
+            )
+    return Release(tuple(reasons), tuple(checked), agreement)

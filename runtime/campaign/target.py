@@ -1,0 +1,157 @@
+"""Target of a campaign: which standard deviation must fall below which value.
+
+| target | standard deviation of |
+|---|---|
+| `v=5mNm` | the torque of motions never seen, all joints together [N·m] |
+| `a=1.5%` | the base parameters over their sizes, root mean square |
+| `payload=5g` | the mass of a payload of 1 kg on the identified arm |
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.estimators.uncertainty import Uncertainty
+from runtime.excitation.motion.trajectory import Trajectory
+from runtime.excitation.search.criteria import sizes
+from runtime.excitation.search.information import information
+from runtime.excitation.search.prediction import covariance_of, payload_sigma
+from runtime.excitation.search.unseen_motions import unseen_joints
+from runtime.identification.identified import Identification
+from runtime.library import Array, Library
+from runtime.recording.friction import OFFSET
+
+UNITS = {
+    "v": {"mNm": 1e-3, "Nm": 1.0},
+    "a": {"%": 0.01},
+    "payload": {"g": 1e-3, "kg": 1.0},
+}
+"""Kind of target → unit → its size in SI units."""
+_FORM = re.compile(r"(?P<kind>\w+)=(?P<number>[0-9.]+(e-?[0-9]+)?)(?P<unit>[A-Za-z%]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A target.
+
+    Attributes:
+        text: as the user stated it.
+        kind: "v", "a" or "payload".
+        value: largest standard deviation [N·m, 1, kg].
+        unit: of the text.
+    """
+
+    text: str
+    kind: str
+    value: float
+    unit: str
+
+    def shown(self, value: float) -> str:
+        """A standard deviation in the unit of the target.
+
+        Args:
+            value: [N·m, 1, kg].
+
+        Returns:
+            Text such as "4.2 mNm".
+        """
+        return f"{value / UNITS[self.kind][self.unit]:.3g} {self.unit}"
+
+
+def target_of(text: str) -> Target:
+    """Target from its text.
+
+    Args:
+        text: such as "v=5mNm", "a=1.5%" or "payload=5g".
+
+    Returns:
+        The target.
+
+    Raises:
+        IdentificationError: the text is none.
+    """
+    match = _FORM.fullmatch(text.replace(" ", ""))
+    if match and match["unit"] in UNITS.get(match["kind"], {}):
+        value = float(match["number"]) * UNITS[match["kind"]][match["unit"]]
+        if value > 0:
+            return Target(text, match["kind"], value, match["unit"])
+    raise IdentificationError(
+        f"expected a target such as v=5mNm, a=1.5% or payload=5g, got '{text:.40}'; "
+        "correct --target"
+    )
+
+
+def reached(target: Target, result: Identification, motion: Trajectory, motions: int) -> float:
+    """Standard deviation that a target speaks of, from the posterior of a result.
+
+    Args:
+        target: states which.
+        result: identification with an uncertainty.
+        motion: last motion, with which a payload would be identified.
+        motions: number of such motions so far.
+
+    Returns:
+        Standard deviation [N·m, 1, kg].
+
+    Raises:
+        IdentificationError: the result has no uncertainty.
+    """
+    lib, spread = result.lib, base_covariance(result)
+    if target.kind == "v":
+        seen = np.sum(unseen_joints(lib, motion.home), axis=0)
+        return float(np.sqrt(np.sum(seen * spread)))
+    if target.kind == "a":
+        size = sizes(lib, information(lib))
+        return float(np.sqrt(np.mean(np.diag(spread) / size**2)))
+    noise, rate = torque_noise(result)
+    ten = information(lib, noise, rate, payload=True)
+    return payload_sigma(covariance_of(lib, motion, ten, (OFFSET.name,)))[0] / np.sqrt(motions)
+
+
+def base_covariance(result: Identification) -> Array:
+    """Covariance of β, (n_b, n_b), with the error of the estimate.
+
+    Raises:
+        IdentificationError: the result has no uncertainty.
+    """
+    root = result.lib.base_matrix @ _uncertainty(result).root
+    return np.asarray(root @ root.T)
+
+
+def _uncertainty(result: Identification) -> Uncertainty:
+    if result.uncertainty is None:
+        raise IdentificationError(
+            f"expected a method with an uncertainty, got '{result.method}'; identify with map"
+        )
+    return result.uncertainty
+
+
+def torque_noise(result: Identification) -> tuple[Array, float]:
+    """σ of independent noise that stands for the coloured residuals, and the rate of the rows.
+
+    Returns:
+        (n,) [N·m, N], and rate [Hz].
+
+    Raises:
+        IdentificationError: the result has no uncertainty.
+    """
+    uncertainty = _uncertainty(result)
+    return uncertainty.noise * np.sqrt(max(uncertainty.inflation, 1.0)), result.train.rate_hz
+
+
+def known_before(result: Identification, lib: Library) -> Array:
+    """Information G₀ over β of all logs and the prior of a result.
+
+    Args:
+        result: identification with an uncertainty.
+        lib: library of the robot.
+
+    Returns:
+        (n_b, n_b), symmetric.
+    """
+    spread = base_covariance(result)
+    floor = 1e-12 * np.trace(spread) / len(spread)  # β that the data fix to rounding
+    inverse = np.linalg.inv(spread + floor * np.eye(len(lib.base_columns)))
+    return np.asarray((inverse + inverse.T) / 2)

@@ -1,0 +1,79 @@
+"""`symgen campaign`."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.common import Robot, Seed, say
+from runtime.cli.robot import Yes, open_robot
+from runtime.errors import IdentificationError
+
+NOT_REACHED = 1
+"""Exit code where the time ended before the target was reached."""
+
+
+def campaign_command(
+    target: Annotated[
+        str,
+        typer.Option(metavar="v=5mNm|a=1.5%|payload=5g", help="Standard deviation to reach."),
+    ],
+    robot: Robot = "fr3",
+    yes: Yes = False,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder of all files of the campaign.")
+    ] = Path("results/campaign"),
+    duration: Annotated[float, typer.Option(help="Duration of one motion at full speed, s.")] = 5.0,
+    stages: Annotated[
+        str, typer.Option(metavar="%,%,…", help="Speeds of the stages, percent of full speed.")
+    ] = "10,50,100",
+    most_seconds: Annotated[
+        float, typer.Option(help="Motion time after which no further motion is begun, s.")
+    ] = 600.0,
+    seed: Seed = 0,
+    truth_seed: Annotated[
+        int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
+    ] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
+) -> None:
+    r"""Design, run and identify until a target is reached, on the virtual robot.
+
+    \b
+    symgen campaign --robot fr3 --target v=20mNm --out results/campaign
+    symgen campaign --robot fr3 --target payload=5g --stages 50,100
+
+    Each motion is designed with what is known already, and runs at 10, 50 and 100 % of its speed. A
+    gate releases each stage: the motion keeps every limit, the last log has no error, and it
+    agrees with the model. Guards on every sample stop the robot. Targets: v the torque of motions
+    never seen, a the base parameters over their sizes, payload the mass of a payload of 1 kg.
+
+    Every step is a file in DIR. After Ctrl-C, a refused gate or a stop, the same command continues.
+    Exit code 1: the time ended before the target was reached.
+    """
+    from runtime.campaign.campaign import Plan, run_campaign
+    from runtime.campaign.target import target_of
+    from runtime.campaign.virtual_driver import VirtualDriver
+
+    wanted = target_of(target)
+    plan = Plan(target, duration, _speeds(stages), most_seconds, seed)
+    lib = open_robot(robot, yes)
+    driver = VirtualDriver(lib, seed=seed, truth_seed=truth_seed)
+    outcome = run_campaign(driver, plan, wanted, out, (lambda _: None) if as_json else say)
+    if as_json:
+        facts = asdict(outcome) | {"target": wanted.text, "folder": str(out)}
+        print(json.dumps(facts, indent=1, ensure_ascii=False))
+    else:
+        say(outcome.sentence)
+    if not outcome.is_reached:
+        raise typer.Exit(NOT_REACHED)
+
+
+def _speeds(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise IdentificationError(
+            f"expected speeds in percent with commas, got '{text:.40}'; correct --stages"
+        ) from None

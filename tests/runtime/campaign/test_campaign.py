@@ -1,0 +1,114 @@
+"""Campaigns on the virtual robot: every step is a file, and the same call continues."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import read_recording, write_recording
+from runtime.campaign.campaign import Plan, run_campaign
+from runtime.campaign.driver import Reference, Sample
+from runtime.campaign.gate import released
+from runtime.campaign.target import target_of
+from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
+from runtime.errors import IdentificationError
+from runtime.excitation.search.unseen_motions import unseen_joints
+from runtime.excitation.trajectory_file import read_trajectory, write_motion
+from runtime.identification.saved_result import read_result
+from runtime.library import Library
+from tests.runtime.conftest import Command
+
+MOTION = Path(__file__).parents[3] / "runtime" / "examples" / "fr3_trajectory.json"
+PLAN = Plan("v=2Nm", duration=4.0, stages=(100.0,), most_seconds=4.0)
+
+
+class DeadRobot(VirtualDriver):
+    """A robot that must not move."""
+
+    def exchange(self, reference: Reference) -> Sample:
+        raise AssertionError("the robot was moved")
+
+
+@pytest.fixture
+def folder(fr3: Library, tmp_path: Path) -> Path:
+    """A campaign whose first motion is designed already: searches are tested elsewhere."""
+    motion = read_trajectory(MOTION, fr3)
+    slow = replace(motion, coefficients=0.1 * motion.coefficients, duration=PLAN.duration)
+    write_motion(slow, fr3, tmp_path / "campaign" / "motion-1.json", {})
+    return tmp_path / "campaign"
+
+
+def test_a_campaign_stops_at_a_fault_continues_and_ends(fr3: Library, folder: Path) -> None:
+    """Property: a stopped stage is run again; a campaign that is done moves nothing.
+
+    Oracle: the true error on motions never seen, within four of the stated σ.
+    """
+    target = target_of(PLAN.target)
+    stuck = VirtualDriver(fr3, fault=PlantedFault("collision", 0.5, 1))
+    with pytest.raises(IdentificationError, match=r"log-1-100 was stopped after 0\.50. s by ext"):
+        run_campaign(stuck, PLAN, target, folder)
+    assert 500 <= len(read_recording(folder / "log-1-100.stopped.npz").t) <= 505
+    robot = VirtualDriver(fr3, truth_seed=2)
+    outcome = run_campaign(robot, PLAN, target, folder)
+    assert (outcome.motions, outcome.seconds) == (1, 4.0)
+    again = run_campaign(DeadRobot(fr3), PLAN, target, folder)
+    assert again == outcome
+    saved = read_result(folder / "result-1")
+    seen = np.sum(unseen_joints(fr3, fr3.home), axis=0)
+    error = fr3.base_matrix @ (saved.pi - robot.pi)
+    assert np.sqrt(error @ seen @ error) < 4 * outcome.sigma
+    assert f"| 1 | 4 s | {target.shown(outcome.sigma)} | released |" in (
+        folder / "report.md"
+    ).read_text(encoding="utf-8")
+    with pytest.raises(IdentificationError, match="another robot or with other settings"):
+        run_campaign(robot, replace(PLAN, seed=1), target, folder)
+
+
+def test_the_gate_refuses_a_faulty_log(fr3: Library, tmp_path: Path) -> None:
+    """Property: a sign, named by the inspection of the last log; a residual beyond the band."""
+    design = read_trajectory(MOTION, fr3)
+    motion = replace(design, coefficients=0.1 * design.coefficients)
+    log = read_recording("fr3_simulated")
+    write_recording(log.replace(tau=-log.tau), tmp_path / "log.npz")
+    refused = released(fr3, motion, tmp_path / "log.npz", None)
+    assert not refused.is_released
+    assert "sign" in " ".join(refused.reasons)
+    refused = released(fr3, motion, None, None, (1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0))
+    assert "last log on fr3_joint3 is 9 times the band" in refused.reasons[0]
+    assert released(fr3, motion, None, None).is_released
+    refused = released(fr3, replace(motion, duration=1.0), None, None)
+    assert "% of the limit of acceleration" in " ".join(refused.reasons)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("v=5mNm", 5e-3), ("a=1.5%", 0.015), ("payload=5g", 5e-3), ("v=1Nm", 1.0)]
+)
+def test_targets(text: str, value: float) -> None:
+    """Property: the units of a target, and its text from SI units."""
+    target = target_of(text)
+    assert target.value == pytest.approx(value, rel=1e-12)
+    assert target.shown(value).replace(" ", "") == text.partition("=")[2]
+
+
+def test_bad_input(command: Command, fr3: Library, tmp_path: Path) -> None:
+    """Property: one sentence, exit code 2, nothing written."""
+    for words, said in (
+        (("--target", "v=5"), "expected a target such as v=5mNm"),
+        (("--target", "v=5mNm", "--stages", "100,10"), "expected rising speeds"),
+        (("--target", "v=5mNm", "--stages", "fast"), "expected speeds in percent"),
+    ):
+        ran = command("campaign", "--robot", fr3.folder, *words, "--out", "c")
+        assert ran.code == 2
+        assert said in ran.err
+        assert not (tmp_path / "c").exists()
+
+
+def test_the_command_without_time(command: Command, fr3: Library, tmp_path: Path) -> None:
+    """Property: JSON and exit code 1 where no motion fits into the time."""
+    words = ("--target", "a=1%", "--most-seconds", "1", "--out", "c", "--json")
+    ran = command("campaign", "--robot", fr3.folder, *words)
+    assert ran.code == 1
+    facts = json.loads(ran.out)
+    assert (facts["is_reached"], facts["motions"]) == (False, 0)

@@ -82,7 +82,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command("excite", RUN, "Design an excitation motion within all limits of a robot."),
         Command("predict", RUN, "Predict the accuracy that a motion or a log allows."),
         Command("simulate", RUN, "Simulate the log of a robot with known parameters."),
-        Command("campaign", RUN, "Design, run and identify until a target is reached."),
+        Command(
+            "campaign",
+            RUN,
+            "Design, run and identify until a target is reached, on the virtual robot.",
+        ),
     ),
     "Identify": (
         Command("identify", RUN, "Identify the inertial parameters of a robot from logs."),

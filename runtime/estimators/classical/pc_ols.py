@@ -183,7 +183,9 @@ class _Cones:
         scale = np.tile(pi_from_parts(1.0, LENGTH, LENGTH**2), lib.n_links)
         self._factor = statistics.over_pi()
         friction = np.linalg.norm(self._factor[:, scale.size :], axis=0)
-        typical = np.median(np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0))
+        sizes = np.linalg.norm(self._factor[:, : scale.size] * scale, axis=0)
+        # Of a single joint most columns are 0; of arms the median counts all of them.
+        typical = np.median(sizes) or np.median(sizes[sizes > 0])
         self._lib = lib
         self._scale = np.concatenate([scale, typical / np.where(friction > 0, friction, typical)])
         self._statistics = statistics

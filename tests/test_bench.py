@@ -65,6 +65,17 @@ def test_build_stages_add_up(build: Any) -> None:
     assert 0 < build["again"] < build["total"]
 
 
+def test_start_is_compared_with_libraries(home: Path) -> None:
+    """Property: ratios are those of the times; every row of the table has its goal."""
+    rows = script("bench_start", "--rounds", "1", "--imports", home=home)
+    assert [row["work"] for row in rows] == ["import runtime", "symgen --help"]
+    for row in rows:
+        assert row["value"] == pytest.approx(row["seconds"] / row["peer"])
+        assert row["goal"] > 1
+    # The names of the package are imported at their first use: half of what NumPy needs, at most.
+    assert rows[0]["value"] < 0.5
+
+
 def test_a_build_from_nothing_needs_an_empty_folder(home: Path, build: Any) -> None:
     command = [sys.executable, str(REPOSITORY / "scripts" / "bench_build"), "--out", str(home)]
     run = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -8,6 +8,7 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
+from runtime.cli.budget import Budget, budget_notes
 from runtime.cli.carry import CARRY
 from runtime.cli.certificate_table import (
     certificate_headline,
@@ -63,6 +64,7 @@ def excite_command(
     duration: Annotated[float, typer.Option(help="Duration t_f of the motion, s.")] = 10.0,
     harmonics: Annotated[int | None, typer.Option(help=HARMONICS_HELP)] = None,
     starts: Annotated[int, typer.Option(help="Number of searches, each from a random start.")] = 5,
+    budget: Budget = None,
     processes: Annotated[
         int | None,
         typer.Option(
@@ -287,6 +289,7 @@ def excite_command(
                 margin=used,
             ),
             progress=report,
+            budget=budget,
             processes=processes if processes is not None else side_by_side,
             scheduler=scheduler,
         )
@@ -301,7 +304,10 @@ def excite_command(
 
         written += write_pictures(profile_of(motion), path.with_suffix(".png"))
     print_design(optimum, expected, len(lib.base_columns), note)
-    for sentence in design_notes(lib, duration, optimum.trajectory.duration):
+    for sentence in (
+        *budget_notes(budget, len(optimum.conditions), starts),
+        *design_notes(lib, duration, optimum.trajectory.duration),
+    ):
         say(sentence)
     stages = {100 * share: at_speed(motion, share) for share in speeds}
     for percent, stage in stages.items():

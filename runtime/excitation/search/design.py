@@ -1,5 +1,6 @@
 """The best of several starts and of their variations, inside the limits at 1 kHz."""
 
+import time
 from collections.abc import Callable, Generator
 from contextlib import closing
 from dataclasses import dataclass
@@ -64,6 +65,7 @@ def design(
     progress: Callable[[int, float, float], None] | None = None,
     processes: int = 1,
     scheduler: str | None = None,
+    budget: float | None = None,
     **keywords: Any,
 ) -> Design:
     """Best motion of several searches from random admissible starts.
@@ -79,6 +81,9 @@ def design(
         scheduler: address of a dask scheduler, such as tcp://host:8786, whose workers search
             instead of `processes`; they need this package and the robot's folder under the same
             path.
+        budget: time for starts and variations [s]: after the first, a further one is waited for
+            only if the mean time per search so far still fits. The best one is finished after
+            that. None searches to the end. With a budget the design depends on the machine.
         **keywords: single options of `DesignSettings`, which replace those of `settings`:
             duration, harmonics, starts, seed, home, criterion, basis, information, safety, margin.
 
@@ -87,9 +92,12 @@ def design(
 
     Raises:
         IdentificationError: options or home position make no trajectory, limits leave no room
-            for one; a process died, or there is no cluster.
+            for one; the budget is not positive; a process died, or there is no cluster.
     """
+    begin = time.monotonic()
     settings = settings_from(settings, keywords)
+    if budget is not None and not budget > 0:
+        raise IdentificationError(f"expected a budget above 0 s, got {budget:g}; give more seconds")
     if processes < 1:
         raise IdentificationError(f"a search needs at least one process, got {processes}")
     rest = lib.home if settings.home is None else np.asarray(settings.home, dtype=float)
@@ -110,6 +118,9 @@ def design(
                 if progress is not None:
                     best = min(value for value, _ in ended.values())
                     progress(len(ended), float(np.exp(value)), float(np.exp(best)))
+                spent = time.monotonic() - begin
+                if budget is not None and spent + spent / len(ended) > budget:
+                    break
     except KeyboardInterrupt:
         if not ended:
             raise

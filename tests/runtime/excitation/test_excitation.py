@@ -305,6 +305,24 @@ def test_interrupting_keeps_the_best_start(lib: Library) -> None:
     assert np.array_equal(kept.trajectory.coefficients, complete.trajectory.coefficients)
 
 
+def test_a_budget_ends_the_search(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Property: searches of 10 s each in 35 s are three; the first one is always made."""
+    clock = [0.0]
+    monkeypatch.setattr("runtime.excitation.search.design.time.monotonic", lambda: clock[0])
+
+    def later(*_: float) -> None:
+        clock[0] += 10.0
+
+    for budget, count in ((35.0, 3), (1.0, 1)):
+        clock[0] = 0.0
+        made = design(lib, duration=4.0, harmonics=2, starts=9, progress=later, budget=budget)
+        assert len(made.conditions) == count
+    complete = design(lib, duration=4.0, harmonics=2, starts=1)
+    assert np.array_equal(made.trajectory.coefficients, complete.trajectory.coefficients)
+    with pytest.raises(IdentificationError, match="expected a budget above 0 s, got -1"):
+        design(lib, duration=4.0, harmonics=2, starts=1, budget=-1.0)
+
+
 def test_interrupting_before_the_first_start(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
     """Property: with nothing to keep, the interruption passes on."""
 

@@ -23,7 +23,7 @@ SIZES = ((1400, 900), (400, 800))
 EXCESS = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 OF_SCRIPTS = {
     f"--{name}" for name in ("update", "goals", "designs", "joints", "serve", "notebooks")
-} | {f"--{name}" for name in ("count", "designs", "first", "kind", "help")}
+} | {f"--{name}" for name in ("count", "designs", "first", "kind", "log", "help")}
 """Options of the programs in scripts/ that pages name."""
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 """Colours of a terminal."""

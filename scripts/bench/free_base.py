@@ -4,6 +4,7 @@ The logs of Go2 and G1 are computed by Pinocchio (`tests.free_base_logs`): motio
 components of every contact wrench, with noise of 1 % of their RMS. iCub's log has vertical forces.
 """
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -174,7 +175,7 @@ def walking(data: Path, folder: Path) -> list[Walk]:
     arrays = {key: log[key] for key in ("q", "joints", "base_rpy")} | {
         "t": log["t"] - log["t"][0],
         "base_position": log["base_pos"],
-        "contact_links": np.array(["l_foot", "r_foot"]),
+        "contact_links": np.array(["l_ankle_2", "r_ankle_2"]),
         "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
     }
     recording = free_base_of(arrays, "walking.npz")
@@ -203,39 +204,55 @@ def walking(data: Path, folder: Path) -> list[Walk]:
     return rows
 
 
+_RECOVERY = ("robot", "joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %", "URDF %", "consistent %",
+             "total mass in its 95 % interval, %")  # fmt: skip
+_WALK = ("low-pass Hz", "URDF %", "identified %", "best constant %", "mass kg", "95 % interval")
+
+
+def _recovery_cells(r: Trials) -> tuple[str, ...]:
+    sizes = (r.robot, str(r.joints), str(r.base_parameters), r.rows, str(r.trials))
+    errors = (f"{100 * r.relative:.3f}", f"{100 * r.urdf:.1f}")
+    return (*sizes, *errors, f"{100 * r.consistent:.0f}", f"{100 * r.mass_covered:.0f}")
+
+
+def _walk_cells(r: Walk) -> tuple[str, ...]:
+    errors = (f"{r.urdf:.2f}", f"{r.identified:.2f}", f"{r.constant:.2f}")
+    return (f"{r.cutoff:g}", *errors, f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}")
+
+
 def recovery_table(rows: list[Trials]) -> Table:
     """Table of `recovery`."""
-    table = Table("robot", title="bodies recovered from virtual logs")
-    heads = ("joints", "β", "rows", "trials", "‖Δβ‖/‖β‖ %", "each β %", "URDF %")
-    for head in (*heads, "consistent %", "mass in interval %"):
-        table.add_column(head, justify="right")
-    for r in rows:
-        table.add_row(
-            r.robot, str(r.joints), str(r.base_parameters), r.rows, str(r.trials),
-            f"{100 * r.relative:.3f}", f"{100 * r.single:.3f}", f"{100 * r.urdf:.1f}",
-            f"{100 * r.consistent:.0f}", f"{100 * r.mass_covered:.0f}",
-        )  # fmt: skip
-    return table
+    return _table("bodies recovered from virtual logs", _RECOVERY, map(_recovery_cells, rows))
 
 
 def walking_table(rows: list[Walk]) -> Table:
     """Table of `walking`."""
-    table = Table("low-pass Hz", title="iCub walking: error of ΣF_z on the second half")
-    for head in (
-        "URDF %",
-        "identified %",
-        "measured sum, std %",
-        "mass kg",
-        "95 %",
-        "π determined",
-    ):
+    title = "iCub walking: error of ΣF_z on the second half"
+    return _table(title, _WALK, map(_walk_cells, rows))
+
+
+def recovery_markdown(rows: list[Trials]) -> str:
+    """Table of `recovery` for docs/."""
+    return _markdown(_RECOVERY, map(_recovery_cells, rows))
+
+
+def walking_markdown(rows: list[Walk]) -> str:
+    """Table of `walking` for docs/."""
+    return _markdown(_WALK, map(_walk_cells, rows))
+
+
+def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Table:
+    table = Table(heads[0], title=title)
+    for head in heads[1:]:
         table.add_column(head, justify="right")
-    for r in rows:
-        table.add_row(
-            f"{r.cutoff:g}", f"{r.urdf:.2f}", f"{r.identified:.2f}", f"{r.constant:.2f}",
-            f"{r.mass:.2f}", f"{r.low:.2f} to {r.high:.2f}", f"{r.determined} of {r.entries}",
-        )  # fmt: skip
+    for row in rows:
+        table.add_row(*row)
     return table
+
+
+def _markdown(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = [heads, ("---",) * len(heads), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def facts(recovered: list[Trials], walks: list[Walk]) -> dict[str, Any]:

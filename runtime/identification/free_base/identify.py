@@ -165,6 +165,11 @@ def identify_free_base(
             f"{trained.samples.tau.size} equations for {unknowns} base parameters: most of the "
             "result is the prior"
         )
+    if motion.tau is None and np.isnan(motion.contacts.wrench).any():
+        notes.append(
+            "contact forces are taken as free of offsets: an offset of a force sensor changes the "
+            "total mass by as much, and its interval does not contain it"
+        )
     left = trained.samples.equations
     if left < len(trained.names):
         notes.append(

@@ -142,6 +142,7 @@ DOORS: dict[str, Door] = {
     "mechanism": Door("mechanism.toml", models.mechanism, readers.mechanism),
     "dh": Door("rows.toml", models.dh, readers.built("rows.toml")),
     "build-mjcf": Door("robot.xml", models.mjcf, readers.built("robot.xml")),
+    "build-sdf": Door("robot.sdf", models.sdf, readers.built("robot.sdf")),
     "masses": Door("masses.toml", models.masses, readers.masses),
     # Generated folders.
     "manifest": Door(

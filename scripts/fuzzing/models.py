@@ -5,7 +5,7 @@ import shutil
 from pathlib import Path
 
 from runtime.library import Library
-from scripts.fuzzing.texts import DH, MECHANISM, MJCF
+from scripts.fuzzing.texts import DH, MECHANISM, MJCF, SDF
 
 MODELS = Path(__file__).parents[2] / "symgen" / "robots"
 
@@ -40,6 +40,11 @@ def mesh(folder: Path, lib: Library) -> None:
 def mjcf(folder: Path, _: Library) -> None:
     """A MuJoCo model."""
     (folder / "robot.xml").write_text(MJCF)
+
+
+def sdf(folder: Path, _: Library) -> None:
+    """An SDF model with a loop joint."""
+    (folder / "robot.sdf").write_text(SDF)
 
 
 def robot_config(folder: Path, _: Library) -> None:

@@ -94,6 +94,8 @@ class Mechanism:
     assembly: dict[str, float] = field(default_factory=dict)
 
 
+_FAR = 1e3
+"""Largest position of an assembly pose, rad or m; beyond it Newton would work on rounding error."""
 _TABLES = ("coupling", "friction", "spring", "known_torque", "loop")
 
 
@@ -158,7 +160,15 @@ def table_from_mechanism(mechanism: Mechanism) -> dict[str, Any]:
 def _assembly(table: Any, where: str) -> dict[str, float]:
     if not isinstance(table, dict):
         raise UrdfError(f"{where}: [assembly] needs lines JOINT = position, got {table!r}")
-    return {joint: MechanismTable(table, f"{where}: [assembly]").number(joint) for joint in table}
+    read = MechanismTable(table, f"{where}: [assembly]")
+    positions = {joint: read.number(joint) for joint in table}
+    for joint, value in positions.items():
+        if abs(value) > _FAR:
+            raise UrdfError(
+                f"{where}: [assembly] states {joint} = {value:g}, expected at most {_FAR:g} "
+                "rad or m; correct it"
+            )
+    return positions
 
 
 def _coupling(entry: dict[str, Any], where: str) -> CouplingRow:

@@ -248,6 +248,7 @@ REFUSED = {
     "too many independent": ({"independent": ["a1", "b1"]}, "do not determine the others"),
     "unknown assembly": ({"assembly": {"z": 1.0}}, r"\[assembly\] names 'z'"),
     "assembly of words": ({"assembly": {"a1": "up"}}, r"\[assembly\] needs a finite number"),
+    "assembly far away": ({"assembly": {"b1": 1e308}}, r"b1 = 1e\+308, expected at most 1000"),
     "assembly as a list": ({"assembly": [1.0]}, r"\[assembly\] needs lines"),
     "table, not tables": ({"loop": LOOP}, r"expected tables \[\[loop\]\]"),
 }

@@ -162,11 +162,14 @@ def _add_joint(
     if limits:
         SubElement(element, "limit", {"effort": "0", "velocity": "0"} | limits)
     damping, friction = (
-        "0" if axis is None else axis.findtext(f"dynamics/{key}", "0")
+        0.0
+        if axis is None
+        else numbers(axis.findtext(f"dynamics/{key}", "0"), 1, f"joint '{name}': {key}")[0]
         for key in ("damping", "friction")
     )
-    if float(damping) or float(friction):
-        SubElement(element, "dynamics", {"damping": damping, "friction": friction})
+    if damping or friction:
+        words = {"damping": f"{damping:.17g}", "friction": f"{friction:.17g}"}
+        SubElement(element, "dynamics", words)
 
 
 def _mimic(joint: Element) -> list[CouplingRow]:

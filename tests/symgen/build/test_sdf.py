@@ -117,7 +117,7 @@ def test_mimics_and_damping_are_read(tmp_path: Path) -> None:
     assert chain.coupling is not None
     assert chain.coupling.matrix[-1] == (2.0, 0.0)
     assert chain.coupling.offset[-1] == pytest.approx(0.3)
-    assert 'damping="0.4" friction="0.1"' in chain.urdf
+    assert 'damping="0.40000000000000002" friction="0.10000000000000001"' in chain.urdf
 
 
 REFUSED = {
@@ -132,6 +132,7 @@ REFUSED = {
     "type": (LOOP.replace('name="c" type="continuous"', 'name="c" type="screw"'), "type 'screw'"),
     "loop type": (LOOP.replace('"d" type="revolute"', '"d" type="gearbox"'), "type 'gearbox'"),
     "two of a name": (LOOP.replace('link name="C"', 'link name="B"'), "a name of its own"),
+    "damping": (LOOP.replace("<damping>0.4", "<damping>much"), "joint 'a': damping needs 1"),
     "a word": (LOOP.replace("0.1 0.2 0.3 0 0 0.5", "0.1 b 0.3 0 0 0"), "'corner': pose needs 6"),
 }
 

@@ -25,6 +25,8 @@ OF_SCRIPTS = {
     f"--{name}" for name in ("update", "goals", "designs", "joints", "serve", "notebooks")
 } | {f"--{name}" for name in ("count", "designs", "first", "kind", "log", "help")}
 """Options of the programs in scripts/ that pages name."""
+OF_CONSOLE = {"--show-completion"}
+"""Options of `symgen` without a command."""
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[a-zA-Z]")
 """Colours of a terminal."""
 LOOKED_AT = (
@@ -53,6 +55,8 @@ def test_commands_of_console_blocks_exist() -> None:
         for language, block in blocks(page.read_text(encoding="utf-8")):
             lines = block.splitlines() if language == "console" else []
             for words in (line.split() for line in lines if line.startswith("symgen ")):
+                if words[1] in OF_CONSOLE:
+                    continue  # tests/test_console.py runs them
                 params = [p for g in groups if words[1] in g for p in g[words[1]].params]
                 known = {name for p in params for name in (*p.opts, *p.secondary_opts)}
                 options = {word for word in words if word.startswith("--")}
@@ -71,7 +75,9 @@ def test_options_named_in_pages_exist() -> None:
 
     groups = [typer.main.get_command(app).commands for app in (symgen.cli.app, runtime.cli.app)]
     params = [p for group in groups for command in group.values() for p in command.params]
-    known = {name for p in params for name in (*p.opts, *p.secondary_opts)} | OF_SCRIPTS
+    known = (
+        {name for p in params for name in (*p.opts, *p.secondary_opts)} | OF_SCRIPTS | OF_CONSOLE
+    )
     for page in PAGES:
         named = set(re.findall(r"(?<![\w-])--[a-z][a-z-]+", page.read_text(encoding="utf-8")))
         assert named <= known, f"{page.name}: {sorted(named - known)}"

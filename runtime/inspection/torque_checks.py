@@ -91,7 +91,7 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     computed = measured_torque.not_measured(torque_rows, matrix, tau)
     gain = [] if computed else other_model.joint_gain(torque_rows, matrix)
     late = [] if computed or gain else torque_delay.delay(torque_rows, matrix, checks.plan)
-    if late:
+    if any(finding.kind == "time_shift" for finding in late):
         shifted = replace(
             checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
         )

@@ -5,12 +5,14 @@ lags behind the sign of dq, which looks like a delay of some 20 ms. A coarse sea
 finds the valley, a fine one its bottom.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
 from runtime.inspection.checks.torque_rows import TorqueRows
-from runtime.inspection.finding import WARNING, Finding
+from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
 from runtime.recording import Recipe
 
@@ -41,7 +43,8 @@ def delay(torque_rows: TorqueRows, matrix: Array, plan: Recipe) -> list[Finding]
         plan: recipe so far, with the cut-off.
 
     Returns:
-        "time_shift" where the delay explains `LATE_GAIN` of the squared residual, is significant
+        "delay" with profile and interval, without a value where the profile has no minimum; before
+        it "time_shift" where the delay explains `LATE_GAIN` of the squared residual, is significant
         and exceeds 0.3 samples.
     """
     whole = torque_rows.whole
@@ -56,15 +59,16 @@ def delay(torque_rows: TorqueRows, matrix: Array, plan: Recipe) -> list[Finding]
     cost = np.array([search.cost(d) for d in grid])
     k = int(np.argmin(cost))
     if not 0 < k < len(grid) - 1 or cost[k] <= 0:
-        return []
+        return [_stated(grid, cost, None, None)]
     # A parabola through the least value and its neighbours resolves fractions of a step.
     low, mid, high = cost[k - 1 : k + 2]
     curve = (low - 2 * mid + high) / (grid[1] - grid[0]) ** 2
     late = float(grid[k] - (high - low) / (2 * (grid[1] - grid[0]) * curve))
     gain = 1.0 - mid / search.cost(0.0)
     sigma = float(np.sqrt(2.0 * mid / curve / search.freedom(late)))
+    stated = _stated(grid, cost, late, sigma)
     if gain < LATE_GAIN or abs(late) < SURE * sigma or abs(late) < 0.3 * step:
-        return []
+        return [stated]
     which = "later" if late > 0 else "earlier"
     return [
         Finding(
@@ -76,8 +80,32 @@ def delay(torque_rows: TorqueRows, matrix: Array, plan: Recipe) -> list[Finding]
             "under [preparation]",
             {"delay_s": late, "sigma_s": sigma, "gain": gain, "searched_s": reach},
             trap=2,
-        )
+        ),
+        stated,
     ]
+
+
+def _stated(grid: Array, cost: Array, late: float | None, sigma: float | None) -> Finding:
+    """Profile and interval of the delay as information, whether or not it is to be corrected."""
+    evidence: dict[str, Any] = {
+        "delay_s": late,
+        "sigma_s": sigma,
+        "profile": {"delay_s": [float(x) for x in grid], "loss": [float(x) for x in cost]},
+    }
+    if late is None or sigma is None:
+        sentence = (
+            "a delay of the measured torque is not determined: the loss has no minimum within "
+            f"{1e3 * grid[0]:.0f} to {1e3 * grid[-1]:.0f} ms; record a faster motion to estimate it"
+        )
+        return Finding("delay", INFO, sentence, evidence, trap=2)
+    half = 1.96 * sigma
+    evidence["interval_s"] = [late - half, late + half]
+    sentence = (
+        f"the measured torque is stamped {1e3 * late:.1f} ms after the motion (95 % interval "
+        f"{1e3 * (late - half):.1f} to {1e3 * (late + half):.1f} ms); friction with a memory looks "
+        "like a delay of some ms"
+    )
+    return Finding("delay", INFO, sentence, evidence, trap=2)
 
 
 class _Search:

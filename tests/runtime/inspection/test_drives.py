@@ -9,9 +9,9 @@ import numpy as np
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.settings import Settings
-from runtime.inspection import Inspection, inspect_log, recipe_text
+from runtime.inspection import INFO, Inspection, inspect_log, recipe_text
 from runtime.library import Library
-from runtime.recording import Preparation, load_recipe, read_recording
+from runtime.recording import Preparation, Recording, load_recipe, read_recording
 from tests.runtime.servo_logs import random_servo, servo_arrays
 
 
@@ -91,3 +91,23 @@ def test_the_public_log_of_the_z1(robot: Callable[[str], Library], shared_data: 
     urdf = measured - result.before(result.test)[:, :6]
     assert np.linalg.norm(urdf) > 0.8 * np.linalg.norm(measured)
     assert np.linalg.norm(rest) <= 0.090 * np.linalg.norm(measured)
+
+
+def test_a_measured_torque_has_a_delay_as_information(
+    lib: Library, clean: Recording, saved: Callable[..., Path]
+) -> None:
+    """Property: a torque that is stamped 4 ms late has an interval that contains 4 ms; it is no
+    warning. The profile errs by a fraction of its step of 2 ms.
+    """
+    rng = np.random.default_rng(0)
+    late = np.stack(
+        [np.interp(clean.t - 0.004, clean.t, row) for row in clean.required("tau").T], 1
+    )
+    noisy = late + 0.05 * rng.normal(size=late.shape)
+    inspection = inspect_log(saved(clean, tau=noisy), lib)
+    delay = next(f for f in inspection.findings if f.kind == "delay")
+    assert delay.level == INFO
+    assert abs(delay.evidence["delay_s"] - 0.004) < 2e-3
+    low, high = delay.evidence["interval_s"]
+    assert low < high
+    assert "measured torque" in delay.sentence

@@ -10,6 +10,7 @@ An NPZ with one row per instant, SI units:
     contact_wrench (N, C, 6) force and moment on the robot at contact_position, NaN where a
     component is not measured; contact_axes "link" or "world"
     contact_force_z (N, C) vertical forces instead, all else unknown
+    contact_force_z_sigma (C,) standard deviation of the unknown offsets of these sensors
     contact_flags (N, C) whether a contact can transmit a wrench; 0 states that there is none
     contact_kind "surface" or "point", whose moment is zero
 """
@@ -31,7 +32,7 @@ _KINDS, _AXES = ("surface", "point"), ("link", "world")
 _KEYS = (
     *("t", "q", "dq", "ddq", "tau", "joints", "base_pose", "base_position", "base_rpy"),
     *("base_twist", "base_acceleration", "contact_links", "contact_position", "contact_wrench"),
-    *("contact_axes", "contact_force_z", "contact_flags", "contact_kind"),
+    *("contact_axes", "contact_force_z", "contact_force_z_sigma", "contact_flags", "contact_kind"),
 )
 
 
@@ -44,12 +45,15 @@ class Contacts:
         position: (C, 3) point that the wrench is about, in the frame of the link [m].
         wrench: (N, C, 6) force and moment on the robot [N, N·m]; NaN where it is unknown.
         axes: "link" or "world".
+        offset_sigma: (C,) standard deviation of unknown offsets of the vertical forces [N]; None
+            where the log does not state it.
     """
 
     links: tuple[str, ...]
     position: FloatArray
     wrench: FloatArray
     axes: str
+    offset_sigma: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -220,7 +224,15 @@ def _contacts(arrays: dict[str, NDArray], name: str, count: int) -> Contacts:
     if "contact_flags" in arrays:
         flags = _numbers(arrays, "contact_flags", name, (count, size))
         wrench[flags == 0] = 0.0
-    return Contacts(links, position, wrench, axes)
+    sigma = None
+    if "contact_force_z_sigma" in arrays:
+        sigma = _numbers(arrays, "contact_force_z_sigma", name, (size,))
+        if "contact_force_z" not in arrays or not (sigma >= 0).all():
+            raise RecordingError(
+                f"{name}: contact_force_z_sigma needs numbers of at least 0 [N] and "
+                "contact_force_z beside them; correct or remove it"
+            )
+    return Contacts(links, position, wrench, axes, sigma)
 
 
 def _word(arrays: dict[str, NDArray], key: str, name: str, known: tuple[str, ...]) -> str:

@@ -27,6 +27,8 @@ NOISE = 0.01
 """Standard deviation of torques and wrenches over their RMS."""
 CUTOFFS = (1.0, 1.5, 2.0, 3.0, 5.0)
 """Low-passes of the walking log [Hz]."""
+OFFSET_N = 6.6
+"""Standard deviation of the offset of a foot's sensor, 2 % of the weight of the robot [N]."""
 TRIM_S = 0.3
 """Rows at either end that are left out of the walking log [s]."""
 _GO2 = tuple(f"{leg}_calf" for leg in ("FL", "FR", "RL", "RR"))
@@ -177,6 +179,7 @@ def walking(data: Path, folder: Path) -> list[Walk]:
         "base_position": log["base_pos"],
         "contact_links": np.array(["l_ankle_2", "r_ankle_2"]),
         "contact_force_z": np.stack([log["lf_fz"], log["rf_fz"]], axis=1),
+        "contact_force_z_sigma": np.full(2, OFFSET_N),
     }
     recording = free_base_of(arrays, "walking.npz")
     rows = []

@@ -64,6 +64,7 @@ class FreeBaseIdentification:
         seconds: duration of the test part.
         status: how the fit ended.
         notes: sentences on the data.
+        offset_mass: standard deviation of the total mass by offsets of the force sensors [kg].
         vertical: of ΣF_z, where all vertical forces were measured; None otherwise.
     """
 
@@ -82,14 +83,16 @@ class FreeBaseIdentification:
     seconds: float
     status: str
     notes: tuple[str, ...]
+    offset_mass: float
     vertical: VerticalForce | None
 
     @property
     def mass(self) -> tuple[float, float]:
-        """Total mass and its standard deviation [kg]."""
+        """Total mass and its standard deviation [kg], that of the sensors' offsets included."""
         pick = np.zeros(self.pi.size)
         pick[MASS::N_PARAMETERS] = 1.0
-        return float(pick @ self.pi), float(np.linalg.norm(pick @ self.root))
+        sigma = np.hypot(np.linalg.norm(pick @ self.root), self.offset_mass)
+        return float(pick @ self.pi), float(sigma)
 
     @property
     def verdicts(self) -> tuple[str, ...]:
@@ -165,10 +168,15 @@ def identify_free_base(
             f"{trained.samples.tau.size} equations for {unknowns} base parameters: most of the "
             "result is the prior"
         )
-    if motion.tau is None and np.isnan(motion.contacts.wrench).any():
+    sigma, offset_mass = motion.contacts.offset_sigma, 0.0
+    if sigma is not None:
+        # An offset b of ΣF_z changes the total mass by b / g.
+        offset_mass = float(np.linalg.norm(sigma) / np.linalg.norm(lib.gravity))
+    elif motion.tau is None and np.isnan(motion.contacts.wrench).any():
         notes.append(
             "contact forces are taken as free of offsets: an offset of a force sensor changes the "
-            "total mass by as much, and its interval does not contain it"
+            "total mass by as much, and its interval does not contain it; state their standard "
+            "deviation in N by contact_force_z_sigma"
         )
     left = trained.samples.equations
     if left < len(trained.names):
@@ -193,6 +201,7 @@ def identify_free_base(
         seconds=float(test.t[-1] - test.t[0]),
         status=fit.status,
         notes=(*fit.notes, *notes),
+        offset_mass=offset_mass,
         vertical=_vertical(lib, test, fit.pi),
     )
 

@@ -118,6 +118,14 @@ def test_vertical_forces_alone_tell_the_mass(lib: Library, log: VirtualLog) -> N
     assert result.vertical is not None
     assert result.vertical.after < 0.5 < result.vertical.before  # noise is 0.3 √2
     assert "prior-dominated" in result.verdicts
+    assert any("free of offsets" in note for note in result.notes)
+    # A sensor that reads 5 N too much: the interval holds the mass if the log states such offsets.
+    arrays["contact_force_z"] = force + np.array([5.0, 0.0])
+    wrong = abs(identified(lib, arrays, "base").mass[0] - true_pi(lib, log)[::10].sum())
+    arrays["contact_force_z_sigma"] = np.array([4.0, 4.0])
+    shifted = identified(lib, arrays, "base")
+    assert shifted.offset_mass == pytest.approx(np.hypot(4.0, 4.0) / 9.81)
+    assert 4 * sigma < wrong < 1.96 * shifted.mass[1]
 
 
 def test_derivatives_and_poses(lib: Library, log: VirtualLog) -> None:
@@ -195,6 +203,7 @@ BAD = {
     "fixed link": ({"contact_links": ["box", "body"]}, (), "it is fixed to 'body'"),
     "torque": ({}, ("tau",), "needs joint torques"),
     "joint": ({"joints": ["a", "b", "c"]}, (), "no joint 'left_hip' of the robot"),
+    "offsets": ({"contact_force_z_sigma": [1.0, 1.0]}, (), "contact_force_z beside them"),
     "nan": ({"q": np.full((600, 3), np.nan)}, (), "q has NaN or infinite values"),
 }
 

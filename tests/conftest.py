@@ -44,7 +44,9 @@ FIRST = (
         "runtime/excitation/test_excitation.py",
         "runtime/experiments/test_experiments.py",
     ),
-    *("symgen/build/test_compiler.py", "test_tutorials.py", "test_packages.py", "test_fuzz.py"),
+    *("symgen/build/test_compiler.py", "test_compilers.py", "test_tutorials.py"),
+    *("test_packages.py", "test_fuzz.py", "symgen/build/test_request.py"),
+    *("runtime/inspection/test_bare_files.py", "runtime/inspection/test_inspection_files.py"),
     *(
         "runtime/experiments/test_experiments_cluster.py",
         "runtime/excitation/search/test_dask_workers.py",

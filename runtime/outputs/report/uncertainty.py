@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.library.parameters import PI_NAMES
 from runtime.outputs.report.layout import ReportTable, Section
 
 Array = NDArray[np.float64]
@@ -91,6 +92,12 @@ def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
     return LinkUncertainty(float(raw["mass_sigma"]), spread, tuple(map(str, raw["verdicts"])))
 
 
+def _named(verdicts: tuple[str, ...], word: str) -> str:
+    """Names of the parameters with a verdict."""
+    names = [name for name, each in zip(PI_NAMES, verdicts, strict=True) if each == word]
+    return " ".join(names) or "–"
+
+
 def uncertainty_sections(
     s: ResultUncertainty, joints: tuple[str, ...], links: tuple[str, ...]
 ) -> tuple[Section, ...]:
@@ -102,7 +109,7 @@ def uncertainty_sections(
         links: n names.
 
     Returns:
-        Two sections.
+        Two sections; the first names the parameters of every link by their verdict.
     """
     words = ("identified", "prior-dominated", "unobservable")
     of_links = tuple(
@@ -110,7 +117,7 @@ def uncertainty_sections(
             name,
             f"{link.mass_sigma:.3g}",
             "–" if link.com_sigma is None else f"{1e3 * float(np.max(link.com_sigma)):.2g}",
-            *(str(link.verdicts.count(word)) for word in words),
+            *(_named(link.verdicts, word) for word in words),
         )
         for name, link in zip(links, s.links, strict=True)
     )
@@ -123,8 +130,9 @@ def uncertainty_sections(
         Section(
             "Uncertainty of the links",
             f"{s.advice[:1].upper()}{s.advice[1:]}.{edge} σ is computed with the URDF as "
-            "prior. A parameter counts as identified where the data reduce its prior variance at "
-            "least tenfold.",
+            "prior. A parameter is identified where the data reduce its prior variance at least "
+            "tenfold: its interval is that of the log. Prior-dominated parameters keep the value "
+            "and uncertainty of the URDF, and unobservable ones have no effect on the torque.",
             ReportTable(("link", "σ mass [kg]", "σ CoM [mm]", *words), of_links),
         ),
         Section(

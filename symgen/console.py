@@ -76,7 +76,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     "Check the input": (
         Command("inspect", BUILD, "Check the inertial parameters of a robot model.", "MODEL"),
         Command("inspect", RUN, "Check a log and propose a recipe that reads it.", "LOG"),
-        Command("locate", RUN, "Print the folder of a known data set."),
+        Command("locate", RUN, "Print the folder of a known data set or of a robot."),
     ),
     "Plan a motion": (
         Command("excite", RUN, "Design an excitation motion within all limits of a robot."),

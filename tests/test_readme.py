@@ -128,6 +128,20 @@ def test_c_block_compiles_and_runs(desk):
         assert abs(torque[1]) > 1.0
 
 
+def test_line_of_the_c_block_compiles_in_an_empty_folder(tmp_path, monkeypatch):
+    """Oracle: the README's own line, with the `symgen` of this tree on the path."""
+    if shutil.which("cc") is None:
+        pytest.skip("SKIPPED LOUDLY: no C compiler called cc on this machine")
+    (tmp_path / "main.c").write_text(shown("c")[0], encoding="utf-8")
+    command = tmp_path / "symgen"
+    command.write_text(f"#!{sys.executable}\nfrom symgen.console import main\nmain()\n")
+    command.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    (line,) = (x for block in shown("console") for x in block.splitlines() if "cc -O1" in x)
+    run(["/bin/sh", "-c", f"{line} && ./a.out"], tmp_path)
+
+
 def test_toml_blocks_are_read(tmp_path, fr3):
     """Property: recipe, controller, prior, robot and mechanism are read without complaint."""
     write_motion(Trajectory(fr3.home, 0.1 * np.ones((7, 2)), 5.0), fr3, tmp_path / "motion.json")

@@ -29,15 +29,13 @@ class Row:
         libraries: statement of the interpreter that it is compared with; "" for a build.
         seconds: CPU time of the command [s].
         peer: CPU time of the libraries [s]; NaN without them.
-        before: ratio, or CPU time [s] of a build, of version 0.4.
-        goal: of the same.
+        goal: ratio, or CPU time [s] of a build.
     """
 
     work: str
     libraries: str
     seconds: float
     peer: float
-    before: str
     goal: float
 
     @property
@@ -72,17 +70,17 @@ def measure(rounds: int, log: str, only_imports: bool = False) -> list[Row]:
         identify = ("-m", "runtime", "identify", log, "--robot", "fr3")
         out = ("--out", str(folder / "out"), "--overwrite")
         cases = (
-            ("import runtime", ("-c", "import runtime"), _LIBRARIES, "3.6", 1.2),
-            ("symgen --help", ("-m", "symgen", "--help"), "import typer, rich", "20", 4.0),
-            ("identify with report", (*identify, *out), _FIGURES, "5", 1.8),
-            ("identify --no-report", (*identify, *out, "--no-report"), _LIBRARIES, "", 1.8),
+            ("import runtime", ("-c", "import runtime"), _LIBRARIES, 1.2),
+            ("symgen --help", ("-m", "symgen", "--help"), "import typer, rich", 4.0),
+            ("identify with report", (*identify, *out), _FIGURES, 1.8),
+            ("identify --no-report", (*identify, *out, "--no-report"), _LIBRARIES, 1.8),
         )
         rows = []
-        for work, words, libraries, before, goal in cases[: 2 if only_imports else None]:
+        for work, words, libraries, goal in cases[: 2 if only_imports else None]:
             _cpu(folder, words)  # compiles and reads what later runs find
             pairs = [(_cpu(folder, words), _cpu(folder, ("-c", libraries))) for _ in range(rounds)]
             own, peer = (statistics.median(times) for times in zip(*pairs, strict=True))
-            rows.append(Row(work, libraries, own, peer, before, goal))
+            rows.append(Row(work, libraries, own, peer, goal))
         if not only_imports:
             rows.append(_build(folder))
     return rows
@@ -97,7 +95,7 @@ def _build(folder: Path) -> Row:
     (folder / "builds").mkdir(mode=0o700)
     seconds = _cpu(folder, ("-m", "symgen", *words, "--out", str(folder / "generated")), place)
     shutil.rmtree(folder / "generated")
-    return Row("build --urdf, 7 joints", "", seconds, float("nan"), "29 s", 9.0)
+    return Row("build --urdf, 7 joints", "", seconds, float("nan"), 9.0)
 
 
 def _cpu(folder: Path, words: Sequence[str], place: Mapping[str, str] | None = None) -> float:
@@ -123,15 +121,14 @@ def _cells(rows: Sequence[Row]) -> list[tuple[str, ...]]:
             row.work,
             f"{row.seconds:.2f}",
             f"{row.peer:.2f} ({row.libraries})" if row.libraries else "",
-            f"{row.before} ×" if row.before and row.libraries else row.before,
-            f"{row.value:.2f} ×" if row.libraries else f"{row.value:.1f} s",
+            f"{row.value:.2f} ×" if row.libraries else "",
             f"≤ {row.goal:g} ×" if row.libraries else f"≤ {row.goal:g} s",
         )
         for row in rows
     ]
 
 
-_HEADER = ("work", "CPU s", "libraries alone, CPU s", "before", "now", "goal")
+_HEADER = ("work", "CPU s", "libraries alone, CPU s", "ratio", "goal")
 
 
 def table(rows: Sequence[Row]) -> Table:

@@ -144,7 +144,7 @@ def run_campaign(
                         f"motion {k} at {speed:g} % of its speed is refused: "
                         f"{'; '.join(release.reasons)}"
                     )
-                _recorded(driver, slowed, path, name, model)
+                _recorded(driver, slowed, path, name)
                 say(f"motion {k} at {speed:g} %: released, {slowed.duration:g} s recorded")
             agreement = None if model is None else agreement_of(model, path)
             logs.append((name, path))
@@ -238,9 +238,7 @@ def _designed(
     return read_trajectory(path, lib)
 
 
-def _recorded(
-    driver: Driver, motion: Trajectory, path: Path, name: str, model: Identification | None
-) -> None:
+def _recorded(driver: Driver, motion: Trajectory, path: Path, name: str) -> None:
     """Run one stage; a stopped one leaves its log beside, and the stage is not done."""
     done = driver.stream(motion, guards=usual_guards(driver.lib, driver.rate_hz))
     if done.stop is None:

@@ -89,6 +89,8 @@ def read_uncertainty(
 def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
     com = raw["com_sigma"]
     spread = None if com is None else np.array(com, dtype=float)
+    if spread is not None and spread.shape != (3,):
+        raise ValueError(f"com_sigma of shape {spread.shape}")
     return LinkUncertainty(float(raw["mass_sigma"]), spread, tuple(map(str, raw["verdicts"])))
 
 

@@ -215,7 +215,7 @@ def test_working_directory_is_not_imported_from(script: Path, tmp_path: Path) ->
         (tmp_path / f"{name}.py").write_text("raise SystemExit('imported from here')\n")
     ran = run(script, "locate", "nothing", cwd=tmp_path)
     assert (ran.returncode, ran.stdout) == (2, "")
-    assert ran.stderr.startswith("symgen: there is no data set 'nothing'")
+    assert ran.stderr.startswith("symgen: there is no data set or robot 'nothing'")
 
 
 def test_provenance_names_the_program(script: Path, tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def test_the_wheel_alone(installed: Path, tmp_path: Path) -> None:
 
     again = run(installed, "-m", "runtime", "locate", "nothing", cwd=tmp_path, env=place)
     assert (again.returncode, again.stdout) == (2, "")
-    assert again.stderr.startswith("runtime: there is no data set 'nothing'")
+    assert again.stderr.startswith("runtime: there is no data set or robot 'nothing'")
     words = ("identify", "fr3_simulated", "--robot", "fr3", "--out", tmp_path / "found")
     identified = run(installed, "-m", "runtime", *words, cwd=tmp_path, env=place)
     assert identified.returncode == 0, identified.stderr

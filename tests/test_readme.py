@@ -152,7 +152,7 @@ def test_line_of_the_c_block_compiles_in_an_empty_folder(tmp_path, monkeypatch):
     command.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    (line,) = (x for block in shown("console") for x in block.splitlines() if "cc -O1" in x)
+    (line,) = re.findall(r"^`(cc -O1 [^`]+)`", README.read_text(encoding="utf-8"), re.MULTILINE)
     run(["/bin/sh", "-c", f"{line} && ./a.out"], tmp_path)
 
 

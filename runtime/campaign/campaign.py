@@ -200,6 +200,12 @@ def _state(folder: Path, lib: Library, plan: Plan) -> dict[str, Any]:
     }
     path = folder / STATE
     if not path.exists():
+        # Motions may be given; they are read and never replaced.
+        if folder.is_dir() and any(not f.match("motion-*.json") for f in folder.iterdir()):
+            raise IdentificationError(
+                f"'{folder}' has files and is no folder of a campaign; choose a new or empty one "
+                "with --out"
+            )
         state: dict[str, Any] = described | {"motions": []}
         _write_json(path, state)
         return state

@@ -18,6 +18,7 @@ from tests.runtime.desk import Desk, digests
 WRITING = {"out", "recipe_out", "plot", "html", "markdown", "figures", "repair"}
 """Parameters of commands that name a file or a folder to write."""
 EXEMPT = {
+    ("runtime", "campaign"): "continues the campaign of its folder and refuses other folders",
     ("runtime", "reproduce"): "continues the trials of its folder and refuses other ones",
     ("symgen", "check"): "--out is the folder that it reads",
     ("symgen", "clean"): "deletes",

@@ -164,7 +164,8 @@ MALFORMED = {
     "binary": ("\0\1\2", "not well-formed XML"),
     "entity-bomb": (BOMB, "declares a DTD or entities"),
     "external-entity": (EXTERNAL, "declares a DTD or entities"),
-    "sdf": ("<sdf><model/></sdf>", "first element is <robot>, got <sdf>"),
+    # as a chain it is no URDF; build reads SDF, of which this one has no link
+    "sdf": ("<sdf><model/></sdf>", "first element is <robot>, got <sdf>|defines no link"),
     "no-link": ("<robot name='x'/>", "defines no link"),
     "xacro": (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a"/></robot>',

@@ -112,3 +112,13 @@ def test_the_command_without_time(command: Command, fr3: Library, tmp_path: Path
     assert ran.code == 1
     facts = json.loads(ran.out)
     assert (facts["is_reached"], facts["motions"]) == (False, 0)
+
+
+def test_a_folder_of_the_user_is_left_alone(fr3: Library, tmp_path: Path) -> None:
+    """Property: files that no campaign has written are neither read nor replaced."""
+    report = tmp_path / "report.md"
+    report.write_text("mine", encoding="utf-8")
+    with pytest.raises(IdentificationError, match="is no folder of a campaign"):
+        run_campaign(VirtualDriver(fr3), PLAN, target_of("payload=5g"), tmp_path)
+    assert report.read_text(encoding="utf-8") == "mine"
+    assert len(list(tmp_path.iterdir())) == 1

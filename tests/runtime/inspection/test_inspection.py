@@ -15,10 +15,14 @@ from tests.runtime.diagnosis import EXAMPLE, sentences
 
 
 def test_the_clean_log_is_clean(lib: Library) -> None:
-    """Property: nothing to do; one run and joints of little torque are told as information."""
+    """Property: nothing to do; delay, one run and joints of little torque are information."""
     result = inspect_log(EXAMPLE, lib)
     assert sentences(result) == {}
-    assert {f.kind: f.trap for f in result.findings} == {"one_run": 12, "little_torque": 13}
+    assert {f.kind: f.trap for f in result.findings} == {
+        "delay": 2,
+        "one_run": 12,
+        "little_torque": 13,
+    }
 
 
 @pytest.mark.parametrize(

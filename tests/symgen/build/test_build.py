@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import symgen.build.pipeline
+import symgen.build.notes
 from runtime.library import load
 from symgen.build.pipeline import build, generate, is_current
 from symgen.build.request import BuildRequest, RobotConfig, bundled_request
@@ -141,7 +141,7 @@ def test_rounded_angles_are_reported() -> None:
         ("0.5", 0.0, False),
     ):
         chain = read_chain(tilted.replace("ANGLE", angle), ChainOptions(snap=snap))
-        notes = symgen.build.pipeline._notes(chain, {})
+        notes = symgen.build.notes.notes_of(chain, {})
         assert (
             any("angles of swing" in note and "--snap 0.0001" in note for note in notes)
             == is_reported

@@ -90,7 +90,7 @@ def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
     com = raw["com_sigma"]
     spread = None if com is None else np.array(com, dtype=float)
     if spread is not None and spread.shape != (3,):
-        raise ValueError(f"com_sigma of shape {spread.shape}")
+        raise ValueError("com_sigma, expected three numbers")
     return LinkUncertainty(float(raw["mass_sigma"]), spread, tuple(map(str, raw["verdicts"])))
 
 

@@ -51,6 +51,18 @@ def test_a_damaged_result(
     assert digests(desk.folder) == before
 
 
+def test_a_report_of_a_damaged_uncertainty(desk: Desk, command: Command, result: Path) -> None:
+    """Property: three numbers are the σ of a centre of mass; else one sentence, and no traceback."""
+    facts = json.loads((result / "result.json").read_text())
+    links = facts["uncertainty"]["links"]
+    (links[0] if isinstance(links, list) else next(iter(links.values())))["com_sigma"] = []
+    (result / "result.json").write_text(json.dumps(facts))
+    ran = command("report", result, "--out", desk.folder / "page.html")
+    assert (ran.code, len(ran.err.splitlines())) == (2, 1), ran
+    assert "no valid com_sigma" in ran.err
+    assert not (desk.folder / "page.html").exists()
+
+
 def test_a_failure_leaves_the_older_result(desk: Desk, command: Command, result: Path) -> None:
     """Property: a bad log on top of a good result changes no byte of it."""
     bad = desk.changed(tau=-desk.log.tau)

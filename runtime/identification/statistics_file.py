@@ -3,7 +3,7 @@
     ‖R [K π; φ] − r‖² / S    over base parameters K π and friction coefficients φ
 
 R and r are those of the result, S is the variance with which the noise enters the unknowns. The
-size does not depend on the length of the log (about 50 kB for seven joints), and no sample of the
+size does not depend on the length of the log (about 20 kB for seven joints), and no sample of the
 motion can be computed from it.
 """
 

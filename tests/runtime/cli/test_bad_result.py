@@ -52,7 +52,7 @@ def test_a_damaged_result(
 
 
 def test_a_report_of_a_damaged_uncertainty(desk: Desk, command: Command, result: Path) -> None:
-    """Property: three numbers are the σ of a centre of mass; else one sentence, and no traceback."""
+    """Property: three numbers are the σ of a centre of mass; else one sentence, no traceback."""
     facts = json.loads((result / "result.json").read_text())
     links = facts["uncertainty"]["links"]
     (links[0] if isinstance(links, list) else next(iter(links.values())))["com_sigma"] = []

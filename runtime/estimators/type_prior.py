@@ -27,10 +27,10 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, PI_NAMES, links
 from runtime.recording import Friction
 from runtime.recording.friction_column import COLUMNS, widths_of
+from runtime.recording.settings import WIDTHS
 
 LARGEST = 1e9
 """Largest number of the tables [SI]."""
-WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
 ALIKE = 1e-9
 """Relative difference below which two widths are the same."""
 

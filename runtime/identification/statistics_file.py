@@ -21,6 +21,7 @@ from runtime.library import Array, Library
 from runtime.library.user_builds import NAME
 from runtime.recording.formats.npz import open_npz
 from runtime.recording.friction import OFFSET
+from runtime.recording.settings import WIDTHS
 
 FILE = "statistics.npz"
 FORMAT = 1
@@ -29,8 +30,6 @@ MARK = "symgen_statistics"
 """Key of the version, by which the file is recognised."""
 _ARRAYS = ("factor", "target", "base_matrix")
 _NUMBERS = ("rest", "n_samples", "density")
-WIDTHS = ("coulomb_speed", "stribeck_speed", "dahl_stroke")
-"""Widths of friction columns, in the order of the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +41,7 @@ class UnitStatistics:
         robot: name of the robot.
         joints: names of its joints, (n,).
         columns: names of the k friction columns of a joint; offsets of several logs repeat.
-        widths: widths of friction columns, as `WIDTHS` [rad/s, rad/s, rad].
+        widths: widths of friction columns, in the order of `WIDTHS` [rad/s, rad/s, rad].
         statistics: R and r of all training samples, weighted.
         density: S, variance with which the noise enters the unknowns.
     """

@@ -23,7 +23,7 @@ REGRESSORS = ("acceleration", "momentum", "energy")
 COULOMB_SPEED, STRIBECK_SPEED, DAHL_STROKE = 0.02, 0.1, 2e-3
 
 
-_WIDTHS = {
+WIDTHS = {
     "coulomb_speed": ("ε", "rad/s"),
     "stribeck_speed": ("v_s", "rad/s"),
     "dahl_stroke": ("z_c", "rad"),
@@ -150,19 +150,19 @@ class Friction:
     gear: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        for key in _WIDTHS:
+        for key in WIDTHS:
             positive(f"[friction] {key}", getattr(self, key))
 
     @classmethod
     def from_facts(cls, facts: Mapping[str, Any]) -> "Friction":
         """Terms from the facts in a file; missing widths have their defaults."""
-        widths = {key: float(facts[key]) for key in _WIDTHS if key in facts}
+        widths = {key: float(facts[key]) for key in WIDTHS if key in facts}
         gear = tuple(tuple(map(float, row)) for row in facts.get("gear", ()))
         return cls(tuple(map(str, facts["columns"])), **widths, gear=gear)
 
     def facts(self) -> dict[str, Any]:
         """Columns, widths and gear as JSON values."""
-        facts = {"columns": list(self.columns)} | {key: getattr(self, key) for key in _WIDTHS}
+        facts = {"columns": list(self.columns)} | {key: getattr(self, key) for key in WIDTHS}
         return facts | ({"gear": [list(row) for row in self.gear]} if self.gear else {})
 
     def __str__(self) -> str:
@@ -170,7 +170,7 @@ class Friction:
         needed = widths_of(self.columns)
         widths = [
             f"{symbol} = {getattr(self, key):.3g} {unit}"
-            for key, (symbol, unit) in _WIDTHS.items()
+            for key, (symbol, unit) in WIDTHS.items()
             if key in needed
         ]
         listed = ", ".join(self.columns) or "none"

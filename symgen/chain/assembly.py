@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio
 
 from symgen.chain.document import listing
+from symgen.chain.joint import rows_of, snapped
 from symgen.chain.loop import FREE_ROWS, Closure, Frame, Loop, Loops
 from symgen.chain.loop_pose import CLOSED, SINGULAR, Array, Tree, closed_pose
 from symgen.chain.mechanism import Mechanism
@@ -142,21 +143,14 @@ def _closure(model: pinocchio.Model, loop: Loop) -> Closure:
         frame = model.frames[model.getFrameId(link, pinocchio.BODY)]
         here = pinocchio.SE3(pinocchio.rpy.rpyToMatrix(np.array(rpy)), np.array(xyz))
         placed = frame.placement * here
-        rotation = placed.rotation @ turn.matrix()
-        rows = tuple(tuple(_tidy(v) for v in row) for row in rotation)
-        frames.append(
-            Frame(int(frame.parentJoint) - 1, rows, tuple(map(_tidy, placed.translation)))
-        )
+        rows = rows_of(placed.rotation @ turn.matrix())
+        frames.append(Frame(int(frame.parentJoint) - 1, rows, snapped(placed.translation)))
     if frames[0].joint == frames[1].joint:
         raise UrdfError(
             f"{loop.name} connects links that do not move relative to each other; name two links "
             "between which joints move"
         )
     return Closure(loop.name, loop.kind, frames[0], frames[1], ())
-
-
-def _tidy(value: float) -> float:
-    return float(np.round(value)) + 0.0 if abs(value - np.round(value)) < 1e-12 else float(value)
 
 
 def _as(closures: list[Closure], kind: str) -> list[Closure]:

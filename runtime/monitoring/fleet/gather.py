@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.files import bytes_of, replacing
-from runtime.identification.statistics_file import MARK, read_statistics, require_robot
+from runtime.identification.statistics_file import FILE, MARK, read_statistics, require_robot
 from runtime.library import Library, load
 from runtime.monitoring.fleet.unit import Unit, unit_of
 from runtime.parallel import cores, on_cluster
@@ -192,7 +192,7 @@ def _is_statistics(path: Path) -> bool:
         with zipfile.ZipFile(path) as archive:
             return f"{MARK}.npy" in archive.namelist()
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError):
-        return path.name == "statistics.npz"
+        return path.name == FILE
 
 
 def _place(parts: Path, lib: Library, piece: Piece) -> Path:

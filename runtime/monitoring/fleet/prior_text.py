@@ -9,12 +9,12 @@ import numpy as np
 from runtime.errors import RuntimeFault
 from runtime.estimators.prior_file import read_prior
 from runtime.files import replacing
-from runtime.identification.statistics_file import WIDTHS
 from runtime.library import Library
 from runtime.library.parameters import PI_NAMES, links
 from runtime.monitoring.fleet.friction import FleetFriction
 from runtime.monitoring.fleet.hierarchy import FleetFit
 from runtime.recording.friction_column import widths_of
+from runtime.recording.settings import WIDTHS
 
 
 def prior_text(lib: Library, names: Sequence[str], fit: FleetFit, friction: FleetFriction) -> str:

@@ -11,9 +11,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from runtime.estimators.convex import Elimination, reduce
-from runtime.identification.statistics_file import WIDTHS, UnitStatistics
+from runtime.identification.statistics_file import UnitStatistics
 from runtime.library import Array, Library
 from runtime.recording.friction_column import widths_of
+from runtime.recording.settings import WIDTHS
 
 LEAST_DENSITY = 1e-4
 """Smallest noise S: torques that are exact to rounding count as if known to 1 % of their unit."""

@@ -80,6 +80,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
     ),
     "Plan a motion": (
         Command("excite", RUN, "Design an excitation motion within all limits of a robot."),
+        Command("approach", RUN, "Plan the way to the start of a motion and back."),
         Command("predict", RUN, "Predict the accuracy that a motion or a log allows."),
         Command("simulate", RUN, "Simulate the log of a robot with known parameters."),
         Command(

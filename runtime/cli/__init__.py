@@ -29,6 +29,7 @@ COMMANDS = (
     *(
         "export",
         "excite",
+        "approach",
         "predict",
         "simulate",
         "campaign",

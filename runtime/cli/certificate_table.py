@@ -1,5 +1,7 @@
 """Options of the limits of a motion, notes on a design, and the certificate as a table."""
 
+from pathlib import Path
+
 import numpy as np
 from rich.table import Column, Table
 
@@ -7,6 +9,7 @@ from runtime.cli.carry import carried_body
 from runtime.cli.common import numbers_option
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
+from runtime.excitation.limits.obstacles import OBSTACLE, read_obstacles
 from runtime.excitation.limits.safety import FIT_PROXIES
 from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use
 from runtime.library import Library
@@ -26,6 +29,7 @@ def safety_of(
     viscous: str | None,
     coulomb: str | None,
     carry: str | None = None,
+    obstacles: Path | None = None,
 ) -> Safety:
     """Limits of the options, which hold besides those that the robot states.
 
@@ -38,12 +42,13 @@ def safety_of(
         viscous: one number or one per joint, N·m·s/rad.
         coulomb: one number or one per joint, N·m.
         carry: body in the hand, value of --carry.
+        obstacles: TOML of obstacles.
 
     Returns:
         The limits.
 
     Raises:
-        RuntimeFault: an option is not of this form.
+        RuntimeFault: an option is not of this form, or the file of obstacles is none.
     """
     return Safety(
         torque_fraction=torque_fraction,
@@ -53,6 +58,7 @@ def safety_of(
         viscous=_per_joint(lib, viscous, "--viscous"),
         coulomb=_per_joint(lib, coulomb, "--coulomb"),
         carried=carried_body(lib, carry),
+        obstacles=() if obstacles is None else read_obstacles(obstacles),
     )
 
 
@@ -122,7 +128,8 @@ def certificate_headline(proof: Certificate, percent: float) -> tuple[str, ...]:
     """
     verdict = "holds at every instant" if proof.holds else "does NOT hold"
     checked = ", ".join(use.kind for use in proof.uses)
-    missing = ", ".join((*proof.unchecked, "cables", "people", "obstacles"))
+    others = "other obstacles" if any(use.kind == OBSTACLE for use in proof.uses) else "obstacles"
+    missing = ", ".join((*proof.unchecked, "cables", "people", others))
     return (
         f"certificate at {percent:g} % speed: {verdict}; checked: {checked}",
         f"load: {proof.load}; NOT checked: {missing}",

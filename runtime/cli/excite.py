@@ -8,19 +8,28 @@ import numpy as np
 import typer
 from rich.progress import Progress
 
+from runtime.cli.approach_options import FromPose, Return, session_plan
 from runtime.cli.budget import Budget, budget_notes
-from runtime.cli.carry import CARRY
 from runtime.cli.certificate_table import (
-    certificate_headline,
-    certificate_table,
     design_notes,
     safety_of,
     table_height,
 )
 from runtime.cli.common import Robot, Seed, console, numbers_option, say, sentences_of
 from runtime.cli.design_defaults import HARMONICS_HELP, MARGIN_HELP, harmonics_of, margin_of
+from runtime.cli.limit_options import (
+    Box,
+    Carry,
+    Clearance,
+    Coulomb,
+    Obstacles,
+    Table,
+    TorqueFraction,
+    Unchecked,
+    Viscous,
+)
 from runtime.cli.motion_output import (
-    at_speed,
+    certified_stages,
     export_stages,
     files_of,
     json_path,
@@ -34,7 +43,6 @@ from runtime.cli.robot import Yes, open_robot
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
 from runtime.errors import RuntimeFault
 from runtime.excitation import BASES, CRITERIA, DesignSettings, basis_of, design, predict
-from runtime.excitation.limits.safety import TABLE_MARGIN
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
@@ -152,59 +160,18 @@ def excite_command(
             "home of the robot.",
         ),
     ] = None,
-    table: Annotated[
-        str | None,
-        typer.Option(
-            metavar="Z",
-            help="Height of a table that the arm stays above, m in the base frame; none where "
-            "there is no table. --export needs one of both.",
-        ),
-    ] = None,
-    unchecked: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="LIMIT",
-            help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
-            "carried-body; with --document torque, position-dependent-velocity, torque-rate and "
-            "tip-speed too; all for every one.",
-        ),
-    ] = None,
-    box: Annotated[
-        str | None,
-        typer.Option(
-            metavar="BOX",
-            help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
-            "frame; inf leaves a side open.",
-        ),
-    ] = None,
-    clearance: Annotated[
-        float | None,
-        typer.Option(
-            help="Least distance between links and above the table, m; default the margins of the "
-            f"robot, {TABLE_MARGIN:g} above the table."
-        ),
-    ] = None,
-    carry: Annotated[str | None, typer.Option(metavar="BODY", help=CARRY)] = None,
-    torque_fraction: Annotated[
-        float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
-    ] = 0.95,
+    table: Table = None,
+    unchecked: Unchecked = None,
+    box: Box = None,
+    clearance: Clearance = None,
+    carry: Carry = None,
+    obstacles: Obstacles = None,
+    from_pose: FromPose = None,
+    returns: Return = False,
+    torque_fraction: TorqueFraction = 0.95,
     margin: Annotated[float | None, typer.Option(help=MARGIN_HELP)] = None,
-    viscous: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FV",
-            help="Viscous friction in the torque limits, N·m·s/rad: one number or one per joint "
-            "with commas; default 0.",
-        ),
-    ] = None,
-    coulomb: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FC",
-            help="Coulomb friction in the torque limits, N·m: one number or one per joint with "
-            "commas; default 0.",
-        ),
-    ] = None,
+    viscous: Viscous = None,
+    coulomb: Coulomb = None,
     pictures: Annotated[
         bool,
         typer.Option(
@@ -222,12 +189,14 @@ def excite_command(
     symgen excite --home 0,-0.785,0,-2.356,0,1.571,0.785 --table 0 --box 0.2,0.8,-0.5,0.5,0.1,1.0
     symgen excite --export libfranka --speed 10 --speed 50 --speed 100
     symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
+    symgen excite --table 0 --obstacles cell.toml --from last.npz --return --export ros
     symgen excite --static --poses 12 --table 0
 
     The motion makes the base parameters identifiable with the least error (--criterion). It
     respects every limit that the robot states: position, velocity (lower near the ends of the
     range), acceleration, torque and its rate, speed of the tip, distances between links; with
-    --table and --box also those.
+    --table, --box and --obstacles also those. --from adds the way from the present pose to the
+    start under the same limits, --return the way back.
 
     Printed are all criteria with the standard deviations that a log will give, without and with
     friction (viscous, Coulomb, offset) as further unknowns; then the certificate: the largest use
@@ -239,11 +208,11 @@ def excite_command(
     require_applicable(context, static)
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
-    options = clearance, height, box, viscous, coulomb, carry
-    if document and any(option is not None for option in options):
+    options = clearance, height, box, viscous, coulomb, carry, obstacles
+    if document and any(option is not None for option in (*options, from_pose)):
         raise RuntimeFault(
-            "--document excludes --table, --box, --clearance, --viscous, --coulomb and --carry; "
-            "give --criterion cond instead, which keeps all limits"
+            "--document excludes --table, --box, --clearance, --viscous, --coulomb, --carry, "
+            "--obstacles and --from; give --criterion cond instead, which keeps all limits"
         )
     safety = None if document else safety_of(lib, torque_fraction, *options)
     if static and safety is not None:
@@ -266,6 +235,7 @@ def excite_command(
     used = margin_of(margin, bool(formats))
     speeds = stage_speeds(duration, speed or [100.0])
     require_unused(files_of(path, formats, speed or [100.0], pictures), overwrite)
+    ways = session_plan(lib, from_pose, returns, rest, safety, used, zero_jerk, seed)
     with Progress(console=console, transient=True) as progress:
         task = progress.add_task("excitation", total=starts + variation_count(wanted, starts))
 
@@ -295,10 +265,11 @@ def excite_command(
         )
     optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=used))
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
-    write_trajectory(optimum, lib, path, expected)
+    write_trajectory(optimum, lib, path, expected, ways.parts)
+    motion = certified(lib, ways.around(optimum.trajectory), safety)
     log = path.with_suffix(".csv")
-    written = [path] if export else [path, write_motion_log(optimum, lib, rate, log)]
-    motion = certified(lib, optimum.trajectory, safety)
+    sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
+    written = [path] if export else [path, write_motion_log(motion, rate, log, sentence)]
     if pictures:
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
 
@@ -307,13 +278,10 @@ def excite_command(
     for sentence in (
         *budget_notes(budget, len(optimum.conditions), starts),
         *design_notes(lib, duration, optimum.trajectory.duration),
+        *ways.sentences(optimum.trajectory),
     ):
         say(sentence)
-    stages = {100 * share: at_speed(motion, share) for share in speeds}
-    for percent, stage in stages.items():
-        for line in certificate_headline(stage.certificate, percent):
-            say(line)
-        console.print(certificate_table(stage.certificate))
+    stages = certified_stages(motion, speeds)
     say(f"trajectory: {', '.join(map(str, written))}")
     if export:
         export_stages(stages, path.with_suffix(""), formats, export_rate, accepted)

@@ -3,9 +3,10 @@
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
-from runtime.cli.common import say
+from runtime.cli.certificate_table import certificate_headline, certificate_table
+from runtime.cli.common import console, say
 from runtime.errors import RuntimeFault
-from runtime.excitation import LONGEST, Design
+from runtime.excitation import LONGEST
 from runtime.excitation.motion_export import CERTIFICATE, MOTION_FORMATS, export_trajectory
 from runtime.excitation.proof.certified_motion import (
     CertifiedMotion,
@@ -13,7 +14,6 @@ from runtime.excitation.proof.certified_motion import (
     require_speed,
     slowed,
 )
-from runtime.library import Library
 from runtime.recording import Recording, write_recording
 from runtime.simulation import sample_times
 
@@ -69,22 +69,21 @@ def files_of(
     return tuple(files)
 
 
-def write_motion_log(optimum: Design, lib: Library, rate: float, path: Path) -> Path:
-    """Write the designed motion, sampled at the rate, as a log without torque.
+def write_motion_log(motion: CertifiedMotion, rate: float, path: Path, sentence: str) -> Path:
+    """Write a motion, sampled at the rate, as a log without torque.
 
     Args:
-        optimum: the design.
-        lib: its robot.
+        motion: the motion with its robot.
         rate: of the rows, Hz.
         path: CSV file.
+        sentence: history of the log.
 
     Returns:
         The path.
     """
-    t = sample_times(optimum.trajectory.duration, rate)
-    q, dq, ddq, _ = optimum.trajectory.at(lib, t)
-    sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
-    names = lib.joint_names
+    t = sample_times(motion.trajectory.duration, rate)
+    q, dq, ddq, _ = motion.trajectory.at(motion.lib, t)
+    names = motion.lib.joint_names
     write_recording(
         Recording(t, q, dq, ddq, name=path.stem, joint_names=names, history=(sentence,)), path
     )
@@ -104,6 +103,26 @@ def at_speed(motion: CertifiedMotion, speed: float) -> CertifiedMotion:
     if speed == 1:
         return motion
     return certified(motion.lib, slowed(motion.trajectory, speed), motion.safety)
+
+
+def certified_stages(
+    motion: CertifiedMotion, speeds: Sequence[float]
+) -> dict[float, CertifiedMotion]:
+    """Print the certificate of every stage.
+
+    Args:
+        motion: the planned motion.
+        speeds: shares of its speed, above 0 and up to 1.
+
+    Returns:
+        Motion per speed in % of the planned one.
+    """
+    stages = {100 * share: at_speed(motion, share) for share in speeds}
+    for percent, stage in stages.items():
+        for line in certificate_headline(stage.certificate, percent):
+            say(line)
+        console.print(certificate_table(stage.certificate))
+    return stages
 
 
 def export_stages(

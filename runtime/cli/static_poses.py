@@ -33,6 +33,7 @@ Poses = Annotated[
 ]
 _APPLICABLE = {
     *("static", "poses", "robot", "yes", "starts", "seed", "out", "noise", "table", "box"),
+    "obstacles",
     *("clearance", "carry", "torque_fraction", "margin", "viscous", "coulomb", "overwrite"),
 }
 
@@ -82,10 +83,15 @@ def require_applicable(context: typer.Context, static: bool) -> None:
             raise RuntimeFault("--poses is the number of poses of --static; give --static too")
         return
     if other := sorted(given - _APPLICABLE):
+        option = _option(context, other[0])
         raise RuntimeFault(
-            f"--static designs poses at rest, to which --{other[0].replace('_', '-')} does not "
-            "apply; leave it out"
+            f"--static designs poses at rest, to which {option} does not apply; leave it out"
         )
+
+
+def _option(context: typer.Context, name: str) -> str:
+    """Option of a parameter as the user writes it."""
+    return next(one.opts[0] for one in context.command.params if one.name == name)
 
 
 def excite_static(lib: Library, safety: Safety, options: PoseOptions) -> None:

@@ -13,6 +13,7 @@ from runtime.excitation import Safety
 from runtime.excitation.limits.carried_limits import CarriedClearance, CarriedHeight
 from runtime.excitation.limits.distance_limits import LinkClearance, TableClearance
 from runtime.excitation.limits.nonlinear_limits import Torque
+from runtime.excitation.limits.obstacles import ObstacleClearance
 from runtime.excitation.limits.safety import constraints
 from runtime.excitation.proof.certificate import KINDS, Certificate
 from runtime.excitation.proof.certified_motion import CertifiedMotion
@@ -20,7 +21,7 @@ from runtime.library import Array, Library
 
 SAMPLES = 1001
 """Number of times over the motion; with the ends and the middle."""
-_DISTANCES = LinkClearance, TableClearance, CarriedClearance, CarriedHeight
+_DISTANCES = LinkClearance, TableClearance, CarriedClearance, CarriedHeight, ObstacleClearance
 _EDGE = 201
 """Number of points of the velocity bound over a range."""
 

@@ -1,6 +1,7 @@
 """A designed trajectory as JSON: robot, home, coefficients, duration and what is known of it."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.excitation import COSINE, LONGEST, Design, Prediction, Trajectory, basis_of
+from runtime.excitation.motion.joined import WAYS, JoinedMotion, joined
 from runtime.excitation.search.prediction import facts as facts_of
 from runtime.files import json_of, replacing
 from runtime.library import Library
@@ -17,7 +19,11 @@ LARGEST = 1e6
 
 
 def write_trajectory(
-    designed: Design, lib: Library, path: Path, prediction: Prediction | None = None
+    designed: Design,
+    lib: Library,
+    path: Path,
+    prediction: Prediction | None = None,
+    ways: Mapping[str, Trajectory] | None = None,
 ) -> None:
     """Write a design and its predicted accuracy, atomically.
 
@@ -26,6 +32,7 @@ def write_trajectory(
         lib: its robot.
         path: JSON file.
         prediction: expected standard deviations, or None.
+        ways: "approach" and "return", where there are.
     """
     known = {
         "condition_number": designed.condition,
@@ -38,11 +45,15 @@ def write_trajectory(
     }
     if prediction is not None:
         known["prediction"] = facts_of(prediction)
-    write_motion(designed.trajectory, lib, path, known)
+    write_motion(designed.trajectory, lib, path, known, ways)
 
 
 def write_motion(
-    trajectory: Trajectory, lib: Library, path: Path, known: dict[str, Any] | None = None
+    trajectory: Trajectory,
+    lib: Library,
+    path: Path,
+    known: dict[str, Any] | None = None,
+    ways: Mapping[str, Trajectory] | None = None,
 ) -> None:
     """Write a trajectory and further facts, atomically.
 
@@ -51,21 +62,52 @@ def write_motion(
         lib: its robot.
         path: JSON file.
         known: further keys of the file.
+        ways: "approach" and "return", where there are.
     """
-    basis = trajectory.basis
     facts = {
         "robot": lib.name,
         "joints": list(lib.joint_names),
+        **_facts(trajectory),
+        **(known or {}),
+        **{name: _facts(way) for name, way in (ways or {}).items()},
+    }
+    with replacing(path) as file:
+        file.write((json.dumps(facts, indent=1) + "\n").encode())
+
+
+def _facts(trajectory: Trajectory) -> dict[str, Any]:
+    basis = trajectory.basis
+    return {
         "basis": basis.equation,
         "basis_name": basis.name,
         "zero_jerk_at_ends": basis.zero_jerk,
         "duration": trajectory.duration,
         "home": trajectory.home.tolist(),
         "coefficients": trajectory.coefficients.tolist(),
-        **(known or {}),
     }
-    with replacing(path) as file:
-        file.write((json.dumps(facts, indent=1) + "\n").encode())
+
+
+def read_session(path: Path, lib: Library) -> JoinedMotion:
+    """Read a motion with the ways to its start and back that its file holds.
+
+    Args:
+        path: JSON file of `write_trajectory` or `write_motion`.
+        lib: the robot.
+
+    Returns:
+        Approach, motion and return in a row; the motion alone where the file has no ways.
+
+    Raises:
+        RecordingError: another kind of file, or a motion of another robot.
+        IdentificationError: the parts do not meet.
+    """
+    motion = read_trajectory(path, lib)
+    facts = json_of(path)
+    approach, back = (
+        _trajectory(facts[name], facts["joints"], path, lib) if name in facts else None
+        for name in WAYS
+    )
+    return joined(approach, motion, back)
 
 
 def read_trajectory(path: Path, lib: Library) -> Trajectory:
@@ -84,6 +126,21 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
     try:
         facts = json_of(path)
         joints = facts["joints"]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise _no_trajectory(path, error) from None
+    return _trajectory(facts, joints, path, lib)
+
+
+def _no_trajectory(path: Path, error: Exception) -> RecordingError:
+    return RecordingError(
+        f"'{path}' is not a trajectory ({type(error).__name__}); make one with: "
+        "python -m runtime excite"
+    )
+
+
+def _trajectory(facts: Any, joints: object, path: Path, lib: Library) -> Trajectory:
+    """A trajectory of a file, checked against its robot."""
+    try:
         trajectory = Trajectory(
             np.array(facts["home"], dtype=float),
             np.array(facts["coefficients"], dtype=float),
@@ -92,11 +149,8 @@ def read_trajectory(path: Path, lib: Library) -> Trajectory:
         )
     except IdentificationError as error:
         raise RecordingError(f"the trajectory '{path}' cannot be read: {error}") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise RecordingError(
-            f"'{path}' is not a trajectory ({type(error).__name__}); make one with: "
-            "python -m runtime excite"
-        ) from None
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise _no_trajectory(path, error) from None
     n = lib.n_joints
     shape = trajectory.coefficients.shape
     fits = trajectory.home.shape == (n,) and len(shape) == 2 and shape[0] == n

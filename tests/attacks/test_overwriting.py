@@ -49,6 +49,7 @@ CASES: dict[str, tuple[tuple[object, ...], tuple[str, ...]]] = {
         ),
         ("e.json", *STAGES),
     ),
+    "approach": (("approach", "good.json", "--from", "home", "--out", "e.json"), MOTION_FILES),
     "excite --pictures": (
         ("excite", "--out", "e.json", "--pictures"),
         ("e.json", "e.csv", "e.png", "e-speed.png", "e-space.png"),

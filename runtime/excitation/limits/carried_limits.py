@@ -27,7 +27,7 @@ _INSIDE = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class _Poses:
+class Poses:
     """Poses of the joints at N samples.
 
     Attributes:
@@ -45,7 +45,7 @@ class _Poses:
     movers: NDArray[np.bool_]
 
     @classmethod
-    def at(cls, lib: Library, q: Array) -> "_Poses":
+    def at(cls, lib: Library, q: Array) -> "Poses":
         """Of a robot at positions (N, n)."""
         joints = lib.manifest.joints
         poses = lib.link_poses(q)
@@ -73,7 +73,7 @@ class _Poses:
         return np.einsum("tni,ti->tn", np.where(self.slides[:, None], self.axis, turned), normal)
 
 
-def _closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
+def closest(start: Array, direction: Array, half: Array) -> tuple[Array, Array]:
     """Points of segments nearest to the box |x_i| ≤ h_i, and the way there from the box.
 
     Args:
@@ -123,7 +123,7 @@ class CarriedClearance(Clearance):
 
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Distance of the box from every capsule, (N, R) m, and its slopes by q, (N, R, n)."""
-        poses = _Poses.at(self.lib, q)
+        poses = Poses.at(self.lib, q)
         # Frame of the box in the base frame.
         axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
         center = poses.placed(self.link, np.array(self.box.center))
@@ -133,7 +133,7 @@ class CarriedClearance(Clearance):
         for proxy in self.proxies:
             ends = [poses.placed(proxy.joint, np.array(p)) for p in (proxy.start, proxy.end)]
             first, last = (np.einsum("tji,tj->ti", axes, end - center) for end in ends)
-            point, way = _closest(first, last - first, half)
+            point, way = closest(first, last - first, half)
             length = np.linalg.norm(way, axis=1)
             # Inside the box there is no direction: no slope, and the value is −radius.
             unit = way / np.where(length > _INSIDE, length, np.inf)[:, None]
@@ -160,7 +160,7 @@ class CarriedHeight(Clearance):
 
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Height of the lowest corner, (N, 1) m, and its slopes by q, (N, 1, n)."""
-        poses = _Poses.at(self.lib, q)
+        poses = Poses.at(self.lib, q)
         axes = poses.rotation[:, self.link] @ np.array(self.box.rotation)
         center = poses.placed(self.link, np.array(self.box.center))
         # Of every edge the end that lies lower.

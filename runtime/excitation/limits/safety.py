@@ -1,7 +1,8 @@
 """Limits that a motion keeps beyond position, velocity and acceleration.
 
 By default all that the manifest of the robot states: position-dependent velocity, torque, torque
-rate, tip speed and the margins of its pairs of proxies. A table and a box of the tip on request.
+rate, tip speed and the margins of its pairs of proxies. A table, a box of the tip and obstacles on
+request.
 """
 
 from dataclasses import dataclass
@@ -26,10 +27,11 @@ from runtime.excitation.limits.nonlinear_limits import (
     Torque,
     TorqueRate,
 )
+from runtime.excitation.limits.obstacles import Obstacle, ObstacleClearance, capsule_around
 from runtime.library import Array, Library
 
 TABLE_MARGIN = 0.03
-"""Margin between every moving proxy and the table, m."""
+"""Margin between every moving proxy and the table or an obstacle, m."""
 CARRIED_MARGIN = 0.02
 """Margin between a carried box and the links of a robot that states no margins, m."""
 FIT_PROXIES = (
@@ -45,12 +47,13 @@ class Safety:
 
     Attributes:
         torque_fraction: share of the effort limit that may be used, 0 < share ≤ 1.
-        clearance: margin of pairs and table, m; by default the margins of the pairs and
+        clearance: margin of pairs, table and obstacles, m; by default the margins of the pairs and
             `TABLE_MARGIN`. Pairs that the robot allows closer than its others keep their margin.
         table: height of a horizontal plane below which nothing may go, m in the base frame.
         box: xmin, xmax, ymin, ymax, zmin, zmax of the tip, m in the base frame; ±inf is open.
         viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty.
         carried: body in the hand, part of torques and distances; None is an empty hand.
+        obstacles: bodies fixed in the base frame that the links keep away from.
 
     Raises:
         IdentificationError: numbers that make no limits.
@@ -63,6 +66,7 @@ class Safety:
     viscous: tuple[float, ...] = ()
     coulomb: tuple[float, ...] = ()
     carried: CarriedBody | None = None
+    obstacles: tuple[Obstacle, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 < self.torque_fraction <= 1:
@@ -179,7 +183,21 @@ def _distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
         rows = _lifted(lib)
         proxies = tuple(lib.moving_proxies[row] for row in rows)
         chosen.append(TableClearance(lib, safety.table, margin, proxies, rows))
-    return (*chosen, *_carried_distances(lib, safety))
+    return (*chosen, *_obstacle_distances(lib, safety), *_carried_distances(lib, safety))
+
+
+def _obstacle_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
+    """Distances of the moving capsules and of the carried box from obstacles."""
+    if not safety.obstacles:
+        return ()
+    proxies = [proxy for proxy in lib.proxies if proxy.joint >= 0]
+    if not proxies:
+        raise _no_proxies(lib, "the distance from obstacles")
+    body = safety.carried
+    if body is not None and body.box is not None:
+        proxies.append(capsule_around(body.box, body.link))
+    margin = TABLE_MARGIN if safety.clearance is None else safety.clearance
+    return (ObstacleClearance(lib, margin, safety.obstacles, tuple(proxies)),)
 
 
 def _carried_distances(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:

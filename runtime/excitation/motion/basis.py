@@ -7,6 +7,7 @@ Another package adds a basis by an entry point of the group "symgen.bases".
 from runtime.errors import IdentificationError
 from runtime.excitation.motion.family import Basis, BasisFamily
 from runtime.excitation.motion.fourier import Cosine
+from runtime.excitation.motion.spline import Transfer
 from runtime.registry import Registry
 
 COSINE = Cosine()
@@ -21,14 +22,14 @@ BASES = Registry(
         "bspline": "runtime.excitation.motion.spline:SPLINE_FAMILY",
     },
 )
-"""All bases by name."""
+"""All bases of excitation motions by name; these return home."""
 
 
 def basis_of(name: str, zero_jerk: bool = False) -> Basis:
     """The basis of this name.
 
     Args:
-        name: one of `BASES`.
+        name: one of `BASES`, or that of `Transfer`.
         zero_jerk: the third derivative vanishes at both ends, too.
 
     Returns:
@@ -37,6 +38,8 @@ def basis_of(name: str, zero_jerk: bool = False) -> Basis:
     Raises:
         IdentificationError: the name is unknown.
     """
+    if name == Transfer.name:
+        return Transfer(zero_jerk)
     if name not in BASES:
         raise IdentificationError(
             f"there is no basis '{name}' of trajectories; choose from {', '.join(BASES)}"

@@ -1,4 +1,4 @@
-"""Quintic B-splines on equal intervals without the outermost ones."""
+"""Quintic B-splines on equal intervals without the outermost ones, or ending at another place."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,6 +22,7 @@ class Spline:
 
     zero_jerk: bool = False
     name = "bspline"
+    arrives = False
     is_symmetric = False
 
     @property
@@ -68,7 +69,7 @@ class Spline:
         Returns:
             d^k φ_m/ds^k, k < orders, (orders, N, size).
         """
-        return np.stack([_spline(size, self._gone, k)(s) for k in range(orders)])
+        return np.stack([_spline(size, self._gone, k, self.arrives)(s) for k in range(orders)])
 
     def bound(self, order: int, size: int) -> Array:
         """Largest coefficient: a spline lies in the convex hull of its coefficients.
@@ -80,18 +81,45 @@ class Spline:
         Returns:
             Upper bounds of |d^k φ_m/ds^k| over 0 ≤ s ≤ 1, (size,).
         """
-        return np.asarray(np.abs(_spline(size, self._gone, order).c).max(axis=0))
+        return np.asarray(np.abs(_spline(size, self._gone, order, self.arrives).c).max(axis=0))
 
 
-@lru_cache(maxsize=32)
-def _spline(size: int, gone: int, order: int) -> "BSpline":
-    """Derivative d^k/ds^k of all splines but the outermost `gone` at each end."""
+class Transfer(Spline):
+    """Splines from home to another place: the last function is the sum of the outermost ones.
+
+    The only function of one is the quintic 10 s³ − 15 s⁴ + 6 s⁵. The coefficients are control
+    points less home: the motion stays in their convex hull, and the last one is its end.
+    """
+
+    __slots__ = ()
+    name = "transfer"
+    arrives = True
+
+    @property
+    def equation(self) -> str:
+        """Equation as text, for files."""
+        gone = self._gone
+        return (
+            f"q = home + sum_m a_m B_m(s), s = t/t_f: clamped B-splines of degree {DEGREE} on "
+            f"equal intervals of 0..1, M + {2 * gone - 1} of them without the first {gone}, the "
+            f"last {gone} added up; the motion ends at home + a_M"
+        )
+
+
+@lru_cache(maxsize=48)
+def _spline(size: int, gone: int, order: int, arrives: bool) -> "BSpline":
+    """Derivative d^k/ds^k of all splines but the outermost `gone` at each end.
+
+    With `arrives` the sum of those at the upper end is the last function.
+    """
     from scipy.interpolate import BSpline
 
-    total = size + 2 * gone
+    total = size + 2 * gone - arrives
     inner = np.linspace(0.0, 1.0, total - DEGREE + 1)
     knots = np.concatenate([np.zeros(DEGREE), inner, np.ones(DEGREE)])
-    unit = np.eye(total)[:, gone : total - gone]
+    unit = np.eye(total)[:, gone : gone + size]
+    if arrives:
+        unit[total - gone :, -1] = 1.0
     if order > DEGREE:
         return BSpline(knots, np.zeros_like(unit), DEGREE)
     spline = BSpline(knots, unit, DEGREE)

@@ -11,7 +11,7 @@ from runtime.library import Array, Library
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Motion q(t) of n joints from `home` and back to it, at rest at both ends.
+    """Motion q(t) of n joints from `home`, at rest at both ends; back to it with most bases.
 
     Attributes:
         home: (n,) rad or m.

@@ -27,7 +27,8 @@ class Use:
 
     Attributes:
         kind: position and braking (as a share of the way from home to the limit), velocity,
-            acceleration, jerk, torque, torque rate, tip box, tip speed, self-collision, table.
+            acceleration, jerk, torque, torque rate, tip box, tip speed, self-collision, table,
+            obstacle.
         bound: largest use over all t; 1 is the limit itself. For distances it is
             1 + (limit − value)/0.1 m.
         where: joint, axis, pair or proxy of the largest use.
@@ -66,7 +67,7 @@ class Certificate:
         uses: the largest use per kind of limit that is checked.
         unlimited: kinds and joints for which the robot states no limit.
         unchecked: other limits that are not checked.
-        distances: one use per pair of links and, over a table, per proxy.
+        distances: one use per pair of links and per proxy over a table and beside an obstacle.
         load: mass and box of the carried body that the limits count, or "empty hand".
     """
 
@@ -96,7 +97,7 @@ class Certificate:
         )
 
 
-DISTANCES = ("self-collision", "table")
+DISTANCES = ("self-collision", "table", "obstacle")
 
 
 def _sentence(use: Use) -> str:

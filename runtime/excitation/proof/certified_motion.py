@@ -4,14 +4,18 @@ Also the same path at another speed, and motions scaled back onto the limits tha
 """
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from runtime.errors import ExportError, IdentificationError
 from runtime.excitation import Safety, Trajectory
-from runtime.excitation.proof.certificate import DISTANCES, Certificate, certificate_of
+from runtime.excitation.motion.joined import JoinedMotion
+from runtime.excitation.proof.certificate import DISTANCES, Certificate, Use, certificate_of
 from runtime.excitation.proof.joint_bounds import joint_bounds
 from runtime.library import Library
+
+AnyMotion = TypeVar("AnyMotion", Trajectory, JoinedMotion, Trajectory | JoinedMotion)
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,13 +24,13 @@ class CertifiedMotion:
 
     Attributes:
         lib: the robot.
-        trajectory: its motion.
+        trajectory: its motion, one or several in a row.
         safety: limits beyond those of the joints; None where only those were checked.
         certificate: of this trajectory under these limits.
     """
 
     lib: Library
-    trajectory: Trajectory
+    trajectory: Trajectory | JoinedMotion
     safety: Safety | None
     certificate: Certificate
 
@@ -60,13 +64,13 @@ class CertifiedMotion:
 
 
 def certified(
-    lib: Library, trajectory: Trajectory, safety: Safety | None = None
+    lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None = None
 ) -> CertifiedMotion:
     """A motion with its certificate, computed here and nowhere else.
 
     Args:
         lib: the robot.
-        trajectory: its motion.
+        trajectory: its motion, one or several in a row.
         safety: limits beyond those of the joints; None checks those of the joints alone.
 
     Returns:
@@ -76,7 +80,34 @@ def certified(
         IdentificationError: the trajectory is of another robot, or `safety` needs a limit that
             the robot does not state.
     """
-    return CertifiedMotion(lib, trajectory, safety, certificate_of(lib, trajectory, safety))
+    return CertifiedMotion(lib, trajectory, safety, _certificate(lib, trajectory, safety))
+
+
+def _certificate(
+    lib: Library, trajectory: Trajectory | JoinedMotion, safety: Safety | None
+) -> Certificate:
+    """Certificate of a motion; of several in a row the largest use of every limit."""
+    if isinstance(trajectory, Trajectory):
+        return certificate_of(lib, trajectory, safety)
+    parts = [certificate_of(lib, part, safety) for part in trajectory.parts]
+    starts = trajectory.starts
+    later = [
+        [
+            [replace(use, time=use.time + start) for use in uses]
+            for uses in (part.uses, part.distances)
+        ]
+        for part, start in zip(parts, starts, strict=True)
+    ]
+    uses, distances = (
+        tuple(max(same, key=_order) for same in zip(*(part[k] for part in later), strict=True))
+        for k in range(2)
+    )
+    return replace(parts[0], uses=uses, distances=distances)
+
+
+def _order(use: Use) -> float:
+    """The bound, +inf for what is not a number."""
+    return use.bound if np.isfinite(use.bound) else np.inf
 
 
 def fastest(motion: CertifiedMotion) -> float:
@@ -94,18 +125,18 @@ def fastest(motion: CertifiedMotion) -> float:
     while high - low > 1:
         percent = (low + high) // 2
         slow = slowed(motion.trajectory, percent / 100)
-        if certificate_of(motion.lib, slow, motion.safety).holds:
+        if _certificate(motion.lib, slow, motion.safety).holds:
             low = percent
         else:
             high = percent
     return low / 100
 
 
-def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
+def slowed(trajectory: AnyMotion, speed: float) -> AnyMotion:
     """The same path at a lower speed, in the duration t_f / speed.
 
     Args:
-        trajectory: the motion.
+        trajectory: the motion, one or several in a row.
         speed: share of its speed, above 0 and up to 1.
 
     Returns:
@@ -114,7 +145,10 @@ def slowed(trajectory: Trajectory, speed: float) -> Trajectory:
     Raises:
         IdentificationError: another speed.
     """
-    return replace(trajectory, duration=trajectory.duration / require_speed(speed))
+    require_speed(speed)
+    if isinstance(trajectory, JoinedMotion):
+        return trajectory.slowed(speed)
+    return replace(trajectory, duration=trajectory.duration / speed)
 
 
 def require_speed(speed: float) -> float:

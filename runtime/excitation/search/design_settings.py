@@ -4,9 +4,11 @@ import difflib
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numpy as np
+
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.safety import Safety
-from runtime.excitation.motion.basis import COSINE
+from runtime.excitation.motion.basis import BASES, COSINE
 from runtime.excitation.motion.family import Basis
 from runtime.excitation.search.information import Information
 from runtime.library import Array
@@ -61,6 +63,12 @@ class DesignSettings:
                 f"a trajectory needs a positive duration up to {LONGEST:g} s, of {SHORTEST:g} s or "
                 f"more, at least one harmonic and one start, at most {MOST_HARMONICS} harmonics, "
                 f"got {self.duration:g} s, {self.harmonics}, {self.starts}"
+            )
+        end = self.basis.derivatives(1, self.basis.size(self.harmonics), np.ones(1))
+        if np.abs(end).max() > 1e-6:  # bases vanish there to rounding
+            raise IdentificationError(
+                f"a design needs a basis that returns home, which '{self.basis.name}' does not; "
+                f"choose from {', '.join(BASES)}"
             )
         if not 0 < self.margin <= 1:
             raise IdentificationError(

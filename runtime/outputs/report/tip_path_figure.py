@@ -22,6 +22,7 @@ BOLD = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (PURPLE, ":"))
 TITLES = {
     "self-collision": "distance between links [m]",
     "table": "height above the table [m]",
+    "obstacle": "distance from obstacles [m]",
 }
 
 

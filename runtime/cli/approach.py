@@ -1,0 +1,127 @@
+"""`symgen approach`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.approach_options import FROM, Return, session_plan
+from runtime.cli.certificate_table import safety_of, table_height
+from runtime.cli.common import Robot, Seed, say, sentences_of
+from runtime.cli.design_defaults import EXPORT_MARGIN
+from runtime.cli.limit_options import (
+    Box,
+    Carry,
+    Clearance,
+    Coulomb,
+    Obstacles,
+    Table,
+    TorqueFraction,
+    Unchecked,
+    Viscous,
+)
+from runtime.cli.motion_output import (
+    certified_stages,
+    export_stages,
+    files_of,
+    json_path,
+    stage_speeds,
+    write_motion_log,
+)
+from runtime.cli.overwriting import Overwrite, require_unused
+from runtime.cli.robot import Yes, open_robot
+from runtime.excitation.limits.unchecked import TABLE, require_consent
+from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
+from runtime.excitation.motion_export import MOTION_FORMATS
+from runtime.excitation.proof.certified_motion import certified
+from runtime.excitation.trajectory_file import read_trajectory, write_motion
+from runtime.simulation import sample_times
+
+ROWS = 1000.0
+"""Default rate of the sampled motion, Hz."""
+
+
+def approach_command(
+    motion: Annotated[Path, typer.Argument(metavar="MOTION", help="JSON of excite.")],
+    from_pose: Annotated[str, typer.Option("--from", metavar="POSE", help=FROM)],
+    robot: Robot = "fr3",
+    yes: Yes = False,
+    returns: Return = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="JSON of ways and motion; default results/ROBOT-approach.json."
+        ),
+    ] = None,
+    export: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="FORMAT",
+            help="Files for a robot with ways and motion in one, written only if the certificate "
+            f"holds; repeatable. {sentences_of(MOTION_FORMATS)}.",
+        ),
+    ] = None,
+    export_rate: Annotated[
+        float | None,
+        typer.Option(help="Rate of the rows of files, Hz; default 1000, for ros 25."),
+    ] = None,
+    speed: Annotated[
+        list[float] | None,
+        typer.Option(help="Speed of a stage in % of the planned speed; repeatable. Default 100."),
+    ] = None,
+    margin: Annotated[
+        float, typer.Option(help="Share of the limits that the ways may use, 0 to 1.")
+    ] = EXPORT_MARGIN,
+    table: Table = None,
+    unchecked: Unchecked = None,
+    box: Box = None,
+    clearance: Clearance = None,
+    carry: Carry = None,
+    obstacles: Obstacles = None,
+    torque_fraction: TorqueFraction = 0.95,
+    viscous: Viscous = None,
+    coulomb: Coulomb = None,
+    seed: Seed = 0,
+    overwrite: Overwrite = False,
+) -> None:
+    r"""Plan the way to the start of a motion and back.
+
+    \b
+    symgen approach motion.json --from home --return --table 0
+    symgen approach motion.json --from last.npz --table 0 --obstacles cell.toml --export ros
+
+    The way is straight in the joints, or leads around links, table and obstacles. It keeps the
+    limits of the motion: position, velocity, acceleration, jerk, torque and its rate, speed of the
+    tip, distances. --return goes the same way back. One certificate counts ways and motion.
+
+    Written: JSON of ways and motion, and all of it sampled as CSV or in the formats of --export.
+    """
+    lib = open_robot(robot, yes)
+    height, has_no_table = table_height(table)
+    safety = safety_of(
+        lib, torque_fraction, clearance, height, box, viscous, coulomb, carry, obstacles
+    )
+    path = json_path(out or Path("results") / f"{lib.name}-approach.json")
+    trajectory = read_trajectory(motion, lib)
+    rate = ROWS if export_rate is None else export_rate
+    sample_times(trajectory.duration, rate)  # before the search: they may be too many
+    formats = [MOTION_FORMATS[name].name for name in export or []]
+    accepted = [*(unchecked or ()), *([TABLE] if has_no_table else [])]
+    if formats:
+        require_consent(unchecked_limits(lib, safety), accepted)
+    speeds = stage_speeds(trajectory.duration, speed or [100.0])
+    require_unused(files_of(path, formats, speed or [100.0], False), overwrite)
+    zero_jerk = trajectory.basis.zero_jerk
+    ways = session_plan(lib, from_pose, returns, trajectory.home, safety, margin, zero_jerk, seed)
+    session = certified(lib, ways.around(trajectory), safety)
+    write_motion(trajectory, lib, path, ways=ways.parts)
+    written = [path]
+    if not formats:
+        log, sentence = path.with_suffix(".csv"), "Ways and motion planned by symgen."
+        written.append(write_motion_log(session, rate, log, sentence))
+    for sentence in ways.sentences(trajectory):
+        say(sentence)
+    stages = certified_stages(session, speeds)
+    say(f"trajectory: {', '.join(map(str, written))}")
+    if formats:
+        export_stages(stages, path.with_suffix(""), formats, export_rate, accepted)

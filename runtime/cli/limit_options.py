@@ -1,0 +1,70 @@
+"""Options of the limits that a motion keeps, shared by the commands that plan motions."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from runtime.cli.carry import CARRY
+from runtime.excitation.limits.safety import TABLE_MARGIN
+
+Table = Annotated[
+    str | None,
+    typer.Option(
+        metavar="Z",
+        help="Height of a table that the arm stays above, m in the base frame; none where "
+        "there is no table. --export needs one of both.",
+    ),
+]
+Unchecked = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="LIMIT",
+        help="Limit that --export may leave unchecked; repeatable: self-collision, table, "
+        "carried-body; with --document torque, position-dependent-velocity, torque-rate and "
+        "tip-speed too; all for every one.",
+    ),
+]
+Box = Annotated[
+    str | None,
+    typer.Option(
+        metavar="BOX",
+        help="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX of a box that the tip stays in, m in the base "
+        "frame; inf leaves a side open.",
+    ),
+]
+Clearance = Annotated[
+    float | None,
+    typer.Option(
+        help="Least distance between links, above the table and from obstacles, m; default the "
+        f"margins of the robot, {TABLE_MARGIN:g} above the table and from obstacles."
+    ),
+]
+Carry = Annotated[str | None, typer.Option(metavar="BODY", help=CARRY)]
+Obstacles = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="TOML of obstacles that the links keep away from: tables [[obstacle]] with name, "
+        "center, size (edges), rpy and radius, m and rad in the base frame.",
+    ),
+]
+TorqueFraction = Annotated[
+    float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
+]
+Viscous = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FV",
+        help="Viscous friction in the torque limits, N·m·s/rad: one number or one per joint "
+        "with commas; default 0.",
+    ),
+]
+Coulomb = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FC",
+        help="Coulomb friction in the torque limits, N·m: one number or one per joint with "
+        "commas; default 0.",
+    ),
+]

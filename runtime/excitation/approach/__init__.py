@@ -1,0 +1,1 @@
+"""The way from one pose to another: collision-free, under the limits of a motion, certified."""

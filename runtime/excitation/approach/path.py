@@ -1,0 +1,133 @@
+"""Collision-free polylines between two poses: straight, or by RRT-Connect with shortcuts.
+
+Two trees grow from both ends towards random poses and towards each other. Distances between poses
+are times at full speed, so that fast joints move most. Source: Kuffner and LaValle, "RRT-Connect:
+an efficient approach to single-query path planning", ICRA 2000.
+"""
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.excitation.approach.free_poses import FreePoses
+from runtime.library import Array, Library
+
+REACH = 0.5
+"""Longest edge of a tree, largest step of a joint [rad, m]."""
+MOST_POSES = 4000
+"""Number of random poses after which no way is expected."""
+SHORTCUTS = 150
+"""Number of random shortcuts that are tried."""
+RANGE = np.pi
+"""Range on both sides of the ends for joints without limits [rad, m]."""
+
+
+def free_path(lib: Library, poses: FreePoses, start: Array, end: Array, seed: int) -> Array:
+    """A free polyline.
+
+    Args:
+        lib: the robot.
+        poses: poses at which it may rest, among them both ends.
+        start: (n,) [rad, m].
+        end: (n,) [rad, m].
+        seed: of the random poses.
+
+    Returns:
+        Corners with both ends, (K, n) [rad, m]; two for a straight way.
+
+    Raises:
+        IdentificationError: no way was found.
+    """
+    if poses.is_free_between(start, end):
+        return np.array([start, end])
+    rng = np.random.default_rng(seed)
+    speed = lib.limits()["velocity"]
+    weight = 1 / np.where(np.isfinite(speed), speed, 1.0)
+    low, high = np.minimum(start, end) - RANGE, np.maximum(start, end) + RANGE
+    low = np.where(np.isfinite(poses.lower), poses.lower, low)
+    high = np.where(np.isfinite(poses.upper), poses.upper, high)
+    trees = [_Tree(poses, start, weight), _Tree(poses, end, weight)]
+    for k in range(MOST_POSES):
+        first, second = trees[k % 2], trees[1 - k % 2]
+        leaf = first.extend(rng.uniform(low, high))
+        if leaf is None:
+            continue
+        goal = first.nodes[leaf]
+        # The other tree grows towards the new leaf as far as it is free.
+        meeting = second.extend(goal)
+        while meeting is not None and not np.array_equal(second.nodes[meeting], goal):
+            meeting = second.extend(goal)
+        if meeting is not None:
+            ways = [first.way(leaf), second.way(meeting)][:: 1 if k % 2 == 0 else -1]
+            return _shortened(poses, np.array([*ways[0][::-1], *ways[1][1:]]), rng)
+    raise IdentificationError(
+        f"no collision-free way was found from the start to the end with {MOST_POSES} random "
+        "poses; move the robot by hand, or remove obstacles"
+    )
+
+
+class _Tree:
+    """Poses joined by free edges; the first one is the root."""
+
+    def __init__(self, poses: FreePoses, root: Array, weight: Array) -> None:
+        self._poses, self._weight = poses, weight
+        self.nodes, self._parents = [root], [-1]
+
+    def extend(self, goal: Array) -> int | None:
+        """Add a pose towards the goal, at most `REACH` away; None where the edge is not free."""
+        away = (np.array(self.nodes) - goal) * self._weight
+        near = int(np.argmin(np.einsum("kj,kj->k", away, away)))
+        step = goal - self.nodes[near]
+        size = float(np.abs(step).max())
+        pose = goal if size <= REACH else self.nodes[near] + step * (REACH / size)
+        if not self._poses.is_free_between(self.nodes[near], pose):
+            return None
+        self.nodes.append(pose)
+        self._parents.append(near)
+        return len(self.nodes) - 1
+
+    def way(self, leaf: int) -> list[Array]:
+        """Poses from a leaf to the root."""
+        places = [leaf]
+        while self._parents[places[-1]] >= 0:
+            places.append(self._parents[places[-1]])
+        return [self.nodes[k] for k in places]
+
+
+def _shortened(poses: FreePoses, corners: Array, rng: np.random.Generator) -> Array:
+    """The polyline with straight ways between random places where these are free and shorter."""
+    for _ in range(SHORTCUTS):
+        if len(corners) == 2:
+            break
+        lengths = along(corners)
+        first, last = np.sort(rng.uniform(0.0, lengths[-1], 2))
+        between = (lengths > first) & (lengths < last)
+        ends = places(corners, np.array([first, last]))
+        if between.any() and poses.is_free_between(*ends):
+            corners = np.array([*corners[lengths <= first], *ends, *corners[lengths >= last]])
+    # Corners that a straight way passes by freely.
+    k = 1
+    while k < len(corners) - 1:
+        if poses.is_free_between(corners[k - 1], corners[k + 1]):
+            corners = np.delete(corners, k, axis=0)
+        else:
+            k += 1
+    return corners
+
+
+def along(corners: Array) -> Array:
+    """Length of a polyline up to each corner, (K,), the largest step of a joint as the metric."""
+    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners, axis=0)).max(axis=1))])
+
+
+def places(corners: Array, length: Array) -> Array:
+    """Places on a polyline.
+
+    Args:
+        corners: (K, n) [rad, m].
+        length: (N,), as of `along`.
+
+    Returns:
+        (N, n) [rad, m].
+    """
+    known = along(corners)
+    return np.stack([np.interp(length, known, column) for column in corners.T], axis=1)

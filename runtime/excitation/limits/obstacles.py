@@ -1,0 +1,194 @@
+"""Obstacles fixed in the base frame: their distances from the links of a robot, with exact slopes.
+
+An obstacle is a box grown by a radius, which includes spheres (no edges) and capsules (one edge).
+The distance of a link is that of the axis of its capsule from the box, less both radii. A carried
+box counts as the capsule around it: its axis is parallel to the longest edge.
+
+    g = (margin − distance) / 0.1 m       one row per obstacle and capsule
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from runtime.errors import IdentificationError
+from runtime.excitation.limits.carried_body import CarriedBox
+from runtime.excitation.limits.carried_limits import LABEL, Poses, closest
+from runtime.excitation.limits.distance_limits import Clearance
+from runtime.files import toml_of
+from runtime.library import Array, Library, ProxyFacts
+
+OBSTACLE = "obstacle"
+"""Kind of the limit in certificates."""
+KEYS = ("name", "center", "size", "rpy", "radius")
+"""Entries of an obstacle in a file."""
+LARGEST = 100.0
+"""Largest coordinate, edge or radius [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A box grown by a radius, fixed in the base frame; picklable.
+
+    Attributes:
+        name: in certificates.
+        center: (3,) m.
+        size: lengths of the edges, (3,) m; zeros are a sphere.
+        rpy: roll, pitch, yaw of the box, Rz(yaw) Ry(pitch) Rx(roll), rad.
+        radius: of the rounding, m.
+
+    Raises:
+        IdentificationError: numbers that make no body.
+    """
+
+    name: str
+    center: tuple[float, ...]
+    size: tuple[float, ...] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, ...] = (0.0, 0.0, 0.0)
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        vectors = self.center, self.size, self.rpy
+        numbers = np.array([x for vector in vectors for x in vector] + [self.radius])
+        shaped = all(len(vector) == 3 for vector in vectors)
+        if not (shaped and np.isfinite(numbers).all() and (np.abs(numbers) <= LARGEST).all()):
+            raise IdentificationError(
+                f"the obstacle '{self.name}' needs center, size and rpy of three finite numbers "
+                f"and a radius, up to {LARGEST:g} m; correct them"
+            )
+        if min(*self.size, self.radius) < 0 or max(*self.size, self.radius) == 0:
+            raise IdentificationError(
+                f"the obstacle '{self.name}' needs edges and a radius from 0 m up of which one is "
+                "above 0 m; correct size or radius"
+            )
+
+    @property
+    def rotation(self) -> Array:
+        """Axes of the box in the base frame, columns of (3, 3)."""
+        (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy), np.sin(self.rpy)
+        about_x = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+        about_y = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+        about_z = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+        return np.asarray(about_z @ about_y @ about_x)
+
+
+def read_obstacles(path: Path) -> tuple[Obstacle, ...]:
+    """Read a file of obstacles.
+
+        [[obstacle]]
+        name = "post"
+        center = [0.4, 0.3, 0.5]    # m in the base frame
+        size = [0.1, 0.1, 1.0]      # m, edges; left out for a sphere
+        rpy = [0.0, 0.0, 0.0]       # rad
+        radius = 0.0                # m, rounding
+
+    Args:
+        path: TOML file.
+
+    Returns:
+        The obstacles.
+
+    Raises:
+        IdentificationError: another kind of file, or an entry that is no obstacle.
+    """
+    try:
+        facts = toml_of(path)
+    except OSError:
+        raise IdentificationError(
+            f"the obstacles '{path}' cannot be read; check the path"
+        ) from None
+    except ValueError as error:
+        raise IdentificationError(
+            f"the obstacles '{path}' are not TOML: {error}; correct the file"
+        ) from None
+    entries = facts.get(OBSTACLE)
+    if set(facts) != {OBSTACLE} or not isinstance(entries, list) or not entries:
+        raise IdentificationError(
+            f"expected '{path}' to consist of tables [[{OBSTACLE}]] with {', '.join(KEYS)}; "
+            "correct the file"
+        )
+    return tuple(_obstacle(entry, k, path) for k, entry in enumerate(entries, 1))
+
+
+def _obstacle(entry: Any, k: int, path: Path) -> Obstacle:
+    if not isinstance(entry, dict) or set(entry) - set(KEYS) or "center" not in entry:
+        raise IdentificationError(
+            f"expected obstacle {k} of '{path}' to have a center and no entries but "
+            f"{', '.join(KEYS)}; correct it"
+        )
+    given = {key: value for key, value in entry.items() if key in {"center", "size", "rpy"}}
+    try:
+        vectors = {key: tuple(float(x) for x in value) for key, value in given.items()}
+        return Obstacle(
+            str(entry.get("name", f"obstacle {k}")),
+            **vectors,
+            radius=float(entry.get("radius", 0.0)),
+        )
+    except (TypeError, ValueError):
+        raise IdentificationError(
+            f"expected numbers in obstacle {k} of '{path}', three each for center, size and rpy; "
+            "correct them"
+        ) from None
+
+
+@dataclass(frozen=True, slots=True)
+class ObstacleClearance(Clearance):
+    """Distances of capsules from obstacles, the capsules of the first obstacle first."""
+
+    kind: ClassVar[str] = OBSTACLE
+    lib: Library
+    margin: float
+    obstacles: tuple[Obstacle, ...]
+    proxies: tuple[ProxyFacts, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Capsule and obstacle of every row."""
+        return tuple(f"{p.name} and {o.name}" for o in self.obstacles for p in self.proxies)
+
+    def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
+        """Distance of every row, (N, R) m, and its slopes by q, (N, R, n)."""
+        poses = Poses.at(self.lib, q)
+        axes = [
+            np.stack([poses.placed(p.joint, np.array(end)) for end in (p.start, p.end)], axis=1)
+            for p in self.proxies
+        ]
+        # Ends of all axes, one capsule after another: (R N, 2, 3).
+        ends = np.concatenate(axes)
+        distances, slopes = [], []
+        for obstacle in self.obstacles:
+            turn, center = obstacle.rotation, np.array(obstacle.center)
+            local = (ends - center) @ turn
+            point, way = closest(
+                local[:, 0], local[:, 1] - local[:, 0], np.array(obstacle.size) / 2
+            )
+            length = np.linalg.norm(way, axis=1)
+            # An axis inside the box has no direction: no slope, and the value is −radius.
+            normal = way / np.where(length > 0, length, np.inf)[:, None] @ turn.T
+            place = point @ turn.T + center
+            rows = slice(0, 0)
+            for p in self.proxies:
+                rows = slice(rows.stop, rows.stop + len(q))
+                distances.append(length[rows] - p.radius - obstacle.radius)
+                slopes.append(poses.slopes(place[rows], normal[rows]) * poses.moved_by(p.joint))
+        return np.stack(distances, axis=1), np.stack(slopes, axis=1)
+
+
+def capsule_around(box: CarriedBox, link: int) -> ProxyFacts:
+    """Capsule that contains a carried box, with its axis parallel to the longest edge.
+
+    Args:
+        box: the box.
+        link: index of the link that carries it.
+
+    Returns:
+        The capsule in the frame of that link.
+    """
+    size, turn = np.array(box.size), np.array(box.rotation)
+    longest = int(np.argmax(size))
+    radius = float(np.hypot(*np.delete(size, longest))) / 2
+    half = turn[:, longest] * size[longest] / 2
+    first, last = (tuple((np.array(box.center) + s * half).tolist()) for s in (-1, 1))
+    return ProxyFacts(LABEL, LABEL, link, first, last, radius)

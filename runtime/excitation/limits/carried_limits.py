@@ -46,7 +46,15 @@ class Poses:
 
     @classmethod
     def at(cls, lib: Library, q: Array) -> "Poses":
-        """Of a robot at positions (N, n)."""
+        """Compute the poses of a robot.
+
+        Args:
+            lib: the robot.
+            q: (N, n) [rad, m].
+
+        Returns:
+            Poses of its joints.
+        """
         joints = lib.manifest.joints
         poses = lib.link_poses(q)
         movers = np.eye(len(joints), dtype=bool)
@@ -58,7 +66,15 @@ class Poses:
         return cls(poses[..., :3, :3], poses[..., :3, 3], axes, slides, movers)
 
     def placed(self, joint: int, point: Array) -> Array:
-        """Points of a link's frame, (3,), in the base frame, (N, 3); −1 is the base."""
+        """Place of a point of a link in the base frame.
+
+        Args:
+            joint: index of the link; −1 is the base.
+            point: in the frame of the link, (3,) m.
+
+        Returns:
+            (N, 3) m.
+        """
         if joint < 0:
             return np.broadcast_to(point, (len(self.origin), 3))
         return np.asarray(self.rotation[:, joint] @ point + self.origin[:, joint])
@@ -68,7 +84,15 @@ class Poses:
         return self.movers[joint] if joint >= 0 else np.zeros(len(self.slides), dtype=bool)
 
     def slopes(self, point: Array, normal: Array) -> Array:
-        """n · ∂P/∂q_j of a point (N, 3) for every joint as if it moved it, (N, n)."""
+        """Slopes n · ∂P/∂q_j of a point for every joint, as if each of them moved it.
+
+        Args:
+            point: P in the base frame, (N, 3) m.
+            normal: n, (N, 3).
+
+        Returns:
+            (N, n).
+        """
         turned = np.cross(self.axis, point[:, None] - self.origin)
         return np.einsum("tni,ti->tn", np.where(self.slides[:, None], self.axis, turned), normal)
 

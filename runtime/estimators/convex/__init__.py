@@ -8,6 +8,7 @@ Wensing, Kim & Slotine 2018 (P ⪰ 0); document Sec. 3.1.4.
 
 from runtime.estimators.convex.bodies import Bodies, bodies_of
 from runtime.estimators.convex.compiled import follow_compiled, follow_many, solve, solve_many
+from runtime.estimators.convex.continuation import minimise_anywhere
 from runtime.estimators.convex.eliminate_friction import Elimination, Reduced, reduce
 from runtime.estimators.convex.entropic_prior import CAD, GRIPPER, NONE, Prior, prior_from, prior_of
 from runtime.estimators.convex.newton import (
@@ -42,6 +43,7 @@ __all__ = [
     "follow_compiled",
     "follow_many",
     "minimise",
+    "minimise_anywhere",
     "prior_from",
     "prior_of",
     "reduce",

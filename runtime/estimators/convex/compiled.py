@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from runtime.estimators.convex.continuation import better, factors, minimise_anywhere
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import DECREMENT, MOST_STEPS, ConvexProblem, Minimum, minimise
+from runtime.estimators.convex.newton import DECREMENT, MOST_STEPS, ConvexProblem, Minimum
 from runtime.estimators.convex.path import PATIENCE, SHRINK, Path, follow, gamma_sequence, path_of
 from runtime.library import Array, ConvexAnswer, ConvexTask, Library
 from runtime.library.parameters import N_PARAMETERS
@@ -49,10 +50,11 @@ def solve_many(
     firsts = list(starts) if starts is not None else [None] * len(problems)
     plain = all(p.inside is None and p.free is None for p in problems)
     if not lib.solves_convex or not plain or not problems:
-        return [minimise(p, s) for p, s in zip(problems, firsts, strict=True)]
+        return [minimise_anywhere(p, s) for p, s in zip(problems, firsts, strict=True)]
     tasks = [_task(p, np.ones(1), s) for p, s in zip(problems, firsts, strict=True)]
     answers = lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads)
-    return [_minimum(p, answer) for p, answer in zip(problems, answers, strict=True)]
+    minima = [_minimum(p, answer) for p, answer in zip(problems, answers, strict=True)]
+    return _continued(lib, minima, firsts, threads)
 
 
 def follow_compiled(
@@ -115,6 +117,30 @@ def follow_many(
     return paths
 
 
+def _continued(
+    lib: Library, minima: list[Minimum], starts: list[Array | None], threads: int
+) -> list[Minimum]:
+    """The minima, those without convergence by continuation in γ."""
+    tasks, places = [], []
+    for k, (minimum, start) in enumerate(zip(minima, starts, strict=True)):
+        problem = minimum.problem
+        if minimum.converged or not _is_inside(problem, start):
+            continue
+        tasks.append(_task(problem, factors(problem, problem.prior.centre)))
+        places.append(k)
+    if not tasks:
+        return minima
+    results = list(minima)
+    for k, answer in zip(places, lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads), strict=True):
+        results[k] = better(minima[k], _minimum(minima[k].problem, answer))
+    return results
+
+
+def _is_inside(problem: ConvexProblem, start: Array | None) -> bool:
+    """Whether every body of the first point is strictly consistent."""
+    return start is None or problem.prior.bodies.log_det(start) is not None
+
+
 def _task(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> ConvexTask:
     data, prior = problem.data, problem.prior
     return ConvexTask(
@@ -132,9 +158,9 @@ def _task(problem: ConvexProblem, gammas: Array, start: Array | None = None) -> 
 def _minimum(problem: ConvexProblem, answer: ConvexAnswer) -> Minimum:
     return Minimum(
         problem,
-        answer.points[0],
-        float(answer.losses[0]),
-        float(answer.decrements[0]),
-        int(answer.steps[0]),
+        answer.points[-1],
+        float(answer.losses[-1]),
+        float(answer.decrements[-1]),
+        int(answer.steps.sum()),
         answer.converged,
     )

@@ -15,7 +15,8 @@ from scipy.linalg import block_diag, null_space
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem, minimise
+from runtime.estimators.convex.continuation import minimise_anywhere
+from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
 
@@ -80,7 +81,7 @@ def constrained(
         matrix, _ = _stacked(constraints.equations, start.size)
         scaled = np.linalg.solve(whiten.T, matrix.T).T  # E in whitened unknowns
         free = Subspace(start, np.linalg.solve(whiten, null_space(scaled)))
-    minimum = minimise(convex_problem(data, prior, gamma, inside, free), start)
+    minimum = minimise_anywhere(convex_problem(data, prior, gamma, inside, free), start)
     notes: tuple[str, ...] = ()
     if len(rows):
         scale = np.linalg.norm(np.linalg.solve(whiten.T, rows.T), axis=0)

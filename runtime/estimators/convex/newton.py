@@ -8,7 +8,7 @@ The log-determinant keeps every P_k ≻ 0; the optional half-spaces a_c·π ≤ 
 backtracking, no step out of the cone; the end is a Newton decrement below 1e-3 γ.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -80,6 +80,10 @@ class ConvexProblem:
     gamma: Array
     inside: HalfSpaces | None = None
     free: Subspace | None = None
+
+    def weighted(self, factor: float) -> "ConvexProblem":
+        """The same problem with γ times a factor."""
+        return replace(self, gamma=factor * self.gamma)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,6 +190,32 @@ def minimise(
         pi, value = moved
         steps += 1
     return Minimum(problem, pi, problem.data.value(pi), decrement, steps, converged)
+
+
+def cost_of(problem: ConvexProblem, pi: Array) -> float | None:
+    """Cost of a convex problem.
+
+    Args:
+        problem: data, prior and constraints.
+        pi: (10 n,).
+
+    Returns:
+        The cost; None outside of the domain.
+    """
+    return _Cost(problem).value(pi)
+
+
+def slope_of(problem: ConvexProblem, pi: Array) -> tuple[Array, Array]:
+    """Gradient and Hessian of the cost of a convex problem.
+
+    Args:
+        problem: data, prior and constraints.
+        pi: (10 n,), inside of the domain.
+
+    Returns:
+        (10 n,) and (10 n, 10 n).
+    """
+    return _Cost(problem).slope(pi)
 
 
 class _Cost:

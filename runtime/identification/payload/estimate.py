@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise, prior_from
+from runtime.estimators.convex import NONE, Reduced, convex_problem, minimise_anywhere, prior_from
 from runtime.estimators.regression.coloured_noise import ColouredNoise, coloured_noise_of_rows
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.payload.arm_error import arm_covariance
@@ -243,7 +243,7 @@ def _solved(mount: Mount, columns: Array, residual: Array, kappa: float) -> _Sol
             basis = np.concatenate([rows / noise[:, None], levels], axis=2)
             coloured = coloured_noise_of_rows(basis, target / noise)
         gamma = kappa * max(coloured.density, _PERFECT**2) / count
-        minimum = minimise(convex_problem(data, prior, gamma), pi)
+        minimum = minimise_anywhere(convex_problem(data, prior, gamma), pi)
         pi = minimum.pi
         errors = target - rows @ pi
         # Noise of each joint, with the degrees of freedom that N_eff leaves.

@@ -72,6 +72,22 @@ def test_small_unknown_payloads_are_named(lib, trajectories):
     assert all("contradict the inertia" in w for w in words)
 
 
+def test_a_heavy_payload_on_another_robot_is_named_with_its_mass(lib, trajectories):
+    """Oracle: 3 kg on a robot 10 % off its URDF, where Newton's method alone takes 1000s of steps."""
+    rng = np.random.default_rng([4, 11])
+    pi = perturbed(lib, lib.pi0, 0.1, rng)
+    pi[-10:] += body(lib, 3.0, np.array([0.0, 0.0, 0.15]) + 0.02 * rng.normal(size=3))
+    plant = Plant(pi, viscous=0.5, coulomb=0.3, torque_noise=0.05)
+    log = ideal(lib, trajectories[1], plant, rng=rng)
+    result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED)
+    assert result.status.startswith("converged")
+    words = result.uncertainty.advice()
+    assert "contradict the inertia of fr3_link7 (0.627 kg in the URDF" in words
+    # The mass of a link is known to the prior of the others, 25 % of 1.8 kg of link 6.
+    mass = float(words.split("about ")[1].split()[0])
+    assert mass == pytest.approx(pi[60], abs=0.5)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_robots_within_the_prior_raise_no_alarm(lib, trajectories, seed):
     """Property: 20 % off the URDF in every direction is what the prior of 25 % allows."""

@@ -131,7 +131,9 @@ def _continued(
     if not tasks:
         return minima
     results = list(minima)
-    for k, answer in zip(places, lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads), strict=True):
+    for k, answer in zip(
+        places, lib.convex(tasks, DECREMENT, MOST_STEPS).run(threads), strict=True
+    ):
         results[k] = better(minima[k], _minimum(minima[k].problem, answer))
     return results
 

@@ -73,7 +73,7 @@ def test_small_unknown_payloads_are_named(lib, trajectories):
 
 
 def test_a_heavy_payload_on_another_robot_is_named_with_its_mass(lib, trajectories):
-    """Oracle: 3 kg on a robot 10 % off its URDF, where Newton's method alone takes 1000s of steps."""
+    """Oracle: 3 kg on a robot 10 % off its URDF, where Newton's method alone fails."""
     rng = np.random.default_rng([4, 11])
     pi = perturbed(lib, lib.pi0, 0.1, rng)
     pi[-10:] += body(lib, 3.0, np.array([0.0, 0.0, 0.15]) + 0.02 * rng.normal(size=3))

@@ -78,7 +78,7 @@ def test_many_are_the_same_as_one_by_one(fr3):
 
 
 def test_data_far_from_the_prior_are_minimised_by_continuation(fr3):
-    """Oracle: NumPy and C agree with 3 kg in the hand, where Newton's method alone ends unfinished."""
+    """Oracle: NumPy and C agree with 3 kg in the hand, where Newton's method alone fails."""
     p = problem(fr3)
     load = np.array([3.0, 0.06, -0.09, 0.45, 0.07, 0.07, 0.01, 0.002, -0.009, 0.0135])
     far = p.prior.centre.copy()

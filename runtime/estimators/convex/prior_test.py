@@ -3,12 +3,12 @@
     T = min over π of ‖A π − b‖² / S + 2 κ Σ_k [tr(P0_k⁻¹ P_k) − log det P_k − 4 + log det P0_k]
 
 is χ² distributed with rank A degrees of freedom where the prior and the noise S are right, because
-b − A π0 then has the covariance S + A (κ B)⁻¹ Aᵀ. The prior of one link at a time is released, which
-leaves its ten parameters to the data and to physical consistency. T then falls by a χ² of ten
-degrees of freedom where the prior of that link is right, which is the sharper test of a single
-wrong body, and shows which. It needs no margin: robots that are 25 % off their URDF, the size of the
-prior, reach 0.98 of the quantile, the log of Franka's arm 0.6, an unknown body of 0.5 kg 1.7 and
-more in 96 of 100 logs.
+b − A π0 then has the covariance S + A (κ B)⁻¹ Aᵀ. The prior of one link at a time is released,
+which leaves its ten parameters to the data and to physical consistency. T then falls by a χ² of
+ten degrees of freedom where the prior of that link is right, which is the sharper test of a single
+wrong body, and shows which. It needs no margin: robots that are 25 % off their URDF, the size of
+the prior, reach 0.98 of the quantile, the log of Franka's arm 0.6, an unknown body of 0.5 kg 1.7
+and more in 96 of 100 logs.
 Source: Box 1980 for the prior predictive test; the release of single links is this project's.
 """
 

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.linalg import block_diag, null_space
 
 from runtime.errors import IdentificationError
+from runtime.estimators.convex.continuation import minimise_anywhere
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
-from runtime.estimators.convex.continuation import minimise_anywhere
 from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS

@@ -30,7 +30,7 @@ def factors(problem: ConvexProblem, start: Array) -> Array:
     data = problem.data
     gradient, hessian = slope_of(problem, start)
     barrier = hessian - data.factor.T @ data.factor / data.count
-    # At s γ with s = √(gᵀ B⁻¹ g / γ) the Newton decrement is 1 or less, where B = γ ∇² of the prior.
+    # B = γ ∇² of the prior; at s γ, s = √(gᵀ B⁻¹ g / γ), the Newton decrement is 1 or less.
     size = float(gradient @ np.linalg.lstsq(barrier, gradient)[0])
     far = np.sqrt(max(size / float(problem.gamma.min()), 1.0))
     count = int(np.ceil(np.log(far) / np.log(RATIO)))

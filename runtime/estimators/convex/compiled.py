@@ -47,7 +47,7 @@ def solve_many(
     Returns:
         The minimisers, in order.
     """
-    firsts = list(starts) if starts is not None else [None] * len(problems)
+    firsts: list[Array | None] = list(starts or [None] * len(problems))
     plain = all(p.inside is None and p.free is None for p in problems)
     if not lib.solves_convex or not plain or not problems:
         return [minimise_anywhere(p, s) for p, s in zip(problems, firsts, strict=True)]

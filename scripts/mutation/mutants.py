@@ -1,7 +1,8 @@
 """Mutants of Python by its syntax tree and of templates of C by their text.
 
-A mutant is one replaced piece of one line: a sign, a constant, an index, a comparison, a minimum
-made a maximum, a condition negated. Docstrings, annotations and messages of errors stay.
+A mutant is one replaced piece of one line: a sign, a constant (ten times as large; a large integer
+a tenth, a small one the next), a comparison, a minimum made a maximum, a condition negated.
+Docstrings, annotations and messages of errors stay.
 """
 
 import ast
@@ -26,6 +27,10 @@ _C_TEXT |= {"<=": "<", ">=": ">", "*": "/", "/": "*", "+": "-", "-": "+"}
 _C_IDLE = re.compile(r"/\*.*?\*/|\{[%#{].*?[%#}]\}|^\s*#.*?$|\"[^\"\n]*\"", re.S | re.M)
 
 
+LARGE = 10
+"""Integers from here on are sizes and limits, smaller ones places, axes and exponents."""
+
+
 @dataclass(frozen=True, slots=True)
 class Mutant:
     """One altered file.
@@ -34,6 +39,7 @@ class Mutant:
         path: of the file, from the root of the repository.
         line: number of the line, from 1.
         before, after: the line as it is and as altered, without indentation.
+        whole: the file as it is.
         text: the altered file.
     """
 
@@ -41,6 +47,7 @@ class Mutant:
     line: int
     before: str
     after: str
+    whole: str
     text: str
 
 
@@ -62,7 +69,7 @@ def mutants_of(file: Path, root: Path) -> list[Mutant]:
         number = data.count(b"\n", 0, first)
         before, after = (t.splitlines()[number].decode().strip() for t in (data, changed))
         name = file.relative_to(root).as_posix()
-        found.append(Mutant(name, number + 1, before, after, changed.decode()))
+        found.append(Mutant(name, number + 1, before, after, data.decode(), changed.decode()))
     return found
 
 
@@ -76,7 +83,7 @@ def _template(text: str) -> Iterator[Piece]:
         first = match.start()
         if any(a <= first < b for a, b in idle):
             continue
-        new = _C_TEXT.get(match[0]) or f"({match[0]} * 2)"
+        new = _C_TEXT.get(match[0]) or f"({match[0]} * 10)"
         start = len(text[:first].encode())
         yield start, start + len(match[0].encode()), new.encode()
 
@@ -116,13 +123,20 @@ def _python(data: bytes) -> Iterator[Piece]:
             case ast.Constant(value=bool(value)):
                 yield *span(node), str(not value).encode()
             case ast.Constant(value=int() | float() as value):
-                new = value + 1 if isinstance(value, int) else (2 * value or 1.0)
+                new = _constant(value)
                 yield *span(node), repr(new).encode()
             case ast.Attribute(attr=name) if name in _NAMES:
                 last = span(node)[1]
                 yield last - len(name), last, _NAMES[name].encode()
             case ast.Name(id=name) if name in _NAMES:
                 yield *span(node), _NAMES[name].encode()
+
+
+def _constant(value: float) -> float:
+    """A value far enough away to matter: 10 x, x / 10 for a large integer, the next small one."""
+    if isinstance(value, float):
+        return 10 * value or 1.0
+    return value + 1 if value < LARGE else value // LARGE
 
 
 def _alive(node: ast.AST) -> Iterator[ast.AST]:

@@ -1,4 +1,4 @@
-"""Rooms that can be mutated: their sources, and the tests that touch them, fastest first."""
+"""Rooms that can be mutated: their sources, and the folders of their tests."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,23 +23,40 @@ class Room:
         return sorted(set(found))
 
 
+_CONVEX = f"{_E}/convex"
+_POSTERIOR = tuple(
+    f"{_CONVEX}/{name}.py"
+    for name in ("map_estimate", "posterior_spread", "entropic_prior", "prior_test")
+)
+_MECHANICS = "symgen/mechanics"
+
 ROOMS = {
-    "convex": Room((f"{_E}/convex",), (f"{_T}/estimators/convex",)),
-    "descent": Room(
-        (f"{_E}/descent",),
-        (f"{_T}/estimators/descent", f"{_T}/identification/test_single_log.py"),
-    ),
-    "uncertainty": Room(
-        (f"{_E}/uncertainty.py",),
-        (
-            f"{_T}/estimators/test_uncertainty.py",
-            f"{_T}/estimators/convex/test_map_estimate.py",
-            f"{_T}/identification/test_result_file.py",
+    "convex": Room(
+        tuple(
+            f"{_CONVEX}/{name}.py"
+            for name in (
+                *("__init__", "bodies", "compiled", "constraints", "eliminate_friction"),
+                *("newton", "path"),
+            )
         ),
+        (f"{_T}/estimators/convex",),
     ),
-    "regression": Room(
-        (f"{_E}/regression",),
-        (f"{_T}/estimators/regression", f"{_T}/estimators/convex/test_map_estimate.py"),
+    "posterior": Room(
+        (*_POSTERIOR, f"{_E}/armature_prior.py", f"{_E}/type_prior.py"),
+        (f"{_T}/estimators/convex", f"{_T}/estimators/test_armature_prior.py"),
+    ),
+    "descent": Room((f"{_E}/descent",), (f"{_T}/estimators/descent",)),
+    "uncertainty": Room((f"{_E}/uncertainty.py",), (f"{_T}/estimators/test_uncertainty.py",)),
+    "residuals": Room(
+        tuple(
+            f"{_E}/regression/{name}.py"
+            for name in ("residuals", "samples", "torque_objective", "score_test", "friction_test")
+        ),
+        (f"{_T}/estimators/regression",),
+    ),
+    "coloured noise": Room(
+        (f"{_E}/regression/coloured_noise.py", f"{_E}/regression/compression.py"),
+        (f"{_T}/estimators/regression",),
     ),
     "preprocessing": Room(("runtime/recording/preprocessing",), (f"{_T}/recording/preprocessing",)),
     "certificates": Room(("runtime/excitation/proof",), (f"{_T}/excitation/proof",)),
@@ -52,16 +69,28 @@ ROOMS = {
     "gains": Room(("runtime/identification/sensor_gains",), (f"{_T}/identification/sensor_gains",)),
     "export": Room(("runtime/outputs/model_files",), (f"{_T}/outputs/model_files",)),
     "experiments": Room(("runtime/experiments",), (f"{_T}/experiments",)),
-    "mechanics": Room(
-        ("symgen/mechanics",), ("tests/symgen/mechanics", "tests/symgen/test_models.py")
+    "dynamics": Room(
+        tuple(
+            f"{_MECHANICS}/{name}.py"
+            for name in (
+                *("dynamics", "lagrange", "mass_matrix", "kinematics", "spatial", "pose"),
+                *("passive", "control", "excitation", "givens"),
+            )
+        ),
+        ("tests/symgen/mechanics",),
+    ),
+    "inertia": Room(
+        (f"{_MECHANICS}/inertia.py", f"{_MECHANICS}/consistency.py"), ("tests/symgen/mechanics",)
+    ),
+    "base parameters": Room((f"{_MECHANICS}/base_parameters.py",), ("tests/symgen/mechanics",)),
+    "regrouping": Room(
+        (f"{_MECHANICS}/regrouping.py", f"{_MECHANICS}/coordinates.py"), ("tests/symgen/mechanics",)
     ),
     "emit": Room(
         ("symgen/emit",),
-        (
-            "tests/symgen/test_tile_program.py",
-            "tests/symgen/test_elimination.py",
-            "tests/symgen/test_schedule.py",
-            "tests/symgen/test_emit.py",
+        tuple(
+            f"tests/symgen/test_{name}.py"
+            for name in ("emit", "elimination", "schedule", "tile_program", "parts")
         ),
     ),
     "convex.c": Room(

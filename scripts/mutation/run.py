@@ -1,190 +1,254 @@
-"""Run tests on the mutants of a room, each in a forked process on a copy of the repository.
+"""A mutation run: sample of the rooms, tests on a copy of the repository, outcomes in a folder.
 
-A mutant meets the tests of its room, then the test files elsewhere that import its module.
+`outcomes.jsonl` has one line per mutant, `survivors-ROOM.txt` what no test noticed; both are
+written
+as the outcomes come.
 """
 
-import ast
+import json
 import os
 import random
-import signal
 import subprocess
 import sys
 import tempfile
-import time
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from shutil import copy2, which
 
+import pytest
+
+from scripts.mutation.children import Ended
+from scripts.mutation.line_map import LineMap
 from scripts.mutation.mutants import Mutant, mutants_of
-from scripts.mutation.rooms import ROOMS, Room
+from scripts.mutation.plan import Planner
+from scripts.mutation.rooms import ROOMS
+from scripts.mutation.server import HEAVY, QUIET, Job, Report, Server, enter, serve_cold
 
 ROOT = Path(__file__).resolve().parents[2]
 EQUIVALENTS = Path(__file__).with_name("equivalents.toml")
-HEAVY = ("numpy", "scipy.optimize", "scipy.signal", "scipy.linalg", "clarabel", "casadi", "pytest")
-"""Libraries that every test imports, imported once before the forks."""
+RESULTS = ROOT / "results" / "mutation"
+NOTICED, SURVIVED, EQUIVALENT = "noticed", "survived", "equivalent"
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Mutants of one room by what the tests said.
+    """Outcome of one mutant.
 
     Attributes:
-        room: its name.
-        noticed: number of mutants on which a test failed or took too long.
-        equivalent: mutants that `equivalents.toml` lists with a reason.
-        survived: mutants on which every test passed.
+        room: its room.
+        path, line, before, after: as in `Mutant`.
+        verdict: noticed, survived or equivalent.
+        by: test that failed or exceeded its time.
+        n_tests: number of tests started.
     """
 
     room: str
-    noticed: int
-    equivalent: tuple[Mutant, ...]
-    survived: tuple[Mutant, ...]
+    path: str
+    line: int
+    before: str
+    after: str
+    verdict: str
+    by: str = ""
+    n_tests: int = 0
 
-    @property
-    def share(self) -> float:
-        """Share of the mutants noticed, without the equivalent ones; 1 where there are none."""
-        counted = self.noticed + len(self.survived)
-        return self.noticed / counted if counted else 1.0
+    def text(self) -> str:
+        """Return the lines of a list of survivors."""
+        where = f"{self.path}:{self.line}  ({self.n_tests} tests)"
+        return f"{where}\n  - {self.before}\n  + {self.after}"
 
 
-def mutate(
-    name: str,
-    count: int,
-    seed: int,
-    limit_s: float | None = None,
-    say: Callable[[str], None] = print,
-) -> Outcome:
-    """Run a seeded sample of the mutants of a room.
+class Journal:
+    """Outcomes so far; the last one of a mutant counts."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.file = folder / "outcomes.jsonl"
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def read(self) -> list[Outcome]:
+        """Return the last outcome of each mutant, in the order of the run."""
+        rows = self.file.read_text("utf-8").splitlines() if self.file.is_file() else []
+        last: dict[tuple[str, ...], Outcome] = {}
+        for row in rows:
+            outcome = Outcome(**json.loads(row))
+            last[outcome.room, outcome.path, outcome.before, outcome.after] = outcome
+        return list(last.values())
+
+    def forget(self, rooms: Sequence[str]) -> None:
+        """Drop the outcomes of rooms."""
+        kept = [o for o in self.read() if o.room not in rooms]
+        lines = [json.dumps(asdict(o), ensure_ascii=False) + "\n" for o in kept]
+        self.file.write_text("".join(lines), encoding="utf-8")
+
+    def add(self, outcome: Outcome) -> None:
+        """Write an outcome, and the survivors of its room again."""
+        with self.file.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(asdict(outcome), ensure_ascii=False) + "\n")
+        lines = [o.text() for o in self.read() if (o.room, o.verdict) == (outcome.room, SURVIVED)]
+        target = self.folder / f"survivors-{outcome.room}.txt"
+        target.write_text("\n".join([*lines, ""]), encoding="utf-8")
+
+
+def sample(room: str, count: int, seed: int) -> list[Mutant]:
+    """Return the mutants of a room that a run draws.
 
     Args:
-        name: key of `ROOMS`.
-        count: number of mutants.
-        seed: of the sample.
-        limit_s: time per mutant; None is five times that of the unaltered room and 20 s.
-        say: receives a line per mutant that survives.
+        room: key of `ROOMS`.
+        count: number of mutants, fewer where the room has no more.
+        seed: of the choice.
 
     Returns:
-        The counts.
+        Mutants in random order.
+    """
+    every = [mutant for file in ROOMS[room].files(ROOT) for mutant in mutants_of(file, ROOT)]
+    return random.Random(seed).sample(every, min(count, len(every)))  # noqa: S311
+
+
+def run(
+    rooms: Sequence[str],
+    count: int,
+    seed: int,
+    budget_s: float,
+    processes: int,
+    again: bool = False,
+    folder: Path = RESULTS,
+) -> list[Outcome]:
+    """Run a seeded sample of the mutants of rooms.
+
+    Args:
+        rooms: keys of `ROOMS`.
+        count: number of mutants per room.
+        seed: of the sample.
+        budget_s: CPU time of the tests per mutant [s].
+        processes: number at a time.
+        again: True runs only those of the last run that survived.
+        folder: of map, outcomes and survivors.
+
+    Returns:
+        The outcomes of these rooms.
 
     Raises:
-        RuntimeError: the tests of the room fail without any mutant.
+        RuntimeError: no map, or the tests cannot be collected.
     """
-    room = ROOMS[name]
-    every = [mutant for file in room.files(ROOT) for mutant in mutants_of(file, ROOT)]
-    sample = random.Random(seed).sample(every, min(count, len(every)))  # noqa: S311
-    known = {(e["path"], e["before"], e["after"]) for e in _equivalents()}
+    LineMap(ROOT, folder / "map")  # before any work: its error says how to record one
+    journal = Journal(folder)
+    drawn = {room: sample(room, count, seed) for room in rooms}
+    if again:
+        alive = {
+            (o.room, o.path, o.before, o.after) for o in journal.read() if o.verdict == SURVIVED
+        }
+        drawn = {
+            room: [m for m in mutants if (room, m.path, m.before, m.after) in alive]
+            for room, mutants in drawn.items()
+        }
+    else:
+        journal.forget(rooms)
+    known = {(e["path"], e["before"], e["after"]) for e in equivalents()}
+    jobs: dict[str, list[tuple[str, Job]]] = {}
+    for room, mutants in drawn.items():
+        for m in mutants:
+            if (m.path, m.before, m.after) in known:
+                journal.add(Outcome(room, m.path, m.line, m.before, m.after, EQUIVALENT))
+            else:
+                package = m.path.split("/")[0]
+                jobs.setdefault(package, []).append((room, Job(m, ROOMS[room].tests)))
     for library in HEAVY:
         __import__(library)
-    noticed, equivalent, survived = 0, list[Mutant](), list[Mutant]()
-    with _copy() as folder:
-        start = time.perf_counter()
-        if not _passes(folder, room.tests, 1e4):
-            raise RuntimeError(
-                f"the tests of the room '{name}' fail before any mutation; expected them to pass; "
-                f"run pytest {' '.join(room.tests)}"
-            )
-        limit = limit_s or 20 + 5 * (time.perf_counter() - start)
-        imports = {path: _imported(ROOT / path) for path in _test_files(room)}
-        for mutant in sample:
-            if (mutant.path, mutant.before, mutant.after) in known:
-                equivalent.append(mutant)
-                continue
-            path = folder / mutant.path
-            whole = path.read_text(encoding="utf-8")
-            path.write_text(mutant.text, encoding="utf-8")
-            module = mutant.path.removesuffix(".py").replace("/", ".")
-            others = [path for path, names in imports.items() if module in names]
-            passed = _passes(folder, room.tests, limit) and (
-                not others or _passes(folder, others, limit)
-            )
-            path.write_text(whole, encoding="utf-8")
-            if not passed:
-                noticed += 1
-                continue
-            survived.append(mutant)
-            say(f"{mutant.path}:{mutant.line}\n  - {mutant.before}\n  + {mutant.after}")
-    return Outcome(name, noticed, tuple(equivalent), tuple(survived))
+    os.environ.setdefault("SYMGEN_DATA", str(ROOT.parent / "shared"))
+    tree = update_copy(folder / "tree")
+    for some in jobs.values():
+        room_of = {id(job.mutant): room for room, job in some}
+
+        def report(job: Job, ended: Ended, room_of: dict[int, str] = room_of) -> None:
+            m = job.mutant
+            verdict = NOTICED if ended.noticed else SURVIVED
+            words = (m.path, m.line, m.before, m.after, verdict, ended.by, ended.n_tests)
+            journal.add(Outcome(room_of[id(m)], *words))
+
+        def planner_of(known: Sequence[str]) -> Planner:
+            return Planner(ROOT, LineMap(ROOT, folder / "map"), known, budget_s)
+
+        _run_package(tree, [job for _, job in some], planner_of, processes, report)
+    return [o for o in journal.read() if o.room in rooms]
 
 
-def _equivalents() -> list[dict[str, str]]:
+def equivalents() -> list[dict[str, str]]:
+    """Return the mutants that change no result, each with path, before, after and reason."""
     entries = tomllib.loads(EQUIVALENTS.read_text(encoding="utf-8"))
     return list(entries.get("equivalent", []))
 
 
-@contextmanager
-def _copy() -> Iterator[Path]:
-    """Temporary copy of the files that git tracks and of the built libraries."""
+def update_copy(folder: Path) -> Path:
+    """Make a folder equal to the files that git knows and to the built libraries.
+
+    Args:
+        folder: of the copy; what is not in the repository any more is removed.
+
+    Returns:
+        The folder.
+    """
     listed = subprocess.run(
-        [which("git") or "git", "ls-files", "-z"],
+        [which("git") or "git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
     ).stdout
     built = [p.relative_to(ROOT).as_posix() for p in (ROOT / "generated").rglob("*") if p.is_file()]
-    with tempfile.TemporaryDirectory(prefix="mutate-") as folder:
-        for name in {*filter(None, listed.split("\0")), *built}:
-            target = Path(folder, name)
+    names = {n for n in [*listed.split("\0"), *built] if n and (ROOT / n).is_file()}
+    for path in [p for p in folder.rglob("*") if p.is_file() and p.suffix != ".pyc"]:
+        if path.relative_to(folder).as_posix() not in names:
+            path.unlink()
+    for name in names:
+        source, target = ROOT / name, folder / name
+        if not target.is_file() or target.read_bytes() != source.read_bytes():
             target.parent.mkdir(parents=True, exist_ok=True)
-            if (ROOT / name).is_file():
-                copy2(ROOT / name, target)
-        yield Path(folder)
+            copy2(source, target)
+    return folder
 
 
-def _test_files(room: Room) -> list[str]:
-    """Test files outside the folders and files of the room, sorted."""
-    files = (path.relative_to(ROOT).as_posix() for path in (ROOT / "tests").rglob("test_*.py"))
-    return sorted(f for f in files if not any(Path(f).is_relative_to(t) for t in room.tests))
+def _run_package(
+    tree: Path,
+    jobs: Sequence[Job],
+    planner_of: Callable[[Sequence[str]], Planner],
+    processes: int,
+    report: Report,
+) -> None:
+    """Run the mutants of one package: those of functions in a process that has imported it.
+
+    Those that take effect at import come next, then the templates, one at a time.
+    """
+    with tempfile.TemporaryDirectory(prefix="mutate-") as scratch:
+        os.environ |= {"TMPDIR": scratch, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+        tempfile.tempdir = None
+        left = Path(scratch, "left.json")
+        child = os.fork()
+        if child == 0:
+            _serve(tree, Server(tree, jobs, planner_of, processes, report), left)
+        _, status = os.waitpid(child, 0)
+        if os.waitstatus_to_exitcode(status) != 0:
+            raise RuntimeError("the run ended before its last mutant; its output says why")
+        cold = [replace(jobs[k], tests=tuple(tests)) for k, tests in json.loads(left.read_text())]
+        planner = planner_of([test for job in cold for test in job.tests])
+        python = [job for job in cold if job.mutant.path.endswith(".py")]
+        templates = [job for job in cold if job not in python]
+        serve_cold(tree, python, planner, processes, report)
+        serve_cold(tree, templates, planner, 1, report)
 
 
-def _imported(file: Path) -> set[str]:
-    """Modules and names that a test file imports, a.b and a.b.c of `from a.b import c`."""
-    names = set[str]()
-    for node in ast.walk(ast.parse(file.read_bytes())):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return names
-
-
-def _passes(folder: Path, tests: Sequence[str], limit_s: float) -> bool:
-    """Whether every test passes in time, in a process of its own."""
-    child = os.fork()
-    if child == 0:
-        os.setsid()
-        _tests(folder, tests)
-    end = time.monotonic() + limit_s
-    while time.monotonic() < end:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status) == 0
-        time.sleep(0.05)
-    os.killpg(child, signal.SIGKILL)
-    os.waitpid(child, 0)
-    return False
-
-
-def _tests(folder: Path, tests: Sequence[str]) -> None:
-    """Run pytest in this process and end it with the exit code."""
-    os.chdir(folder)
-    os.environ.setdefault("SYMGEN_DATA", str(ROOT.parent / "shared"))
-    os.environ["PYTHONPATH"] = str(folder)
-    for name in [name for name in sys.modules if name.split(".")[0] in {"scripts", "tests"}]:
-        del sys.modules[name]
-    sys.path.insert(0, str(folder))
-    sys.dont_write_bytecode = True
-    silent = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(silent, 1)
-    os.dup2(silent, 2)
-    import pytest
-
-    words = ["-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
+def _serve(tree: Path, server: Server, left: Path) -> None:
+    """Serve in this process, write what it leaves, and end it."""
+    code = 1
     try:
-        code = int(pytest.main(words))
-    except BaseException:  # a mutant may raise anything, in a plugin or at import
-        code = 1
-    os._exit(code)
+        enter(tree)
+        sys.dont_write_bytecode = False  # of the unaltered sources, before the forks
+        pytest.main([*QUIET, "--continue-on-collection-errors", "tests"], plugins=[server])
+        places = {id(job.mutant): k for k, job in enumerate(server.jobs)}
+        rows = [(places[id(job.mutant)], job.tests) for job in server.cold]
+        left.write_text(json.dumps(rows), encoding="utf-8")
+        code = 0
+    finally:
+        sys.stdout.flush()
+        os._exit(code)

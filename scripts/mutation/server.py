@@ -1,0 +1,219 @@
+"""Tests collected once; each mutant meets them in a forked copy of the process.
+
+The code of the loaded functions is exchanged in the copy. A change that takes effect only at
+import meets its tests in a process that has imported nothing of the product.
+"""
+
+import gc
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from scripts.mutation.alteration import exchanges, functions_by_file, import_altered
+from scripts.mutation.children import Ended, Watch, ended
+from scripts.mutation.mutants import Mutant
+from scripts.mutation.plan import Planner
+
+QUIET = ("-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler")
+HEAVY = ("numpy", "scipy.optimize", "scipy.signal", "scipy.linalg", "clarabel", "casadi")
+"""Libraries that nearly every test imports, imported once before the forks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A mutant, the tests of its room, and whether it is applied before the imports."""
+
+    mutant: Mutant
+    room_tests: tuple[str, ...]
+    tests: tuple[str, ...] = ()
+
+
+Report = Callable[[Job, Ended], None]
+
+
+class Server:
+    """Pytest plugin: instead of running the tests once it runs some of them per mutant.
+
+    Args:
+        root: where the tests are collected.
+        jobs: mutants.
+        planner_of: makes the planner from the names of the collected tests.
+        processes: children at a time.
+        report: called with each outcome.
+    """
+
+    def __init__(
+        self,
+        root: Path,
+        jobs: Sequence[Job],
+        planner_of: Callable[[Sequence[str]], Planner],
+        processes: int,
+        report: Report,
+    ) -> None:
+        self.root, self.jobs, self.processes, self.report = root, jobs, processes, report
+        self.planner_of = planner_of
+        self.cold: list[Job] = []
+        self.planner: Planner | None = None
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Serve every mutant."""
+        items = {item.nodeid: item for item in session.items}
+        planner = self.planner = self.planner_of(list(items))
+        warm_up(session.items)
+        functions = functions_by_file(self.root)
+        gc.freeze()
+        sys.dont_write_bytecode = True
+
+        def altered(job: Job) -> None:
+            path = self.root / job.mutant.path
+            for function, code in exchanges(
+                functions.get(job.mutant.path, ()), path, job.mutant.text
+            ):
+                function.__code__ = code
+            if module_of(job.mutant) not in sys.modules:
+                import_altered(module_of(job.mutant), path, job.mutant.text)
+
+        def work(job: Job, journal: Path, whole: bool = False) -> int:
+            if job.mutant.path.startswith("symgen/"):
+                _new_base(session.config)
+            if not whole:
+                altered(job)
+            chosen = [items[name] for name in job.tests]
+            session.config.pluginmanager.register(Watch(journal, planner.lines.seconds))
+            for item, after in zip(chosen, [*chosen[1:], None], strict=True):
+                session.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+            return 0
+
+        def planned(jobs: Sequence[Job]) -> Iterator[Job]:
+            for job in jobs:
+                tests = tuple(planner.tests(job.mutant, job.room_tests))
+                one = Job(job.mutant, job.room_tests, tests)
+                path, text = self.root / job.mutant.path, job.mutant.text
+                loaded = functions.get(job.mutant.path, ())
+                if path.suffix != ".py" or (
+                    module_of(job.mutant) in sys.modules and not exchanges(loaded, path, text)
+                ):
+                    self.cold.append(one)
+                else:
+                    yield one
+
+        serve(self.jobs, planned, work, self.processes, planner, self.report)
+        return True
+
+
+def module_of(mutant: Mutant) -> str:
+    """Return the name of the module of a mutant."""
+    return mutant.path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+def serve(
+    jobs: Sequence[Job],
+    planned: Callable[[Sequence[Job]], Iterator[Job]],
+    work: Callable[..., int],
+    processes: int,
+    planner: Planner,
+    report: Report,
+) -> None:
+    """Run jobs; one that a test notices which fails without any mutant runs again without it.
+
+    Args:
+        jobs: mutants.
+        planned: gives them their tests.
+        work: runs the tests of a job; `whole` leaves the mutant out.
+        processes: children at a time.
+        planner: knows the tests that fail without any mutant.
+        report: called with each outcome.
+    """
+    sound = set[str]()
+    while jobs:
+        again = list[Job]()
+        for job, outcome in ended(planned(jobs), work, processes):
+            by = outcome.by
+            if by and by not in sound | planner.broken:
+                single = Job(job.mutant, job.room_tests, (by,))
+                (_, check), *_ = ended([single], partial(work, whole=True), 1)
+                (planner.broken if check.noticed else sound).add(by)
+            if by in planner.broken:
+                again.append(job)
+                continue
+            if by:
+                planner.noticed(job.mutant, by)
+            report(job, outcome)
+        jobs = again
+
+
+def serve_cold(
+    root: Path, jobs: Sequence[Job], planner: Planner, processes: int, report: Report
+) -> None:
+    """Run mutants that take effect at import, in processes that import the altered text.
+
+    Args:
+        root: where the tests are collected.
+        jobs: mutants with their tests.
+        planner: of these tests.
+        processes: children at a time.
+        report: called with each outcome.
+    """
+
+    def work(job: Job, journal: Path, whole: bool = False) -> int:
+        path = root / job.mutant.path
+        enter(root)
+        if path.suffix != ".py":  # a template: what reads it may be another process
+            path.write_text(job.mutant.whole if whole else job.mutant.text, encoding="utf-8")
+        elif not whole:
+            import_altered(module_of(job.mutant), path, job.mutant.text)
+        files = list(dict.fromkeys(name.split("::")[0] for name in job.tests))
+        watch = Watch(journal, planner.lines.seconds)
+        return int(pytest.main([*QUIET, *files], plugins=[watch, _Chosen(job.tests)]))
+
+    def planned(jobs: Sequence[Job]) -> Iterator[Job]:
+        for job in jobs:
+            tests = tuple(t for t in job.tests if t not in planner.broken)
+            if tests:
+                yield Job(job.mutant, job.room_tests, tests)
+            else:
+                report(job, Ended(False, "", 0))
+
+    serve(jobs, planned, work, processes, planner, report)
+
+
+def enter(root: Path) -> None:
+    """Make the copy of the repository the place of imports and of the process."""
+    os.chdir(root)
+    for name in [n for n in sys.modules if n.split(".")[0] in {"tests", "runtime", "symgen"}]:
+        del sys.modules[name]
+    sys.path.insert(0, str(root))
+    sys.dont_write_bytecode = True
+
+
+def warm_up(items: Sequence[pytest.Item]) -> None:
+    """Load the FR3 once for all children: run the plainest test of each that needs it."""
+    some = [i for i in items if {"fr3", "lib"} <= set(getattr(i, "fixturenames", ()))]
+    if some:
+        item = min(some, key=lambda i: len(getattr(i, "fixturenames", ())))
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=items[0])
+
+
+class _Chosen:
+    """Pytest plugin: only these tests, in this order."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.place = {name: k for k, name in enumerate(names)}
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        items[:] = [item for item in items if item.nodeid in self.place]
+        items.sort(key=lambda item: self.place[item.nodeid])
+
+
+def _new_base(config: pytest.Config) -> None:
+    """A folder of its own for what the tests build: an altered symgen builds other libraries."""
+    factory = config._tmp_path_factory  # type: ignore[attr-defined]
+    factory._basetemp = Path(tempfile.mkdtemp(prefix="mutate-base-"))

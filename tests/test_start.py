@@ -10,6 +10,7 @@ from tests.conftest import REPOSITORY
 HEAVY = (
     *("scipy.signal", "scipy.stats", "scipy.integrate", "scipy.optimize", "scipy.interpolate"),
     *("scipy.spatial", "scipy.fft", "scipy.sparse", "scipy.linalg", "numpy", "matplotlib"),
+    *("scipy.special", "scipy.ndimage"),
     *(
         "jinja2",
         "pooch",
@@ -27,7 +28,7 @@ ALLOWED = {
     "import runtime": set(),
     "import runtime.library": {"numpy"},
     "import runtime.recording": {"numpy"},
-    "import runtime.identification.single_log": {"numpy", "scipy.linalg", "clarabel"},
+    "import runtime.identification.single_log": {"numpy", "clarabel"},
     "import runtime.outputs.report.report": {"numpy", "jinja2"},
 }
 """Statement → heavy libraries that it may load: what its results need in every case."""
@@ -45,11 +46,24 @@ def loaded_by(statement: str) -> set[str]:
 @pytest.mark.parametrize("statement", ALLOWED)
 def test_import_budget(statement: str) -> None:
     """Property: no library beyond those listed; scipy.signal alone takes half a second."""
-    brought = {"numpy", "scipy.linalg"}
-    # What scipy.linalg and clarabel import by themselves is not ours to choose.
-    by_itself = loaded_by("import numpy, scipy.linalg, clarabel")
-    allowed = ALLOWED[statement] | (by_itself if ALLOWED[statement] & brought else set())
+    # What numpy and clarabel import by themselves is not ours to choose.
+    allowed = ALLOWED[statement] | (loaded_by("import clarabel") if ALLOWED[statement] else set())
     assert loaded_by(statement) - allowed == set()
+
+
+def test_identification_uses_no_package_of_scipy(tmp_path) -> None:
+    """Property: compiled extensions suffice for a fit with its checks, URDF and result file."""
+    words = ["symgen", "identify", "fr3_simulated", "--no-report", "--out", str(tmp_path / "out")]
+    run = (
+        f"import sys; sys.argv = {words!r}\n"
+        "from contextlib import redirect_stderr, redirect_stdout\n"
+        "from os import devnull\n"
+        "from runtime.cli import main\n"
+        "with open(devnull, 'w') as f, redirect_stdout(f), redirect_stderr(f):\n"
+        "    try:\n        main()\n    except SystemExit as end:\n        assert not end.code"
+    )
+    assert loaded_by(run) - {"numpy", "clarabel"} == set()
+    assert (tmp_path / "out/result.json").is_file()
 
 
 def test_names_of_the_package_are_imported_at_their_first_use() -> None:

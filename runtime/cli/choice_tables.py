@@ -1,12 +1,15 @@
 """Tables of the automatic choices of cut-off and friction model."""
 
+from typing import TYPE_CHECKING
+
 from rich.table import Table
 
-from runtime.inspection.cutoff_choice import CutoffChoice
-from runtime.inspection.friction_choice import FrictionChoice
+if TYPE_CHECKING:
+    from runtime.inspection.cutoff_choice import CutoffChoice
+    from runtime.inspection.friction_choice import FrictionChoice
 
 
-def cutoff_table(choice: CutoffChoice) -> Table:
+def cutoff_table(choice: "CutoffChoice") -> Table:
     """Candidates of --cutoff auto with their cross-validation errors; an arrow marks the choice."""
     table = Table("cut-off", title="Cut-off: cross-validation error on the unfiltered torque")
     for head in ("velocity", "error", "above the best", "independent rows"):
@@ -22,7 +25,7 @@ def cutoff_table(choice: CutoffChoice) -> Table:
     return table
 
 
-def friction_table(choice: FrictionChoice) -> Table:
+def friction_table(choice: "FrictionChoice") -> Table:
     """Candidates of --friction auto with their cross-validation errors; an arrow marks the choice.
 
     The error is in units of the torque noise.

@@ -10,7 +10,6 @@ from rich.table import Table
 from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO, PER_JOINT
 from runtime.errors import IdentificationError
-from runtime.estimators.regression.recorded_delay import sign_of_delay
 from runtime.identification.drive.result import DriveRequest
 from runtime.recording import Preparation, Recording
 from runtime.recording.commanded_torque import COMMANDED
@@ -63,6 +62,8 @@ def delayed(recording: Recording, preparation: Preparation | None, delay: str | 
         raise IdentificationError(
             f"--delay needs a number of seconds within 1 s, {AUTO} or {PER_JOINT}, got '{delay}'"
         ) from None
+    from runtime.estimators.regression.recorded_delay import sign_of_delay
+
     usual = preparation or recording.preparation
     return replace(usual, torque_delay_s=sign_of_delay(recording) * seconds or None)
 

@@ -1,7 +1,7 @@
 """`symgen identify` of a robot with a free base."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
@@ -9,12 +9,10 @@ from rich.table import Table
 from runtime.cli.common import command_line, console, say
 from runtime.cli.overwriting import ResultFolder, require_result_folder
 from runtime.errors import IdentificationError
-from runtime.estimators.prior_file import PriorFile
-from runtime.identification.free_base.identify import SHARE, identify_free_base
-from runtime.identification.free_base.result import write_free_base
 from runtime.library import Library
-from runtime.outputs.model_files import write_urdf
-from runtime.recording.free_base import read_free_base
+
+if TYPE_CHECKING:
+    from runtime.estimators.prior_file import PriorFile
 
 Rows = Annotated[
     str | None,
@@ -52,7 +50,7 @@ def identify_free_base_log(
     *,
     cutoff: str | None,
     split: str | None,
-    prior: PriorFile | None,
+    prior: "PriorFile | None",
     out: Path | None,
     overwrite: bool,
     others: dict[str, object],
@@ -73,6 +71,11 @@ def identify_free_base_log(
     Raises:
         IdentificationError: an option that does not apply, or several logs.
     """
+    from runtime.identification.free_base.identify import SHARE, identify_free_base
+    from runtime.identification.free_base.result import write_free_base
+    from runtime.outputs.model_files import write_urdf
+    from runtime.recording.free_base import read_free_base
+
     given = [name for name, value in others.items() if value]
     if given:
         raise IdentificationError(

@@ -2,13 +2,12 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from runtime.cli.common import Robot, Seed
-from runtime.cli.drive import delayed, drive_request
-from runtime.cli.free_base import Rows, identify_free_base_log, require_fixed_base
+from runtime.cli.free_base import Rows, require_fixed_base
 from runtime.cli.identify_output import Outputs, finish
 from runtime.cli.log_options import (
     AUTO,
@@ -34,23 +33,22 @@ from runtime.cli.prepared_log import (
 )
 from runtime.cli.progress import STATE, counting
 from runtime.cli.robot import Yes, open_robot
-from runtime.cli.several_logs import Logs, PayloadOf, identify_several, runs_of
-from runtime.cli.streamed_log import is_streamable, streamed_result
+from runtime.cli.several_logs import Logs, PayloadOf, runs_of
+from runtime.cli.streamed_log import is_streamable
 from runtime.errors import IdentificationError
 from runtime.estimators.descent.fit import PRESETS
 from runtime.estimators.methods import METHODS, chosen_method, require_method
-from runtime.estimators.prior_file import read_prior
-from runtime.identification.drive.estimate import identify_drive
-from runtime.identification.drive.result import DriveRequest
-from runtime.identification.drive.symmetry import mirrored_joints, with_sides
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
-from runtime.identification.single_log import identify
 from runtime.identification.without_prior import settings_for
-from runtime.inspection.default_friction import MEMORY
+from runtime.inspection.candidate_columns import MEMORY
 from runtime.library import Library
-from runtime.recording import Friction, Recording
-from runtime.simulation.controller_file import read_controller
+from runtime.recording import Friction, Recording, is_large
+
+if TYPE_CHECKING:
+    from runtime.estimators.prior_file import PriorFile
+    from runtime.identification.drive.result import DriveRequest
+    from runtime.simulation.controller_file import ClosedLoop
 
 _WRITTEN = ResultFolder(
     "identify",
@@ -165,6 +163,8 @@ def identify_command(
     lib, log = open_robot(robot, yes, takes_free_base=True), logs[0]
     outputs = Outputs(report, save_statistics)
     if lib.manifest.floating:
+        from runtime.cli.free_base import identify_free_base_log
+
         unused: dict[str, object] = {"--method": method, "--preset": preset, "--recipe": recipe}
         unused |= {"--run": run, "--friction": friction, "--rate": rate, "--regressor": regressor}
         unused |= {"--delay": delay, "--controller": controller, "--robust": robust}
@@ -174,7 +174,7 @@ def identify_command(
             rows,
             cutoff=cutoff,
             split=split,
-            prior=None if prior is None else read_prior(prior, lib),
+            prior=_prior(prior, lib),
             out=out,
             overwrite=overwrite,
             others=unused,
@@ -182,7 +182,8 @@ def identify_command(
         return
     require_fixed_base(lib, rows)
     if stream is None and (
-        controller
+        not is_large(log)
+        or controller
         or delay
         or encoder_bias
         or symmetric
@@ -194,8 +195,11 @@ def identify_command(
     options = LogOptions(
         recipe, run, friction, coulomb_speed, cutoff, rate, split, stream, regressor
     )
-    mirrored_joints(lib.joint_names, tuple(symmetric or ()))  # refused before the fit
-    known = None if prior is None else read_prior(prior, lib)
+    if symmetric:
+        from runtime.identification.drive.symmetry import mirrored_joints
+
+        mirrored_joints(lib.joint_names, tuple(symmetric))  # refused before the fit
+    known = _prior(prior, lib)
     wanted = Settings(method=method, preset=preset, prior=known, seed=seed, robust=robust)
     settings = settings_for(lib, wanted)
     runs = runs_of(logs, run)
@@ -204,15 +208,9 @@ def identify_command(
     folder = out or Path("results") / f"{Path(log).stem}-{several}{chosen}"
     require_result_folder(folder, _WRITTEN, overwrite)
     if several:
-        if controller is not None:
-            raise IdentificationError(
-                "--controller belongs to one log, but several are given; leave it out"
-            )
-        if delay is not None or encoder_bias or symmetric:
-            raise IdentificationError(
-                "--delay, --encoder-bias and --symmetric belong to one log, but several are given; "
-                "identify each alone, and write torque_delay_s under [preparation] of its recipe"
-            )
+        _require_for_several(controller, delay is not None or encoder_bias or symmetric)
+        from runtime.cli.several_logs import identify_several
+
         result, agreement = identify_several(runs, lib, settings, payload_of or (), options)
         finish(result, folder, outputs, agreement)
         return
@@ -221,20 +219,15 @@ def identify_command(
         usable = tuple(name for name in usable if name != MEMORY)
     data = read_prepared_log(lib, log, options, usable, robust)
     if data.streamed is not None:
-        if controller is not None:
-            raise IdentificationError(
-                "the closed loop of --controller is simulated over all samples, but the log is "
-                "streamed; leave out --controller, or give --no-stream"
-            )
-        if delay is not None or encoder_bias:
-            raise IdentificationError(
-                "--delay and --encoder-bias need the whole log in memory, but it is streamed; "
-                "give --no-stream"
-            )
+        _require_for_streamed(controller, delay is not None or encoder_bias)
+        from runtime.cli.streamed_log import streamed_result
+
         result = streamed_result(data.streamed, data, lib, settings)
         result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
         finish(result, folder, outputs)
         return
+    from runtime.cli.drive import delayed, drive_request
+
     preparation = delayed(data.recording, data.preparation, delay)
     terms = data.friction
     if terms is None and method and require_method(method).default_columns:
@@ -247,19 +240,64 @@ def identify_command(
             preparation=preparation,
             splitting=data.splitting,
             friction_columns=terms,
-            controller=read_controller(controller, lib) if controller else None,
+            controller=_controller(controller, lib),
             refit=refit,
         ),
         drive_request(data.recording, delay, encoder_bias, chosen_method(method, preset, known)),
     )
     if symmetric:
+        from runtime.identification.drive.symmetry import with_sides
+
         result = with_sides(result, tuple(symmetric))
     result = dataclasses.replace(result, notes=(*data.notes, *result.notes))
     finish(result, folder, outputs)
 
 
+def _require_for_several(controller: Path | None, drives: object) -> None:
+    """Refuse options of one log."""
+    if controller is not None:
+        raise IdentificationError(
+            "--controller belongs to one log, but several are given; leave it out"
+        )
+    if drives:
+        raise IdentificationError(
+            "--delay, --encoder-bias and --symmetric belong to one log, but several are given; "
+            "identify each alone, and write torque_delay_s under [preparation] of its recipe"
+        )
+
+
+def _require_for_streamed(controller: Path | None, drives: object) -> None:
+    """Refuse options that need the samples of the whole log."""
+    if controller is not None:
+        raise IdentificationError(
+            "the closed loop of --controller is simulated over all samples, but the log is "
+            "streamed; leave out --controller, or give --no-stream"
+        )
+    if drives:
+        raise IdentificationError(
+            "--delay and --encoder-bias need the whole log in memory, but it is streamed; "
+            "give --no-stream"
+        )
+
+
+def _prior(path: Path | None, lib: Library) -> "PriorFile | None":
+    if path is None:
+        return None
+    from runtime.estimators.prior_file import read_prior
+
+    return read_prior(path, lib)
+
+
+def _controller(path: Path | None, lib: Library) -> "ClosedLoop | None":
+    if path is None:
+        return None
+    from runtime.simulation.controller_file import read_controller
+
+    return read_controller(path, lib)
+
+
 def _with_progress(
-    recording: Recording, lib: Library, settings: Settings, drives: DriveRequest | None
+    recording: Recording, lib: Library, settings: Settings, drives: "DriveRequest | None"
 ) -> Identification:
     method = chosen_method(settings.method, settings.preset, settings.prior)
     chosen = PRESETS.get(str(settings.preset or "full"))
@@ -271,5 +309,9 @@ def _with_progress(
             progress.update(task, completed=iteration, state=f"best validation loss {best:.6g}")
 
         if drives is not None:
+            from runtime.identification.drive.estimate import identify_drive
+
             return identify_drive(recording, lib, settings, drives, progress=report)
+        from runtime.identification.single_log import identify
+
         return identify(recording, lib, settings, progress=report)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from runtime.cli.common import command_line, console, say, share_table, torque_table
 from runtime.cli.drive import print_drives
@@ -9,10 +10,12 @@ from runtime.cli.several_logs import print_agreement
 from runtime.identification.identified import Identification
 from runtime.identification.result_file import write_result
 from runtime.identification.result_warnings import still_joints
-from runtime.identification.several_logs import LogAgreement
-from runtime.identification.statistics_file import FILE as STATISTICS
-from runtime.identification.statistics_file import statistics_of, write_statistics
-from runtime.outputs.model_files import write_urdf
+
+if TYPE_CHECKING:
+    from runtime.identification.several_logs import LogAgreement
+
+STATISTICS = "statistics.npz"
+"""Name of the file of `--save-statistics`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +35,7 @@ def finish(
     result: Identification,
     folder: Path,
     outputs: Outputs,
-    agreement: LogAgreement | None = None,
+    agreement: "LogAgreement | None" = None,
 ) -> None:
     """Write and print a result.
 
@@ -88,6 +91,8 @@ def finish(
     else:
         (folder / "report.html").unlink(missing_ok=True)  # of a result that this one replaces
     if outputs.statistics:
+        from runtime.identification.statistics_file import statistics_of, write_statistics
+
         write_statistics(statistics_of(result, folder.resolve().name), folder / STATISTICS)
         say(f"statistics: {folder / STATISTICS}")
     else:
@@ -95,5 +100,7 @@ def finish(
 
 
 def _exported(result: Identification, folder: Path) -> str:
+    from runtime.outputs.model_files import write_urdf
+
     path = folder / "identified.urdf"
     return write_urdf(result.lib, result.pi, path, result.friction, result.usual_phi)

@@ -10,13 +10,7 @@ from runtime.cli.common import console, numbers_option
 from runtime.cli.log_options import AUTO
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.methods import require_method
-from runtime.identification.current_gains.scaling import with_current_gains
-from runtime.identification.long_logs import head_of
-from runtime.inspection.column_trial import DEFAULT_COLUMNS
-from runtime.inspection.cutoff_choice import choose_cutoff
-from runtime.inspection.default_friction import MEMORY, choose_default_friction
-from runtime.inspection.friction_choice import choose_friction
-from runtime.inspection.regressor_choice import choose_regressor
+from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY
 from runtime.library import Library
 from runtime.recording import (
     EVERYTHING,
@@ -112,6 +106,8 @@ def read_prepared_log(
     """
     streamed = _streamed(lib, log, options)
     if streamed is not None:
+        from runtime.identification.long_logs import head_of
+
         recording = head_of(streamed)
     else:
         recording = read_recording(log, options.recipe, options.run, lib.joint_names)
@@ -134,17 +130,26 @@ def read_prepared_log(
     regressor = None if chooses_regressor else options.regressor
     prepared = preparation_of(recording, _hz(options.cutoff), options.rate, regressor)
     if options.cutoff == AUTO:
+        from runtime.inspection.cutoff_choice import choose_cutoff
+
         base = preparation_of(recording, _ANY_HZ, options.rate, regressor)
         with console.status("choosing a cut-off"):
             cutoff = choose_cutoff(recording, lib, base, parts, None if chooses_friction else terms)
         console.print(cutoff_table(cutoff))
         prepared, notes = cutoff.preparation, (cutoff.sentence,)
-    recording = with_current_gains(recording, lib, preparation=prepared, splitting=parts)
+    if recording.has_unknown_gains:
+        from runtime.identification.current_gains.scaling import with_current_gains
+
+        recording = with_current_gains(recording, lib, preparation=prepared, splitting=parts)
+    from runtime.inspection.regressor_choice import choose_regressor
+
     with console.status("checking the accelerations"):
         seen = before_test(recording, parts)
         prepared, sentences = choose_regressor(seen, lib, prepared, chooses_regressor)
     notes += sentences
     if usable and options.friction is None and default_terms(recording) is None:
+        from runtime.inspection.default_friction import choose_default_friction
+
         if streamed is not None:  # blocks do not hand on the state of the friction
             usable = tuple(name for name in usable if name != MEMORY)
         with console.status("choosing a friction model"):
@@ -154,6 +159,8 @@ def read_prepared_log(
         terms, notes = chosen.terms, (*notes, chosen.sentence)
     if terms is None or not chooses_friction:
         return PreparedLog(recording, prepared, parts, terms, notes, streamed=streamed)
+    from runtime.inspection.friction_choice import choose_friction
+
     with console.status("choosing a friction model"):
         choice = choose_friction(
             recording, lib, prepared, parts, options.coulomb_speed, extra=terms.columns[1:]

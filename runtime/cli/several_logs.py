@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Column, Table
@@ -15,13 +15,10 @@ from runtime.errors import IdentificationError
 from runtime.estimators.methods import chosen_method
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
-from runtime.identification.several_logs import (
-    LogAgreement,
-    NamedLog,
-    identify_logs,
-    read_carried,
-)
 from runtime.library import Library
+
+if TYPE_CHECKING:
+    from runtime.identification.several_logs import LogAgreement
 
 Logs = Annotated[
     list[str],
@@ -62,7 +59,7 @@ def identify_several(
     settings: Settings,
     payload_of: Sequence[str],
     options: LogOptions,
-) -> tuple[Identification, LogAgreement]:
+) -> "tuple[Identification, LogAgreement]":
     """Identify one set of parameters from several logs, and compare the logs.
 
     Args:
@@ -78,6 +75,8 @@ def identify_several(
     Raises:
         RuntimeFault: a log cannot be read, or an option does not apply to several logs.
     """
+    from runtime.identification.several_logs import NamedLog, identify_logs
+
     if len(runs) < 2:
         raise IdentificationError(
             "--payload-of needs several logs, got one; give also the logs without this payload"
@@ -132,7 +131,7 @@ def identify_several(
     return replace(result, notes=(*notes, *result.notes)), agreement
 
 
-def print_agreement(agreement: LogAgreement) -> None:
+def print_agreement(agreement: "LogAgreement") -> None:
     """Print the leave-one-log-out errors and the repeatability."""
     table = Table(
         Column("log", overflow="fold"), title="Leave one log out: torque error of each log, %"
@@ -147,6 +146,8 @@ def print_agreement(agreement: LogAgreement) -> None:
 
 
 def _carried(payload_of: Sequence[str], logs: Sequence[str], lib: Library) -> dict[str, Any]:
+    from runtime.identification.several_logs import read_carried
+
     payloads = {}
     for text in payload_of:
         log, mark, file = text.rpartition("=")

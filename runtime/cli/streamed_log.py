@@ -5,7 +5,6 @@ from runtime.cli.prepared_log import PreparedLog
 from runtime.errors import IdentificationError
 from runtime.estimators.methods import chosen_method
 from runtime.identification.identified import Identification
-from runtime.identification.long_logs import identify_streamed, require_streamable
 from runtime.identification.settings import Settings
 from runtime.library import Library
 from runtime.recording import StreamedRecording
@@ -21,6 +20,8 @@ def is_streamable(method: str | None, preset: str | None) -> bool:
     Returns:
         True if it needs compressed statistics only.
     """
+    from runtime.identification.long_logs import require_streamable
+
     try:
         require_streamable(chosen_method(method, preset, None), preset)
     except IdentificationError:
@@ -42,6 +43,8 @@ def streamed_result(
     Returns:
         The result.
     """
+    from runtime.identification.long_logs import identify_streamed
+
     say(f"streaming {log.rows} rows of {log.name}; --no-stream reads the log as a whole")
     with console.status("streaming") as status:
         return identify_streamed(

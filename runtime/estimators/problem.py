@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,9 @@ from runtime.estimators.regression.coloured_noise import ColouredNoise
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
 from runtime.recording import Friction, Recording
-from runtime.simulation.controller_file import ClosedLoop
+
+if TYPE_CHECKING:
+    from runtime.simulation.controller_file import ClosedLoop
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class Origin:
     friction: Friction
     aligned: Callable[[Recording], Samples]
     span: tuple[float, float]
-    controller: ClosedLoop | None = None
+    controller: "ClosedLoop | None" = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -123,7 +126,7 @@ class Problem:
             return self.pieces(part)
         return (self.train if part == "train" else self.validation,)
 
-    def controlled(self, method: str) -> tuple[Origin, ClosedLoop]:
+    def controlled(self, method: str) -> "tuple[Origin, ClosedLoop]":
         """Origin of the samples, and the closed loop under which they were recorded.
 
         Args:

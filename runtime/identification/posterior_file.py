@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from runtime.errors import IdentificationError, RecordingError
 from runtime.estimators.convex import bodies_of, reduce
@@ -24,6 +23,7 @@ from runtime.estimators.uncertainty import Information, Uncertainty
 from runtime.files import replacing, require_file
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
+from runtime.numerics.dense import solve_triangular
 from runtime.recording.formats.npz import open_npz
 
 FILE = "posterior.npz"

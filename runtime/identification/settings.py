@@ -6,7 +6,7 @@ Each of them refuses the fields that it cannot use.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -15,7 +15,9 @@ from runtime.estimators.descent.adam import Preset
 from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.problem import FrictionPrior
 from runtime.recording import Friction, Preparation, Recording, Split, StreamedRecording
-from runtime.simulation.controller_file import ClosedLoop
+
+if TYPE_CHECKING:
+    from runtime.simulation.controller_file import ClosedLoop
 
 RENAMED = {"loop": "controller"}
 """Old spelling of a keyword → field of `Settings`."""
@@ -59,7 +61,7 @@ class Settings:
     validation: Recording | None = None
     test: Recording | None = None
     lam0: ArrayLike | None = None
-    controller: ClosedLoop | None = None
+    controller: "ClosedLoop | None" = None
     seed: int = 0
     certify: bool = True
     refit: bool = False

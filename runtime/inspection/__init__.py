@@ -13,9 +13,14 @@ No file is changed: every finding states what was measured and what to write. Th
 Rounding and other faults of a model file are reported by `python -m symgen inspect`.
 """
 
-from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
-from runtime.inspection.inspection import Inspection, inspect_log
-from runtime.inspection.proposed_recipe import recipe_text
+from typing import TYPE_CHECKING
+
+from runtime.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
+    from runtime.inspection.inspection import Inspection, inspect_log
+    from runtime.inspection.proposed_recipe import recipe_text
 
 __all__ = [
     "ERROR",
@@ -26,3 +31,16 @@ __all__ = [
     "inspect_log",
     "recipe_text",
 ]
+
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "ERROR": "runtime.inspection.finding",
+        "Finding": "runtime.inspection.finding",
+        "INFO": "runtime.inspection.finding",
+        "Inspection": "runtime.inspection.inspection",
+        "WARNING": "runtime.inspection.finding",
+        "inspect_log": "runtime.inspection.inspection",
+        "recipe_text": "runtime.inspection.proposed_recipe",
+    },
+)

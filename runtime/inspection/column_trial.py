@@ -20,14 +20,13 @@ from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.residuals import inflation
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.robust import explicit, scaled, weights_of_rows
+from runtime.inspection.candidate_columns import DEFAULT_COLUMNS
 from runtime.inspection.cross_validation import BLOCKS, solved
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.recording import Recording
 from runtime.recording.friction import unresolved, without_columns
 
-DEFAULT_COLUMNS = ("offset", "viscous", "coulomb", "rotor")
-"""Columns of the candidates without memory."""
 UNKNOWN = 1e3
 """Factor on the spread of the prior of robots whose URDF states no masses."""
 ROWS = 4000

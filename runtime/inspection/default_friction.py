@@ -17,15 +17,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from runtime.errors import IdentificationError
-from runtime.inspection.column_trial import DEFAULT_COLUMNS, Trial, trial_on
+from runtime.inspection.candidate_columns import DEFAULT_COLUMNS, MEMORY
+from runtime.inspection.column_trial import Trial, trial_on
 from runtime.inspection.cross_validation import BLOCKS, LEAST_GAIN
 from runtime.library import Array, Library
 from runtime.parallel import one_blas_thread
 from runtime.recording import Friction, Preparation, Recording, Split
 from runtime.recording.preprocessing import before_test, prepare
 
-MEMORY = "dahl"
-"""Column that replaces "coulomb" where friction depends on the path."""
 STROKES = tuple(4e-4 * 4.0**k for k in range(4))
 """Strokes z_c of the Dahl column that are tried first, rad or m."""
 FINER_STROKES = 2.0 ** (np.arange(-2, 3) / 2)

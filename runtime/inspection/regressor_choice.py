@@ -17,6 +17,7 @@ import numpy as np
 
 from runtime.errors import RuntimeFault
 from runtime.library import Array, Library
+from runtime.numerics.sections import butterworth_sections, response
 from runtime.recording import Preparation, Recording
 from runtime.recording.prepared import DifferentiatedRecording
 from runtime.recording.preprocessing import momentum_torque, prepare, segments
@@ -157,12 +158,8 @@ def _white_variance(t: Array, values: Array) -> Array:
 
 def _noise_gain(preparation: Preparation, step: float, derivatives: int) -> float:
     """Variance of unit white noise after the filter and central differences."""
-    from scipy import signal as scipy_signal
-
     if preparation.cutoff_hz is None:
         return float(comb(2 * derivatives, derivatives)) / (2 * step) ** (2 * derivatives)
-    sections = scipy_signal.butter(
-        preparation.order, preparation.cutoff_hz * 2.0 * step, output="sos"
-    )
-    w, h = scipy_signal.sosfreqz(sections, 4096)
-    return float(np.mean(np.abs(h) ** 4 * (np.sin(w) / step) ** (2 * derivatives)))
+    sections = butterworth_sections(preparation.order, preparation.cutoff_hz * 2.0 * step)
+    w, gain = response(sections, 4096)
+    return float(np.mean(gain**2 * (np.sin(w) / step) ** (2 * derivatives)))

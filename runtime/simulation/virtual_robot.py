@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
@@ -166,12 +165,14 @@ def perturbed(lib: Library, pi: Array, spread: float, rng: np.random.Generator) 
     Returns:
         π, (10 n,).
     """
+    from scipy.linalg import expm
+
     lib.lam_from_pi(pi)  # raises where a body is not physically consistent: it has no root
     draws = rng.normal(size=(lib.n_links, 4, 4))
     S = spread * (draws + np.swapaxes(draws, 1, 2)) / 2
     values, vectors = np.linalg.eigh(lib.pseudo_inertia(pi))
     root = vectors * np.sqrt(values)[:, None] @ np.swapaxes(vectors, 1, 2)
-    changed = root @ np.stack([scipy.linalg.expm(each) for each in S]) @ root
+    changed = root @ np.stack([expm(each) for each in S]) @ root
     return pi_from_pseudo(lib, (changed + np.swapaxes(changed, 1, 2)) / 2)
 
 

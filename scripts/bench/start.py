@@ -101,6 +101,7 @@ def _build(folder: Path) -> Row:
 def _cpu(folder: Path, words: Sequence[str], place: Mapping[str, str] | None = None) -> float:
     """CPU time of an interpreter and of all its processes [s]."""
     environment = {**os.environ, "PYTHONPATH": str(_ROOT), **(place or {})}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # installed packages have their byte code
     with tempfile.TemporaryFile() as output:
         process = subprocess.Popen(
             [sys.executable, *words], cwd=folder, env=environment, stdout=output, stderr=output

@@ -9,10 +9,10 @@ Source: Wensing, Kim & Slotine 2018; document Sec. 3.1.4.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import clarabel
 import numpy as np
+from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
 from runtime.estimators.classical.ols import counted_in_links
@@ -24,9 +24,8 @@ from runtime.estimators.problem import Fit, Problem
 from runtime.estimators.regression import Statistics
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, pi_from_parts
-
-if TYPE_CHECKING:
-    from scipy import sparse
+from runtime.numerics.dense import block_diag
+from runtime.numerics.sparse import solve_conic
 
 LENGTH = 0.1
 """Unit of length of the scaled unknowns, m: a link's m, m·c/ℓ and I/ℓ² are then of one size."""
@@ -202,59 +201,50 @@ class _Cones:
 
     def residual_cone(self) -> "_Block":
         """‖R x − r‖ ≤ the last unknown, in units of ‖r‖."""
-        from scipy import sparse
-
         matrix = self._factor * self._scale / self._unit
         top = np.zeros((1, self.width + 1))
         top[0, -1] = -1.0
         a = np.vstack([top, np.hstack([-matrix, np.zeros((len(matrix), 1))])])
         b = np.concatenate([[0.0], -self._statistics.target / self._unit])
-        return _Block(sparse.csc_matrix(a), b, [clarabel.SecondOrderConeT(len(b))])
+        return _Block(a, a != 0, b, [clarabel.SecondOrderConeT(len(b))])
 
     def consistency(self, extra: int) -> "_Block":
         """P̂_k ⪰ 0 per link: svec(P̂_k) = S π̂_k, with S from the kernel P(π) of the library."""
-        from scipy import sparse
-
         n, lib = self._lib.n_links, self._lib
         size = N_PARAMETERS * n
         unit = np.tile(np.eye(N_PARAMETERS), (1, n))
         blocks = lib.pseudo_inertia(unit)[:, 0]
         root2 = np.sqrt(2.0)
         one = np.array([[p[i, j] * (1.0 if i == j else root2) for p in blocks] for i, j in _SVEC])
-        a = sparse.hstack(
-            [
-                -sparse.block_diag([one] * n),
-                sparse.csc_matrix((size, self.width + extra - size)),
-            ]
-        )
-        return _Block(a.tocsc(), np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
+        a = np.hstack([-block_diag(*[one] * n), np.zeros((size, self.width + extra - size))])
+        whole = block_diag(*[np.ones_like(one)] * n)
+        stored = np.hstack([whole, np.zeros((size, a.shape[1] - whole.shape[1]))]) > 0
+        return _Block(a, stored, np.zeros(size), [clarabel.PSDTriangleConeT(4)] * n)
 
 
 @dataclass(frozen=True, slots=True)
 class _Block:
-    """Rows b − A x ∈ K."""
+    """Rows b − A x ∈ K, and which entries of A are stored."""
 
-    a: "sparse.csc_matrix"
+    a: Array
+    stored: NDArray[np.bool_]
     b: Array
     cones: list[object]
 
 
 def _solve(cost: Array, blocks: list[_Block]) -> tuple[Array, str]:
-    from scipy import sparse
-
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     settings.max_iter = 200
-    solver = clarabel.DefaultSolver(
-        sparse.csc_matrix((cost.size, cost.size)),
+    solution = solve_conic(
         cost,
-        sparse.vstack([block.a for block in blocks]).tocsc(),
+        np.vstack([block.a for block in blocks]),
         np.concatenate([block.b for block in blocks]),
         [cone for block in blocks for cone in block.cones],
         settings,
+        np.vstack([block.stored for block in blocks]),
     )
-    solution = solver.solve()
     status = str(solution.status)
     if status not in {"Solved", "AlmostSolved"}:
         raise IdentificationError(

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
-from scipy.linalg import block_diag, null_space
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.continuation import minimise_anywhere
@@ -19,6 +18,8 @@ from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import HalfSpaces, Minimum, Subspace, convex_problem
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS
+from runtime.numerics.dense import block_diag, null_space
+from runtime.numerics.sparse import solve_conic
 
 BARRIER = 1e-2
 """Weight of the logarithm of a half-space relative to γ: small, so that only near points move."""
@@ -79,8 +80,8 @@ def constrained(
     free = None
     if constraints.equations:
         matrix, _ = _stacked(constraints.equations, start.size)
-        scaled = np.linalg.solve(whiten.T, matrix.T).T  # E in whitened unknowns
-        free = Subspace(start, np.linalg.solve(whiten, null_space(scaled)))
+        scaled = np.asarray(np.linalg.solve(whiten.T, matrix.T).T)  # E in whitened unknowns
+        free = Subspace(start, np.asarray(np.linalg.solve(whiten, null_space(scaled))))
     minimum = minimise_anywhere(convex_problem(data, prior, gamma, inside, free), start)
     notes: tuple[str, ...] = ()
     if len(rows):
@@ -100,8 +101,6 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     Unknowns are x of π = centre + W⁻¹ x in units of the prior, the distance t from all
     constraints, and d ≥ ‖x‖.
     """
-    from scipy import sparse
-
     size = prior.centre.size
     e, e_value = _stacked(constraints.equations, size)
     a, limit = _stacked(constraints.bounds, size)
@@ -142,14 +141,13 @@ def _inside(constraints: Constraints, prior: Prior, whiten: Array) -> Array:
     ]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    solution = clarabel.DefaultSolver(
-        sparse.csc_matrix((size + 2, size + 2)),
+    solution = solve_conic(
         np.concatenate([zero(size), [-ROOM_COST, 1.0]]),
-        sparse.csc_matrix(np.vstack(blocks)),
+        np.vstack(blocks),
         np.concatenate(sides),
         cones if len(e) else cones[1:],
         settings,
-    ).solve()
+    )
     status, x = str(solution.status), np.array(solution.x)
     solved = status in {"Solved", "AlmostSolved"}
     if not solved or x[size] < LEAST_ROOM:

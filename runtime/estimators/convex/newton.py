@@ -11,13 +11,13 @@ backtracking, no step out of the cone; the end is a Newton decrement below 1e-3 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from runtime.errors import IdentificationError
 from runtime.estimators.convex.eliminate_friction import Reduced
 from runtime.estimators.convex.entropic_prior import Prior
 from runtime.library import Array
 from runtime.library.parameters import N_PARAMETERS, link_columns
+from runtime.numerics.dense import solve_positive
 
 ARMIJO = 1e-4
 """Share of the predicted decrease that a step must reach."""
@@ -287,9 +287,8 @@ def _solved(hessian: Array, gradient: Array, free: Subspace | None) -> Array:
     eye, ridge = np.eye(len(scaled)), 0.0
     while True:
         try:
-            factor = cho_factor(scaled + ridge * eye, lower=True, check_finite=False)
-            return np.asarray(scale * cho_solve(factor, scale * gradient, check_finite=False))
-        except LinAlgError:
+            return scale * solve_positive(scaled + ridge * eye, scale * gradient)
+        except np.linalg.LinAlgError:
             if ridge > RIDGE_MOST:
                 raise IdentificationError(
                     "the Hessian of the convex problem is singular even with a ridge; check the "

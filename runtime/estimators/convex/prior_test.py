@@ -15,7 +15,6 @@ Source: Box 1980 for the prior predictive test; the release of single links is t
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from runtime.estimators.convex.compiled import solve
 from runtime.estimators.convex.eliminate_friction import Reduced
@@ -23,6 +22,7 @@ from runtime.estimators.convex.entropic_prior import Prior
 from runtime.estimators.convex.newton import convex_problem
 from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS, links, mass
+from runtime.numerics.quantiles import chi2_quantile
 
 SIGNIFICANCE = 1e-4
 """Probability of an alarm on a right prior. The noise S is known to some 15 %, which moves T by as
@@ -100,8 +100,8 @@ def prior_test(
     gamma = kappa * level / data.count
     sizes = np.linalg.svd(data.factor, compute_uv=False)
     rank = int(np.sum(sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), 1e-300)))
-    threshold = MARGIN * float(chdtri(max(rank, 1), SIGNIFICANCE))
-    single = float(chdtri(N_PARAMETERS, SIGNIFICANCE / lib.n_joints))
+    threshold = MARGIN * chi2_quantile(max(rank, 1), SIGNIFICANCE)
+    single = chi2_quantile(N_PARAMETERS, SIGNIFICANCE / lib.n_joints)
 
     def cost(pi: Array, counted: Array) -> float:
         """T at π, with the priors of the counted links (n,) only."""

@@ -21,6 +21,7 @@ import numpy as np
 from runtime.estimators.regression import Statistics
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
+from runtime.numerics.cosines import cosines, is_fast_length
 
 PIECE, MOST = 1024, 8
 """Rows that are transformed together, and number of such pieces, evenly spread over a long log:
@@ -138,11 +139,9 @@ def _noise_from_sums(
 
 def _spectral_sums(q: Array, rest: Array) -> tuple[float, float, float]:
     """Σ h r̂², Σ h (1 − h) and Σ h of one piece, q (N, n, p) and rest (N, n)."""
-    from scipy.fft import dct
-
-    waves = dct(q, axis=0, norm="ortho")
+    waves = cosines(q)
     h = np.einsum("ijk,ijk->ij", waves, waves)
-    power = dct(rest, axis=0, norm="ortho") ** 2
+    power = cosines(rest) ** 2
     return float(np.sum(h * power)), float(np.sum(h * (1 - h))), float(np.sum(h))
 
 
@@ -155,12 +154,10 @@ def _orthonormal(unit: Array) -> tuple[Array, Array]:
 
 def _pieces(count: int, parts: int) -> Iterator[slice]:
     """Evenly spread pieces of a length that is fast to transform, about MOST of all parts."""
-    from scipy.fft import next_fast_len
-
     number = min(max(1, MOST // parts), -(-count // PIECE))
     if not number:
         return
     shortest = count // number
-    length = next(k for k in range(min(PIECE, shortest), 0, -1) if next_fast_len(k, True) == k)
+    length = next(k for k in range(min(PIECE, shortest), 0, -1) if is_fast_length(k))
     for start in np.linspace(0, count - length, number).astype(int):
         yield slice(int(start), int(start) + length)

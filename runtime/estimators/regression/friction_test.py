@@ -10,7 +10,6 @@ inertial parameters takes up a part of them, so that its intervals are too narro
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from runtime.estimators.regression.score_test import (
     SIGNIFICANCE,
@@ -19,6 +18,7 @@ from runtime.estimators.regression.score_test import (
     score_test,
 )
 from runtime.library import Array, Library
+from runtime.numerics.quantiles import chi2_quantile
 
 PEAK, SIGN = 0.15, 0.05
 """Speed v of the peak and width of the sign s, over the root mean square speed of a joint."""
@@ -73,6 +73,6 @@ def friction_test(fit: FreeFit) -> FrictionTest | None:
     for k, joint in enumerate(np.flatnonzero(moving)):
         added = orthonormal(test.columns[:, 2 * k : 2 * k + 2])
         explained = added.T @ fit.rest
-        quantile = float(chdtri(max(added.shape[1], 1), SIGNIFICANCE))
+        quantile = chi2_quantile(max(added.shape[1], 1), SIGNIFICANCE)
         joints[joint] = float(explained @ explained) / test.density / quantile
     return FrictionTest(test.statistic / test.quantile, joints)

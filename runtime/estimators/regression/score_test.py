@@ -11,11 +11,11 @@ Source: Breusch & Pagan 1980 for score tests.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
+from runtime.numerics.quantiles import chi2_quantile
 
 SIGNIFICANCE = 1e-4
 """Probability of an alarm where the columns are absent, as in the test of the prior."""
@@ -109,7 +109,7 @@ def score_test(fit: FreeFit, columns: Array) -> ScoreTest | None:
     density = coloured_noise_of_basis([(whole, left)], 1).density
     if not density > 0:
         return None
-    quantile = float(chdtri(directions.shape[1], SIGNIFICANCE))
+    quantile = chi2_quantile(directions.shape[1], SIGNIFICANCE)
     return ScoreTest(float(explained @ explained) / density, quantile, density, added)
 
 

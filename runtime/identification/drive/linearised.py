@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from runtime.estimators.convex import bodies_of
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_basis
 from runtime.estimators.regression.samples import Samples
 from runtime.library import Array, Library
+from runtime.numerics.dense import block_diag
 
 ROUGH_ROWS = 600
 """Rows of the passes before the last: rows of a low-passed log are nearly redundant."""

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import gammaincinv
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import samples_of
 from runtime.identification.drive.result import COLUMNS, DriveFit
 from runtime.identification.identified import Identification
 from runtime.library import Array
+from runtime.numerics.quantiles import chi2_quantile
 
 FRICTION = ("viscous", "coulomb")
 RISES = 1.05
@@ -169,7 +169,7 @@ def _compared(
     spread = sum(drive.phi_covariance[j][np.ix_(taken, taken)] for j in pair)
     difference = values[0] - values[1]
     squared = float(difference @ np.linalg.pinv(np.asarray(spread)) @ difference)
-    agrees = squared <= 2 * float(gammaincinv(len(taken) / 2, 0.95))
+    agrees = squared <= chi2_quantile(len(taken), 0.05)
     names = result.lib.joint_names
     rise = None if agrees else _rise(result, pair, taken)
     return MirroredDrive(

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 from scipy.optimize import minimize_scalar
 from scipy.special import chdtrc, chdtri
 
@@ -38,6 +37,7 @@ from runtime.library import Array, Library
 from runtime.library.parameters import N_PARAMETERS
 from runtime.monitoring.fleet.alternation import alternate
 from runtime.monitoring.fleet.unit import Unit
+from runtime.numerics.dense import block_diag
 
 LEAST = 3
 """Smallest number of units: two do not tell a spread from an outlier."""

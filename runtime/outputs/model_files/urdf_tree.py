@@ -13,6 +13,7 @@ from defusedxml.ElementTree import fromstring
 
 from runtime.errors import ExportError
 from runtime.library import Array, Library
+from runtime.numerics.rotations import matrix_from_rpy
 from runtime.outputs.model_files.bodies import RigidBody
 
 WORLD = "world"
@@ -181,12 +182,10 @@ def _edge(joint: Element) -> Edge:
 
 
 def _placement(element: Element, owner: str) -> Array:
-    from scipy.spatial.transform import Rotation
-
     node, T = element.find("origin"), np.eye(4)
     if node is not None:
         rpy = _numbers(node.get("rpy", "0 0 0"), f"{owner}: rpy")
-        T[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+        T[:3, :3] = matrix_from_rpy(rpy)
         T[:3, 3] = _numbers(node.get("xyz", "0 0 0"), f"{owner}: xyz")
     return T
 

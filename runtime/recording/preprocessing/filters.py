@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
+from runtime.numerics.sections import butterworth_sections
 from runtime.recording import Recording
 from runtime.recording.preprocessing.segments import holes, segments, uniform_step
 from runtime.recording.preprocessing.zero_phase import zero_phase
@@ -63,8 +64,6 @@ def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butte
     Raises:
         RecordingError: the clock is not uniform, or the cut-off is not below half the rate.
     """
-    from scipy import signal as scipy_signal
-
     step = uniform_step(recording, "low-pass")
     if not 0.0 < cutoff_hz * step < 0.499:
         raise RecordingError(
@@ -76,7 +75,7 @@ def butterworth(recording: Recording, cutoff_hz: float, order: int = 4) -> Butte
             f"cutoff_hz expects at least {LOWEST:g} of the rate, {1.0 / step:.4g} Hz, got "
             f"{cutoff_hz:g} Hz; raise it, or state the unit of time"
         )
-    sections = scipy_signal.butter(order, cutoff_hz * 2.0 * step, output="sos")
+    sections = butterworth_sections(order, cutoff_hz * 2.0 * step)
     minimum = 3 * (order + 1)
     return Butterworth(sections, max(int(np.ceil(4.0 / (cutoff_hz * step))), minimum), minimum)
 

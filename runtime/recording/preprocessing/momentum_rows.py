@@ -40,13 +40,13 @@ def moved(recording: Recording, smooth: Callable[[Recording], Recording]) -> Rec
     Returns:
         The recording with q and dq.
     """
-    from scipy.interpolate import CubicSpline
-
     data = without_short(recording.replace(ddq=None), 4)
     uniform_step(data, "go without accelerations")
     data = smooth(data)
     if data.dq is not None:
         return data
+    from scipy.interpolate import CubicSpline
+
     slopes = [CubicSpline(data.t[s], data.q[s])(data.t[s], 1) for s in segments(data.t)]
     return data.replace(dq=np.concatenate(slopes)).noted("Differentiated q to dq by cubic splines.")
 

@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from runtime.numerics.sections import both_directions, run_sections, steady_state
 from runtime.recording.recording import FloatArray
 
 LENGTH = 64
@@ -46,14 +47,10 @@ def zero_phase(
         (M, m) each.
     """
     # Blocks whose length is a multiple of the period have the same pattern of needed rows.
-    from scipy import signal as scipy_signal
-
     length = DENSE if period == 1 else period * -(-LENGTH // period)
     count = len(signals[0]) // length
     if count < _FEW:
-        return [
-            scipy_signal.sosfiltfilt(sections, x, axis=0, padlen=padding)[rows] for x in signals
-        ]
+        return [both_directions(sections, x, padding)[rows] for x in signals]
     cut = count * length
     cascade = _Cascade(sections)
     phi, gamma, free, forced = cascade.block(length)
@@ -122,11 +119,9 @@ class _Cascade:
     """
 
     def __init__(self, sections: FloatArray) -> None:
-        from scipy import signal as scipy_signal
-
         self.sections = sections
         self.slowness = np.sqrt(1.0 + sections[:, 4] + sections[:, 5])[:, None]
-        self.still = scipy_signal.sosfilt_zi(sections)[:, :, None]
+        self.still = steady_state(sections)[:, :, None]
 
     def block(self, length: int) -> tuple[FloatArray, ...]:
         """Φ (p, p), Γ (p, L), O (L, p) and T (L, L) of L samples."""
@@ -154,9 +149,7 @@ class _Cascade:
 
     def _run(self, values: FloatArray, start: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Filter values (N, m); return the output and the state after them."""
-        from scipy import signal as scipy_signal
-
-        out, end = scipy_signal.sosfilt(self.sections, values, axis=0, zi=start)
+        out, end = run_sections(self.sections, values, start)
         state = np.stack([end[:, 0], (end[:, 0] + end[:, 1]) / self.slowness], axis=1)
         return out, state.reshape(-1, values.shape[1])
 

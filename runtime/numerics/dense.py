@@ -1,0 +1,117 @@
+"""Dense linear algebra beyond `numpy.linalg`: triangular systems, Cholesky, pivoted QR.
+
+LAPACK as `scipy.linalg` calls it, with the same results to the bit.
+"""
+
+from importlib import import_module
+
+import numpy as np
+
+from runtime.numerics import Array
+from runtime.numerics.extension import extension
+
+_USED = ("dtrtrs", "dpotrf", "dpotri", "dpotrs", "dgeqp3", "dorgqr", "dgesdd", "dgesdd_lwork")
+lapack = extension("scipy.linalg._flapack", _USED) or import_module("scipy.linalg.lapack")
+"""Functions of LAPACK by name."""
+
+
+def block_diag(*blocks: Array) -> Array:
+    """Matrix with the given ones on its diagonal.
+
+    Args:
+        *blocks: (m, n) each.
+
+    Returns:
+        (Σ m, Σ n).
+    """
+    whole = np.zeros(np.sum([block.shape for block in blocks], axis=0, dtype=int))
+    row = column = 0
+    for block in blocks:
+        height, width = block.shape
+        whole[row : row + height, column : column + width] = block
+        row, column = row + height, column + width
+    return whole
+
+
+def solve_triangular(upper: Array, right: Array) -> Array:
+    """Solution X of U X = B.
+
+    Args:
+        upper: U, (n, n); what is below its diagonal is not read.
+        right: B, (n,) or (n, m).
+
+    Returns:
+        X, shaped as B.
+
+    Raises:
+        numpy.linalg.LinAlgError: a number on the diagonal is zero.
+    """
+    if not right.size:
+        return np.zeros(right.shape)
+    if upper.flags.f_contiguous:
+        solution, info = lapack.dtrtrs(upper, right)
+    else:  # the transpose is in the order of LAPACK
+        solution, info = lapack.dtrtrs(upper.T, right, lower=True, trans=True)
+    if info:
+        raise np.linalg.LinAlgError(f"diagonal element {info} of a triangular matrix is zero")
+    return np.asarray(solution)
+
+
+def solve_positive(matrix: Array, right: Array) -> Array:
+    """Solution x of A x = b by the Cholesky factor of A.
+
+    Args:
+        matrix: A, symmetric, (n, n); its lower triangle is read.
+        right: b, (n,).
+
+    Returns:
+        x, (n,).
+
+    Raises:
+        numpy.linalg.LinAlgError: A is not positive definite.
+    """
+    factor, info = lapack.dpotrf(matrix, lower=True, clean=False)
+    if info:
+        raise np.linalg.LinAlgError(f"leading minor {info} is not positive definite")
+    return np.asarray(lapack.dpotrs(factor, right, lower=True)[0])
+
+
+def pivoted_qr(matrix: Array) -> tuple[Array, Array, Array]:
+    """Factors Q, R and the order p of A[:, p] = Q R, with falling |R_kk|.
+
+    Args:
+        matrix: A, (m, n), m ≥ n, both positive.
+
+    Returns:
+        Q (m, m), R (m, n), p (n,).
+    """
+    rows, columns = matrix.shape
+    # The first call of each returns the size of its work space, which changes the order of sums.
+    work = int(lapack.dgeqp3(matrix, lwork=-1)[-2][0])
+    packed, order, tau = lapack.dgeqp3(matrix, lwork=work)[:3]
+    unit = np.empty((rows, rows))
+    unit[:, :columns] = packed
+    work = int(lapack.dorgqr(unit, tau, lwork=-1)[-2][0])
+    q = lapack.dorgqr(unit, tau, lwork=work)[0]
+    return q, np.triu(packed), order - 1
+
+
+def null_space(matrix: Array) -> Array:
+    """Orthonormal basis of the vectors z with A z = 0.
+
+    Args:
+        matrix: A, (m, n).
+
+    Returns:
+        (n, n − rank).
+
+    Raises:
+        numpy.linalg.LinAlgError: the singular values do not converge.
+    """
+    rows, columns = matrix.shape
+    work = int(lapack.dgesdd_lwork(rows, columns)[0].real)
+    _, sizes, turn, info = lapack.dgesdd(matrix, lwork=work)
+    if info:
+        raise np.linalg.LinAlgError("the singular values of a matrix do not converge")
+    least = np.finfo(np.float64).eps * max(rows, columns) * np.max(sizes, initial=0.0)
+    return np.asarray(turn[int(np.sum(sizes > least)) :].T)

@@ -1,0 +1,81 @@
+"""Sparse matrices for Clarabel, and the BLAS that it takes from SciPy.
+
+Clarabel reads the attributes of a matrix by name, and imports `scipy.linalg.cython_blas` and
+`cython_lapack` when it solves a program with semidefinite cones.
+"""
+
+from dataclasses import dataclass
+
+import clarabel
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime.numerics import Array
+from runtime.numerics.extension import extension
+
+for _name in ("cython_blas", "cython_lapack"):
+    extension(f"scipy.linalg.{_name}", ("__pyx_capi__",))
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Matrix in compressed columns.
+
+    Attributes:
+        data: entries other than zero, column by column.
+        indices: their rows.
+        indptr: place of the first entry of every column, and the number of entries.
+        shape: rows and columns.
+        has_canonical_format: rows ascend within every column, which Clarabel asks.
+    """
+
+    data: Array
+    indices: NDArray[np.int32]
+    indptr: NDArray[np.int32]
+    shape: tuple[int, int]
+    has_canonical_format: bool = True
+
+
+def columns_of(matrix: Array, stored: NDArray[np.bool_] | None = None) -> Columns:
+    """Compressed columns of a dense matrix.
+
+    Args:
+        matrix: (m, n).
+        stored: entries that are stored, (m, n); None stores those other than zero.
+
+    Returns:
+        The same matrix.
+    """
+    across = np.ascontiguousarray(matrix.T)
+    column, row = np.nonzero(across if stored is None else stored.T)
+    starts = np.searchsorted(column, np.arange(len(across) + 1))
+    rows, columns = matrix.shape
+    return Columns(
+        across[column, row], row.astype(np.int32), starts.astype(np.int32), (rows, columns)
+    )
+
+
+def solve_conic(
+    cost: Array,
+    matrix: Array,
+    limits: Array,
+    cones: list[object],
+    settings: object,
+    stored: NDArray[np.bool_] | None = None,
+) -> clarabel.DefaultSolution:
+    """Minimise cᵀ x so that b − A x ∈ K, by Clarabel.
+
+    Args:
+        cost: c, (n,).
+        matrix: A, (m, n).
+        limits: b, (m,).
+        cones: K, one after the other.
+        settings: of Clarabel.
+        stored: entries of A that are stored, from which Clarabel derives its order of elimination.
+
+    Returns:
+        Its answer.
+    """
+    nothing = columns_of(np.zeros((cost.size, cost.size)))
+    a = columns_of(matrix, stored)
+    return clarabel.DefaultSolver(nothing, cost, a, limits, cones, settings).solve()

@@ -15,5 +15,8 @@ def chi2_quantile(freedom: float, above: float) -> float:
     Args:
         freedom: k, positive.
         above: p, between 0 and 1.
+
+    Returns:
+        x.
     """
     return 2.0 * float(_special.gammainccinv(freedom / 2.0, above))

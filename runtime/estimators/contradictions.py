@@ -1,11 +1,18 @@
 """Contradictions between data, prior and result, in sentences that say which of them is wrong.
 
 Before any statement of trust: do the torques fit the inertial prior (`convex.prior_test`), do the
-torques of the joints fit each other (`regression.gain_test`), and does the result fit the torques?
+torques of the joints fit each other (`regression.gain_test`), does their clock fit that of the
+motion (`regression.delay_test`), does the friction fit its columns (`regression.friction_test`),
+and does the result fit the torques?
 """
+
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from runtime.estimators.convex import Prior, Reduced
 from runtime.estimators.convex.prior_test import LEAST_DENSITY, PriorTest, prior_test
+from runtime.estimators.regression.delay_test import DelayTest, delay_test
 from runtime.estimators.regression.friction_test import FrictionTest, friction_test
 from runtime.estimators.regression.gain_test import GainTest, gain_test_of
 from runtime.estimators.regression.score_test import FreeFit
@@ -14,12 +21,33 @@ from runtime.library import Array, Library
 SCALE = 3.0
 """Factor between measured torque and that of the URDF beyond which the unit of the torque is the
 likeliest fault: a load of twice the own weight of an arm stays below it."""
+VISIBLE = 0.10
+"""Deviation of a torque gain that a log should show; joints whose limit is higher are named."""
 UNFITTED = 2.0
 """Misfit of a result over the threshold of the test of the prior above which the method, and not
 the prior, is the cause."""
 
 
-def contradictions_of(
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelTests:
+    """Results of all tests.
+
+    Attributes:
+        contradictions: sentences on priors, joints and results that the data contradict.
+        model_errors: sentences on assumptions of the intervals that the residuals contradict.
+        limits: sentence on joints whose gain may be wrong without a trace; empty where there is
+            none.
+        gain_limits: deviation of every torque gain that such a log shows in 95 of 100 cases, (n,);
+            empty where it was not tested.
+    """
+
+    contradictions: tuple[str, ...] = ()
+    model_errors: tuple[str, ...] = ()
+    limits: tuple[str, ...] = ()
+    gain_limits: Array = field(default_factory=lambda: np.zeros(0))
+
+
+def model_tests(
     lib: Library,
     fit: FreeFit | None,
     data: Reduced,
@@ -27,8 +55,8 @@ def contradictions_of(
     kappa: float,
     density: float,
     pi: Array,
-) -> tuple[str, ...]:
-    """Contradictions between data, prior and result.
+) -> ModelTests:
+    """Test data, prior and result against each other.
 
     Args:
         lib: library of the robot.
@@ -40,13 +68,22 @@ def contradictions_of(
         pi: parameters of the result, (10 n,).
 
     Returns:
-        One sentence per contradiction; empty where everything fits.
+        One sentence per contradiction; no sentences where everything fits.
     """
     gains = None if fit is None else gain_test_of(fit)
-    test = prior_test(lib, data, prior, kappa, density)
+    delay = None if fit is None else delay_test(fit)
+    friction = None if fit is None else friction_test(fit)
+    errors = []
+    if delay is not None and delay.is_contradicted:
+        errors.append(_of_delay(delay))
     sentences = []
     if gains is not None and gains.is_contradicted:
         sentences.append(_of_gains(lib, gains))
+    elif gains is not None and gains.is_significant:
+        errors.append(_of_small_gain(lib, gains))
+    if friction is not None and friction.is_contradicted:
+        errors.append(_of_friction(lib, friction))
+    test = prior_test(lib, data, prior, kappa, density)
     if test.is_contradicted:
         sentences.append(_of_prior(test, bool(sentences)))
     rest = data.factor @ pi - data.target
@@ -57,21 +94,42 @@ def contradictions_of(
             "unexplained as its noise and the prior allow, so the method stopped short of the "
             "data; use map"
         )
-    return tuple(sentences)
+    limits = np.zeros(0) if gains is None else gains.limits
+    return ModelTests(tuple(sentences), tuple(errors), _of_limits(lib, limits), limits)
 
 
-def model_errors_of(lib: Library, fit: FreeFit | None) -> tuple[str, ...]:
-    """Assumptions of the intervals that the residuals contradict.
+def _of_limits(lib: Library, limits: Array) -> tuple[str, ...]:
+    """Sentence on gains that may be wrong by more than `VISIBLE` without a trace."""
+    hidden = [
+        f"{name} ({f'up to {100 * limit:.2g} %' if limit < 1 else 'of any size'})"
+        for name, limit in zip(lib.joint_names, limits, strict=False)
+        if limit > VISIBLE
+    ]
+    if not hidden:
+        return ()
+    return (
+        "this log may not show a wrong torque gain of "
+        f"{', '.join(hidden)}, because friction and inertia take it up; "
+        "python -m runtime gains determines it",
+    )
 
-    Args:
-        lib: library of the robot.
-        fit: least squares of the training samples without a prior; None for rows of power.
 
-    Returns:
-        One sentence per assumption; empty where the residuals are noise.
-    """
-    test = None if fit is None else friction_test(fit)
-    return () if test is None or not test.is_contradicted else (_of_friction(lib, test),)
+def _of_delay(test: DelayTest) -> str:
+    side = "late" if test.delay > 0 else "early"
+    return (
+        f"the torque is stamped {1e3 * abs(test.delay):.2g} ± {1e3 * test.sigma:.1g} ms too {side} "
+        "for the motion: the parameters take up a part of it, and their intervals are too narrow; "
+        "correct it with --delay auto"
+    )
+
+
+def _of_small_gain(lib: Library, test: GainTest) -> str:
+    return (
+        f"the torques of the joints contradict each other, mostly by a torque gain of "
+        f"{test.gain:.3f} ± {test.sigma:.1g} at {lib.joint_names[test.joint]}, relative to the "
+        "other joints: the parameters take up a part of it, and their intervals are too narrow; "
+        "calibrate the gains with: python -m runtime gains"
+    )
 
 
 def _of_friction(lib: Library, test: FrictionTest) -> str:
@@ -85,6 +143,12 @@ def _of_friction(lib: Library, test: FrictionTest) -> str:
 
 def _of_gains(lib: Library, test: GainTest) -> str:
     name = lib.joint_names[test.joint]
+    if not test.is_plausible:
+        return (
+            f"the torques of the joints contradict each other, most at {name}, and no torque gain "
+            "explains it: the torque is wrong rather than the URDF; check order and sign of the "
+            f"signals and the friction of {name} with: python -m runtime inspect LOG"
+        )
     return (
         f"the torques of the joints contradict each other, and a torque gain of {test.gain:.2f} "
         f"± {test.sigma:.2g} at {name}, relative to the other joints, explains most of it: the "

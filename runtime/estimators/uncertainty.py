@@ -9,11 +9,11 @@ Source: Bayes' rule by Laplace's approximation (MacKay 2003, Ch. 27).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from runtime.estimators.contradictions import contradictions_of, model_errors_of
+from runtime.estimators.contradictions import ModelTests, model_tests
 from runtime.estimators.convex import (
     CAD,
     bodies_of,
@@ -79,9 +79,8 @@ class Uncertainty:
         determined: number of directions of π in which the data carry ten times the information
             of the prior, at most n_b.
         conditioning: weakest over strongest excited direction.
-        contradictions: sentences on priors, joints and results that the data contradict.
         information: what the posterior is computed from; None where it was not kept.
-        model_errors: sentences on assumptions of the intervals that the residuals contradict.
+        tests: what the data contradict, and what they cannot show.
     """
 
     root: Array
@@ -97,12 +96,21 @@ class Uncertainty:
     rank: int
     determined: int
     conditioning: float
-    contradictions: tuple[str, ...] = ()
     information: Information | None = None
-    model_errors: tuple[str, ...] = ()
+    tests: ModelTests = field(default_factory=ModelTests)
 
     def __repr__(self) -> str:
         return f"Uncertainty({self.advice()})"
+
+    @property
+    def contradictions(self) -> tuple[str, ...]:
+        """Sentences on priors, joints and results that the data contradict."""
+        return self.tests.contradictions
+
+    @property
+    def model_errors(self) -> tuple[str, ...]:
+        """Sentences on assumptions of the intervals that the residuals contradict."""
+        return self.tests.model_errors
 
     @property
     def covariance(self) -> Array:
@@ -173,10 +181,15 @@ class Uncertainty:
         return replace(self, noise=noise(rest, lib, 0), white=_white(rest))
 
     def advice(self) -> str:
-        """One sentence on what to trust and what to record next."""
-        count = len(self.beta_sigma)
+        """What to trust, what this log cannot show, and what to record next."""
         if self.contradictions:
-            return f"do not trust the result or its intervals yet: {'; '.join(self.contradictions)}"
+            doubts = "; ".join((*self.contradictions, *self.model_errors))
+            return f"do not trust the result or its intervals yet: {doubts}"
+        return "; ".join((self._trust(), *self.tests.limits))
+
+    def _trust(self) -> str:
+        """Sentence on the reliability of a result without contradictions."""
+        count = len(self.beta_sigma)
         if self.rank < count:
             return (
                 f"the motion excites {self.rank} of {count} base parameters; the others keep the "
@@ -254,11 +267,10 @@ def uncertainty_of(
     if centre is not None:
         reference = pi
     root = np.column_stack([spread.root if is_most_probable else vague, pi - reference])
-    errors: tuple[tuple[str, ...], ...] = (), ()
+    outcome = ModelTests()
     if tests:
         fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
-        contradictions = contradictions_of(lib, fit, data, prior, kappa, level, pi)
-        errors = contradictions, model_errors_of(lib, fit)
+        outcome = model_tests(lib, fit, data, prior, kappa, level, pi)
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()
@@ -285,9 +297,8 @@ def uncertainty_of(
         rank=rank,
         determined=spread.determined,
         conditioning=float(excited[rank - 1] / excited[0]) if rank else 0.0,
-        contradictions=errors[0],
         information=Information(statistics, float(level), kappa, prior.centre),
-        model_errors=errors[1],
+        tests=outcome,
     )
 
 

@@ -267,6 +267,7 @@ def _uncertainty_facts(result: Identification) -> dict[str, Any] | None:
         "noise": u.noise.tolist(),
         "model_band": np.sqrt(np.mean(band**2, axis=0)).tolist(),
         "white": u.white.tolist(),
+        "gain_limits": [float(x) if np.isfinite(x) else None for x in u.tests.gain_limits],
     }
 
 

@@ -89,6 +89,8 @@ KEYS: tuple[Key, ...] = (
     Key("uncertainty.noise", "list", "residual RMS per joint", "(n,)", _SI),
     Key("uncertainty.model_band", "list", "σ of the model's torque", "(n,)", _SI),
     Key("uncertainty.white", "list", "share of lags within the bounds of white noise", "(n,)"),
+    Key("uncertainty.gain_limits", "list", "relative error of each torque gain that such a log "
+        "shows in 95 of 100 cases; null for none, empty where not tested", "(n,)", older=[]),
     Key("loss", "number?", "L on the training part", older=None),
     Key("convex_optimum", "number?", "L*, smallest loss of a consistent model", older=None),
     Key("weights", "list", "diagonal of W in the loss", "(n,)", older=[]),

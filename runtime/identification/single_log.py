@@ -160,12 +160,8 @@ def _refitted(result: Identification, whole: Assembly, settings: Settings) -> Id
     if result.uncertainty:
         # Errors of the friction model grow with the rows as a contradiction does: the margin of the
         # tests holds for training rows.
-        known = result.uncertainty
-        posterior = replace(
-            _uncertainty(whole, fit, result.method, settings, tests=False),
-            contradictions=known.contradictions,
-            model_errors=known.model_errors,
-        )
+        posterior = _uncertainty(whole, fit, result.method, settings, tests=False)
+        posterior = replace(posterior, tests=result.uncertainty.tests)
     return replace(
         result,
         pi=fit.pi,

@@ -26,6 +26,8 @@ NOISE, VISCOUS, COULOMB = 0.05, 0.5, 0.3
 SPREAD = 0.1
 """Spread of the robots about the URDF."""
 GAIN = 1.1
+LATE = 0.3
+"""Delay of the torque in rows of 10 ms."""
 PEAK, WIDTH = 1.0, 0.1
 """Stribeck peak [N·m] and its speed [rad/s]."""
 
@@ -37,6 +39,7 @@ class Case:
     Attributes:
         label: row of the table.
         words: one of these is in an advice that names the fault.
+        limit: words of an advice which states that the log cannot show the fault.
         robot: π of the URDF and random numbers → π of the arm, (10 n,).
         torque: torque and speed (N, n) of the log → the torque that is logged.
     """
@@ -45,6 +48,7 @@ class Case:
     words: tuple[str, ...]
     robot: Callable[[Library, np.random.Generator], Array]
     torque: Callable[[Array, Array], Array] = lambda tau, _: tau
+    limit: str = "\n"
 
 
 def _usual(lib: Library, rng: np.random.Generator) -> Array:
@@ -75,6 +79,11 @@ def _peak(tau: Array, dq: Array) -> Array:
     return np.asarray(tau + PEAK * np.exp(-np.abs(dq) / WIDTH) * np.sign(dq))
 
 
+def _late(tau: Array, _: Array) -> Array:
+    rows = np.arange(len(tau))
+    return np.stack([np.interp(rows - LATE, rows, column) for column in tau.T], axis=1)
+
+
 ALARM = ("do not trust", "too narrow")
 CASES = (
     Case("none", ALARM, _usual),
@@ -83,16 +92,25 @@ CASES = (
         for mass in (0.5, 1.0, 3.0)
     ),
     *(
-        Case(f"torque gain of joint {k + 1} 10 % off", (f"at fr3_joint{k + 1},",), _usual, _gain(k))
+        Case(
+            f"torque gain of joint {k + 1} 10 % off",
+            (f"at fr3_joint{k + 1},",),
+            _usual,
+            _gain(k),
+            f"gain of fr3_joint{k + 1} (up to",
+        )
         for k in range(7)
     ),
     Case("torque in mN·m", ("the unit or sign",), _usual, lambda tau, _: 1e3 * tau),
     Case("bodies of another arm", ("contradict the inert",), _foreign),
     Case("Stribeck friction without a column", ("contain friction",), _usual, _peak),
+    Case("torque 3 ms late", ("ms too late",), _usual, _late),
 )
 
 
-def alarms(lib: Library, designs: list[Trajectory], count: int) -> Iterator[tuple[str, int, int]]:
+def alarms(
+    lib: Library, designs: list[Trajectory], count: int
+) -> Iterator[tuple[str, int, int, int]]:
     """Identify `count` logs of every case.
 
     Args:
@@ -101,14 +119,14 @@ def alarms(lib: Library, designs: list[Trajectory], count: int) -> Iterator[tupl
         count: number of trials.
 
     Yields:
-        Label of a case, trials whose advice names the fault, and trials whose advice doubts
-        the result.
+        Label of a case, trials whose advice names the fault, states that the log cannot show it,
+        and doubts the result or its intervals.
     """
     for case in CASES:
         words = [_advice(lib, designs[k % len(designs)], case, k) for k in range(count)]
         named = sum(any(each in text for each in case.words) for text in words)
         doubted = sum(any(each in text for each in ALARM) for text in words)
-        yield case.label, named, doubted
+        yield case.label, named, sum(case.limit in text for text in words), doubted
 
 
 def _advice(lib: Library, motion: Trajectory, case: Case, seed: int) -> str:

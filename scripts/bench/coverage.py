@@ -39,7 +39,7 @@ RHO = 0.9
 GAIN, DELAY = 0.02, 0.003
 """Relative standard deviation of wrong gains, and delay of the torque, s."""
 FILTERED = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=100.0)
-DISTRUST = ("do not trust", "too narrow", "autocorrelated")
+DISTRUST = ("do not trust", "too narrow")
 """Parts of an advice that state a broken assumption."""
 
 
@@ -69,7 +69,7 @@ class Held:
         band: of torques of the test part.
         payload: of mass, centre of mass and inertia; NaN where none.
         gains: of determined gains; NaN where none.
-        named: trials whose advice does not trust the result or names autocorrelation.
+        named: trials whose advice states that the result or its intervals are wrong.
     """
 
     base: Array

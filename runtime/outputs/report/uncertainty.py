@@ -41,6 +41,7 @@ class ResultUncertainty:
         noise: (n,) residual RMS [N·m, N].
         model_band: (n,) σ of the torque due to uncertain parameters [N·m, N].
         white: (n,) share of lags at which the autocorrelation is that of white noise.
+        gain_limits: (n,) relative error of a torque gain that the log shows; empty where unknown.
     """
 
     advice: str
@@ -51,6 +52,7 @@ class ResultUncertainty:
     noise: Array
     model_band: Array
     white: Array
+    gain_limits: tuple[float | None, ...] = ()
 
 
 def read_uncertainty(
@@ -83,7 +85,18 @@ def read_uncertainty(
         bool(raw["boundary"]),
         tuple(_link(entry) for entry in raw["links"]),
         *per_joint,
+        gain_limits=_limits(raw.get("gain_limits") or [], joints),
     )
+
+
+def _limits(raw: list[float | None], joints: int) -> tuple[float | None, ...]:
+    if len(raw) not in (0, joints):
+        raise ValueError(f"'uncertainty': expected {joints} gain_limits, got {len(raw)}")
+    return tuple(None if x is None else float(x) for x in raw)
+
+
+def _percent(share: float | None) -> str:
+    return "any" if share is None else f"{100 * share:.2g}\N{NO-BREAK SPACE}%"
 
 
 def _link(raw: Mapping[str, Any]) -> LinkUncertainty:
@@ -124,9 +137,25 @@ def uncertainty_sections(
         for name, link in zip(links, s.links, strict=True)
     )
     of_joints = tuple(
-        (joint, f"{noise:.3g}", f"{band:.2g}", f"{100 * white:.0f}\N{NO-BREAK SPACE}%")
-        for joint, noise, band, white in zip(joints, s.noise, s.model_band, s.white, strict=True)
+        (
+            joint,
+            f"{noise:.3g}",
+            f"{band:.2g}",
+            f"{100 * white:.0f}\N{NO-BREAK SPACE}%",
+            *((_percent(s.gain_limits[k]),) if s.gain_limits else ()),
+        )
+        for k, (joint, noise, band, white) in enumerate(
+            zip(joints, s.noise, s.model_band, s.white, strict=True)
+        )
     )
+    heads = ("joint", "residual RMS", "model σ", "lags within the white-noise band")
+    hidden = ""
+    if s.gain_limits:
+        heads = (*heads, "gain error that may go unnoticed")
+        hidden = (
+            " Last column: a torque gain that is wrong by up to this share, relative to the other "
+            "joints, may leave no trace in such a log."
+        )
     edge = " A link is close to the limit of physical consistency." if s.boundary else ""
     return (
         Section(
@@ -141,9 +170,7 @@ def uncertainty_sections(
             "Residuals",
             f"Effective sample size of the training residuals: {s.n_eff:.0f} (variance inflation "
             f"{s.inflation:.1f}). Model σ: standard deviation of the torque due to uncertain "
-            "parameters.",
-            ReportTable(
-                ("joint", "residual RMS", "model σ", "lags within the white-noise band"), of_joints
-            ),
+            f"parameters.{hidden}",
+            ReportTable(heads, of_joints),
         ),
     )

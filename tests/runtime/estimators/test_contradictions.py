@@ -115,6 +115,67 @@ def test_a_wrong_torque_gain_is_named(lib, trajectories):
     assert 1.07 < float(words.split("torque gain of ")[1].split()[0]) < 1.13
 
 
+def test_a_gain_that_the_log_cannot_show_is_stated(lib, trajectories):
+    """Oracle: 10 % at joint 7, whose torque is friction; σ of its gain is 6 to 9 % of such logs."""
+    log = logged(lib, trajectories[0], 0)
+    wrong = log.replace(tau=log.tau * np.where(np.arange(7) == 6, 1.1, 1.0))
+    result = identify(wrong, lib, friction_columns=TERMS, preparation=FILTERED)
+    assert "may not show a wrong torque gain of fr3_joint7 (up to" in result.uncertainty.advice()
+    limits = result.uncertainty.tests.gain_limits
+    # The joints that carry links are seen at 6 % and less.
+    assert (limits[:6] < 0.06).all()
+    assert limits[6] > 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gains_at_their_limits_are_noticed(lib, trajectories, seed):
+    """Property: a gain of joint 5 that is off by its limit is significant in 95 of 100 logs."""
+    log = logged(lib, trajectories[0], seed)
+
+    def tests(recording):
+        return identify(
+            recording, lib, friction_columns=TERMS, preparation=FILTERED
+        ).uncertainty.tests
+
+    limit = tests(log).gain_limits[4]
+    assert 0 < limit < 0.06
+    wrong = tests(log.replace(tau=log.tau * np.where(np.arange(7) == 4, 1 + limit, 1.0)))
+    assert any("at fr3_joint5" in text for text in wrong.contradictions + wrong.model_errors)
+
+
+def test_small_errors_of_gains_make_intervals_too_narrow(lib, trajectories):
+    """Oracle: 2 % at joint 2, known to 0.1 %; the result is usable, its intervals are not."""
+    log = logged(lib, trajectories[0], 0)
+    words = advice(log.replace(tau=log.tau * np.where(np.arange(7) == 1, 1.02, 1.0)), lib)
+    assert "do not trust" not in words
+    assert "a torque gain of 1.0" in words
+    assert "at fr3_joint2" in words
+    assert "intervals are too narrow" in words
+
+
+def test_a_contradiction_that_no_gain_explains_is_no_gain(lib, trajectories):
+    """Oracle: torques of joints 2 and 4 exchanged; the best gain, −0.3, is no torque constant."""
+    log = logged(lib, trajectories[0], 0)
+    words = advice(log.replace(tau=log.tau[:, [0, 3, 2, 1, 4, 5, 6]]), lib)
+    assert "do not trust" in words
+    assert "a torque gain of" not in words
+    assert "no torque gain explains it" in words
+
+
+@pytest.mark.parametrize("delay", [0.003, -0.002])
+def test_a_delay_is_named_with_its_size(lib, trajectories, delay):
+    """Oracle: torque stamped 3 ms late or 2 ms early at 100 Hz; σ of the delay is 0.05 ms."""
+    log = logged(lib, trajectories[0], 0)
+    late = np.stack([np.interp(log.t - delay, log.t, row) for row in log.tau.T], axis=1)
+    words = advice(log.replace(tau=late), lib)
+    assert TRUST not in words
+    side = "late" if delay > 0 else "early"
+    assert f"ms too {side}" in words
+    # Linear interpolation between rows of 10 ms is a delay to 5 %.
+    size = float(words.split("stamped ")[1].split()[0])
+    assert size == pytest.approx(1e3 * abs(delay), rel=0.07)
+
+
 def test_a_result_short_of_the_data_is_named(lib, trajectories):
     """Property: the misfit of the result itself counts; here all its masses are 20 % too large."""
     log = logged(lib, trajectories[0], 0)

@@ -21,3 +21,14 @@ def test_parameters_are_named_by_their_verdict() -> None:
     cells = section.table.rows[0]
     assert cells[3:] == ("m XX", "mY mZ YY ZZ XY XZ YZ", "mX")
     assert "no effect on the torque" in section.lead
+
+
+def test_the_gain_that_a_log_cannot_show_has_a_column() -> None:
+    """Property: a share per joint, "any" where friction takes up all; no column in older results."""
+    link = LinkUncertainty(0.1, None, ("identified",) * 10)
+    two = np.ones(2)
+    known = ResultUncertainty("advice", 10.0, 1.0, False, (link,), two, two, two, (0.45, None))
+    older = ResultUncertainty("advice", 10.0, 1.0, False, (link,), two, two, two)
+    table = uncertainty_sections(known, ("joint1", "joint2"), ("link1",))[1].table
+    assert [row[-1] for row in table.rows] == ["45\N{NO-BREAK SPACE}%", "any"]
+    assert len(uncertainty_sections(older, ("joint1", "joint2"), ("link1",))[1].table.header) == 4

@@ -1,0 +1,73 @@
+"""Test of the time stamps of the torque against those of the motion.
+
+    τ(t) = (Y_b β + F φ)(t − δ) + e ≈ Y_b β + F φ − δ d/dt (Y_b β + F φ) + e
+
+One delay δ for all joints is a column of the least squares, with the derivative of the predicted
+torque along the log as its content. The fit takes up most of a delay of some milliseconds as a bias
+of its parameters, and `score_test` finds the rest. The time step comes from positions and
+velocities of the samples.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from runtime.estimators.regression.score_test import FreeFit, score_test
+
+MARGIN = 1.6
+"""Factor on the quantile for errors of the friction model, as in the test of the gains."""
+LEAST_S = 0.5e-3
+"""Delay [s] below which its bias is within the intervals: at 3 ms, 14 % of those of the worst
+parameter hold, and the bias is proportional to the delay."""
+
+
+@dataclass(frozen=True, slots=True)
+class DelayTest:
+    """Result of the test.
+
+    Attributes:
+        statistic, threshold: explained residual over its noise, and the value that it
+            seldom exceeds where the stamps agree.
+        delay: δ, by which the torque is stamped too late [s].
+        sigma: standard deviation of δ [s].
+    """
+
+    statistic: float
+    threshold: float
+    delay: float
+    sigma: float
+
+    @property
+    def is_contradicted(self) -> bool:
+        """Whether the torque is late or early by more than `LEAST_S`."""
+        return self.statistic > self.threshold and abs(self.delay) > LEAST_S
+
+
+def delay_test(fit: FreeFit) -> DelayTest | None:
+    """Test the time stamps of the torque.
+
+    Args:
+        fit: least squares without a delay.
+
+    Returns:
+        The test; None for less than three samples, without motion, and without noise.
+    """
+    q, dq, n = fit.samples.q, fit.samples.dq, fit.scale.size
+    if len(q) < 3:
+        return None
+    # Mean of two time steps, 2 h = ⟨q_(i+1) − q_(i−1), dq_i⟩ / ⟨dq_i, dq_i⟩.
+    moved, speed = (q[2:] - q[:-2]).ravel(), dq[1:-1].ravel()
+    double = float(moved @ speed) / max(float(speed @ speed), 1e-300)
+    if not double > 0:
+        return None
+    rate = np.gradient(fit.predicted.reshape(-1, n), double / 2, axis=0)
+    test = score_test(fit, -rate.reshape(-1, 1))
+    if test is None:
+        return None
+    power = float(np.sum(test.columns**2))
+    return DelayTest(
+        statistic=test.statistic,
+        threshold=MARGIN * test.quantile,
+        delay=float(test.columns[:, 0] @ fit.rest) / power,
+        sigma=float(np.sqrt(test.density / power)),
+    )

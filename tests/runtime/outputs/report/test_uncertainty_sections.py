@@ -24,7 +24,7 @@ def test_parameters_are_named_by_their_verdict() -> None:
 
 
 def test_the_gain_that_a_log_cannot_show_has_a_column() -> None:
-    """Property: a share per joint, "any" where friction takes up all; no column in older results."""
+    """Property: a share per joint, "any" for no limit; older results have no column."""
     link = LinkUncertainty(0.1, None, ("identified",) * 10)
     two = np.ones(2)
     known = ResultUncertainty("advice", 10.0, 1.0, False, (link,), two, two, two, (0.45, None))

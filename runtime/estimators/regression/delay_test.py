@@ -60,7 +60,7 @@ def delay_test(fit: FreeFit) -> DelayTest | None:
     double = float(moved @ speed) / max(float(speed @ speed), 1e-300)
     if not double > 0:
         return None
-    rate = np.gradient(fit.predicted.reshape(-1, n), double / 2, axis=0)
+    rate = np.asarray(np.gradient(fit.predicted.reshape(-1, n), double / 2, axis=0))
     test = score_test(fit, -rate.reshape(-1, 1))
     if test is None:
         return None

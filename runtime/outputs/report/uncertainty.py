@@ -73,8 +73,10 @@ def read_uncertainty(
     """
     if not raw:
         return None
-    per_joint = [np.array(raw[key], dtype=float) for key in ("noise", "model_band", "white")]
-    if any(a.shape != (joints,) for a in per_joint) or len(raw["links"]) != links:
+    noise, band, white = (
+        np.array(raw[key], dtype=float) for key in ("noise", "model_band", "white")
+    )
+    if any(a.shape != (joints,) for a in (noise, band, white)) or len(raw["links"]) != links:
         raise ValueError(
             f"'uncertainty': expected {joints} joints and {links} links, got other lengths"
         )
@@ -84,8 +86,10 @@ def read_uncertainty(
         float(raw["inflation"]),
         bool(raw["boundary"]),
         tuple(_link(entry) for entry in raw["links"]),
-        *per_joint,
-        gain_limits=_limits(raw.get("gain_limits") or [], joints),
+        noise,
+        band,
+        white,
+        _limits(raw.get("gain_limits") or [], joints),
     )
 
 
@@ -148,7 +152,12 @@ def uncertainty_sections(
             zip(joints, s.noise, s.model_band, s.white, strict=True)
         )
     )
-    heads = ("joint", "residual RMS", "model σ", "lags within the white-noise band")
+    heads: tuple[str, ...] = (
+        "joint",
+        "residual RMS",
+        "model σ",
+        "lags within the white-noise band",
+    )
     hidden = ""
     if s.gain_limits:
         heads = (*heads, "gain error that may go unnoticed")

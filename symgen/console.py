@@ -86,7 +86,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "campaign",
             RUN,
-            "Design, run and identify until a target is reached, on the virtual robot.",
+            "Design, run and identify until a target is reached, on a virtual or real arm.",
         ),
     ),
     "Identify": (

@@ -1,13 +1,14 @@
 """Drivers: how a motion reaches a robot and its samples come back, under guards.
 
 `state()` reads the robot, `stream(trajectory, on_sample, guards)` lets it follow a motion. The loop
-is written here once; an adapter of a robot provides `state`, `exchange` and `stop`. The robot is
+is written here once; an adapter of a robot provides `state`, `exchange` and `stop`, and `begin` and
+`end` where its interface needs them. The robot is
 stopped at the first sample that a guard refuses, where no sample arrives, and on any error, Ctrl-C
 included; the samples up to there are kept.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from runtime.errors import SimulationError
 from runtime.excitation import Trajectory
+from runtime.excitation.motion.joined import JoinedMotion
 from runtime.excitation.motion.trajectory import sample_times
 from runtime.library import Array, Library
 from runtime.recording import Recording
@@ -22,6 +24,7 @@ from runtime.recording import Recording
 START = 0.05
 """Largest distance from the start of a motion at which it begins [rad, m]: friction holds an arm
 without integral action some hundredths away."""
+Motion = Trajectory | JoinedMotion
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,16 +174,36 @@ class Driver(ABC):
     def stop(self) -> None:
         """Brake to rest and hold; called once, also where the connection is lost."""
 
+    def begin(self, motion: Motion) -> None:  # noqa: B027
+        """Prepare the robot for a motion, at whose start it stands; by default nothing.
+
+        Raises:
+            NoSampleError: the robot does not accept the motion.
+        """
+
+    def end(self) -> None:  # noqa: B027
+        """Finish a motion that was completed; by default nothing."""
+
+    def close(self) -> None:  # noqa: B027
+        """Close the connection; by default nothing."""
+
+    def references(self, motion: Motion) -> Iterator[Reference]:
+        """References of a motion in their order, one per period, up to its end."""
+        t = sample_times(motion.duration, self.rate_hz)
+        q, dq, ddq, _ = motion.at(self.lib, t)
+        for row in zip(q, dq, ddq, strict=True):
+            yield Reference(*row)
+
     def stream(
         self,
-        trajectory: Trajectory,
+        trajectory: Motion,
         on_sample: Callable[[Sample], None] = lambda _: None,
         guards: Sequence[Guard] = (),
     ) -> Streamed:
         """Let the robot follow a motion.
 
         Args:
-            trajectory: from rest to rest.
+            trajectory: from rest to rest, one or several in a row.
             on_sample: called with every sample before the guards.
             guards: asked in this order; the first refusal stops the robot.
 
@@ -190,17 +213,15 @@ class Driver(ABC):
         Raises:
             SimulationError: the robot is not at the start of the motion.
         """
-        t = sample_times(trajectory.duration, self.rate_hz)
-        q, dq, ddq, _ = trajectory.at(self.lib, t)
-        self._require_start(q[0])
+        self._require_start(trajectory.at(self.lib, np.zeros(1))[0][0])
         done, start, is_complete = Streamed(), self.clock(), False
 
         def stopped(guard: str, sentence: str) -> Stop:
             return Stop(guard, sentence, self.clock() - start)
 
         try:
-            for k in range(len(t)):
-                reference = Reference(q[k], dq[k], ddq[k])
+            self.begin(trajectory)
+            for reference in self.references(trajectory):
                 sample = self.exchange(reference)
                 done.samples.append(sample)
                 on_sample(sample)
@@ -209,6 +230,7 @@ class Driver(ABC):
                     if sentence is not None:
                         done.stop = stopped(guard.name, sentence)
                         return done
+            self.end()
             is_complete = True
         except NoSampleError as error:
             done.stop = stopped("connection", str(error))

@@ -7,7 +7,9 @@ from typing import Annotated
 
 import typer
 
-from runtime.cli.common import Robot, Seed, say
+from runtime.campaign.drivers import DRIVERS
+from runtime.cli.common import Robot, Seed, say, sentences_of
+from runtime.cli.driver_option import opened_driver
 from runtime.cli.robot import Yes, open_robot
 from runtime.errors import IdentificationError
 
@@ -32,17 +34,26 @@ def campaign_command(
     most_seconds: Annotated[
         float, typer.Option(help="Motion time after which no further motion is begun, s.")
     ] = 600.0,
+    driver: Annotated[
+        str,
+        typer.Option(metavar="NAME[:ADDRESS]", help=f"Robot. {sentences_of(DRIVERS)}."),
+    ] = "virtual",
+    gains: Annotated[
+        str | None,
+        typer.Option(metavar="K,K,…", help="N·m/A per joint, for a robot that measures currents."),
+    ] = None,
     seed: Seed = 0,
     truth_seed: Annotated[
         int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
     ] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead.")] = False,
 ) -> None:
-    r"""Design, run and identify until a target is reached, on the virtual robot.
+    r"""Design, run and identify until a target is reached, on a virtual or real arm.
 
     \b
     symgen campaign --robot fr3 --target v=20mNm --out results/campaign
     symgen campaign --robot fr3 --target payload=5g --stages 50,100
+    symgen campaign --robot fr3 --target v=20mNm --driver libfranka:172.16.0.2
 
     Each motion is designed with what is known already, and runs at 10, 50 and 100 % of its speed. A
     gate releases each stage: the motion keeps every limit, the last log has no error, and it
@@ -54,13 +65,17 @@ def campaign_command(
     """
     from runtime.campaign.campaign import Plan, run_campaign
     from runtime.campaign.target import target_of
-    from runtime.campaign.virtual_driver import VirtualDriver
 
     wanted = target_of(target)
     plan = Plan(target, duration, _speeds(stages), most_seconds, seed)
     lib = open_robot(robot, yes)
-    driver = VirtualDriver(lib, seed=seed, truth_seed=truth_seed)
-    outcome = run_campaign(driver, plan, wanted, out, (lambda _: None) if as_json else say)
+    robot_driver = opened_driver(lib, driver, gains, seed, truth_seed)
+    try:
+        outcome = run_campaign(
+            robot_driver, plan, wanted, out, (lambda _: None) if as_json else say
+        )
+    finally:
+        robot_driver.close()
     if as_json:
         facts = asdict(outcome) | {"target": wanted.text, "folder": str(out)}
         print(json.dumps(facts, indent=1, ensure_ascii=False))

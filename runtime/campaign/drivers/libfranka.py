@@ -1,0 +1,125 @@
+"""Franka arms by libfranka, through pylibfranka of the maker, at 1 kHz.
+
+Positions are commanded to the joint impedance controller; τ is the measured torque of the joints
+`tau_J`, with gravity. libfranka ends a motion by itself where commands do not arrive in time.
+"""
+
+import time
+from typing import Any
+
+from runtime.campaign.driver import Driver, Motion, NoSampleError, Reference, Sample
+from runtime.campaign.drivers.driver_kind import (
+    DriverKind,
+    DriverSettings,
+    imported,
+    require_address,
+    row_of,
+)
+from runtime.errors import SimulationError
+from runtime.library import Library
+
+RATE_HZ = 1000.0
+NAME = "libfranka"
+
+
+class FrankaDriver(Driver):
+    """A Franka arm.
+
+    Args:
+        lib: library of the robot.
+        address: IP address or name of its control unit.
+
+    Raises:
+        SimulationError: pylibfranka is not installed, or the robot does not answer.
+    """
+
+    def __init__(self, lib: Library, address: str) -> None:
+        super().__init__(lib, RATE_HZ)
+        self._franka = imported("pylibfranka", NAME, "install it with: pip install pylibfranka")
+        self._control: Any = None
+        self._last = Reference(lib.home, 0 * lib.home, 0 * lib.home)
+        try:
+            self._robot = self._franka.Robot(address)
+        except self._franka.FrankaException as error:
+            raise SimulationError(
+                f"no connection to a Franka arm at '{address:.60}' ({error}); check the address "
+                "and that FCI is activated"
+            ) from None
+
+    def clock(self) -> float:
+        """Monotonic clock of this computer [s]."""
+        return time.monotonic()
+
+    def state(self) -> Sample:
+        """Newest sample of the robot at rest.
+
+        Raises:
+            NoSampleError: the robot does not answer.
+        """
+        try:
+            return self._sample(self._robot.read_once())
+        except self._franka.FrankaException as error:
+            raise NoSampleError(f"expected a state of the robot, libfranka says: {error}") from None
+
+    def begin(self, motion: Motion) -> None:
+        """Start the control of joint positions.
+
+        Raises:
+            NoSampleError: the robot refuses it.
+        """
+        mode = self._franka.ControllerMode.JointImpedance
+        try:
+            self._control = self._robot.start_joint_position_control(mode)
+        except self._franka.FrankaException as error:
+            raise NoSampleError(
+                f"expected control of the joints, libfranka says: {error}"
+            ) from None
+
+    def exchange(self, reference: Reference) -> Sample:
+        """Wait for the state of this millisecond and command the reference.
+
+        Args:
+            reference: of this period.
+
+        Returns:
+            The sample.
+
+        Raises:
+            NoSampleError: the connection or the motion has ended.
+        """
+        self._last = reference
+        return self._exchanged(self._franka.JointPositions(reference.q.tolist()))
+
+    def end(self) -> None:
+        """Tell libfranka that the motion is finished."""
+        command = self._franka.JointPositions(self._last.q.tolist())
+        command.motion_finished = True
+        self._exchanged(command)
+        self._control = None
+
+    def stop(self) -> None:
+        """Stop the motion by the controller of the maker, which brakes and holds."""
+        self._control = None
+        try:
+            self._robot.stop()
+        except self._franka.FrankaException:
+            return  # The connection is lost: the control unit has stopped the arm itself.
+
+    def _exchanged(self, command: Any) -> Sample:
+        try:
+            state, _ = self._control.readOnce()
+            self._control.writeOnce(command)
+        except self._franka.FrankaException as error:
+            raise NoSampleError(f"expected the next state, libfranka says: {error}") from None
+        return self._sample(state)
+
+    def _sample(self, state: Any) -> Sample:
+        q, dq, tau = (row_of(getattr(state, k), self.lib, k) for k in ("q", "dq", "tau_J"))
+        return Sample(state.time.to_sec(), self.clock(), q, dq, tau)
+
+
+def _open(lib: Library, settings: DriverSettings) -> Driver:
+    return FrankaDriver(lib, require_address(settings, NAME, "172.16.0.2"))
+
+
+LIBFRANKA = DriverKind(NAME, "a Franka arm by pylibfranka, libfranka:ADDRESS", _open)

@@ -1,0 +1,136 @@
+"""Arms of Universal Robots by ur_rtde: positions by `servoJ`, states by RTDE.
+
+The arm measures currents, not torques: τ = K i with the gains K [N·m/A] of its drives, which
+`symgen gains` estimates. The torques that the controller reports are of its model, or without
+gravity, and identify nothing.
+"""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from runtime.campaign.driver import Driver, NoSampleError, Reference, Sample
+from runtime.campaign.drivers.driver_kind import (
+    DriverKind,
+    DriverSettings,
+    imported,
+    require_address,
+    row_of,
+)
+from runtime.errors import SimulationError
+from runtime.library import Array, Library
+
+NAME = "ur"
+LOOKAHEAD = 0.03
+"""Smoothing of `servoJ` [s], the least that it takes."""
+GAIN = 1000.0
+"""Proportional gain of `servoJ`, of 100 to 2000."""
+BRAKE = 5.0
+"""Deceleration of `servoStop` [rad/s²]."""
+_INSTALL = "install it with: pip install ur_rtde"
+
+
+class UrDriver(Driver):
+    """An arm of Universal Robots in remote control.
+
+    Args:
+        lib: library of the robot.
+        address: IP address or name.
+        gains: (n,) N·m/A.
+
+    Raises:
+        SimulationError: ur_rtde is not installed, or the robot does not answer.
+    """
+
+    def __init__(self, lib: Library, address: str, gains: Array) -> None:
+        control = imported("rtde_control", NAME, _INSTALL)
+        receive = imported("rtde_receive", NAME, _INSTALL)
+        self._gains = row_of(gains, lib, "gains")
+        try:
+            self._receive: Any = receive.RTDEReceiveInterface(address)
+            self._control: Any = control.RTDEControlInterface(address)
+            step = float(self._control.getStepTime())
+        except (RuntimeError, OSError) as error:
+            raise SimulationError(
+                f"no connection to an arm of Universal Robots at '{address:.60}' ({error}); check "
+                "the address, and switch the arm on and to remote control"
+            ) from None
+        if not step > 0:
+            raise SimulationError(
+                "expected the time step of the controller, it states none; update ur_rtde"
+            )
+        super().__init__(lib, 1 / step)
+        self._step, self._last = step, -np.inf
+
+    def clock(self) -> float:
+        """Monotonic clock of this computer [s]."""
+        return time.monotonic()
+
+    def state(self) -> Sample:
+        """Newest sample of the robot at rest.
+
+        Raises:
+            NoSampleError: the connection is lost.
+        """
+        if not self._receive.isConnected():
+            raise NoSampleError("expected a state of the robot, RTDE is not connected")
+        read = self._receive
+        values = read.getActualQ(), read.getActualQd(), read.getActualCurrent()
+        names = "positions", "velocities", "currents"
+        q, dq, current = (row_of(v, self.lib, k) for v, k in zip(values, names, strict=True))
+        return Sample(read.getTimestamp(), self.clock(), q, dq, self._gains * current)
+
+    def exchange(self, reference: Reference) -> Sample:
+        """Command one reference for a period and read the state at its end.
+
+        Args:
+            reference: of this period.
+
+        Returns:
+            The sample.
+
+        Raises:
+            NoSampleError: the connection is lost, or the robot has stopped.
+        """
+        begin = self._control.initPeriod()
+        accepted = self._control.servoJ(reference.q.tolist(), 0.0, 0.0, self._step, LOOKAHEAD, GAIN)
+        if not accepted or self._receive.isProtectiveStopped():
+            raise NoSampleError("expected the robot to follow, it has stopped; see its pendant")
+        self._control.waitPeriod(begin)
+        # The period ends when the state of the next step is there, at most another step later.
+        for _ in range(2):
+            sample = self.state()
+            if sample.t > self._last:
+                break
+            self._control.waitPeriod(self._control.initPeriod())
+        self._last = sample.t
+        return sample
+
+    def end(self) -> None:
+        """Leave the servo mode at rest."""
+        self._control.servoStop(BRAKE)
+
+    def stop(self) -> None:
+        """Brake and leave the servo mode."""
+        if self._control.isConnected():
+            self._control.servoStop(BRAKE)
+
+    def close(self) -> None:
+        """End the script on the controller and both connections."""
+        self._control.stopScript()
+        self._control.disconnect()
+        self._receive.disconnect()
+
+
+def _open(lib: Library, settings: DriverSettings) -> Driver:
+    address = require_address(settings, NAME, "192.168.0.2")
+    if settings.gains is None:
+        raise SimulationError(
+            "an arm of Universal Robots measures currents; give --gains with one number in N·m/A "
+            "per joint, which `symgen gains LOG` estimates from a log in A"
+        )
+    return UrDriver(lib, address, settings.gains)
+
+
+UR = DriverKind(NAME, "an arm of Universal Robots by ur_rtde, ur:ADDRESS with --gains", _open)

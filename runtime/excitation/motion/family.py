@@ -10,7 +10,7 @@ from runtime.library import Array, Library
 
 
 class Basis(Protocol):
-    """A family of functions; a motion uses as many as it has coefficients per joint."""
+    """A family of functions, hashable; a motion uses as many as it has coefficients per joint."""
 
     @property
     def name(self) -> str:

@@ -96,7 +96,8 @@ def tip_bounds(chain: Chain, motion: Matrix) -> Matrix:
     """
     orders = motion.shape[0]
     shifts = _of_joints(chain, motion)
-    path, index = [], chain.tip.joint
+    path: list[int] = []
+    index = chain.tip.joint
     while index >= 0:
         path.insert(0, index)
         index = chain.joints[index].parent

@@ -1,6 +1,6 @@
 """Bases of motions: what each of them provides, and the record by which a user selects it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,7 +9,7 @@ import numpy as np
 from runtime.library import Array, Library
 
 
-class Basis(Protocol):
+class Basis(Hashable, Protocol):
     """A family of functions, hashable; a motion uses as many as it has coefficients per joint."""
 
     @property

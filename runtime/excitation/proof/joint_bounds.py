@@ -70,7 +70,9 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     points = DIVIDED * used[:, None] + np.arange(DIVIDED + 1)  # (U, 21)
     value, bend = (
         curve.reshape(len(KINDS), n, *points.shape)[order, joint, back]
-        for curve in _curves(basis.derivatives(_ORDERS, size, points.ravel() * step), a)
+        for curve in _curves(
+            basis.derivatives(_ORDERS, size, step * points.ravel().astype(float)), a
+        )
     )
     bounds = chords.of_rows(order, joint).bounds(value, bend, step**2 / 8, step / 2)
     # The largest bound of every kind and joint; its time is the middle of the interval.

@@ -34,7 +34,15 @@ class MotionGrid:
         self._weights = a.T * powers[:-1, None, None]
 
     def between(self, first: int, last: int) -> Array:
-        """States q and derivatives at samples first to last, both included, (5, N, n)."""
+        """States q and derivatives at neighbouring samples.
+
+        Args:
+            first: number of the first sample.
+            last: of the last one, included.
+
+        Returns:
+            (5, N, n).
+        """
         basis, size = self._trajectory.basis, self._weights.shape[1]
         return self._moved(_phi(basis, size, first, last, self.count))
 

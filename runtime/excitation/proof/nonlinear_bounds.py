@@ -89,7 +89,7 @@ def _see_measured(peaks: list[Peaks], lib: Library, grid: MotionGrid, end: int) 
             # δ²/8 sup g'' with sup g'' = SAFETY · change / δ, above the larger end.
             bounds *= SAFETY * grid.step / 8
             bounds += np.maximum(g[1:], g[:-1])
-            peak.see(bounds[inner], (intervals + 0.5) * grid.step)
+            peak.see(bounds[inner], grid.step * (intervals.astype(float) + 0.5))
             peak.intervals += last - first
 
 
@@ -116,7 +116,7 @@ def _see_braking(
     inner = np.arange(len(bounds)) % (_DIVIDED + 1) < _DIVIDED
     intervals = points.ravel()[:-1][inner]
     where = intervals if forwards else grid.count - 1 - intervals
-    peak.see(bounds[inner], (where + 0.5) * step)
+    peak.see(bounds[inner], step * (where.astype(float) + 0.5))
     peak.intervals += len(where)
 
 

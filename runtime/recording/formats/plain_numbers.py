@@ -14,7 +14,7 @@ from runtime.recording.formats.tables import FloatArray
 
 LONG = 2**22
 """Number of characters from which pyarrow, where it is installed, repays its import."""
-LINES = 4096
+LINES = 512
 """Number of lines whose cells are held at once; a cell takes five times its text."""
 
 

@@ -23,7 +23,10 @@ SIZES = ((1400, 900), (400, 800))
 EXCESS = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
 OF_SCRIPTS = {
     f"--{name}" for name in ("update", "goals", "designs", "joints", "serve", "notebooks")
-} | {f"--{name}" for name in ("count", "designs", "first", "kind", "log", "help")}
+} | {
+    f"--{name}"
+    for name in ("count", "designs", "first", "kind", "log", "help", "real", "map", "again")
+}
 """Options of the programs in scripts/ that pages name."""
 OF_CONSOLE = {"--show-completion"}
 """Options of `symgen` without a command."""

@@ -55,6 +55,8 @@ def model_tests(
     kappa: float,
     density: float,
     pi: Array,
+    *,
+    is_of_type: bool = False,
 ) -> ModelTests:
     """Test data, prior and result against each other.
 
@@ -66,6 +68,7 @@ def model_tests(
         kappa: trust κ in the prior.
         density: S, variance with which the noise enters the unknowns, in units of `data`.
         pi: parameters of the result, (10 n,).
+        is_of_type: whether the centre of the prior is that of a type of robot, not the URDF's.
 
     Returns:
         One sentence per contradiction; no sentences where everything fits.
@@ -85,7 +88,7 @@ def model_tests(
         errors.append(_of_friction(lib, friction))
     test = prior_test(lib, data, prior, kappa, density)
     if test.is_contradicted:
-        sentences.append(_of_prior(test, bool(sentences)))
+        sentences.append(_of_prior(test, bool(sentences), is_of_type))
     rest = data.factor @ pi - data.target
     misfit = float(rest @ rest) / max(density, LEAST_DENSITY)
     if not test.is_contradicted and misfit > UNFITTED * test.threshold:
@@ -157,25 +160,32 @@ def _of_gains(lib: Library, test: GainTest) -> str:
     )
 
 
-def _of_prior(test: PriorTest, is_torque_wrong: bool) -> str:
+def _of_prior(test: PriorTest, is_torque_wrong: bool, is_of_type: bool) -> str:
+    source = "the prior of the fleet" if is_of_type else "the URDF"
     size = f"{test.excess:.2g} times the threshold"
     if not 1 / SCALE < test.scale < SCALE:
         return (
-            f"the measured torque is {test.scale:.3g} times that of the URDF: the unit or sign of "
-            "the torque is wrong rather than the URDF; state them in a recipe (torque in N·m)"
+            f"the measured torque is {test.scale:.3g} times that of {source}: the unit or sign of "
+            f"the torque is wrong rather than {source}; state them in a recipe (torque in N·m)"
         )
     if is_torque_wrong:
-        return f"the data contradict the URDF as well ({size}); correct the torque first"
+        return f"the data contradict {source} as well ({size}); correct the torque first"
     if not test.links:
         return (
-            f"the data contradict the inertias of the URDF ({size}), and no single link explains "
-            "it: the URDF is of another robot, or the order, unit or sign of the signals is wrong; "
+            f"the data contradict the inertias of {source} ({size}), and no single link explains "
+            f"it: {source} is of another robot, or order, unit or sign of the signals are wrong; "
             "check them with: python -m runtime inspect LOG"
         )
     bodies = " or ".join(
-        f"{name} ({before:.3g} kg in the URDF, about {after:.3g} kg from the data)"
+        f"{name} ({before:.3g} kg in {source}, about {after:.3g} kg from the data)"
         for name, (before, after) in zip(test.links, test.masses, strict=True)
     )
+    if is_of_type:
+        return (
+            f"the data contradict the inertia of {bodies}, or of what it carries ({size}), while "
+            "the joints agree with each other: this unit differs from its fleet, or carries a load "
+            "that the others did not; leave out --prior, or add its statistics to the fleet"
+        )
     return (
         f"the data contradict the inertia of {bodies}, or of what it carries ({size}), while the "
         "joints agree with each other: the URDF is wrong rather than the log, or the arm carries a "

@@ -270,7 +270,9 @@ def uncertainty_of(
     outcome = ModelTests()
     if tests:
         fit = free_fit(lib, samples, weights_from(noise(rest, lib, phi.size), samples.tau))
-        outcome = model_tests(lib, fit, data, prior, kappa, level, pi)
+        outcome = model_tests(
+            lib, fit, data, prior, kappa, level, pi, is_of_type=centre is not None
+        )
     # Rank of the motion: singular values of A over columns of unit length in the statistics.
     base = lib.base_matrix
     silent = np.logical_not(base.any(axis=0)).tolist()

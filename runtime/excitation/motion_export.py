@@ -102,5 +102,4 @@ def _facts(use: Use) -> dict[str, object]:
         "allowed": use.limit,
         "unit": use.unit,
         "how": how,
-        "intervals": use.intervals,
     }

@@ -13,8 +13,19 @@ from runtime.recording.reader import Raw, recording_of
 class CheckRun:
     """The plan so far, the recording read with it, and the findings."""
 
-    def __init__(self, raw: Raw, plan: Recipe, findings: list[Finding]) -> None:
+    def __init__(
+        self, raw: Raw, plan: Recipe, findings: list[Finding], *, has_gains: bool = True
+    ) -> None:
+        """Read the log with the plan.
+
+        Args:
+            raw: files with their recipe.
+            plan: recipe so far.
+            findings: so far.
+            has_gains: False for currents with unknown gains, which the plan reads with gain 1.
+        """
         self._raw, self.plan, self.findings = raw, plan, findings
+        self.has_gains = has_gains
         self.recording = recording_of(replace(raw, plan=plan))
 
     def run(self, check: Callable[[Recording, Recipe], tuple[Recipe, list[Finding]]]) -> None:

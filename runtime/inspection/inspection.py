@@ -107,15 +107,17 @@ def inspect_log(
     findings += meant
     has_gains = not plan.has_unknown_gains
     raw, plan = unknown_gains.with_gain_one(raw, plan)
-    checks = CheckRun(raw, plan, findings)
+    checks = CheckRun(raw, plan, findings, has_gains=has_gains)
     require_joints(checks.recording, lib)
     checks.run(frozen.frozen)
     checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
     checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
+    findings += motion.constant_velocity(checks.recording, lib)
     checks.run(lambda r, p: units.units(r, p, lib))
     checks.run(lambda r, p: velocity_filter(r, p, lib))
     blind = any(f.kind == "missing_clock" and f.level == ERROR for f in findings)
-    checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
+    if not lib.placeholders:
+        checks.run(lambda r, p: joint_order.joint_order(r, p, lib))
     checks.run(lambda r, p: clock.clock(r, p, raw))
     recording = checks.recording
     findings += motion.wraps(recording)
@@ -131,7 +133,8 @@ def inspect_log(
         check_commanded(checks, lib)
     else:
         check_torque(checks, lib, propose)
-        findings += signals.little_torque(checks.recording, lib)
+        if has_gains:  # unknown gains scale the torque of each joint
+            findings += signals.little_torque(checks.recording, lib)
     if not has_gains:
         checks.plan, checks.findings = unknown_gains.stated(checks.plan, checks.findings)
         findings = checks.findings

@@ -16,12 +16,23 @@ from runtime.inspection.checks import (
     torque_signs,
 )
 from runtime.inspection.checks.torque_rows import rough
-from runtime.inspection.finding import WARNING, Finding
+from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.inspection.proposed_preparation import proposed_preparation
-from runtime.inspection.regressor_choice import choose_regressor
+from runtime.inspection.regressor_choice import choose_regressor, differentiation_of
 from runtime.library import Library
-from runtime.recording import Friction, Recipe
+from runtime.recording import Friction, Preparation, Recipe, Recording
 from runtime.recording.friction import DRIVE, ROTOR, names_where
+
+_AGAINST_THE_LINKS = (
+    position_columns.position_columns,
+    torque_signs.torque_order,
+    torque_signs.joint_signs,
+    torque_signs.scale,
+    gravity.gravity,
+)
+"""Checks of τ that compare it with the torque of the URDF's links."""
+_LOWERED = 5
+"""Largest number of lower cut-offs that are tried."""
 
 
 def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
@@ -34,14 +45,9 @@ def check_torque(checks: CheckRun, lib: Library, propose: bool) -> None:
     """
     terms = checks.plan.friction or proposed_terms(checks.plan)
     try:
-        for check in (
-            position_columns.position_columns,
-            torque_signs.torque_order,
-            torque_signs.joint_signs,
-            torque_signs.scale,
-            gravity.gravity,
-        ):
+        for check in () if lib.placeholders else _AGAINST_THE_LINKS:
             checks.run_on_torque(check, lib, terms)
+        checks.findings += _placeholders(lib)
         preparation = checks.plan.preparation
         if propose and preparation.filter == "none":
             ready, notes = proposed_preparation(
@@ -69,18 +75,51 @@ def check_commanded(checks: CheckRun, lib: Library) -> None:
     """
     checks.findings += drives.commanded(checks.recording, checks.plan)
     try:
-        checks.run(lambda r, p: drives.delay(r, lib, p))
-        checks.findings += drives.rotor(checks.recording, lib, checks.plan)
+        if not lib.placeholders:
+            checks.run(lambda r, p: drives.delay(r, lib, p))
+            checks.findings += drives.rotor(checks.recording, lib, checks.plan)
+        checks.findings += _placeholders(lib)
         usual = drives.filtered(checks.recording, checks.plan.preparation)
-        _, failing = choose_regressor(checks.recording, lib, usual)
-        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
         if checks.plan.preparation.filter == "none":
+            usual = replace(usual, cutoff_hz=_harmless_cutoff(checks.recording, lib, usual))
             late = checks.plan.preparation.torque_delay_s
             checks.plan = checks.plan.replace(preparation=replace(usual, torque_delay_s=late))
+        _, failing = choose_regressor(checks.recording, lib, usual)
+        checks.findings += [Finding("differentiation", WARNING, each) for each in failing]
         checks.findings.append(model_fit.one_run(checks.recording.duration))
     except RuntimeFault as fault:
         sentence = f"the torque could not be checked: {fault}"
         checks.findings.append(Finding("not_judged", WARNING, sentence))
+
+
+def _placeholders(lib: Library) -> list[Finding]:
+    """Note on links without inertials, whose placeholders no torque can be compared with."""
+    if not lib.placeholders:
+        return []
+    sentence = (
+        f"{len(lib.placeholders)} links of the URDF have no <inertial> but placeholders "
+        f"({', '.join(lib.placeholders[:4])}{', …' if len(lib.placeholders) > 4 else ''}): order, "
+        "sign, unit and gravity of τ cannot be compared with such a model and were not checked; "
+        "build with --masses, or check them by hand"
+    )
+    return [Finding("placeholders", INFO, sentence, {"links": list(lib.placeholders)})]
+
+
+def _harmless_cutoff(recording: Recording, lib: Library, usual: Preparation) -> float | None:
+    """Cut-off of the proposal [Hz]: lower than the usual one where that leaves too much noise.
+
+    A lower cut-off takes a part of the motion too, so that the share of noise is computed again.
+    """
+    tried = usual
+    for _ in range(_LOWERED):
+        quality = differentiation_of(recording, lib, tried)
+        if quality is None or not quality.fails:
+            return tried.cutoff_hz
+        if quality.harmless_hz >= quality.cutoff_hz:
+            break
+        # Rounded to two digits, hardly ever up.
+        tried = replace(tried, cutoff_hz=float(f"{0.98 * quality.harmless_hz:.2g}"))
+    return usual.cutoff_hz
 
 
 def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
@@ -89,8 +128,12 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
     matrix = model_fit.fit_rows(torque_rows)
     tau = checks.recording.required("tau")
     computed = measured_torque.not_measured(torque_rows, matrix, tau)
-    gain = [] if computed else other_model.joint_gain(torque_rows, matrix)
-    late = [] if computed or gain else torque_delay.delay(torque_rows, matrix, checks.plan)
+    gain = [] if computed or not checks.has_gains else other_model.joint_gain(torque_rows, matrix)
+    late = (
+        []
+        if computed or gain
+        else torque_delay.delay(torque_rows, matrix, checks.plan, has_gains=checks.has_gains)
+    )
     if any(finding.kind == "time_shift" for finding in late):
         shifted = replace(
             checks.plan.preparation, torque_delay_s=float(f"{late[0].evidence['delay_s']:.3g}")
@@ -99,16 +142,18 @@ def _check_fit(checks: CheckRun, lib: Library, terms: Friction) -> None:
         torque_rows = checks.torque_rows(lib, terms)
         matrix = model_fit.fit_rows(torque_rows)
         computed = measured_torque.not_measured(torque_rows, matrix, tau)
-    strange = model_fit.unexplained(torque_rows, matrix)
+    strange = model_fit.unexplained(torque_rows, matrix, has_gains=checks.has_gains)
     checks.findings += late + strange + computed
     torque = checks.plan.torque
     guessed = torque is not None and torque.unit == "A" and not checks.plan.gear
     guessed = guessed and any(f.kind == "torque_unit" for f in checks.findings)
+    guessed = guessed or not checks.has_gains
     if not strange and not guessed:  # wrong gains look like a tool or a coupling
         checks.findings += gain
-        tool = [] if gain else model_fit.tool(torque_rows)
+        no_tool = bool(gain or lib.placeholders)
+        tool = [] if no_tool else model_fit.tool(torque_rows)
         coupled = [] if gain else gear_coupling.coupling(torque_rows, matrix, terms)
-        other = [] if gain or tool else other_model.other_robot(torque_rows, matrix)
+        other = [] if no_tool or tool else other_model.other_robot(torque_rows, matrix)
         checks.findings += tool + coupled + other
     checks.findings.append(model_fit.one_run(torque_rows.whole.duration))
 

@@ -154,6 +154,8 @@ DOORS: dict[str, Door] = {
     "build": Door("build.json", goods.generated, lambda folder, _: load(folder)),
     # What else is known of a robot.
     "prior": Door("prior.toml", goods.prior, lambda f, lib: read_prior(f / "prior.toml", lib)),
+    "fleet": Door("fleet.toml", goods.fleet, lambda f, lib: read_prior(f / "fleet.toml", lib)),
+    "fleet-unit": Door("units/u0/statistics.npz", goods.units, readers.fleet),
     "virtual": Door(
         "settings.toml", goods.virtual, lambda f, lib: settings_of(lib, f / "settings.toml")
     ),

@@ -205,6 +205,36 @@ def statistics(folder: Path, lib: Library) -> None:
     compress(lib, samples, np.ones(lib.n_joints)).save(folder / "statistics.npz")
 
 
+def units(folder: Path, lib: Library) -> None:
+    """Compressed logs of three units."""
+    from runtime.identification.statistics_file import statistics_of, write_statistics
+
+    log, terms = motion(lib, 300), Friction(("viscous", "coulomb"))
+    for k in range(3):
+        noise = np.random.default_rng(k + 1).normal(scale=0.05, size=log.tau.shape)
+        unit = log.replace(tau=log.tau + noise)
+        result = runtime.identify(unit, lib, preparation=Preparation(), friction_columns=terms)
+        place = folder / "units" / f"u{k}"
+        place.mkdir(parents=True)
+        write_statistics(statistics_of(result, place.name), place / "statistics.npz")
+
+
+def fleet(folder: Path, lib: Library) -> None:
+    """Prior of a type of robot."""
+    from runtime.monitoring.fleet.friction import fit_friction
+    from runtime.monitoring.fleet.gather import gather
+    from runtime.monitoring.fleet.hierarchy import fit_fleet
+    from runtime.monitoring.fleet.prior_text import prior_text
+
+    units(folder, lib)
+    known = gather(lib, folder / "units", folder / "parts")
+    shutil.rmtree(folder / "parts")
+    fit = fit_fleet(lib, known)
+    text = prior_text(lib, [unit.name for unit in known], fit, fit_friction(lib, known, fit))
+    (folder / "fleet.toml").write_text(text)
+    shutil.rmtree(folder / "units")
+
+
 def comparison(folder: Path, lib: Library) -> None:
     """Result of `compare`."""
     n = lib.n_joints

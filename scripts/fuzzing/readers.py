@@ -3,6 +3,7 @@
 import contextlib
 import hashlib
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import typer
 
 from runtime.cli import app_of
 from runtime.cli.evaluate import evaluate_command
+from runtime.cli.fleet import fleet_command
 from runtime.cli.inspect import inspect_command
 from runtime.cli.predict import predict_command
 from runtime.cli.simulate import simulate_command
@@ -178,6 +180,16 @@ def built(file: str) -> Reader:
         read_chain(text, ChainOptions(mechanism=mechanism))
 
     return read
+
+
+def fleet(folder: Path, lib: Library) -> None:
+    """Compute the prior of a fleet."""
+    (folder / OUT).mkdir(exist_ok=True)
+    out = folder / OUT / "fleet.toml"
+    try:
+        fleet_command(folder / "units", out=out, robot=str(lib.folder), overwrite=True)
+    finally:  # parts of a run that ended early are kept on purpose
+        shutil.rmtree(folder / OUT / "fleet.toml.parts", ignore_errors=True)
 
 
 def rows(folder: Path, _: Library) -> None:

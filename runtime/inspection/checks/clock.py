@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from runtime.errors import RecordingError
 from runtime.inspection.checks.lost_rows import lost_rows
-from runtime.inspection.checks.signals import REST_SPEED
+from runtime.inspection.checks.signals import REST_SPEED, moving_joints
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Preparation, Recipe, Recording
 from runtime.recording.preprocessing import repair_clock
@@ -183,11 +183,13 @@ def _stale(
         same &= np.all(np.diff(recording.dq, axis=0) == 0.0, axis=1)
         same &= np.abs(recording.dq[1:]).max(axis=1) > REST_SPEED
     else:
-        # A slow joint repeats its encoder count: only steps of many counts are significant.
+        # A slow joint repeats its encoder count, and noise at rest may span many counts: only
+        # large steps of a moving arm are significant.
         values = recording.q if logged is None else logged
         moved = np.abs(np.diff(values, axis=0))
         around = np.minimum(np.roll(moved, 1, axis=0), np.roll(moved, -1, axis=0))
         same &= np.any(around > _COUNTS * _counts(values)[1:], axis=1)
+        same &= moving_joints(recording)[1:].any(axis=1)
     count = int(same.sum())
     if count <= REPEATED * len(same):
         return preparation, []

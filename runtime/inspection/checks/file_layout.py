@@ -13,6 +13,7 @@ from pathlib import Path
 from runtime.errors import RecordingError
 from runtime.inspection.checks.column_content import Block, blocks_by_content
 from runtime.inspection.checks.column_names import SI, Meaning, by_joint, meaning
+from runtime.inspection.checks.file_runs import run_of, several_runs
 from runtime.inspection.finding import ERROR, INFO, WARNING, Finding
 from runtime.recording import Recipe
 from runtime.recording.formats import format_of_suffix
@@ -249,7 +250,9 @@ def _recipe(
         if kind == "acceleration":
             findings.append(_computed(parts))
             continue
-        where, many = _run_of(parts)
+        where, many = run_of(parts)
+        if many and not run:
+            findings.append(several_runs(parts, many))
         run = run or many
         unit = parts[0]["unit"]
         known = {"unit": "A", "gain": 1.0} if unit in {"A", "mA"} else {"unit": unit or SI[kind]}
@@ -257,7 +260,7 @@ def _recipe(
         findings += _left_aside(kind, parts, many)
     time = _NO_CLOCK
     if signals.get("time"):
-        where, _ = _run_of(signals["time"])
+        where, _ = run_of(signals["time"])
         time = Time(unit=signals["time"][0]["unit"] or "s", from_zero=True, **where)
     elif rate_hz is not None:
         time = Time(rate_hz=rate_hz)
@@ -273,18 +276,6 @@ def _recipe(
         )
     recipe = Recipe(run=run, time=time, **chosen)  # type: ignore[arg-type]
     return recipe, findings
-
-
-def _run_of(parts: list[dict]) -> tuple[dict, str]:
-    """Place of the first part; files that differ in one number are runs, `{run}` in their name."""
-    where = dict(parts[0]["where"])
-    family = {re.sub(r"\d+(?=\D*$)", "#", p["where"]["file"]) for p in parts if p["measured"]}
-    alike = [p["where"]["file"] for p in parts if p["measured"]]
-    match = re.search(r"\d+(?=\D*$)", str(where["file"]))
-    if len(family) == 1 and len(set(alike)) > 1 and match:
-        where["file"] = where["file"][: match.start()] + "{run}" + where["file"][match.end() :]
-        return where, match[0]
-    return where, ""
 
 
 def _left_aside(kind: str, parts: list[dict], run: str) -> list[Finding]:

@@ -7,6 +7,7 @@ residual of least squares on base parameters and friction, W x = T (traps 1, 12)
 import numpy as np
 
 from runtime.estimators.regression.coloured_noise import coloured_noise_of_rows
+from runtime.inspection.checks.signals import REST_SPEED
 from runtime.inspection.checks.torque_rows import TorqueRows, least_squares
 from runtime.inspection.finding import INFO, WARNING, Finding
 from runtime.library import Array
@@ -28,19 +29,23 @@ def fit_rows(torque_rows: TorqueRows) -> Array:
     return np.hstack([base, torque_rows.friction_rows()])
 
 
-def unexplained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
+def unexplained(torque_rows: TorqueRows, matrix: Array, *, has_gains: bool = True) -> list[Finding]:
     """A torque that no parameters of this robot explain.
 
     Args:
         torque_rows: prepared rows.
         matrix: W of `fit_rows`.
+        has_gains: False for currents with unknown gains, where each joint is fitted alone.
 
     Returns:
         "unexplained" where the residual exceeds `STRANGE` of the torque.
     """
     tau = torque_rows.samples.tau
-    _, rest = least_squares(matrix, tau.ravel())
-    misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
+    if has_gains:
+        _, rest = least_squares(matrix, tau.ravel())
+        misfit = float(np.linalg.norm(rest) / np.linalg.norm(tau))
+    else:
+        misfit = _median_misfit(torque_rows, matrix)
     if misfit < STRANGE:
         return []
     return [
@@ -53,6 +58,27 @@ def unexplained(torque_rows: TorqueRows, matrix: Array) -> list[Finding]:
             {"misfit": misfit},
         )
     ]
+
+
+def _median_misfit(torque_rows: TorqueRows, matrix: Array) -> float:
+    """Residual over torque of joints that are fitted one by one, median of the joints.
+
+    Gains that are unknown scale the rows of each joint, so that joints share no parameters. The
+    rows of a joint at rest are left out: Coulomb friction may take any value there.
+    """
+    s = torque_rows.samples
+    of_joints = matrix.reshape(*s.tau.shape, -1)
+    shares = []
+    for j in range(s.tau.shape[1]):
+        moves = np.abs(s.dq[:, j]) >= REST_SPEED
+        columns = of_joints[moves, j]
+        columns = columns[:, np.any(columns != 0.0, axis=0)]
+        if len(columns) <= 2 * columns.shape[1]:
+            continue
+        _, rest = least_squares(columns, s.tau[moves, j])
+        size = max(float(np.linalg.norm(s.tau[moves, j])), 1e-300)
+        shares.append(float(np.linalg.norm(rest)) / size)
+    return float(np.median(shares)) if shares else 0.0
 
 
 def tool(torque_rows: TorqueRows) -> list[Finding]:

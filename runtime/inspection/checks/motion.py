@@ -17,6 +17,8 @@ from runtime.recording.recipes.recipe import Signal
 
 ALIKE = 0.8
 """Correlation of dq with the derivative of q above which the two belong together."""
+TRAVEL = 0.05
+"""Travel [rad or m] from which on a joint has had a velocity."""
 GAINED = 0.2
 """Correlation that another order must gain; the joint speeds of one motion resemble each other."""
 
@@ -81,6 +83,37 @@ def velocity_pairs(
             )
         )
     return plan.replace(velocity=changes), findings
+
+
+def constant_velocity(recording: Recording, lib: Library) -> list[Finding]:
+    """Velocities that keep one value although their joint moves: nobody measured them.
+
+    Args:
+        recording: in SI units and the order of the model.
+        lib: library of the robot.
+
+    Returns:
+        "velocity_constant".
+    """
+    if recording.dq is None:
+        return []
+    travel = np.ptp(unwrap(recording.q)[0], axis=0)
+    dead = np.flatnonzero((np.ptp(recording.dq, axis=0) == 0.0) & (travel > TRAVEL)).tolist()
+    if not dead:
+        return []
+    names = joint_list(lib.joint_names, dead)
+    return [
+        Finding(
+            "velocity_constant",
+            WARNING,
+            f"dq of {names} keeps one value while q moves by {max(travel[dead]):.3g} rad or m: "
+            "this velocity is not measured, and friction and rotor inertia of the joint are wrong; "
+            "log it, leave [velocity] out of the recipe so that all velocities are computed from "
+            "q, or lock the joint in the build",
+            {"joints": dead, "travel": numbers(travel[dead])},
+            trap=9,
+        )
+    ]
 
 
 def wraps(recording: Recording) -> list[Finding]:

@@ -40,7 +40,7 @@ def saturation(recording: Recording, lib: Library) -> list[Finding]:
         above `STOP_SHARE`.
     """
     findings, names = [], lib.joint_names
-    moving = _moving(recording)
+    moving = moving_joints(recording)
     if recording.tau is not None:
         effort = lib.limits()["effort"]
         flat = [_flat_rows(column, moving) for column in recording.tau.T]
@@ -102,7 +102,7 @@ def rest(recording: Recording, plan: Recipe) -> list[Finding]:
     Returns:
         "rest" above `REST_SHARE`, as information where the recipe drops the rows.
     """
-    still = ~_moving(recording).any(axis=1)
+    still = ~moving_joints(recording).any(axis=1)
     share, spans = float(still.mean()), rest_spans(recording)
     if share < REST_SHARE or not spans:
         return []
@@ -136,7 +136,7 @@ def rest_spans(recording: Recording, least_s: float = 0.3) -> list[tuple[float, 
     Returns:
         (from, to) of every interval [s].
     """
-    still = ~_moving(recording).any(axis=1)
+    still = ~moving_joints(recording).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
     t = recording.t
     spans = [(float(t[a]), float(t[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -174,8 +174,8 @@ def little_torque(recording: Recording, lib: Library) -> list[Finding]:
     ]
 
 
-def _moving(recording: Recording) -> Array:
-    """Whether each joint moves, row by row, (N, n)."""
+def moving_joints(recording: Recording) -> Array:
+    """Whether each joint is faster than `REST_SPEED`, row by row, (N, n)."""
     if recording.dq is not None:
         return np.asarray(np.abs(recording.dq) >= REST_SPEED)
     # Speed over a tenth of a second: single steps of an encoder look like speed.

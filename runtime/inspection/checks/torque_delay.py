@@ -34,13 +34,16 @@ LATE_GAIN = 0.07
 the error of the friction model."""
 
 
-def delay(torque_rows: TorqueRows, matrix: Array, plan: Recipe) -> list[Finding]:
+def delay(
+    torque_rows: TorqueRows, matrix: Array, plan: Recipe, *, has_gains: bool = True
+) -> list[Finding]:
     """Delay of τ behind q.
 
     Args:
         torque_rows: prepared rows.
         matrix: W of `runtime.inspection.checks.model_fit.fit_rows`.
         plan: recipe so far, with the cut-off.
+        has_gains: False for currents with unknown gains, where each joint is fitted alone.
 
     Returns:
         "delay" with profile and interval, without a value where the profile has no minimum; before
@@ -51,7 +54,7 @@ def delay(torque_rows: TorqueRows, matrix: Array, plan: Recipe) -> list[Finding]
     period = 1.0 / (plan.preparation.cutoff_hz or 5.0)
     reach = max(min(LONGEST, SHARE * whole.duration), 0.25 * period)
     step = 1.0 / whole.rate_hz
-    search = _Search(torque_rows, matrix, reach)
+    search = _Search(torque_rows, matrix, reach, has_gains)
     coarse = np.arange(-reach, reach + COARSE * period / 2, COARSE * period)
     first = coarse[int(np.argmin([search.cost(d) for d in coarse]))]
     width = 1.5 * COARSE * period
@@ -111,7 +114,9 @@ def _stated(grid: Array, cost: Array, late: float | None, sigma: float | None) -
 class _Search:
     """Weighted squared residual of the fit as a function of δ."""
 
-    def __init__(self, torque_rows: TorqueRows, matrix: Array, reach: float) -> None:
+    def __init__(
+        self, torque_rows: TorqueRows, matrix: Array, reach: float, has_gains: bool
+    ) -> None:
         """Rows whose shifted torque lies within the log for every |δ| ≤ reach."""
         self._whole, t = torque_rows.whole, torque_rows.whole.t[torque_rows.rows]
         self._tau = self._whole.required("tau")
@@ -124,18 +129,20 @@ class _Search:
         rows = rows * self._keep[:, :, None]
         lengths = np.linalg.norm(rows.reshape(-1, rows.shape[2]), axis=0)
         self._rows = rows / np.where(lengths > 0, lengths, 1.0)
-        flat = self._rows.reshape(len(rows) * n, -1)
-        # Orthonormal basis of W, so that a shifted torque costs one product.
-        left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
-        self._left = left[:, sizes > 1e-9 * sizes[0]]
+        # Joints with unknown gains share no parameters: one block each, else one for all.
+        blocks = [np.arange(n)] if has_gains else [np.array([j]) for j in range(n)]
+        self._bases = [(block, _basis(self._rows[:, block])) for block in blocks]
         power = self._rest(0.0).var(axis=0)
         self._weights = 1.0 / np.maximum(power, 1e-12 * power.max() + 1e-300)
 
     def _rest(self, shift: float) -> Array:
         at = self._t + shift
         moved = np.stack([np.interp(at, self._whole.t, row) for row in self._tau.T], axis=1)
-        target = (moved * self._keep).ravel()
-        return np.asarray(target - self._left @ (self._left.T @ target)).reshape(moved.shape)
+        rest = moved * self._keep
+        for block, basis in self._bases:
+            target = rest[:, block].ravel()
+            rest[:, block] = (target - basis @ (basis.T @ target)).reshape(-1, len(block))
+        return np.asarray(rest)
 
     def cost(self, shift: float) -> float:
         """Squared residual for one δ [s]; joints are weighted by their residual without delay."""
@@ -147,6 +154,17 @@ class _Search:
         rows = self._rows * scale[:, None]
         inflation = coloured_noise_of_rows(rows, self._rest(shift) * scale).inflation
         return max(float(self._keep.sum()) / inflation - 1.0, 1.0)
+
+
+def _basis(rows: Array) -> Array:
+    """Orthonormal basis of W, (N m, rank), so that a shifted torque costs one product.
+
+    Args:
+        rows: equations of m joints, (N, m, p).
+    """
+    flat = rows.reshape(-1, rows.shape[2])
+    left, sizes, _ = np.linalg.svd(flat, full_matrices=False)
+    return np.asarray(left[:, sizes > 1e-9 * sizes[0]])
 
 
 def _sliding(torque_rows: TorqueRows) -> NDArray[np.bool_]:

@@ -186,8 +186,10 @@ def _units(lib: Library, piece: Piece) -> list[Unit]:
 
 def _is_statistics(path: Path) -> bool:
     """Whether an NPZ has the mark of statistics, or its name where it cannot be opened."""
-    if path.name.startswith("."):
+    if path.name.startswith(".") or path.is_dir():
         return False
+    if not path.is_file():  # opening a pipe would wait for its other end
+        return path.name == FILE
     try:
         with zipfile.ZipFile(path) as archive:
             return f"{MARK}.npy" in archive.namelist()

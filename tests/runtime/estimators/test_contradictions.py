@@ -9,6 +9,8 @@ import pytest
 from runtime import identify
 from runtime.estimators import uncertainty
 from runtime.estimators.convex import bodies_of
+from runtime.estimators.convex.constraints import Constraints
+from runtime.estimators.prior_file import PriorFile
 from runtime.estimators.regression.samples import samples_of
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.excitation import Trajectory
@@ -63,6 +65,17 @@ def test_an_unknown_payload_is_named(lib, trajectories, payload, method):
     # A body on the axis of joint 7 has the same base parameters on link 6.
     assert "contradict the inertia of fr3_link7" in words or "of fr3_link6" in words
     assert "the URDF is wrong rather than the log" in words
+
+
+def test_a_unit_that_differs_from_its_fleet_is_named(lib, trajectories):
+    """Oracle: 3 kg in the hand; the prior of the fleet is doubted instead of the URDF."""
+    log = logged(lib, trajectories[0], 1, 3.0)
+    prior = PriorFile(kappa=2500.0, constraints=Constraints((), ()), centre=lib.pi0, units=5)
+    result = identify(log, lib, friction_columns=TERMS, preparation=FILTERED, prior=prior)
+    words = result.uncertainty.advice()
+    assert "kg in the prior of the fleet, about" in words
+    assert "this unit differs from its fleet" in words
+    assert "URDF" not in words
 
 
 def test_small_unknown_payloads_are_named(lib, trajectories):

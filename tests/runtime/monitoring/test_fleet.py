@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from runtime.library.parameters import links, mass
 from runtime.monitoring.fleet import gather as room
 from runtime.monitoring.fleet.alternation import centre_of
 from runtime.monitoring.fleet.friction import fit_friction, random_effects
-from runtime.monitoring.fleet.gather import gather
+from runtime.monitoring.fleet.gather import gather, statistics_files
 from runtime.monitoring.fleet.hierarchy import _View, fit_fleet
 from runtime.monitoring.fleet.unit import Unit, unit_of
 from runtime.recording import Friction
@@ -378,3 +379,13 @@ def _trusted():  # type: ignore[no-untyped-def]
     from runtime.estimators.prior_file import PriorFile
 
     return PriorFile(400.0, Constraints((), ()))
+
+
+def test_a_pipe_among_the_units_is_refused(tmp_path: Path) -> None:
+    """Property: opening a pipe would wait for its other end for ever; other pipes do not count."""
+    (tmp_path / "u0").mkdir()
+    os.mkfifo(tmp_path / "u0" / "statistics.npz")
+    os.mkfifo(tmp_path / "other.npz")
+    (path,) = statistics_files(tmp_path)
+    with pytest.raises(IdentificationError, match="is damaged or holds no compressed statistics"):
+        read_statistics(path)

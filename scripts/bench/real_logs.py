@@ -1,0 +1,250 @@
+"""Published logs inspected from their bare files: every warning beside the fact that it states.
+
+The facts are those of the publications, of the files that come with the logs, or of the files
+themselves. A warning without a fact is counted as false.
+"""
+
+import dataclasses
+import shutil
+import sysconfig
+import tempfile
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from runtime.inspection import INFO, inspect_log
+from runtime.library import Library, load
+from symgen.build.pipeline import build
+from symgen.build.request import BuildRequest
+from symgen.chain import ChainOptions
+from symgen.chain.dh import robot_from_rows
+from tests.robots import CASES, ONE_LEVEL
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+RAW = {".txt", ".csv", ".npz"}
+TIAGO = ("head_1_joint", "head_2_joint", "gripper_finger_joint", "gripper_right_finger_joint")
+"""Joints of TIAGo that the log does not contain."""
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedLog:
+    """A log of the shared folder.
+
+    Attributes:
+        name: for the table.
+        robot: key of `library_of`.
+        place: folder or file below data/.
+        run: of a folder with several.
+        facts: kind of a warning → why it is true of this log.
+        rate_hz: rate of a log without a clock, None where it has one [Hz].
+    """
+
+    name: str
+    robot: str
+    place: str
+    run: str | None = None
+    facts: dict[str, str] = field(default_factory=dict)
+    rate_hz: float | None = None
+
+
+_DVRK = {
+    "columns_by_content": "21 columns without header (its publication: q, dq, τ)",
+    "differentiation": "at 200 Hz with encoder noise; its publication low-passes far below",
+}
+LOGS = (
+    PublishedLog(
+        "Panda",
+        "fr3",
+        "panda_gaz",
+        facts={
+            "repeated_rows": "6 % of the rows repeat the previous state, and as many ticks are "
+            "missing (asynchronous logger)"
+        },
+    ),
+    PublishedLog(
+        "TX40",
+        "tx40",
+        "tx40_figaroh",
+        facts={
+            "missing_clock": "5 kHz is stated by the publication, not by the files",
+            "position_range": "the files contain motor angles",
+        },
+    ),
+    PublishedLog("LWR 4+, run 1", "kuka_lwr4", "lwr4_flobaroid", "1"),
+    PublishedLog(
+        "LWR 4+, run 2",
+        "kuka_lwr4",
+        "lwr4_flobaroid",
+        "2",
+        facts={"jitter": "time stamps of the computer, 5 ± 0.5 ms"},
+    ),
+    PublishedLog("LWR 4+, run 3", "kuka_lwr4", "lwr4_flobaroid", "3"),
+    PublishedLog(
+        "Z1",
+        "unitree_z1",
+        "unitree_air/z1.npz",
+        facts={
+            "delay": "30 ms, found by hand too",
+            "rotor": "the URDF alone leaves 94 % of the torque unexplained",
+            "repeated_rows": "8 % of the rows repeat q and dq to the last bit while the arm moves",
+            "velocity_constant": "the column of the gripper is 0 while its position changes",
+        },
+    ),
+    PublishedLog(
+        "Go2",
+        "go2",
+        "unitree_air/go2.npz",
+        facts={
+            "delay": "torque commanded over a bus",
+            "rotor": "geared legs: others identified armature and friction from this log",
+        },
+    ),
+    PublishedLog(
+        "TIAGo",
+        "tiago",
+        "tiago",
+        facts={
+            "vendor_signal": "effort is raw motor current",
+            "velocity_filtered": "the column is a first-order filter of the position, a = 0.95",
+            "jitter": "time stamps of ROS, 10 ± 2 ms",
+            "rest": "no joint moves before 6.8 s and after 68 s",
+            "differentiation": "encoder counts differentiated twice at 100 Hz",
+        },
+    ),
+    PublishedLog(
+        "dVRK MTM",
+        "mtm",
+        "dvrk/mtm_one.csv",
+        rate_hz=200.0,
+        facts={
+            **_DVRK,
+            "repeated_rows": "14 % of the rows repeat the previous state while the arm moves",
+            "outliers": "the torque of q6 makes its largest step, 9 times the RMS, and returns",
+        },
+    ),
+    PublishedLog("dVRK PSM", "psm", "dvrk/psm_one_no_weight.csv", rate_hz=200.0, facts=_DVRK),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Warnings and errors of one log.
+
+    Attributes:
+        log: its name.
+        kinds: warnings and errors.
+        unfounded: those without a fact.
+        facts: facts of the others.
+    """
+
+    log: str
+    kinds: tuple[str, ...]
+    unfounded: tuple[str, ...]
+    facts: tuple[str, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """The row as a JSON object."""
+        return dataclasses.asdict(self)
+
+
+def study(shared: Path, builds: Path | None) -> Iterator[Row]:
+    """Inspect the bare files of every log.
+
+    Args:
+        shared: folder of published models and logs.
+        builds: folder of the built robots; None is a temporary one.
+
+    Yields:
+        One row per log.
+    """
+    with tempfile.TemporaryDirectory() as scratch:
+        root = builds or Path(scratch)
+        libraries: dict[str, Library] = {}
+        for log in LOGS:
+            if log.robot not in libraries:
+                libraries[log.robot] = library_of(log.robot, shared, root)
+            place = bare(shared / "data" / log.place, Path(scratch) / "raw")
+            inspection = inspect_log(
+                place, libraries[log.robot], None, log.run, bare=True, rate_hz=log.rate_hz
+            )
+            kinds = tuple(dict.fromkeys(f.kind for f in inspection.findings if f.level != INFO))
+            yield Row(
+                log.name,
+                kinds,
+                tuple(kind for kind in kinds if kind not in log.facts),
+                tuple(log.facts[kind] for kind in kinds if kind in log.facts),
+            )
+
+
+def bare(place: Path, folder: Path) -> Path:
+    """The files of a log alone, in a folder whose name says nothing; a single file as it is.
+
+    Args:
+        place: file, or folder with other files too.
+        folder: to be written; emptied before.
+
+    Returns:
+        The file or the folder.
+    """
+    if place.is_file():
+        return place
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for file in place.iterdir():
+        if file.suffix in RAW:
+            shutil.copy(file, folder)
+    return folder
+
+
+def library_of(robot: str, shared: Path, root: Path) -> Library:
+    """The robot of a log, built into a folder unless it is current there.
+
+    Args:
+        robot: name.
+        shared: folder of published models and logs.
+        root: folder of the builds.
+
+    Returns:
+        Its library.
+    """
+    if robot == "fr3":
+        return load("fr3")
+    return load(build(_request(robot, shared), root, levels=ONE_LEVEL).folder)
+
+
+def _request(robot: str, shared: Path) -> BuildRequest:
+    if robot in CASES:
+        return CASES[robot].request(robot, shared / "models")
+    if robot == "go2":
+        urdf = EXAMPLES / "go2_description/urdf/go2.urdf"
+        return BuildRequest(robot, urdf.read_text(encoding="utf-8"))
+    if robot == "tiago":
+        urdf = (shared / "data/tiago/tiago_48_schunk.urdf").read_text(encoding="utf-8")
+        options = ChainOptions(base="torso_fixed_link", locks=dict.fromkeys(TIAGO, 0.0))
+        return BuildRequest(robot, urdf, options, project=True)
+    table = tomllib.loads((ROOT / f"scripts/dvrk/{robot}.toml").read_text(encoding="utf-8"))
+    text, mechanism = robot_from_rows(table, robot)
+    return BuildRequest(robot, text, ChainOptions(masses={}, mechanism=mechanism))
+
+
+def table(rows: list[Row]) -> Table:
+    """The rows for a terminal."""
+    shown = Table("log", "warnings and errors", "without a fact")
+    for row in rows:
+        shown.add_row(row.log, ", ".join(row.kinds), ", ".join(row.unfounded))
+    return shown
+
+
+def markdown(rows: list[Row]) -> str:
+    """One line per log, then the number of warnings without a fact."""
+    lines = ["| log | warnings and errors | what is true of the log |", "|---|---|---|"]
+    for row in rows:
+        kinds = ", ".join(f"`{k}`" for k in row.kinds) or "none"
+        lines.append(f"| {row.log} | {kinds} | {'; '.join(row.facts)} |")
+    unfounded = sum(len(row.unfounded) for row in rows)
+    return "\n".join([*lines, f"| **without a fact** | **{unfounded}** | |"])

@@ -172,7 +172,7 @@ class Uncertainty:
         """The same with the noise and the autocorrelation of other residuals.
 
         Args:
-            rest: residuals with all unknowns fixed, (N, n) [N·m, N].
+            rest: residuals of a model with estimated base parameters, (N, n) [N·m, N].
             lib: library of the robot.
 
         Returns:
@@ -283,7 +283,7 @@ def uncertainty_of(
     )
     # A rotor column that a link's inertia explains: their sum is excited, so it counts.
     shared = int(np.sum(statistics.explained() & (lengths[len(base) :] > 0)))
-    known = int(np.sum(excited > 1e-9 * max(float(excited.max(initial=0.0)), 1e-300)))
+    known = int(np.sum(excited > 1e-9 * excited.max(initial=0.0)))
     rank = min(known + shared, len(base))
     return Uncertainty(
         root=root,

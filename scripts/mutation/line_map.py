@@ -84,7 +84,7 @@ class LineMap:
         if not found:
             for name in _defined(tree, mutant.line):
                 found |= self._mentioning(name, mutant)
-        return found
+        return found or self.at(mutant.path, range(1, len(text.splitlines()) + 1))
 
     def at(self, path: str, lines: range) -> set[str]:
         """Return the tests that execute one of these lines of the present file."""
@@ -145,9 +145,11 @@ def _statement(tree: ast.Module, line: int) -> tuple[int, int]:
 
 
 def _defined(tree: ast.Module, line: int) -> list[str]:
-    """Names that the statement at a line defines: constants, a field and its class, a function."""
+    """Names that a line defines: constant, field and its class, function, argument of a call."""
     names = list[str]()
     for node in ast.walk(tree):
+        if isinstance(node, ast.keyword) and node.arg and node.lineno == line:
+            names.append(node.arg)
         if not (hasattr(node, "lineno") and node.lineno <= line <= (node.end_lineno or 0)):
             continue
         match node:

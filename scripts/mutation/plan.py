@@ -1,4 +1,7 @@
-"""Tests for one mutant: those that execute its line first, then the others of its room."""
+"""Tests for one mutant: those that execute its line, then the others of its room.
+
+Tests of the room that are newer than the map come first: they may be the answer to a survivor.
+"""
 
 import ast
 from collections import Counter
@@ -55,8 +58,8 @@ class Planner:
         ordered = self._within(first - set(favourites), self.budget_s)
         return [
             *favourites,
-            *ordered,
             *self._within(new, self.budget_s),
+            *ordered,
             *self._within(near - new, self.budget_s / 3),
         ]
 

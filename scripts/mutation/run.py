@@ -7,13 +7,13 @@ as the outcomes come.
 
 import json
 import os
-import random
 import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from shutil import copy2, which
 
@@ -53,6 +53,11 @@ class Outcome:
     by: str = ""
     n_tests: int = 0
 
+    @property
+    def key(self) -> tuple[str, str, str, str]:
+        """Room, path, before and after."""
+        return self.room, self.path, self.before, self.after
+
     def text(self) -> str:
         """Return the lines of a list of survivors."""
         where = f"{self.path}:{self.line}  ({self.n_tests} tests)"
@@ -73,12 +78,17 @@ class Journal:
         last: dict[tuple[str, ...], Outcome] = {}
         for row in rows:
             outcome = Outcome(**json.loads(row))
-            last[outcome.room, outcome.path, outcome.before, outcome.after] = outcome
+            last[outcome.key] = outcome
         return list(last.values())
 
-    def forget(self, rooms: Sequence[str]) -> None:
-        """Drop the outcomes of rooms."""
-        kept = [o for o in self.read() if o.room not in rooms]
+    def keep(self, rooms: Sequence[str], wanted: Container[tuple[str, ...]]) -> None:
+        """Drop the outcomes of rooms, except some.
+
+        Args:
+            rooms: their names.
+            wanted: room, path, before and after of those that stay.
+        """
+        kept = [o for o in self.read() if o.room not in rooms or o.key in wanted]
         lines = [json.dumps(asdict(o), ensure_ascii=False) + "\n" for o in kept]
         self.file.write_text("".join(lines), encoding="utf-8")
 
@@ -100,10 +110,16 @@ def sample(room: str, count: int, seed: int) -> list[Mutant]:
         seed: of the choice.
 
     Returns:
-        Mutants in random order.
+        Mutants in the order of a hash of seed and text: changes elsewhere do not redraw them.
+        Of equal lines of a file only the first counts.
     """
-    every = [mutant for file in ROOMS[room].files(ROOT) for mutant in mutants_of(file, ROOT)]
-    return random.Random(seed).sample(every, min(count, len(every)))  # noqa: S311
+    every = {
+        (mutant.path, mutant.before, mutant.after): mutant
+        for file in reversed(ROOMS[room].files(ROOT))
+        for mutant in reversed(mutants_of(file, ROOT))
+    }
+    keys = sorted(every, key=lambda key: sha256("\n".join([str(seed), *key]).encode()).digest())
+    return [every[key] for key in keys[:count]]
 
 
 def run(
@@ -113,6 +129,7 @@ def run(
     budget_s: float,
     processes: int,
     again: bool = False,
+    resume: bool = False,
     folder: Path = RESULTS,
 ) -> list[Outcome]:
     """Run a seeded sample of the mutants of rooms.
@@ -124,6 +141,7 @@ def run(
         budget_s: CPU time of the tests per mutant [s].
         processes: number at a time.
         again: True runs only those of the last run that survived.
+        resume: True keeps the outcomes so far and runs the other mutants.
         folder: of map, outcomes and survivors.
 
     Returns:
@@ -135,16 +153,14 @@ def run(
     LineMap(ROOT, folder / "map")  # before any work: its error says how to record one
     journal = Journal(folder)
     drawn = {room: sample(room, count, seed) for room in rooms}
-    if again:
-        alive = {
-            (o.room, o.path, o.before, o.after) for o in journal.read() if o.verdict == SURVIVED
-        }
-        drawn = {
-            room: [m for m in mutants if (room, m.path, m.before, m.after) in alive]
-            for room, mutants in drawn.items()
-        }
-    else:
-        journal.forget(rooms)
+    last = {o.key: o.verdict for o in journal.read()} if again or resume else {}
+    keys = {(room, m.path, m.before, m.after) for room, ms in drawn.items() for m in ms}
+    journal.keep(rooms, keys & last.keys())
+    wanted = {SURVIVED} if again else {None}
+    drawn = {
+        room: [m for m in mutants if last.get((room, m.path, m.before, m.after)) in wanted]
+        for room, mutants in drawn.items()
+    }
     known = {(e["path"], e["before"], e["after"]) for e in equivalents()}
     jobs: dict[str, list[tuple[str, Job]]] = {}
     for room, mutants in drawn.items():

@@ -1,5 +1,7 @@
 """Counts of the uncertainty: effective samples of coloured noise, and the rank of a motion."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.coloured_noise import coloured_noise_of
 from runtime.estimators.regression.compression import compress
+from runtime.estimators.regression.residuals import LAGS
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.uncertainty import uncertainty_of
 from runtime.library import Library
@@ -95,13 +98,65 @@ def test_the_weakest_direction_is_that_of_the_regressor(lib: Library) -> None:
     # The QR of the compression is exact to 1e-16 of the largest value.
     assert u.conditioning == pytest.approx(sizes[-1] / sizes[0], rel=1e-9)
 
+    def ranked(factor: np.ndarray) -> tuple[int, float]:
+        u = uncertainty_of(
+            lib, s, lib.pi0, np.zeros(0), first_guess=lib.pi0,
+            statistics=dataclasses.replace(statistics, factor=factor),
+            coloured_noise=coloured_noise_of(lib, [s], statistics, weights), tests=False,
+        )  # fmt: skip
+        return u.rank, u.conditioning
 
-def test_a_rotor_that_an_inertia_explains_costs_no_rank(lib: Library) -> None:
-    """Oracle: the rotor of joint 1 turns about the axis of link 1's ZZ; their sum is excited."""
+    assert ranked(np.zeros((43, 43))) == (0, 0.0)
+    # Columns that differ by δ: singular values √43, 41 times δ, and δ/√43. They count from 1e-9
+    # of the largest on: 3e-9 and 5e-10 here, then 3e-10.
+    for delta, rank in ((2e-8, 42), (2e-9, 1)):
+        almost = np.diag(np.full(43, delta))
+        almost[0] = 1.0
+        assert ranked(almost)[0] == rank
+
+
+def test_noise_whiteness_and_advice_are_those_of_the_residuals(lib: Library) -> None:
+    """Oracle: Σ r²/(N − n_b/n) without a friction coefficient; 95 % of the lags of white noise.
+
+    Statistics without their coloured noise are not used: the same as without both. The band of
+    torque contains the noise; more than two rows per independent one are advised about.
+    """
+    rng = np.random.default_rng(3)
+    q = lib.home + 0.05 * rng.normal(size=(300, 7))
+    dq, ddq = 0.1 * rng.normal(size=(2, 300, 7))
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + 0.05 * rng.normal(size=q.shape)
+    s = Samples(q, dq, ddq, tau, np.zeros((300, 7, 0)))
+    given = (lib, s, lib.pi0, np.zeros(0))
+    u = uncertainty_of(*given, first_guess=lib.pi0, tests=False)
+    half = compress(lib, s, np.full(7, 2.0))
+    again = uncertainty_of(*given, first_guess=lib.pi0, statistics=half, tests=False)
+    assert (again.n_eff, again.conditioning) == (u.n_eff, u.conditioning)
+    band = u.torque_band(lib, q, dq, ddq)
+    np.testing.assert_allclose(band, np.hypot(u.model_band(lib, q, dq, ddq), u.noise), rtol=1e-12)
+
+    likely = dataclasses.replace(u, rank=43, inflation=1.9, contradictions=(), model_errors=())
+    assert "autocorrelated" not in likely.advice()
+    assert "autocorrelated" in dataclasses.replace(likely, inflation=2.1).advice()
+
+    rest = rng.normal(size=(1000, 7)) * np.arange(1, 8)
+    other = u.with_noise(rest, lib)
+    power = np.sum(rest**2, axis=0) / (1000 - 43 / 7)
+    np.testing.assert_allclose(other.noise, np.sqrt(power), rtol=1e-12)
+    # 4 σ of a binomial share of LAGS lags.
+    np.testing.assert_allclose(other.white, 0.95, atol=4 * np.sqrt(0.05 * 0.95 / LAGS))
+    assert np.all(u.with_noise(np.cumsum(rest, axis=0), lib).white < 0.5)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-5])
+def test_a_rotor_that_an_inertia_explains_costs_no_rank(lib: Library, unit: float) -> None:
+    """Oracle: the rotor of joint 1 turns about the axis of link 1's ZZ; their sum is excited.
+
+    Whatever the unit of its column, whose length is then below 1.
+    """
     rng = np.random.default_rng(1)
     q, dq, ddq = rng.normal(size=(3, 300, 7))
     tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0) + 0.1 * ddq
-    s = Samples(q, dq, ddq, tau + 0.05 * rng.normal(size=tau.shape), ddq[:, :, None])
+    s = Samples(q, dq, ddq, tau + 0.05 * rng.normal(size=tau.shape), unit * ddq[:, :, None])
     fit = fit_map(Problem(lib, s, s, thesis_weights(tau), lib.lam0))
     u = uncertainty_of(lib, s, fit.pi, fit.phi, first_guess=lib.pi0)
     assert u.rank == len(lib.base_columns) == 43

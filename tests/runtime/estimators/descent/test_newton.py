@@ -1,13 +1,16 @@
 """Newton steps in θ: Levenberg–Marquardt ends at optima on the boundary of consistency."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.descent.descent import Descent
 from runtime.estimators.descent.fit import fit_levenberg, start_of
-from runtime.estimators.descent.newton import _Loss
+from runtime.estimators.descent.newton import _Loss, newton_descend
 from runtime.estimators.methods import METHODS
+from runtime.estimators.optimizers import Outcome, Status, Trace
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import samples_of, thesis_weights
 from runtime.library import Library
@@ -49,6 +52,33 @@ def test_slopes_are_those_of_the_loss(lib, ideal_runs):
         np.testing.assert_allclose(
             (ends[0] - ends[1]) / (2 * h), hessian @ move, atol=1e-5 * np.abs(hessian @ move).max()
         )
+
+
+def test_a_step_that_does_not_lower_the_loss_is_halved(lib, ideal_runs, monkeypatch):
+    """Oracle: L = x², whose slope states half the curvature: a whole step ends at −x, a half at 0.
+
+    Reports go on with the iterations of the descent before.
+    """
+
+    class Parabola:
+        def __init__(self, _: Descent) -> None: ...
+
+        def value(self, x: np.ndarray) -> float:
+            return float(x[0] ** 2)
+
+        def slope(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return 2 * x[:1], np.ones((1, 1))
+
+    monkeypatch.setattr("runtime.estimators.descent.newton._Loss", Parabola)
+    seen: list[tuple[int, float]] = []
+    problem = noisy_problem(lib, ideal_runs[0], 0)
+    problem = replace(problem, progress=lambda step, loss: seen.append((step, loss)))
+    before = Outcome(np.ones(1), 1.0, 10, Status.STALLED, Trace((), (), ()))
+    descent = start_of(problem, cholesky=True)
+    monkeypatch.setattr(Descent, "validation_loss", lambda _, x: float(abs(x[0])))
+    end = newton_descend(descent, before)
+    assert (end.status, end.x.tolist(), end.iterations) == (Status.CONVERGED, [0.0], 11)
+    assert seen == [(11, 0.0)]
 
 
 def test_two_methods_descend_in_two_kinds_of_coordinates(lib, ideal_runs):

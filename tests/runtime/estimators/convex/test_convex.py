@@ -19,7 +19,8 @@ from runtime.estimators.convex import (
     prior_of,
     reduce,
 )
-from runtime.estimators.convex.path import SMALLEST_GAP
+from runtime.estimators.convex.newton import _solved
+from runtime.estimators.convex.path import SMALLEST_GAP, gamma_sequence
 from runtime.estimators.regression import Statistics, compress
 from runtime.estimators.regression.samples import Samples
 
@@ -111,6 +112,29 @@ def test_map_is_the_optimum_that_cvxpy_finds(robot):
     # A decrement of 1e-3 γ: √(2e-3) of a prior's standard deviation at worst, much less after
     # Newton's last step; cvxpy's own accuracy is 1e-6.
     np.testing.assert_allclose(minimum.pi, x.value * scale, rtol=2e-3, atol=2e-4)
+
+
+@pytest.mark.parametrize(("factor", "rest", "unit"), [(0.0, 600.0, 3.0), (2.0, 0.0, 8e-9)])
+def test_the_weights_fall_from_the_unexplained_loss_to_the_gap(factor, rest, unit):
+    """Oracle: γ from 0.1 L₀ to 1e-7 L₀ / 4n by hand, each at most a tenth smaller than the last.
+
+    L₀ = ρ/2N of 100 samples; where that is 0, 1e-9 of the loss of no torque, ‖b‖²/2N = 8.
+    """
+    data = Reduced(np.eye(70), np.full(70, factor * np.sqrt(400 / 70)), rest, 100.0, 1.0)
+    gammas = gamma_sequence(data, 7)
+    assert gammas[0] == pytest.approx(0.1 * unit, rel=1e-12)
+    assert gammas[-1] == pytest.approx(1e-7 * unit / 28, rel=1e-12)
+    ratios = gammas[:-1] / gammas[1:]
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-9)
+    # ln(0.1 · 28 · 1e7) / ln 10 = 7.4: eight steps.
+    assert (len(ratios), len(gamma_sequence(data, 7, shrink=2.0))) == (8, 26)
+
+
+def test_a_singular_hessian_is_solved_in_the_units_of_its_diagonal():
+    """Oracle: D [[1, 1], [1, 1]] D x = D (2, 2) has the smallest D x at (1, 1)."""
+    sizes = np.array([1.0, 1e-6])
+    x = _solved(np.outer(sizes, sizes), 2 * sizes, None)
+    np.testing.assert_allclose(sizes * x, 1.0, rtol=0.05)  # 2 eps over the ridge of 1e-14
 
 
 def test_newton_stops_at_a_stationary_point(fr3):

@@ -21,6 +21,7 @@ from runtime.estimators.problem import Problem
 from runtime.estimators.regression.samples import Samples, thesis_weights
 from runtime.estimators.regression.torque_objective import TorqueObjective
 from runtime.library import Library, load
+from runtime.recording.friction.coupled_motors import Coupling
 from tests.robots import levels_here
 
 NEVER = 10**9
@@ -113,6 +114,20 @@ def test_a_watch_sees_the_iterates_and_changes_nothing(fr3):
             rtol=1e-9,
             atol=1e-12,
         )
+
+
+def test_motors_of_several_joints_descend_by_steps(fr3, monkeypatch):
+    """Property: one coupled problem among several is enough; compiled columns are of one joint."""
+    monkeypatch.setattr("runtime.estimators.descent.adam.descend_by_steps", lambda d, _: id(d))
+    pair = [descent(problem(fr3)), descent(problem(fr3))]
+    coupled = dataclasses.replace(
+        pair[1].problem.train, coupling=Coupling(np.eye(7), (False,) * 2, (False,) * 2)
+    )
+    pair[1] = dataclasses.replace(
+        pair[1], problem=dataclasses.replace(pair[1].problem, train=coupled)
+    )
+    preset = Preset(AdamOptions(1e-3), StoppingRule(10, NEVER), 32)
+    assert descend_many(pair, preset) == [id(d) for d in pair]
 
 
 def test_interruption_keeps_the_best(fr3, monkeypatch):

@@ -8,7 +8,7 @@ import pytest
 from runtime.estimators.classical.pc_ols import convex_optimum
 from runtime.estimators.descent.descent import Descent
 from runtime.estimators.descent.fit import fit_levenberg, start_of
-from runtime.estimators.descent.newton import _Loss, newton_descend
+from runtime.estimators.descent.newton import _Loss, _step, newton_descend
 from runtime.estimators.methods import METHODS
 from runtime.estimators.optimizers import Outcome, Status, Trace
 from runtime.estimators.problem import Problem
@@ -79,6 +79,13 @@ def test_a_step_that_does_not_lower_the_loss_is_halved(lib, ideal_runs, monkeypa
     end = newton_descend(descent, before)
     assert (end.status, end.x.tolist(), end.iterations) == (Status.CONVERGED, [0.0], 11)
     assert seen == [(11, 0.0)]
+
+
+def test_a_direction_without_curvature_is_bounded_by_the_largest_curvature():
+    """Oracle: |H|⁻¹ g by hand with eigenvalues 4, −1 and 0, which counts as 1e-14 of 4."""
+    step, decrease = _step(np.array([4.0, 2.0, 4e-14]), np.diag([4.0, -1.0, 0.0]))
+    np.testing.assert_allclose(step, [-1.0, -2.0, -1.0], rtol=1e-12)
+    assert decrease == pytest.approx((4 + 4 + 4e-14) / 2, rel=1e-15)
 
 
 def test_two_methods_descend_in_two_kinds_of_coordinates(lib, ideal_runs):

@@ -53,6 +53,8 @@ def test_the_prior_pulls_a_rotor_to_its_mean(
         ("[armature]\nelbow = 0.1\n", "unknown joint 'elbow'"),
         ("[armature]\nfr3_joint1 = -0.1\n", "armature of fr3_joint1"),
         ("[armature]\nfr3_joint1 = [0.1, 0.1, 0.1]\n", "armature of fr3_joint1"),
+        ("[armature]\nfr3_joint1 = [0.1, -0.1]\n", "armature of fr3_joint1"),
+        ("[armature]\nfr3_joint1 = [0.0, 0.1]\n", "armature of fr3_joint1"),
         ("armature = 3\n", "expects a table"),
         ('armature_from = "none.xml"\n', "cannot be read"),
         ("armature_from = 3\n", "cannot be read"),

@@ -81,8 +81,9 @@ def prior_of(lib: Library, pi: ArrayLike | None = None, floor: float = THIN) -> 
     """
     given = lib.pi0 if pi is None else np.asarray(pi, dtype=float)
     masses = mass(links(given))
-    if not (np.isfinite(given).all() and (masses > 0).all()):
-        bad = [n for n, m in zip(lib.link_names, masses, strict=True) if not m > 0]
+    usable = np.isfinite(links(given)).all(axis=1) & (masses > 0)
+    if not usable.all():
+        bad = [name for name, good in zip(lib.link_names, usable, strict=True) if not good]
         raise IdentificationError(
             f"the prior needs finite parameters and positive masses; correct {', '.join(bad)} "
             "in the URDF or in the first guess"

@@ -134,7 +134,7 @@ def test_noise_whiteness_and_advice_are_those_of_the_residuals(lib: Library) -> 
     band = u.torque_band(lib, q, dq, ddq)
     np.testing.assert_allclose(band, np.hypot(u.model_band(lib, q, dq, ddq), u.noise), rtol=1e-12)
 
-    likely = dataclasses.replace(u, rank=43, inflation=1.9, contradictions=(), model_errors=())
+    likely = dataclasses.replace(u, rank=43, inflation=1.9)
     assert "autocorrelated" not in likely.advice()
     assert "autocorrelated" in dataclasses.replace(likely, inflation=2.1).advice()
 

@@ -170,6 +170,18 @@ void fr3_clearance(const double q[7], double distance[12], double jacobian[84]);
  * q [rad], plane [1, m] -> distance [m], jacobian 7 x 7 [d distance / d q] */
 void fr3_plane_clearance(const double q[7], const double plane[4], double distance[7], double jacobian[49]);
 
+/* sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|. 1077 operations, at most 12960 bytes of stack.
+ * q_sup 6 x 7 [(rad, rad/s, ...)], pi [SI] -> tau_sup 4 x 7 [(N*m, /s, /s^2, /s^3)] */
+void fr3_torque_bounds(const double q_sup[42], const double pi[70], double tau_sup[28]);
+
+/* sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|. 154 operations, at most 5376 bytes of stack.
+ * q_sup 4 x 7 [(rad, rad/s, ...)] -> p_sup [(m, m/s, m/s^2, m/s^3)] */
+void fr3_tip_bounds(const double q_sup[28], double p_sup[4]);
+
+/* sup of the speed of the origin of link i by joint j, and of the joint's turning. 22 operations, at most 4744 bytes of stack.
+ * q_sup 2 x 7 [(rad, rad/s, ...)] -> origin 7 x 7 [m/s], turn [rad/s] */
+void fr3_speed_bounds(const double q_sup[14], double origin[49], double turn[7]);
+
 /* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 2702 operations, at most 26136 bytes of stack.
  * q [rad], dq [rad/s], pi [SI] -> C 7 x 7 [d (C dq) / d dq / 2] */
 void fr3_coriolis_matrix(const double q[7], const double dq[7], const double pi[70], double C[49]);

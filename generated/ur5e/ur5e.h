@@ -170,6 +170,18 @@ void ur5e_clearance(const double q[6], double distance[14], double jacobian[84])
  * q [rad], plane [1, m] -> distance [m], jacobian 6 x 6 [d distance / d q] */
 void ur5e_plane_clearance(const double q[6], const double plane[4], double distance[6], double jacobian[36]);
 
+/* sup |tau| and of its derivatives in time, from q_sup[k] = sup |d^k q / dt^k|. 915 operations, at most 11632 bytes of stack.
+ * q_sup 6 x 6 [(rad, rad/s, ...)], pi [SI] -> tau_sup 4 x 6 [(N*m, /s, /s^2, /s^3)] */
+void ur5e_torque_bounds(const double q_sup[36], const double pi[60], double tau_sup[24]);
+
+/* sup |p| of the tip and of its derivatives in time, from sup |d^k q / dt^k|. 110 operations, at most 5024 bytes of stack.
+ * q_sup 4 x 6 [(rad, rad/s, ...)] -> p_sup [(m, m/s, m/s^2, m/s^3)] */
+void ur5e_tip_bounds(const double q_sup[24], double p_sup[4]);
+
+/* sup of the speed of the origin of link i by joint j, and of the joint's turning. 20 operations, at most 4616 bytes of stack.
+ * q_sup 2 x 6 [(rad, rad/s, ...)] -> origin 6 x 6 [m/s], turn [rad/s] */
+void ur5e_speed_bounds(const double q_sup[12], double origin[36], double turn[6]);
+
 /* C(q, dq) of Christoffel symbols: h = C dq - tau_grav, dM/dt - 2 C is skew-symmetric. 1565 operations, at most 16936 bytes of stack.
  * q [rad], dq [rad/s], pi [SI] -> C 6 x 6 [d (C dq) / d dq / 2] */
 void ur5e_coriolis_matrix(const double q[6], const double dq[6], const double pi[60], double C[36]);

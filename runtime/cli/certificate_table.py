@@ -137,7 +137,7 @@ def certificate_headline(proof: Certificate, percent: float) -> tuple[str, ...]:
 
 
 def certificate_table(proof: Certificate) -> Table:
-    """Largest use of every limit: how much, where and when.
+    """Largest use of every limit: how much, where and when, and how it is shown.
 
     Args:
         proof: certificate of the motion.
@@ -150,12 +150,13 @@ def certificate_table(proof: Certificate) -> Table:
         table.add_column(head, justify="right")
     table.add_column("where", overflow="fold")
     table.add_column("time s", justify="right")
+    table.add_column("how")
     for use in proof.uses:
-        table.add_row(use.kind, *_amount(use), use.where, f"{use.time:.3f}")
+        table.add_row(use.kind, *_amount(use), use.where, f"{use.time:.3f}", use.how)
     for missing in proof.unlimited:
-        table.add_row(missing, "no limit stated", "", "", "")
+        table.add_row(missing, "no limit stated", "", "", "", "")
     for missing in proof.unchecked:
-        table.add_row(missing, "NOT checked", "", "", "")
+        table.add_row(missing, "NOT checked", "", "", "", "")
     return table
 
 

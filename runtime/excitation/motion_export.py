@@ -102,4 +102,5 @@ def _facts(use: Use) -> dict[str, object]:
         "allowed": use.limit,
         "unit": use.unit,
         "how": how,
+        "intervals": use.intervals,
     }

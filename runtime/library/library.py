@@ -30,11 +30,18 @@ from runtime.library.free_base import FREEDOM, ROWS
 from runtime.library.joint_motion import JointMotion
 from runtime.library.manifest import read_manifest
 from runtime.library.motion_kernels import MotionKernels
+from runtime.library.proof_kernels import ProofKernels
 from runtime.library.safety_kernels import SafetyKernels
 
 
 class Library(
-    JointMotion, MotionKernels, FixedBaseKernels, SafetyKernels, BodyKernels, ControlKernels
+    JointMotion,
+    MotionKernels,
+    FixedBaseKernels,
+    SafetyKernels,
+    ProofKernels,
+    BodyKernels,
+    ControlKernels,
 ):
     """Compiled physics of one robot; every method takes one sample or N.
 

@@ -11,6 +11,7 @@ from symgen.catalogue.loops import loop_kernels, without_seeds
 from symgen.catalogue.motion import motion_kernels
 from symgen.catalogue.omitted import omitted_kernels, shortened
 from symgen.catalogue.passive import passive_kernels
+from symgen.catalogue.proof import proof_kernels
 from symgen.catalogue.safety import safety_kernels
 from symgen.catalogue.trajectory import trajectory_kernels
 from symgen.chain import Chain
@@ -56,6 +57,7 @@ def make_catalogue(chain: Chain, collision: CollisionModel | None = None) -> Cat
             *kernels,
             *trajectory_kernels(chain, base, omitted),
             *safety_kernels(chain, collision or CollisionModel(), omitted),
+            *proof_kernels(chain),
             *passive_kernels(chain),
         )
     kernels = (*kernels, *control_kernels(chain, omitted), *loop_kernels(chain))

@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.excitation.limits.carried_body import CarriedBox
-from runtime.excitation.limits.distance_limits import Clearance
+from runtime.excitation.limits.distance_limits import Clearance, body_of
+from runtime.excitation.limits.interval_bounds import Body, IntervalBounds
 from runtime.library import Array, Library, ProxyFacts
 
 LABEL = "carried body"
@@ -169,6 +170,12 @@ class CarriedClearance(Clearance):
             slopes.append(sign * poses.slopes(place, normal))
         return np.stack(distances, axis=1), np.stack(slopes, axis=1)
 
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bounds of the rates of the distances, (K, R) m/s."""
+        box = _body_of(self.link, self.box)
+        others = (bounds.approach(box, body_of(proxy)) for proxy in self.proxies)
+        return np.stack(list(others), axis=1)
+
 
 @dataclass(frozen=True, slots=True)
 class CarriedHeight(Clearance):
@@ -193,3 +200,12 @@ class CarriedHeight(Clearance):
         up = np.broadcast_to([0.0, 0.0, 1.0], lowest.shape)
         slope = poses.slopes(lowest, up) * poses.moved_by(self.link)
         return lowest[:, 2:] - self.height, slope[:, None]
+
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bound of the rate of the height, (K, 1) m/s."""
+        return bounds.approach(_body_of(self.link, self.box))[:, None]
+
+
+def _body_of(link: int, box: CarriedBox) -> Body:
+    """The box as a body: no corner is farther than its centre and half a diagonal."""
+    return Body(link, float(np.linalg.norm(box.center) + np.linalg.norm(box.size) / 2))

@@ -15,12 +15,15 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime.excitation.limits.nonlinear_limits import Constraint
+from runtime.excitation.limits.interval_bounds import ROUNDING, Body, IntervalBounds
+from runtime.excitation.limits.nonlinear_limits import SMOOTH, Constraint
 from runtime.excitation.limits.sampled_motion import SampledMotion, times
-from runtime.library import Array, Library
+from runtime.library import Array, Library, ProxyFacts
 
 LENGTH = 0.1
 """Unit of distances in constraints, m: what is missing or left by this is one whole limit."""
+NEAR_AND_FAR = 2e-5, 2e-3
+"""Tolerances of proven distances: 2 µm near the margin, and 0.2 mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +33,7 @@ class TipBox:
     kind: ClassVar[str] = "tip box"
     orders: ClassVar[int] = 1
     even: ClassVar[bool] = True
+    precision: ClassVar[tuple[float, float]] = SMOOTH
     labels: ClassVar[tuple[str, ...]] = ("x max", "y max", "z max", "x min", "y min", "z min")
     lib: Library
     lower: Array
@@ -50,6 +54,12 @@ class TipBox:
         p, v, _ = sampled.tip()
         g = np.concatenate([p - self.upper, self.lower - p], axis=1) / LENGTH
         return g, np.concatenate([v, -v], axis=1) / LENGTH
+
+    def rise(self, bounds: IntervalBounds) -> Array:
+        """Rise by d²p/dt²."""
+        p, _, second, _ = bounds.tip()
+        rise = bounds.bend(second) + ROUNDING * p
+        return np.repeat(rise[:, None] / LENGTH, len(self.labels), axis=1)
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """Coordinate of the tip at a value of the constraint.
@@ -72,6 +82,7 @@ class TipSpeed:
     kind: ClassVar[str] = "tip speed"
     orders: ClassVar[int] = 2
     even: ClassVar[bool] = True
+    precision: ClassVar[tuple[float, float]] = SMOOTH
     labels: ClassVar[tuple[str, ...]] = ("tip",)
     lib: Library
     limit: float
@@ -93,6 +104,12 @@ class TipSpeed:
         square, rate = (np.einsum("ni,ni->n", v, x)[:, None] / self.limit**2 for x in (v, dv))
         return (square - 1) / 2, rate
 
+    def rise(self, bounds: IntervalBounds) -> Array:
+        """Rise by v · d²v/dt² + (dv/dt)²."""
+        _, v, dv, ddv = bounds.tip()
+        rise = bounds.bend(v * ddv + dv**2) + ROUNDING * v**2
+        return rise[:, None] / self.limit**2
+
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """Speed of the tip at a value of the constraint.
 
@@ -111,12 +128,17 @@ class Clearance(ABC):
 
     orders: ClassVar[int] = 1
     even: ClassVar[bool] = True
+    precision: ClassVar[tuple[float, float]] = NEAR_AND_FAR
     lib: Library
     margin: Array | float
 
     @abstractmethod
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Distances (N, R) m at positions (N, n), and their slopes by q, (N, R, n)."""
+
+    @abstractmethod
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bounds of the rates of the distances, (K, R) m/s."""
 
     def distances(self, motion: Array) -> Array:
         """Distance of every row, (N, R) m."""
@@ -134,6 +156,11 @@ class Clearance(ABC):
         """Values, and rates −∂distance/∂q dq."""
         distance, slope = self.distances_and_slopes(sampled.motion[0])
         return (self.margin - distance) / LENGTH, times(slope, sampled.motion[1]) / -LENGTH
+
+    def rise(self, bounds: IntervalBounds) -> Array:
+        """Rise by half a step from the nearer end; distances have corners in time."""
+        # Coordinates are a few times smaller than 10 m.
+        return (bounds.step / 2 * self.approaches(bounds) + 10 * ROUNDING) / LENGTH
 
     def measured(self, row: int, g: float) -> tuple[float, float, str]:
         """Distance of a row at a value of the constraint.
@@ -167,6 +194,12 @@ class LinkClearance(Clearance):
         """Distance of every pair, (N, R) m, and its slopes by q, (N, R, n)."""
         return self.lib.clearance(q)
 
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bounds of the rates of the distances, (K, R) m/s."""
+        bodies = {proxy.name: body_of(proxy) for proxy in self.lib.proxies}
+        pairs = ((bodies[pair.first], bodies[pair.second]) for pair in self.lib.pairs)
+        return np.stack([bounds.approach(*pair) for pair in pairs], axis=1)
+
 
 @dataclass(frozen=True, slots=True)
 class TableClearance(Clearance):
@@ -189,6 +222,23 @@ class TableClearance(Clearance):
         """Height of every proxy above the table, (N, R) m, and its slopes by q, (N, R, n)."""
         heights, slopes = self.lib.plane_clearance(q, np.array([0.0, 0.0, 1.0, self.height]))
         return heights[:, self.rows], slopes[:, self.rows]
+
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bounds of the rates of the heights, (K, R) m/s."""
+        bodies = {proxy.name: body_of(proxy) for proxy in self.lib.proxies}
+        return np.stack([bounds.approach(bodies[name]) for name in self.proxies], axis=1)
+
+
+def body_of(proxy: ProxyFacts) -> Body:
+    """A proxy as a body; the axis of a capsule keeps its radius from the surface.
+
+    Args:
+        proxy: capsule.
+
+    Returns:
+        Its link, and the farther end of its axis.
+    """
+    return Body(proxy.joint, float(np.linalg.norm([proxy.start, proxy.end], axis=1).max()))
 
 
 def use_of(constraint: Constraint, g: float) -> float:

@@ -18,6 +18,7 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from runtime.excitation.limits.interval_bounds import ROUNDING, IntervalBounds
 from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.library import Array, Library
 
@@ -56,10 +57,20 @@ class Constraint(Protocol):
 
 
 class TimedConstraint(Constraint, Protocol):
-    """A constraint whose rate in time is computed without its slopes."""
+    """A constraint whose rate in time is computed without its slopes, and bounded on intervals."""
+
+    precision: ClassVar[tuple[float, float]]
+    """Least and largest tolerance of a proven bound of g."""
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """Values g and rates dg/dt, (N, R) each."""
+
+    def rise(self, bounds: IntervalBounds) -> Array:
+        """Largest rise of g within K intervals above the larger end of each, proven, (K, R)."""
+
+
+SMOOTH = 1e-6, 1e-2
+"""Tolerances of proven bounds of smooth functions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,6 +153,7 @@ class _OfJoints:
     """Constraint ±(smooth part) / limit − 1, row by joint, positive sign first."""
 
     unit: ClassVar[str]
+    precision: ClassVar[tuple[float, float]] = SMOOTH
     lib: Library
     pi: Array
     limit: Array
@@ -162,6 +174,14 @@ class _OfJoints:
         """Quantity of a row in `unit`, with N instead of N·m for a slide."""
         limit = float(self.limit[row % len(self.limit)])
         return (1 + g) * limit, limit, self.unit
+
+    def _rise(self, bounds: IntervalBounds, order: int) -> Array:
+        """Rise of ±dᵏ(τ + f_v dq)/dtᵏ over the limit, with the derivative of two orders more."""
+        tau, motion = bounds.torques(self.pi), bounds.motion
+        second = tau[order + 2] + self.viscous * motion[order + 3]
+        size = tau[order] + self.viscous * motion[order + 1]
+        share = (bounds.bend(second) + ROUNDING * size) / self.limit
+        return np.concatenate([share, share], axis=1)
 
     def _signed(self, slope: Array, order: int) -> Array:
         """Slopes of both signs over the limit, with f_v at the derivative `order`."""
@@ -202,6 +222,10 @@ class Torque(_OfJoints):
         tau, dtau, _ = sampled.torques(self.pi)
         return self._with_rate(tau, dtau, sampled.motion[1:3])
 
+    def rise(self, bounds: IntervalBounds) -> Array:
+        """Rise by d²τ/dt² + f_v dddq."""
+        return self._rise(bounds, 0)
+
     def slopes(self, motion: Array) -> Array:
         """Slopes ±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
         slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
@@ -226,6 +250,10 @@ class TorqueRate(_OfJoints):
         """Values, and rates with d²τ/dt² + f_v dddq."""
         _, dtau, ddtau = sampled.torques(self.pi)
         return self._with_rate(dtau, ddtau, sampled.motion[2:4])
+
+    def rise(self, bounds: IntervalBounds) -> Array:
+        """Rise by d³τ/dt³ + f_v ddddq."""
+        return self._rise(bounds, 1)
 
     def slopes(self, motion: Array) -> Array:
         """Slopes ±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""

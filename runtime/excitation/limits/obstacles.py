@@ -16,7 +16,8 @@ import numpy as np
 from runtime.errors import IdentificationError
 from runtime.excitation.limits.carried_body import CarriedBox
 from runtime.excitation.limits.carried_limits import LABEL, Poses, closest
-from runtime.excitation.limits.distance_limits import Clearance
+from runtime.excitation.limits.distance_limits import Clearance, body_of
+from runtime.excitation.limits.interval_bounds import IntervalBounds
 from runtime.files import toml_of
 from runtime.library import Array, Library, ProxyFacts
 
@@ -174,6 +175,11 @@ class ObstacleClearance(Clearance):
                 distances.append(length[rows] - p.radius - obstacle.radius)
                 slopes.append(poses.slopes(place[rows], normal[rows]) * poses.moved_by(p.joint))
         return np.stack(distances, axis=1), np.stack(slopes, axis=1)
+
+    def approaches(self, bounds: IntervalBounds) -> Array:
+        """Bounds of the rates of the distances, (K, R) m/s."""
+        speeds = np.stack([bounds.approach(body_of(proxy)) for proxy in self.proxies], axis=1)
+        return np.tile(speeds, len(self.obstacles))
 
 
 def capsule_around(box: CarriedBox, link: int) -> ProxyFacts:

@@ -1,6 +1,6 @@
 """Bases of motions: what each of them provides, and the record by which a user selects it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,8 +9,8 @@ import numpy as np
 from runtime.library import Array, Library
 
 
-class Basis(Protocol):
-    """A family of functions; a motion uses as many as it has coefficients per joint."""
+class Basis(Hashable, Protocol):
+    """A family of functions, hashable; a motion uses as many as it has coefficients per joint."""
 
     @property
     def name(self) -> str:

@@ -14,7 +14,7 @@ from runtime.excitation.limits.carried_body import EMPTY_HAND
 from runtime.excitation.limits.distance_limits import use_of
 from runtime.excitation.limits.safety import constraints
 from runtime.excitation.limits.unchecked import unchecked, unstated
-from runtime.excitation.proof.joint_bounds import KINDS, joint_bounds, rooms
+from runtime.excitation.proof.joint_bounds import KINDS, interval_count, joint_bounds, rooms
 from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
 from runtime.library import Array, Library
 
@@ -37,6 +37,7 @@ class Use:
         limit: limit of the quantity.
         unit: of value and limit.
         is_proven: a theorem, not a second derivative measured at 1 kHz (see `constraint_bounds`).
+        intervals: number of intervals of the proof.
     """
 
     kind: str
@@ -47,11 +48,17 @@ class Use:
     limit: float
     unit: str
     is_proven: bool = True
+    intervals: int = 0
 
     @property
     def margin(self) -> float:
         """Rest of the limit, 1 − bound."""
         return 1.0 - self.bound
+
+    @property
+    def how(self) -> str:
+        """Proven on how many intervals, or measured."""
+        return f"proven, {self.intervals} intervals" if self.is_proven else "measured at 1 kHz"
 
     @property
     def holds(self) -> bool:
@@ -101,7 +108,7 @@ DISTANCES = ("self-collision", "table", "obstacle")
 
 
 def _sentence(use: Use) -> str:
-    at = f"{use.where} at {use.time:.3f} s" + ("" if use.is_proven else " (measured at 1 kHz)")
+    at = f"{use.where} at {use.time:.3f} s ({use.how})"
     if use.kind in DISTANCES:
         return (
             f"{use.kind}: at least {1e3 * use.value:.2f} mm where {1e3 * use.limit:.2f} mm are "
@@ -140,7 +147,7 @@ def certificate_of(
             way = trajectory.at(lib, np.array([time]))[0][0, worst] - trajectory.home[worst]
             limit = _room(float(up[order, worst]), float(down[order, worst]), float(way))
             what = lib.joint_names[worst], time, bound * limit, limit, UNITS[order]
-            uses.append(Use(kind, bound, *what))
+            uses.append(Use(kind, bound, *what, intervals=interval_count(trajectory)))
     if safety is not None:
         unlimited += unstated(lib)
     rows = [
@@ -153,6 +160,7 @@ def certificate_of(
             ),
             *bound.constraint.measured(bound.row, bound.bound),
             bound.is_proven,
+            bound.intervals,
         )
         for bound in constraint_bounds(lib, constraints(lib, trajectory.home, safety), trajectory)
     ]

@@ -99,10 +99,16 @@ def _certificate(
         for part, start in zip(parts, starts, strict=True)
     ]
     uses, distances = (
-        tuple(max(same, key=_order) for same in zip(*(part[k] for part in later), strict=True))
+        tuple(_largest(same) for same in zip(*(part[k] for part in later), strict=True))
         for k in range(2)
     )
     return replace(parts[0], uses=uses, distances=distances)
+
+
+def _largest(same: tuple[Use, ...]) -> Use:
+    """Largest use of one limit by several motions, on the intervals of all of them."""
+    count = sum(use.intervals for use in same)
+    return replace(max(same, key=_order), intervals=count)
 
 
 def _order(use: Use) -> float:

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime.errors import IdentificationError
-from runtime.excitation import Trajectory, basis_of
+from runtime.excitation import Trajectory
+from runtime.excitation.motion.family import Basis
 from runtime.library import Array, Library
 
 INTERVALS = 4000
@@ -51,11 +52,11 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     a, basis = trajectory.coefficients, trajectory.basis
     # A grid of `count` short intervals of length `step` in s = t/t_f.
     n, size = a.shape
-    count = max(INTERVALS, INTERVALS_PER_HARMONIC * size) * (1 if basis.is_symmetric else 2)
+    count = interval_count(trajectory)
     step = (0.5 if basis.is_symmetric else 1.0) / count
     sides = rooms(lib, trajectory.home)
     chords = _Chords.of(trajectory, *sides)
-    ends = _ends(basis.name, basis.zero_jerk, size, DIVIDED * step, count // DIVIDED)
+    ends = _ends(basis, size, DIVIDED * step, count // DIVIDED)
     value, bend = _curves(ends, a)
     # Long intervals: the bound of any short interval inside one is below this, as the chord of
     # the long one and that of the short one are both counted (1 + 20² and 1 + 20).
@@ -69,7 +70,9 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     points = DIVIDED * used[:, None] + np.arange(DIVIDED + 1)  # (U, 21)
     value, bend = (
         curve.reshape(len(KINDS), n, *points.shape)[order, joint, back]
-        for curve in _curves(basis.derivatives(_ORDERS, size, points.ravel() * step), a)
+        for curve in _curves(
+            basis.derivatives(_ORDERS, size, step * points.ravel().astype(float)), a
+        )
     )
     bounds = chords.of_rows(order, joint).bounds(value, bend, step**2 / 8, step / 2)
     # The largest bound of every kind and joint; its time is the middle of the interval.
@@ -82,6 +85,19 @@ def joint_bounds(lib: Library, trajectory: Trajectory) -> tuple[Array, Array]:
     # Without room between home and a limit no motion keeps it; a NaN stays one.
     best[np.minimum(*sides) <= 0] = np.inf
     return best, where * step * trajectory.duration
+
+
+def interval_count(trajectory: Trajectory) -> int:
+    """Number of short intervals; their bounds follow from those of long ones where these suffice.
+
+    Args:
+        trajectory: the motion.
+
+    Returns:
+        Count over half the duration of a motion that is its own mirror image, else over all of it.
+    """
+    size, basis = trajectory.coefficients.shape[1], trajectory.basis
+    return max(INTERVALS, INTERVALS_PER_HARMONIC * size) * (1 if basis.is_symmetric else 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +151,10 @@ def _curves(phi: Array, a: Array) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=8)
-def _ends(name: str, zero_jerk: bool, size: int, step: float, count: int) -> Array:
+def _ends(basis: Basis, size: int, step: float, count: int) -> Array:
     """Derivatives d^k φ_m/ds^k at the ends of long intervals, shared by the stages of a motion."""
     s = step * np.arange(count + 1.0)
-    return basis_of(name, zero_jerk).derivatives(_ORDERS, size, s)
+    return basis.derivatives(_ORDERS, size, s)
 
 
 def rooms(lib: Library, home: Array) -> tuple[Array, Array]:

@@ -4,7 +4,9 @@ On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) +
 
 - braking: PROVEN. h = max(0, s dq + c)²/k + s q has h'' ≤ 2 (ddq² + max(0, s dq + c) |dddq|)/k
   + |ddq|, and each factor is bounded on the interval by its ends and the next derivative.
-- torque, torque rate, tip box and speed, self-collision, table: MEASURED, not proven. ġ is exact at
+- torque, torque rate, tip box and speed, self-collision, table: PROVEN by `division`, where the
+  robot has kernels of bounds.
+- the same limits of robots with closed loops: MEASURED, not proven. ġ is exact at
   every sample (by kernels along the motion's derivatives); g'' on an interval is taken
   as `SAFETY` times the largest change of ġ over δ there and on both neighbouring intervals. The
   fastest wave of a motion, M / t_f, has hundreds of samples per period, so that neighbours suffice.
@@ -12,51 +14,22 @@ On an interval of length δ ≤ 1 ms between two samples g ≤ max(g_k, g_k+1) +
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from runtime.excitation import Trajectory, basis_of
-from runtime.excitation.limits.nonlinear_limits import Braking, Constraint, TimedConstraint
+from runtime.excitation import Trajectory
+from runtime.excitation.limits.nonlinear_limits import Braking, TimedConstraint
 from runtime.excitation.limits.sampled_motion import SampledMotion
+from runtime.excitation.proof.division import see_proven
+from runtime.excitation.proof.motion_grid import ORDERS, ROUNDING, MotionGrid
+from runtime.excitation.proof.peaks import ConstraintBound, Peaks
 from runtime.library import Array, Library
 
-STEP = 1e-3
-"""Longest interval, s."""
-INTERVALS = 2000
-"""Fewest intervals, however short the motion."""
 SAFETY = 2.0
 _CHUNK = 2048
 """Intervals at once: their Jacobians stay in the cache."""
-_ROUNDING = 64 * np.finfo(float).eps
-_ORDERS = 5
-"""Number of derivatives of the motion that are evaluated, q included."""
 _DIVIDED = 20
 """Short intervals in a long one."""
-
-
-@dataclass(frozen=True, slots=True)
-class ConstraintBound:
-    """Largest g of one row.
-
-    Attributes:
-        constraint: the constraint.
-        row: index of its row.
-        bound: largest g over all t; inf where it is not a number.
-        time: its time, s; to one sample.
-    """
-
-    constraint: Constraint
-    row: int
-    bound: float
-    time: float
-
-    @property
-    def is_proven(self) -> bool:
-        """The bound is a theorem, not a measured second derivative."""
-        return isinstance(self.constraint, Braking)
 
 
 def constraint_bounds(
@@ -74,86 +47,28 @@ def constraint_bounds(
     Returns:
         One bound per row of each constraint.
     """
-    grid = _MotionGrid(trajectory)
-    peaks = [_Peaks(constraint) for constraint in constraints]
+    grid = MotionGrid(trajectory)
+    peaks = [
+        Peaks(constraint, isinstance(constraint, Braking) or lib.bounds_motions)
+        for constraint in constraints
+    ]
     mirrored = trajectory.basis.is_symmetric
     middle = grid.count // 2 if mirrored else grid.count
     half = [peak for peak in peaks if mirrored and peak.constraint.even]
     whole = [peak for peak in peaks if peak not in half]
     with np.errstate(all="ignore"):  # what is not a number becomes an infinite bound
-        _see_measured(half, lib, grid, middle)
-        _see_measured(whole, lib, grid, grid.count)
+        see = see_proven if lib.bounds_motions else _see_measured
+        see(half, lib, grid, middle)
+        see(whole, lib, grid, grid.count)
         for peak in peaks:
             if isinstance(peak.constraint, Braking):
                 _see_braking(peak, peak.constraint, grid, middle, forwards=True)
                 if mirrored:
                     _see_braking(peak, peak.constraint, grid, middle, forwards=False)
-    return tuple(bound for peak in peaks for bound in peak.bounds(grid.step))
+    return tuple(bound for peak in peaks for bound in peak.bounds())
 
 
-class _MotionGrid:
-    """A motion on a grid of `count` intervals; `sup` bounds its derivatives, (6, n)."""
-
-    def __init__(self, trajectory: Trajectory) -> None:
-        self._trajectory, a = trajectory, trajectory.coefficients
-        basis, duration = trajectory.basis, trajectory.duration
-        count = max(INTERVALS, int(np.ceil(duration / STEP)))
-        self.count = count + count % 2
-        self.step = duration / self.count
-        powers = duration ** -np.arange(_ORDERS + 1.0)
-        bounds = np.array([basis.bound(k, a.shape[1]) for k in range(_ORDERS + 1)])
-        self.sup = bounds @ np.abs(a).T * powers[:, None]
-        self._weights = a.T * powers[:-1, None, None]
-
-    def between(self, first: int, last: int) -> Array:
-        """States q and derivatives at samples first to last, both included, (5, N, n)."""
-        basis, size = self._trajectory.basis, self._weights.shape[1]
-        return self._moved(_phi(basis.name, basis.zero_jerk, size, first, last, self.count))
-
-    def at(self, samples: NDArray[np.intp]) -> Array:
-        """States q and derivatives at any samples (N,), (5, N, n)."""
-        s = samples / self.count
-        return self._moved(self._trajectory.basis.derivatives(_ORDERS, self._weights.shape[1], s))
-
-    def _moved(self, phi: Array) -> Array:
-        motion = phi @ self._weights
-        motion[0] += self._trajectory.home
-        return motion
-
-
-@lru_cache(maxsize=24)
-def _phi(name: str, zero_jerk: bool, size: int, first: int, last: int, count: int) -> Array:
-    """Derivatives d^k φ_m/ds^k at neighbouring samples, shared by motions of this duration."""
-    s = np.arange(first, last + 1) / count
-    return basis_of(name, zero_jerk).derivatives(_ORDERS, size, s)
-
-
-class _Peaks:
-    """Largest bounds of a constraint so far."""
-
-    def __init__(self, constraint: Braking | TimedConstraint) -> None:
-        self.constraint = constraint
-        self._best, self._where = np.full((2, len(constraint.labels)), -np.inf)
-
-    def see(self, bounds: Array, intervals: NDArray[np.intp]) -> None:
-        """Take in the bounds (K, R) of these intervals."""
-        rows = np.ascontiguousarray(bounds.T)
-        np.copyto(rows, np.inf, where=np.isnan(rows))
-        where = rows.argmax(axis=1)
-        best = rows[np.arange(len(rows)), where]
-        self._where = np.where(best > self._best, intervals[where], self._where)
-        self._best = np.maximum(best, self._best)
-
-    def bounds(self, step: float) -> list[ConstraintBound]:
-        """One bound per row."""
-        rows = zip(self._best, self._where, strict=True)
-        return [
-            ConstraintBound(self.constraint, row, float(best), float((where + 0.5) * step))
-            for row, (best, where) in enumerate(rows)
-        ]
-
-
-def _see_measured(peaks: list[_Peaks], lib: Library, grid: _MotionGrid, end: int) -> None:
+def _see_measured(peaks: list[Peaks], lib: Library, grid: MotionGrid, end: int) -> None:
     """Take in all intervals up to `end`, with a measured second derivative."""
     constraints = [
         (peak, peak.constraint) for peak in peaks if not isinstance(peak.constraint, Braking)
@@ -174,15 +89,16 @@ def _see_measured(peaks: list[_Peaks], lib: Library, grid: _MotionGrid, end: int
             # δ²/8 sup g'' with sup g'' = SAFETY · change / δ, above the larger end.
             bounds *= SAFETY * grid.step / 8
             bounds += np.maximum(g[1:], g[:-1])
-            peak.see(bounds[inner], intervals)
+            peak.see(bounds[inner], grid.step * (intervals.astype(float) + 0.5))
+            peak.intervals += last - first
 
 
 def _see_braking(
-    peak: _Peaks, constraint: Braking, grid: _MotionGrid, end: int, forwards: bool
+    peak: Peaks, constraint: Braking, grid: MotionGrid, end: int, forwards: bool
 ) -> None:
     """Take in the intervals up to `end` that may hold the largest bounds, chosen by long ones."""
     # Backwards in time odd derivatives change sign.
-    turned = np.ones(_ORDERS) if forwards else (-1.0) ** np.arange(_ORDERS)
+    turned = np.ones(ORDERS) if forwards else (-1.0) ** np.arange(ORDERS)
     turned = turned[:, None, None]
     ends = np.append(np.arange(0, end, _DIVIDED), end)
     step = grid.step
@@ -199,7 +115,9 @@ def _see_braking(
     bounds = _of_braking(constraint, short, grid.sup, step**2 / 8, step / 2)
     inner = np.arange(len(bounds)) % (_DIVIDED + 1) < _DIVIDED
     intervals = points.ravel()[:-1][inner]
-    peak.see(bounds[inner], intervals if forwards else grid.count - 1 - intervals)
+    where = intervals if forwards else grid.count - 1 - intervals
+    peak.see(bounds[inner], step * (where.astype(float) + 0.5))
+    peak.intervals += len(where)
 
 
 def _of_braking(
@@ -217,6 +135,6 @@ def _of_braking(
         # max(0, s dq + c) likewise; then h'' of the module's head, scaled like g.
         speed = np.maximum(speed[1:], speed[:-1]) + half * acceleration
         bend = 2 / side.k * (acceleration**2 + speed * jerk) + acceleration
-        rounding = _ROUNDING * (sup[0] + 2 / side.k * (sup[1] + side.c) * sup[1])
+        rounding = ROUNDING * (sup[0] + 2 / side.k * (sup[1] + side.c) * sup[1])
         rises.append((half_square * bend + rounding) / constraint.room(side))
     return np.asarray(np.maximum(g[1:], g[:-1]) + np.concatenate(rises, axis=1))

@@ -13,6 +13,7 @@ from itertools import islice
 import numpy as np
 
 from runtime.errors import RecordingError
+from runtime.recording.formats.plain_numbers import plain_numbers, plain_rows
 from runtime.recording.formats.tables import EXPANSION, MAX_CORRUPT, SLACK, Columns, LogTable
 
 SHOWN = 60
@@ -171,6 +172,18 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
             f"{name} is expected to have a column {max(picks)}, but has {len(titles)} columns "
             "(counted from 0); correct the recipe"
         )
+    skipped = header if names else first
+    remarks = [f"{name}: {skipped} lines before the header were skipped."] * (skipped > 0)
+    marks = []
+    if separator not in {",", None}:
+        title = {";": "semicolons", "\t": "tabs"}[separator or ""]
+        marks = [f"{name}: cells are separated by {title}, a comma is a decimal mark."]
+    body = _behind(text, first)
+    if separator is not None and body is not None:
+        plain = plain_rows(body, lines_of(body), separator, len(titles), picks)
+        if plain is not None:
+            return LogTable(plain, first + 1 + np.arange(len(plain)), (*remarks, *marks))
+    # A second look, line by line.
     rows, numbers = array("d"), array("q")  # a list of lists takes four times the memory
     widths: Counter[int] = Counter()
     repeated = 0
@@ -188,14 +201,9 @@ def csv_table(text: str, columns: Columns, name: str) -> LogTable:
         rows.extend([_number(cells[i], separator) for i in picks] if good else corrupt)
         numbers.append(number)
     _check_widths(widths, len(titles), name)
-    skipped = header if names else first
-    remarks = [f"{name}: {skipped} lines before the header were skipped."] * (skipped > 0)
     remarks += [f"{name}: {repeated} repeated headers were left out."] * (repeated > 0)
-    if separator not in {",", None}:
-        title = {";": "semicolons", "\t": "tabs"}[separator or ""]
-        remarks.append(f"{name}: cells are separated by {title}, a comma is a decimal mark.")
     values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(picks))
-    return LogTable(values, np.frombuffer(numbers, dtype=np.int64), tuple(remarks))
+    return LogTable(values, np.frombuffer(numbers, dtype=np.int64), (*remarks, *marks))
 
 
 def flat_table(text: str, width: int, name: str) -> LogTable:
@@ -214,14 +222,23 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     """
     text = text.rstrip()
     first = _first_numeric(lines_of(text), name)
-    lines = islice(lines_of(text), first, None)
-    numbers = array("d", (_number(line.strip(), None) for line in lines))
+    numbers = plain_numbers(islice(lines_of(text), first, None))
+    if numbers is None:
+        lines = islice(lines_of(text), first, None)
+        each = array("d", (_number(line.strip(), None) for line in lines))
+        numbers = np.frombuffer(each, dtype=np.float64)
     count, rest = divmod(len(numbers), width)
     remarks = [f"{name}: {first} lines before the first number were skipped."] * (first > 0)
     if rest:
         remarks.append(f"{name}: the last sample was cut short ({rest} of {width} numbers).")
-    values = np.frombuffer(numbers, dtype=np.float64)[: count * width].reshape(count, width)
+    values = numbers[: count * width].reshape(count, width)
     return LogTable(values, first + 1 + width * np.arange(count), tuple(remarks))
+
+
+def _behind(text: str, count: int) -> str | None:
+    """Text behind its first lines; None where they are not in its first piece."""
+    head = text[: text.find("\n", PIECE) + 1 or len(text)].splitlines(keepends=True)
+    return text[sum(map(len, head[:count])) :] if count <= len(head) else None
 
 
 def _split(line: str, separator: str | None) -> list[str]:

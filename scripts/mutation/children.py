@@ -26,11 +26,13 @@ class Ended:
         noticed: True unless every test passed.
         by: the test that failed or exceeded its time; empty if none or before the first one.
         n_tests: number of tests started.
+        seconds: CPU time [s].
     """
 
     noticed: bool
     by: str
     n_tests: int
+    seconds: float = 0.0
 
 
 class Watch:
@@ -87,12 +89,13 @@ def ended(
                 running[_fork(work, job, journal)] = (job, journal, time.monotonic())
             if not running:
                 return
-            pid, status = _wait(running)
+            pid, status, seconds = _wait(running)
             job, journal, _ = running.pop(pid)
             _end_group(pid)
             names = journal.read_text("utf-8").splitlines() if journal.exists() else []
             noticed = os.waitstatus_to_exitcode(status) != 0
-            yield job, Ended(noticed, names[-1] if noticed and names else "", len(names))
+            by = names[-1] if noticed and names else ""
+            yield job, Ended(noticed, by, len(names), seconds)
 
 
 def _fork(work: Callable[[Any, Path], object], job: object, journal: Path) -> int:
@@ -114,13 +117,13 @@ def _fork(work: Callable[[Any, Path], object], job: object, journal: Path) -> in
         os._exit(code)
 
 
-def _wait(running: dict[int, tuple[Any, Path, float]]) -> tuple[int, int]:
+def _wait(running: dict[int, tuple[Any, Path, float]]) -> tuple[int, int, float]:
     """Wait for one of the children; one that takes too long is killed."""
     while True:
         for pid, (_, _, start) in running.items():
-            done, status = os.waitpid(pid, os.WNOHANG)
+            done, status, usage = os.wait4(pid, os.WNOHANG)
             if done:
-                return pid, status
+                return pid, status, usage.ru_utime + usage.ru_stime
             if time.monotonic() - start > WALL_S:
                 _end_group(pid)
         time.sleep(0.02)

@@ -23,7 +23,7 @@ class Planner:
         root: of the repository.
         lines: map of lines and tests.
         known: every collected test.
-        budget_s: CPU time of the tests of one mutant [s]; a third of it for tests that do not
+        budget_s: CPU time of the tests of one mutant [s]; a quarter of it for tests that do not
             execute the line.
     """
 
@@ -60,7 +60,7 @@ class Planner:
             *favourites,
             *self._within(new, self.budget_s),
             *ordered,
-            *self._within(near - new, self.budget_s / 3),
+            *self._within(near - new, self.budget_s / 4),
         ]
 
     def _is_near(self, test: str, module: str, room_tests: Sequence[str]) -> bool:

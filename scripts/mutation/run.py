@@ -42,6 +42,7 @@ class Outcome:
         verdict: noticed, survived or equivalent.
         by: test that failed or exceeded its time.
         n_tests: number of tests started.
+        seconds: CPU time [s].
     """
 
     room: str
@@ -52,6 +53,7 @@ class Outcome:
     verdict: str
     by: str = ""
     n_tests: int = 0
+    seconds: float = 0.0
 
     @property
     def key(self) -> tuple[str, str, str, str]:
@@ -181,7 +183,7 @@ def run(
             m = job.mutant
             verdict = NOTICED if ended.noticed else SURVIVED
             words = (m.path, m.line, m.before, m.after, verdict, ended.by, ended.n_tests)
-            journal.add(Outcome(room_of[id(m)], *words))
+            journal.add(Outcome(room_of[id(m)], *words, round(ended.seconds, 1)))
 
         def planner_of(known: Sequence[str]) -> Planner:
             return Planner(ROOT, LineMap(ROOT, folder / "map"), known, budget_s)

@@ -79,8 +79,7 @@ def autocorrelation(rest: Array, lags: int = LAGS) -> Array:
         centred = row - row.mean()
         power = centred @ centred
         if power > 0:
-            count = min(lags, len(rest) - 1)
-            out[:count, j] = [centred[k:] @ centred[:-k] / power for k in range(1, count + 1)]
+            out[:, j] = [centred[k:] @ centred[:-k] / power for k in range(1, lags + 1)]
     return out
 
 

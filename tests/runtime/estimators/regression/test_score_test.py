@@ -38,6 +38,25 @@ def test_columns_of_the_fit_add_nothing(lib: Library, noisy: Recording) -> None:
     assert friction_test(replace(fit, samples=still)) is None
 
 
+def test_friction_of_a_load_is_found_at_its_joint(
+    lib: Library, ideal_runs: tuple[Recording, ...]
+) -> None:
+    """Property: 20 % of the load in joint 5, beside a joint at rest, and in any unit of time."""
+    samples = samples_of(ideal_runs[0], lib)
+    tau = samples.tau + 0.05 * np.random.default_rng(4).normal(size=samples.tau.shape)
+    tau[:, 4] += 0.2 * np.sign(samples.dq[:, 4]) * np.abs(samples.tau[:, 4])
+    fit = free_fit(lib, replace(samples, tau=tau), np.full(lib.n_joints, 400.0))
+    moving = np.arange(lib.n_joints) > 0
+    one, other = (
+        friction_test(replace(fit, samples=replace(fit.samples, dq=fit.samples.dq * scale)))
+        for scale in (moving, 60.0 * moving)
+    )
+    assert one.is_contradicted
+    assert one.names(lib) == [lib.joint_names[4]]
+    assert one.joints[0] == 0.0
+    np.testing.assert_allclose(one.joints, other.joints, rtol=1e-9)
+
+
 def test_a_gain_of_a_joint_with_little_torque(lib: Library, noisy: Recording) -> None:
     """Oracle: a gain of 2 at joint 7, whose torque is a hundredth of that of joint 2."""
     samples = samples_of(noisy, lib)

@@ -69,6 +69,17 @@ def test_rows_hold_at_any_cutoff_with_every_friction(lib, pi_true, rubbing, regr
     assert np.allclose(rows @ phi.ravel(), samples.friction(phi), atol=1e-9)
 
 
+@pytest.mark.parametrize("regressor", ["acceleration", "momentum", "energy"])
+def test_torques_of_known_springs_are_taken_away(lib, rubbing, regressor, monkeypatch):
+    """Oracle: τ − k of a spring of constant torque, and its power −Σ k dq in rows of power."""
+    plain = of_power(at(10.0, regressor), rubbing[0], lib)
+    spring = np.arange(1.0, 8.0)
+    monkeypatch.setattr(Library, "known_torque", lambda _, q: np.tile(spring, (len(q), 1)))
+    taken = plain.tau - of_power(at(10.0, regressor), rubbing[0], lib).tau
+    each = plain.dq @ spring[:, None] if regressor == "energy" else np.tile(spring, (len(taken), 1))
+    np.testing.assert_allclose(taken, each, atol=1e-9)
+
+
 def test_accelerations_do_not(lib, pi_true, rubbing):
     """The same log at 1 Hz: filtered q and dq, multiplied, are not the filtered product."""
     log, phi = rubbing

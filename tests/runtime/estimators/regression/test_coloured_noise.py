@@ -8,7 +8,11 @@ from scipy.linalg import toeplitz
 from runtime.estimators.convex.map_estimate import fit_map
 from runtime.estimators.problem import Problem
 from runtime.estimators.regression import coloured_noise, compress
-from runtime.estimators.regression.coloured_noise import coloured_noise_of, coloured_noise_of_rows
+from runtime.estimators.regression.coloured_noise import (
+    ColouredNoise,
+    coloured_noise_of,
+    coloured_noise_of_rows,
+)
 from runtime.estimators.regression.residuals import autocorrelation, noise
 from runtime.estimators.regression.samples import Samples, samples_of, thesis_weights
 from runtime.estimators.uncertainty import uncertainty_of
@@ -158,6 +162,24 @@ def test_residual_noise_knows_what_the_unknowns_took(lib: Library, noisy: Record
     rest = np.random.default_rng(0).normal(size=(1000, 7))
     expected = np.sqrt(np.sum(rest**2, axis=0) / (1000 - 5 * 57 / 7))
     np.testing.assert_allclose(noise(rest, lib, 14, 5.0), expected)
+
+
+def test_columns_of_any_unit_count() -> None:
+    """Property: a column of length 1e-12 takes as much of the noise as one of length 1."""
+    rng = np.random.default_rng(5)
+    rows, target = rng.normal(size=(60, 2, 3)), rng.normal(size=(60, 2))
+    one = coloured_noise_of_rows(rows, target)
+    other = coloured_noise_of_rows(rows * [1.0, 1e-12, 1e3], target)
+    assert other.density == pytest.approx(one.density, rel=1e-9)
+    assert other.variance == pytest.approx(one.variance, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("density", "variance", "inflation"), [(6.0, 2.0, 3.0), (0.0, 2.0, 1.0), (6.0, 0.0, 1.0)]
+)
+def test_inflation_is_a_ratio_of_variances(density: float, variance: float, inflation: float):
+    """Oracle: S/σ² by hand; without noise rows count as independent."""
+    assert ColouredNoise(density, variance).inflation == inflation
 
 
 def test_autocorrelation_of_a_chain() -> None:

@@ -12,6 +12,7 @@ from runtime.errors import IdentificationError
 from runtime.estimators.regression import (
     Statistics,
     compress,
+    compress_all,
     compression,
     load_statistics,
     reference_triangle,
@@ -283,3 +284,17 @@ def test_sources_are_clean_under_strict_warnings(any_robot, tmp_path, name, sour
         check=False,
     )
     assert run.returncode == 0, run.stderr[:2000]
+
+
+@pytest.mark.parametrize("count", [1, 2, compression.TOGETHER, compression.TOGETHER + 2])
+def test_pieces_are_compressed_as_one_log(any_robot, count: int) -> None:
+    """Property: Gram matrix, right-hand side and power of all pieces, however many."""
+    lib = any_robot("tiny")
+    whole, weights = drawn(lib, 7 * count), np.array([2.0])
+    pieces = (taken(whole, slice(7 * k, 7 * k + 7)) for k in range(count))
+    made, expected = compress_all(lib, pieces, weights), compress(lib, whole, weights)
+    assert made.n_samples == 7 * count
+    # Rounding of sums of the same rows in another order.
+    np.testing.assert_allclose(made.factor.T @ made.factor, expected.factor.T @ expected.factor)
+    np.testing.assert_allclose(made.factor.T @ made.target, expected.factor.T @ expected.target)
+    assert made.rest == pytest.approx(expected.rest, rel=1e-9)

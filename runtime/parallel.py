@@ -7,13 +7,14 @@ so may results.
 
 import functools
 import os
+import sys
 import uuid
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import suppress
 from itertools import count
 from typing import Any, ParamSpec, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from runtime.errors import IdentificationError, RuntimeFault
 
@@ -147,7 +148,13 @@ def one_blas_thread(function: Callable[P, R]) -> Callable[P, R]:
 
     @functools.wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _blas(len(sys.modules)).limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
     return limited
+
+
+@functools.lru_cache(maxsize=1)
+def _blas(modules: int) -> ThreadpoolController:
+    """The loaded BLAS libraries; looked for anew only when modules were imported since."""
+    return ThreadpoolController()

@@ -4,9 +4,10 @@
 repository. Tests that need it are skipped with a reason where it is absent.
 """
 
+import gc
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: place.get(item.path, len(FIRST)))
 
 
+def pytest_collection_finish() -> None:
+    """Modules and tests stay to the end: the collector of cycles need not pass over them again."""
+    gc.collect()
+    gc.freeze()
+
+
 # Derandomised: the same commit passes or fails the same way everywhere.
 settings.register_profile("tests", max_examples=60, deadline=None, derandomize=True, database=None)
 settings.load_profile("tests")
@@ -86,6 +93,14 @@ def _zig_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "zig"
     os.environ.setdefault("ZIG_GLOBAL_CACHE_DIR", str(folder))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_wait_for_the_disk() -> Iterator[None]:
+    """No test pulls the plug: the order of writing is tested, not the disk behind it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _: None)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

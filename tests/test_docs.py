@@ -21,6 +21,8 @@ PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").rglob("*.md"))]
 NOTEBOOKS = ("own-robot", "payload")
 SIZES = ((1400, 900), (400, 800))
 EXCESS = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+"""The page has answered to its new size."""
 OF_SCRIPTS = {
     f"--{name}" for name in ("update", "goals", "designs", "joints", "serve", "notebooks")
 } | {
@@ -140,19 +142,19 @@ def test_the_site_in_a_browser(address: str) -> None:
         complaints: list[str] = []
         others: list[str] = []
         for scheme in ("light", "dark"):
-            for width, height in SIZES:
-                page = browser.new_page(
-                    viewport={"width": width, "height": height}, color_scheme=scheme
-                )
-                page.on("pageerror", lambda error: complaints.append(str(error)))
-                page.on("request", lambda request: others.append(request.url))
-                for name in LOOKED_AT:
-                    page.goto(f"{address}/{name}")
+            page = browser.new_page(color_scheme=scheme)
+            page.on("pageerror", lambda error: complaints.append(str(error)))
+            page.on("request", lambda request: others.append(request.url))
+            for name in LOOKED_AT:
+                page.goto(f"{address}/{name}")
+                for width, height in SIZES:
+                    page.set_viewport_size({"width": width, "height": height})
+                    page.evaluate(DRAWN)
                     excess = page.evaluate(EXCESS)
                     assert excess <= 0, f"{name} at {width} px is {excess} px too wide"
-                shown = page.evaluate("document.body.getAttribute('data-md-color-scheme')")
-                assert shown == {"light": "default", "dark": "slate"}[scheme]
-                page.close()
+            shown = page.evaluate("document.body.getAttribute('data-md-color-scheme')")
+            assert shown == {"light": "default", "dark": "slate"}[scheme]
+            page.close()
         page = browser.new_page()
         page.on("request", lambda request: others.append(request.url))
         page.goto(f"{address}/index.html")

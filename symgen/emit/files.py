@@ -8,6 +8,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -152,7 +153,9 @@ def _kernel_entry(kernel: Kernel) -> dict[str, Any]:
     }
 
 
+@cache
 def _renderer() -> Callable[[str, dict[str, Any]], str]:
+    """Templates and their filters; parsed templates are kept, half of the time of a small robot."""
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(_TEMPLATES),
         undefined=jinja2.StrictUndefined,

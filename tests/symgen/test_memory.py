@@ -267,7 +267,8 @@ class Workbench:
         width, march = LEVELS[machine()][level]
         flags = [f"-DLEVEL={level}", f"-DW={width}", "-ffp-contract=fast"]
         flags += [f"-march={march}"] if march else []
-        self.cc(*flags, "-c", *sources)
+        for source in sources:  # one by one, as ccache keeps objects
+            self.cc(*flags, "-c", source)
         self.cc(*objects, "-o", level, "-lm")
         return self.folder / level
 
@@ -276,7 +277,8 @@ def workbench(lib: Library, folder: Path, *flags: str) -> Workbench:
     for file in lib.folder.glob("*.[ch]"):
         shutil.copy(file, folder)
     made = Workbench(lib, folder, flags)
-    made.cc("-c", *INDEPENDENT)
+    for source in INDEPENDENT:
+        made.cc("-c", source)
     return made
 
 

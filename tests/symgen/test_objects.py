@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -220,6 +221,16 @@ def test_readme_prints_the_bounds(fr3: Library) -> None:
 # --- the example ----------------------------------------------------------------------------------
 
 
+def linked(
+    tool: str, flags: Sequence[str], main: str, sources: Sequence[str], folder: Path
+) -> None:
+    """Compile sources one by one, as ccache keeps objects, and link a program of them."""
+    for source in sources:
+        compiler_run([tool, *flags, "-c", source], folder)
+    objects = [f"{Path(source).stem}.o" for source in sources]
+    compiler_run([tool, main, *objects, "-lm", "-o", Path(main).stem], folder)
+
+
 @pytest.mark.parametrize("name", ["fr3", "tree", "gantry"])
 def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, name: str) -> None:
     """Oracle: Pinocchio at the state that stands in the file, and with one kilogram more."""
@@ -227,9 +238,7 @@ def test_example_prints_what_pinocchio_says(robot, tmp_path: Path, tool: str, na
     for file in ("example.c", "kernels.c", "update.c", f"{name}.h"):
         shutil.copy(lib.folder / file, tmp_path)
     compiler_run([tool, *STRICT, "-pedantic", "-O1", "-c", "example.c"], tmp_path)
-    compiler_run(
-        [tool, "-O1", "example.o", "kernels.c", "update.c", "-lm", "-o", "example"], tmp_path
-    )
+    linked(tool, ["-O1"], "example.o", ["kernels.c", "update.c"], tmp_path)
     text = (tmp_path / "example.c").read_text(encoding="utf-8")
     state = [
         np.array(re.search(rf" {x}\[JOINTS\] = {{(.*)}};", text)[1].split(", "), dtype=float)
@@ -263,11 +272,8 @@ def test_online_example_finds_the_heavier_robot(robot, tmp_path: Path, tool: str
     strict = (*STRICT, "-pedantic", "-O1", "-c", "example_online.c", "-DLEVEL=portable")
     compiler_run([tool, *strict], tmp_path)
     level = ("-DLEVEL=portable", "-DW=1", "-O1", "-ffp-contract=fast")
-    compiler_run(
-        [tool, *level, "example_online.o", *sources, "-lm", "-o", "online"],
-        tmp_path,
-    )
-    done = subprocess.run([str(tmp_path / "online")], capture_output=True, text=True, check=True)
+    linked(tool, level, "example_online.o", sources, tmp_path)
+    done = subprocess.run([str(tmp_path / "example_online")], capture_output=True, text=True, check=True)
     (line,) = done.stdout.splitlines()
     # A ripple of 0.02 N m that 2000 samples average; the guess errs by 4 N m.
     assert float(line.split()[-1]) < 1e-3

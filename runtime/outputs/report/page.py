@@ -7,6 +7,7 @@ zoom and filter only.
 import re
 from base64 import b64encode
 from collections.abc import Iterable, Iterator
+from functools import cache
 from hashlib import sha256
 from importlib.resources import files
 from itertools import pairwise
@@ -39,16 +40,9 @@ def write_page(page: Page, path: Path) -> Path:
 
 def render(page: Page) -> str:
     """HTML of a page; equal pages give equal text."""
-    environment = Environment(
-        loader=PackageLoader("runtime.outputs.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     script = _asset("page.js")
     digest = b64encode(sha256(script.encode()).digest()).decode()
-    return environment.get_template("report.html.jinja2").render(
+    return _environment().get_template("report.html.jinja2").render(
         page=page,
         sections=tuple(
             zip(page.sections, anchors(page.sections), _headings(page.sections), strict=True)
@@ -57,6 +51,17 @@ def render(page: Page) -> str:
         style=Markup(_asset("page.css")),  # noqa: S704  our own file
         script=Markup(script),  # noqa: S704  our own file
         script_hash=f"sha256-{digest}",
+    )
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=PackageLoader("runtime.outputs.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
 
 

@@ -1,5 +1,6 @@
 """Start-up: which libraries an import loads; heavy ones are imported where they are used."""
 
+import os
 import subprocess
 import sys
 
@@ -78,3 +79,23 @@ def test_names_of_the_package_are_imported_at_their_first_use() -> None:
         [sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True, check=True
     )
     assert run.stdout.strip() == "module 'runtime' has no attribute 'nothing'"
+
+
+def test_commands_use_one_thread_of_blas() -> None:
+    """Oracle: threadpoolctl; a second thread took four fifths of the time of `predict`."""
+    code = (
+        "import sys\nfrom runtime.cli import main\nsys.argv = ['symgen', '--version']\nmain()\n"
+        "import numpy\n"
+        "from threadpoolctl import threadpool_info\n"
+        "print(*(pool['num_threads'] for pool in threadpool_info() if pool['user_api'] == 'blas'))"
+    )
+    free = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=True,
+        env=free,
+    )
+    assert set(run.stdout.splitlines()[-1].split()) == {"1"}

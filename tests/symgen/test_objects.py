@@ -273,7 +273,9 @@ def test_online_example_finds_the_heavier_robot(robot, tmp_path: Path, tool: str
     compiler_run([tool, *strict], tmp_path)
     level = ("-DLEVEL=portable", "-DW=1", "-O1", "-ffp-contract=fast")
     linked(tool, level, "example_online.o", sources, tmp_path)
-    done = subprocess.run([str(tmp_path / "example_online")], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [str(tmp_path / "example_online")], capture_output=True, text=True, check=True
+    )
     (line,) = done.stdout.splitlines()
     # A ripple of 0.02 N m that 2000 samples average; the guess errs by 4 N m.
     assert float(line.split()[-1]) < 1e-3

@@ -42,15 +42,19 @@ def render(page: Page) -> str:
     """HTML of a page; equal pages give equal text."""
     script = _asset("page.js")
     digest = b64encode(sha256(script.encode()).digest()).decode()
-    return _environment().get_template("report.html.jinja2").render(
-        page=page,
-        sections=tuple(
-            zip(page.sections, anchors(page.sections), _headings(page.sections), strict=True)
-        ),
-        grouped=any(section.group for section in page.sections),
-        style=Markup(_asset("page.css")),  # noqa: S704  our own file
-        script=Markup(script),  # noqa: S704  our own file
-        script_hash=f"sha256-{digest}",
+    return (
+        _environment()
+        .get_template("report.html.jinja2")
+        .render(
+            page=page,
+            sections=tuple(
+                zip(page.sections, anchors(page.sections), _headings(page.sections), strict=True)
+            ),
+            grouped=any(section.group for section in page.sections),
+            style=Markup(_asset("page.css")),  # noqa: S704  our own file
+            script=Markup(script),  # noqa: S704  our own file
+            script_hash=f"sha256-{digest}",
+        )
     )
 
 

@@ -21,6 +21,8 @@ SIGNIFICANCE = 1e-4
 """Probability of an alarm where the columns are absent, as in the test of the prior."""
 ROWS = 1500
 """Samples that determine a gain to a percent or better."""
+EQUATIONS = 14_000
+"""Equations of as many samples, above which robots of more than nine joints take fewer of them."""
 RANK_TOLERANCE = 1e-6
 """Singular value, relative to the largest, below which a direction is absent. The common factor of
 all gains is absent up to rounding × condition of the fit."""
@@ -76,7 +78,9 @@ def free_fit(lib: Library, samples: Samples, weights: Array) -> FreeFit | None:
     if samples.equations < lib.n_joints:
         return None
     # Evenly spread rows: S is estimated from their residuals, correlated or not.
-    s = samples.rows(slice(None, None, max(1, len(samples) // ROWS)))
+    count = len(samples)
+    step = max(1, count // ROWS, count * lib.n_joints // EQUATIONS)
+    s = samples.rows(slice(None, None, step))
     scale = np.sqrt(weights)
     rows = np.concatenate([s.base_rows(lib), s.friction_rows()], axis=2) * scale[:, None]
     flat, target = rows.reshape(-1, rows.shape[2]), (s.tau * scale).ravel()
@@ -125,8 +129,9 @@ def orthonormal(columns: Array, lengths: Array | None = None) -> Array:
         The basis, (N, at most k).
     """
     units = np.linalg.norm(columns, axis=0) if lengths is None else lengths
-    q, upper = np.linalg.qr(columns / np.where(units > 0, units, 1.0))
-    space, sizes, _ = np.linalg.svd(upper)
+    scaled = columns / np.where(units > 0, units, 1.0)
+    # Columns · V/σ from the triangle alone: orthonormal to rounding over `RANK_TOLERANCE`.
+    _, sizes, right = np.linalg.svd(np.linalg.qr(scaled, mode="r"), full_matrices=False)
     least = 1e-300 if lengths is None else 1.0
     present = sizes > RANK_TOLERANCE * max(float(sizes.max(initial=0.0)), least)
-    return np.asarray(q @ space[:, : len(sizes)][:, present])
+    return np.asarray(scaled @ (right[present].T / sizes[present]))

@@ -39,6 +39,8 @@ DONE = 0.1
 """Step over standard deviation below which the passes end."""
 MOST_STEP = (0.02, 0.05)
 """Largest step of one pass: of a delay [s], of a bias [rad, m]."""
+THINNED = 10.0
+"""Rate of the rows over the cut-off at which the first passes are made."""
 BIAS_PRIOR = 0.02
 """Standard deviation of the prior of an encoder bias [rad, m]: the residual of a calibration by
 hand, a degree."""
@@ -139,22 +141,38 @@ def _newton(
     preparation: Preparation,
     delay: Array,
 ) -> _Point:
-    """Most probable delay and biases, from a first delay."""
+    """Most probable delay and biases, from a first delay.
+
+    The passes take fewer rows of the low-passed signals until they end, then all rows.
+    """
     n = lib.n_joints
     bias = np.zeros(n)
     sigma = np.full(delay.shape, np.inf)
+    rough, thinned = replace(settings, certify=False), _thinned(recording, preparation)
     for _ in range(PASSES if request.delay or request.bias else 0):
-        result = _at(recording, lib, replace(settings, certify=False), preparation, delay, bias)
+        result = _at(recording, lib, rough, thinned, delay, bias)
         step = _linearised(result, settings, request, bias, rough=True)
         sigma = step.delay_sigma
         size = np.concatenate([step.delay_step / sigma, step.bias_step / step.bias_sigma])
-        if np.nanmax(np.abs(size)) < DONE:
+        if np.nanmax(np.abs(size)) < DONE and thinned is preparation:
             break
+        if np.nanmax(np.abs(size)) < 1.0:
+            thinned = preparation
         if request.delay:
             delay = delay + np.clip(step.delay_step, -MOST_STEP[0], MOST_STEP[0])
         if request.bias:
             bias = bias + np.clip(step.bias_step, -MOST_STEP[1], MOST_STEP[1])
     return _Point(delay, sigma, bias)
+
+
+def _thinned(recording: Recording, preparation: Preparation) -> Preparation:
+    """The preparation at a tenth of its cut-off's period, where the log is twice as fast."""
+    cutoff = preparation.cutoff_hz
+    if cutoff is None or preparation.rate_hz is not None:
+        return preparation
+    if recording.rate_hz < 1.9 * THINNED * cutoff:
+        return preparation
+    return replace(preparation, rate_hz=THINNED * cutoff)
 
 
 def _certified(

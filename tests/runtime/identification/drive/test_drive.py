@@ -9,11 +9,13 @@ import pytest
 
 from runtime.errors import IdentificationError
 from runtime.estimators.regression.samples import Samples
+from runtime.identification.drive import estimate
 from runtime.identification.drive.estimate import identify_drive
 from runtime.identification.drive.linearised import bias_columns
 from runtime.identification.drive.result import DriveRequest
 from runtime.identification.identified import Identification
 from runtime.identification.settings import Settings
+from runtime.identification.single_log import identify
 from runtime.library import Library
 from runtime.recording import Friction, Preparation, Recording, read_recording
 from runtime.recording.friction import DRIVE
@@ -44,19 +46,32 @@ def deviations(result: Identification, servo: Servo) -> dict[str, np.ndarray]:
     return every
 
 
-def test_exact_log_gives_the_truth(lib: Library, tmp_path: Path) -> None:
+def test_exact_log_gives_the_truth(
+    lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Oracle: without noise delay, biases and friction are those of the log.
 
     What remains is the interpolation of the torque between rows of 5 ms: (h²/8) τ̈ of motions up to
     1.5 Hz is 3e-4 of the torque; the motion tells the biases of the two horizontal axes apart only
-    by gravity, and the axis of joint 1 is vertical: its bias is not identifiable.
+    by gravity, and the axis of joint 1 is vertical: its bias is not identifiable. The first
+    passes take rows at ten times the cut-off, the last one all.
     """
+    rates = []
+
+    def counted(log: Recording, robot: Library, settings: Settings, **options: object):
+        assert settings.preparation is not None
+        rates.append(settings.preparation.rate_hz)
+        return identify(log, robot, settings, **options)
+
+    monkeypatch.setattr(estimate, "identify", counted)
     rng = np.random.default_rng(1)
     servo = replace(random_servo(lib, rng), pi=lib.pi0)
     log = recorded(servo_arrays(lib, servo, rng, noise=1e-3), tmp_path)
     result = identify_drive(log, lib, Settings(preparation=FILTERED), EVERYTHING)
     drive = result.drive
     assert drive is not None
+    assert rates[0] == 10 * FILTERED.cutoff_hz
+    assert rates[-2:] == [None, None]
     assert drive.delay == pytest.approx(servo.delay, abs=2e-4)
     assert drive.bias[1:6] == pytest.approx(servo.bias[1:6], abs=2e-3)
     assert drive.verdicts()[0] == "not identifiable from this motion"

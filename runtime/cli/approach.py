@@ -14,7 +14,9 @@ from runtime.cli.limit_options import (
     Carry,
     Clearance,
     Coulomb,
+    FrictionBand,
     Obstacles,
+    PayloadBand,
     Table,
     TorqueFraction,
     Unchecked,
@@ -81,6 +83,8 @@ def approach_command(
     torque_fraction: TorqueFraction = 0.95,
     viscous: Viscous = None,
     coulomb: Coulomb = None,
+    payload_band: PayloadBand = None,
+    friction_band: FrictionBand = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
 ) -> None:
@@ -99,7 +103,17 @@ def approach_command(
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
     safety = safety_of(
-        lib, torque_fraction, clearance, height, box, viscous, coulomb, carry, obstacles
+        lib,
+        torque_fraction,
+        clearance,
+        height,
+        box,
+        viscous,
+        coulomb,
+        carry,
+        obstacles,
+        payload_band,
+        friction_band,
     )
     path = json_path(out or Path("results") / f"{lib.name}-approach.json")
     trajectory = read_trajectory(motion, lib)

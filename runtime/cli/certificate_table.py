@@ -7,6 +7,7 @@ from rich.table import Column, Table
 
 from runtime.cli.carry import carried_body
 from runtime.cli.common import numbers_option
+from runtime.cli.payload_band import band_of_payload
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
 from runtime.excitation.limits.obstacles import OBSTACLE, read_obstacles
@@ -30,6 +31,8 @@ def safety_of(
     coulomb: str | None,
     carry: str | None = None,
     obstacles: Path | None = None,
+    payload_band: str | None = None,
+    friction_band: float | None = None,
 ) -> Safety:
     """Limits of the options, which hold besides those that the robot states.
 
@@ -43,6 +46,8 @@ def safety_of(
         coulomb: one number or one per joint, N·m.
         carry: body in the hand, value of --carry.
         obstacles: TOML of obstacles.
+        payload_band: mass in kg and reach in m of what the payload may differ by.
+        friction_band: half-width of friction in %.
 
     Returns:
         The limits.
@@ -50,6 +55,7 @@ def safety_of(
     Raises:
         RuntimeFault: an option is not of this form, or the file of obstacles is none.
     """
+    body = carried_body(lib, carry)
     return Safety(
         torque_fraction=torque_fraction,
         clearance=clearance,
@@ -57,8 +63,10 @@ def safety_of(
         box=None if box is None else numbers_option(box, BOX, "--box"),
         viscous=_per_joint(lib, viscous, "--viscous"),
         coulomb=_per_joint(lib, coulomb, "--coulomb"),
-        carried=carried_body(lib, carry),
+        carried=body,
         obstacles=() if obstacles is None else read_obstacles(obstacles),
+        band=() if payload_band is None else band_of_payload(lib, payload_band, body),
+        friction_band=(friction_band or 0.0) / 100,
     )
 
 

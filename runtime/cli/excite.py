@@ -22,7 +22,9 @@ from runtime.cli.limit_options import (
     Carry,
     Clearance,
     Coulomb,
+    FrictionBand,
     Obstacles,
+    PayloadBand,
     Table,
     TorqueFraction,
     Unchecked,
@@ -172,6 +174,8 @@ def excite_command(
     margin: Annotated[float | None, typer.Option(help=MARGIN_HELP)] = None,
     viscous: Viscous = None,
     coulomb: Coulomb = None,
+    payload_band: PayloadBand = None,
+    friction_band: FrictionBand = None,
     pictures: Annotated[
         bool,
         typer.Option(
@@ -208,11 +212,22 @@ def excite_command(
     require_applicable(context, static)
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
-    options = clearance, height, box, viscous, coulomb, carry, obstacles
+    options = (
+        clearance,
+        height,
+        box,
+        viscous,
+        coulomb,
+        carry,
+        obstacles,
+        payload_band,
+        friction_band,
+    )
     if document and any(option is not None for option in (*options, from_pose)):
         raise RuntimeFault(
             "--document excludes --table, --box, --clearance, --viscous, --coulomb, --carry, "
-            "--obstacles and --from; give --criterion cond instead, which keeps all limits"
+            "--obstacles, --payload-band, --friction-band and --from; give --criterion cond "
+            "instead, which keeps all limits"
         )
     safety = None if document else safety_of(lib, torque_fraction, *options)
     if static and safety is not None:

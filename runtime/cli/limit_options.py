@@ -49,6 +49,21 @@ Obstacles = Annotated[
         "center, size (edges), rpy and radius, m and rad in the base frame.",
     ),
 ]
+PayloadBand = Annotated[
+    str | None,
+    typer.Option(
+        metavar="MASS,REACH",
+        help="The limits of torques hold for every payload that differs from --carry, or from an "
+        "empty hand, by masses of ± MASS kg in all within REACH m of its centre, or of the tip.",
+    ),
+]
+FrictionBand = Annotated[
+    float | None,
+    typer.Option(
+        metavar="PERCENT",
+        help="The limits of torques hold for --viscous and --coulomb ± PERCENT of both.",
+    ),
+]
 TorqueFraction = Annotated[
     float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
 ]

@@ -10,6 +10,8 @@ on the limit and is −1 or less far from it. The physics comes from the robot's
 | torque | joint and sign | ±(τ + f_v dq) / (limit − f_c) − 1 |
 | torque rate | joint and sign | ±(dτ/dt + f_v ddq) / limit − 1 |
 
+With a band of models the largest change of the torque, or of its rate, is added to both signs.
+
 Constraints of places and distances are in `distance_limits`.
 """
 
@@ -19,6 +21,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from runtime.excitation.limits.interval_bounds import ROUNDING, IntervalBounds
+from runtime.excitation.limits.model_band import ModelBand
 from runtime.excitation.limits.sampled_motion import SampledMotion
 from runtime.library import Array, Library
 
@@ -159,6 +162,7 @@ class _OfJoints:
     limit: Array
     viscous: Array
     joints: tuple[str, ...]
+    band: ModelBand | None = None
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -180,13 +184,24 @@ class _OfJoints:
         tau, motion = bounds.torques(self.pi), bounds.motion
         second = tau[order + 2] + self.viscous * motion[order + 3]
         size = tau[order] + self.viscous * motion[order + 1]
-        share = (bounds.bend(second) + ROUNDING * size) / self.limit
-        return np.concatenate([share, share], axis=1)
+        rise = bounds.bend(second) + ROUNDING * size
+        if self.band is not None:
+            rise = rise + self.band.bend(bounds, order)
+        return np.tile(rise / self.limit, 2)
+
+    def _widened(self, g: Array, more: Array) -> Array:
+        """Values of both signs, with the largest change within the band (N, n)."""
+        return np.asarray(g + np.tile(more / self.limit, 2))
+
+    @property
+    def _columns(self) -> Array:
+        """Limits beside slopes (N, n, orders, n)."""
+        return self.limit[:, None, None]
 
     def _signed(self, slope: Array, order: int) -> Array:
         """Slopes of both signs over the limit, with f_v at the derivative `order`."""
         slope[:, :, order] += np.diag(self.viscous)
-        slope /= self.limit[:, None, None]
+        slope /= self._columns
         return np.concatenate([slope, -slope], axis=1)
 
     def _with_rate(self, value: Array, rate: Array, rubbing: Array) -> tuple[Array, Array]:
@@ -215,12 +230,17 @@ class Torque(_OfJoints):
 
     def values(self, motion: Array) -> Array:
         """Values ±(τ + f_v dq) / limit − 1."""
-        return _both(self.torques(motion) / self.limit)
+        g = _both(self.torques(motion) / self.limit)
+        return g if self.band is None else self._widened(g, self.band.torques(motion))
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """Values, and rates with dτ/dt + f_v ddq."""
         tau, dtau, _ = sampled.torques(self.pi)
-        return self._with_rate(tau, dtau, sampled.motion[1:3])
+        g, rate = self._with_rate(tau, dtau, sampled.motion[1:3])
+        if self.band is None:
+            return g, rate
+        more, change = self.band.torques(sampled.motion), self.band.changes(sampled.motion, 0)
+        return self._widened(g, more), self._widened(rate, change)
 
     def rise(self, bounds: IntervalBounds) -> Array:
         """Rise by d²τ/dt² + f_v dddq."""
@@ -229,7 +249,10 @@ class Torque(_OfJoints):
     def slopes(self, motion: Array) -> Array:
         """Slopes ±(∂τ/∂(q, dq, ddq) + f_v) / limit."""
         slope = np.stack(self.lib.torque_derivatives(*_three(motion), self.pi)[1:], axis=2)
-        return self._signed(slope, 1)
+        signed = self._signed(slope, 1)
+        if self.band is not None:
+            signed += np.tile(self.band.torque_slopes(motion) / self._columns, (1, 2, 1, 1))
+        return signed
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,14 +265,19 @@ class TorqueRate(_OfJoints):
 
     def values(self, motion: Array) -> Array:
         """Values ±(dτ/dt + f_v ddq) / limit − 1."""
-        return _both(
+        g = _both(
             (self.lib.torque_rate(*_four(motion), self.pi) + self.viscous * motion[2]) / self.limit
         )
+        return g if self.band is None else self._widened(g, self.band.rates(motion))
 
     def along(self, sampled: SampledMotion) -> tuple[Array, Array]:
         """Values, and rates with d²τ/dt² + f_v dddq."""
         _, dtau, ddtau = sampled.torques(self.pi)
-        return self._with_rate(dtau, ddtau, sampled.motion[2:4])
+        g, rate = self._with_rate(dtau, ddtau, sampled.motion[2:4])
+        if self.band is None:
+            return g, rate
+        more, change = self.band.rates(sampled.motion), self.band.changes(sampled.motion, 1)
+        return self._widened(g, more), self._widened(rate, change)
 
     def rise(self, bounds: IntervalBounds) -> Array:
         """Rise by d³τ/dt³ + f_v ddddq."""
@@ -259,7 +287,10 @@ class TorqueRate(_OfJoints):
         """Slopes ±(∂(dτ/dt)/∂(q, dq, ddq, dddq) + f_v) / limit."""
         n = motion.shape[2]
         slope = self.lib.torque_rate_jacobian(*_four(motion), self.pi)[1].reshape(-1, n, 4, n)
-        return self._signed(slope, 2)
+        signed = self._signed(slope, 2)
+        if self.band is not None:
+            signed += np.tile(self.band.rate_slopes(motion) / self._columns, (1, 2, 1, 1))
+        return signed
 
 
 def _three(motion: Array) -> tuple[Array, Array, Array]:

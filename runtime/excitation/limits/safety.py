@@ -19,6 +19,7 @@ from runtime.excitation.limits.distance_limits import (
     TipBox,
     TipSpeed,
 )
+from runtime.excitation.limits.model_band import ModelBand
 from runtime.excitation.limits.nonlinear_limits import (
     Braking,
     Constraint,
@@ -54,6 +55,9 @@ class Safety:
         viscous, coulomb: friction per joint, N·m·s/rad and N·m, or empty.
         carried: body in the hand, part of torques and distances; None is an empty hand.
         obstacles: bodies fixed in the base frame that the links keep away from.
+        band: half-widths of the inertial parameters of all links within which torques and their
+            rates keep the limits, (10 L,), or empty.
+        friction_band: half-width of viscous and Coulomb friction, as a share of both.
 
     Raises:
         IdentificationError: numbers that make no limits.
@@ -67,6 +71,17 @@ class Safety:
     coulomb: tuple[float, ...] = ()
     carried: CarriedBody | None = None
     obstacles: tuple[Obstacle, ...] = ()
+    band: tuple[float, ...] = ()
+    friction_band: float = 0.0
+
+    @property
+    def models(self) -> str:
+        """Models whose torques keep the limits, for certificates; empty for one model."""
+        masses = ", ".join(f"{1e3 * mass:g} g" for mass in self.band[::10] if mass > 0)
+        stated = [f"masses ± {masses}"] if masses else []
+        if self.friction_band:
+            stated.append(f"friction ± {100 * self.friction_band:g} %")
+        return " and ".join(stated)
 
     def __post_init__(self) -> None:
         if not 0 < self.torque_fraction <= 1:
@@ -84,11 +99,16 @@ class Safety:
             )
         if self.box is not None:
             _check_box(self.box)
-        for name in ("viscous", "coulomb"):
+        if not 0 <= self.friction_band < np.inf:
+            raise IdentificationError(
+                f"a band of friction from 0 up is needed, got {100 * self.friction_band:g} %; 20 % "
+                "is usual"
+            )
+        for name in ("viscous", "coulomb", "band"):
             values = np.array(getattr(self, name), dtype=float)
             if not (np.isfinite(values) & (values >= 0)).all():
                 raise IdentificationError(
-                    f"{name} friction needs finite numbers from 0 up, got {values.tolist()}"
+                    f"{name} of the limits needs finite numbers from 0 up, got {values.tolist()}"
                 )
 
 
@@ -129,7 +149,8 @@ def _braking(lib: Library, home: Array) -> tuple[Braking, ...]:
 def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
     limits, n = lib.limits(), lib.n_joints
     viscous, coulomb = (_per_joint(lib, name, getattr(safety, name)) for name in _FRICTION)
-    pi = with_load(lib.pi0, safety.carried)
+    coulomb = (1 + safety.friction_band) * coulomb
+    pi, band = with_load(lib.pi0, safety.carried), _band(lib, safety, viscous)
     chosen: list[TimedConstraint] = []
     if np.isfinite(limits["effort"]).any():
         limit = safety.torque_fraction * limits["effort"] - coulomb
@@ -140,14 +161,25 @@ def _torques(lib: Library, safety: Safety) -> tuple[TimedConstraint, ...]:
                 f"'{lib.joint_names[j]}', {100 * safety.torque_fraction:g} % of "
                 f"{limits['effort'][j]:g} N·m; lower the friction or raise the share"
             )
-        chosen.append(Torque(lib, pi, limit, viscous, lib.joint_names))
+        chosen.append(Torque(lib, pi, limit, viscous, lib.joint_names, band))
     if np.isfinite(limits["torque_rate"]).any():
         rate = np.broadcast_to(limits["torque_rate"], (n,))
-        chosen.append(TorqueRate(lib, pi, rate, viscous, lib.joint_names))
+        chosen.append(TorqueRate(lib, pi, rate, viscous, lib.joint_names, band))
     return tuple(chosen)
 
 
 _FRICTION = ("viscous", "coulomb")
+
+
+def _band(lib: Library, safety: Safety, viscous: Array) -> ModelBand | None:
+    if not (safety.band or safety.friction_band):
+        return None
+    pi = np.array(safety.band or np.zeros(len(lib.pi0)))
+    if pi.shape != lib.pi0.shape:
+        raise IdentificationError(
+            f"a band of models of '{lib.name}' needs {len(lib.pi0)} half-widths, got {len(pi)}"
+        )
+    return ModelBand(lib, pi, safety.friction_band * viscous)
 
 
 def _per_joint(lib: Library, name: str, values: tuple[float, ...]) -> Array:

@@ -169,6 +169,8 @@ def certificate_of(
     distances = tuple(row for row in rows if row.kind in DISTANCES)
     carried = None if safety is None else safety.carried
     load = EMPTY_HAND if carried is None else carried.sentence
+    if safety is not None and safety.models:
+        load += f", every model within {safety.models}"
     return Certificate(tuple(uses), tuple(unlimited), unchecked(lib, safety), distances, load)
 
 

@@ -1,0 +1,330 @@
+"""Certificates of random motions against Pinocchio and coal, and violations between samples.
+
+The motion is that of its basis; torques, tip and distances are those of the two engines. Torques
+and tip are taken at 20 kHz, distances at 1 kHz and at 20 kHz around their smallest values; the
+largest values are then moved to the nearest local maximum.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio
+from scipy.optimize import minimize_scalar
+
+from runtime import load
+from runtime.excitation import Limits, Safety, Trajectory, basis_of
+from runtime.excitation.limits.distance_limits import Clearance
+from runtime.excitation.limits.joint_limits import inside
+from runtime.excitation.limits.nonlinear_limits import Torque
+from runtime.excitation.limits.safety import constraints
+from runtime.excitation.proof.certificate import Certificate, certificate_of
+from runtime.excitation.proof.nonlinear_bounds import constraint_bounds
+from runtime.library import Array, Library, ProxyFacts
+from symgen.build.config import RobotConfig
+from symgen.build.pipeline import build
+from symgen.build.request import BuildRequest
+from symgen.chain import read_chain
+from symgen.collision import CollisionModel
+from symgen.collision.model import BASE, Pair, Proxy
+from tests.oracle import pinocchio_model
+from tests.robots import CASES
+from tests.runtime.excitation.proof.spiked import Spiked
+
+ROBOTS = ("fr3", "ur5e", "xarm7", "gantry")
+DENSE, COARSE = 20_000, 1000
+"""Rates of the check, Hz."""
+TABLE = -0.2
+"""Height of the table, m."""
+_RADIUS = 0.04
+"""Of capsules along the links of robots without proxies, m."""
+_SHRUNK = 0.7
+"""Factor of a motion that does not hold."""
+_GJK = 2e-6
+"""Coal's GJK ends at 1e-6 m."""
+BUMP = 0.3e-3
+"""Duration of a planted bump, s."""
+
+
+def robot(name: str, models: Path, root: Path) -> Library:
+    """A bundled robot, or one that is built with capsules along its links and further limits.
+
+    Args:
+        name: one of `ROBOTS`.
+        models: folder of published robots.
+        root: folder of builds.
+
+    Returns:
+        The library.
+    """
+    if name in {"fr3", "ur5e"}:
+        return load(name)
+    request = CASES[name].request(name, models)
+    chain = read_chain(request.urdf, request.options)
+    n = len(chain.joints)
+    origin = (0.0, 0.0, 0.0)
+    ends = [joint.translation for joint in chain.joints[1:]] + [chain.tip.translation]
+    links = [BASE, *(joint.link for joint in chain.joints)]
+    ends = [chain.joints[0].translation, *ends]
+    proxies = tuple(
+        Proxy(f"part{i}", link, origin, tuple(end), _RADIUS)
+        for i, (link, end) in enumerate(zip(links, ends, strict=True))
+    )
+    pairs = tuple(
+        Pair(f"part{i}", f"part{j}", -1.0) for i in range(n + 1) for j in range(i + 2, n + 1)
+    )
+    config = RobotConfig(
+        torque_rate=(1000.0,) * n, tip_speed=2.0, collision=CollisionModel(proxies, pairs)
+    )
+    made: BuildRequest = replace(request, config=config)
+    return load(build(made, root, levels=(load("fr3").level,)).folder)
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """One motion: largest excess over a proven bound, and how far margins are from the true ones.
+
+    Attributes:
+        robot: its name.
+        basis: of the motion.
+        excess: largest true use less the bound; for distances in m, below 0 where the proof holds.
+        where: limit of that excess.
+        torque_share: margin of the proof over the true one, of the torque.
+        distance_gap: largest true distance less the stated one, m.
+    """
+
+    robot: str
+    basis: str
+    excess: float
+    where: str
+    torque_share: float
+    distance_gap: float
+
+
+def certified_motion(
+    lib: Library, rng: np.random.Generator
+) -> tuple[Trajectory, Safety, Certificate]:
+    """A random motion of 1 to 3 s that holds all limits, as large as that allows.
+
+    Args:
+        lib: the robot.
+        rng: random numbers.
+
+    Returns:
+        Motion, limits and certificate.
+    """
+    n = lib.n_joints
+    basis = basis_of(str(rng.choice(["cosine", "fourier", "bspline"])))
+    size, duration = basis.size(int(rng.integers(2, 7))), float(rng.uniform(1.0, 3.0))
+    safety = Safety(table=TABLE, viscous=tuple(rng.uniform(0, 2, n)))
+    a = inside(Limits(lib, lib.home, size, duration, basis=basis), rng.normal(size=(n, size)))
+    while True:
+        motion = Trajectory(lib.home, a, duration, basis)
+        proof = certificate_of(lib, motion, safety)
+        if proof.holds:
+            return motion, safety, proof
+        a = _SHRUNK * a
+
+
+class Engines:
+    """Pinocchio's model of a robot, with the capsules of its links in coal."""
+
+    def __init__(self, lib: Library) -> None:
+        self.lib, self.model = lib, pinocchio_model(lib.urdf(), lib.gravity)
+        self._data = self.model.createData()
+        self._tip = self.model.getFrameId(lib.manifest.tip, pinocchio.BODY)
+        self._placed = {p.name: (p.joint + 1, *_shape(p)) for p in lib.proxies}
+        self._plane = coal.Halfspace(np.array([0.0, 0.0, 1.0]), TABLE)
+
+    def torques(self, states: Array) -> Array:
+        """Torques of states (3 or more, N, n), (N, n)."""
+        rows = zip(*states[:3], strict=True)
+        return np.array([pinocchio.rnea(self.model, self._data, *row) for row in rows])
+
+    def tip_speeds(self, states: Array) -> Array:
+        """Speeds of the tip, (N,) m/s."""
+        speeds = []
+        for q, dq in zip(*states[:2], strict=True):
+            pinocchio.forwardKinematics(self.model, self._data, q, dq)
+            v = pinocchio.getFrameVelocity(self.model, self._data, self._tip)
+            speeds.append(np.linalg.norm(v.linear))
+        return np.array(speeds)
+
+    def distances(self, states: Array, pairs: list[tuple[str, str]]) -> Array:
+        """Distance of every pair, (N, R) m; the second of a pair may be "table"."""
+        request, answer = coal.DistanceRequest(), coal.DistanceResult()
+        names = {name for pair in pairs for name in pair} - {"table"}
+        rows = []
+        for q in states[0]:
+            pinocchio.forwardKinematics(self.model, self._data, q)
+            where = {"table": (self._plane, coal.Transform3s.Identity())}
+            for name in names:
+                joint, shape, placement = self._placed[name]
+                pose = self._data.oMi[joint] * placement
+                where[name] = shape, coal.Transform3s(pose.rotation, pose.translation)
+            row = []
+            for one, other in pairs:
+                answer.clear()
+                row.append(coal.distance(*where[one], *where[other], request, answer))
+            rows.append(row)
+        return np.array(rows)
+
+
+def _shape(proxy: ProxyFacts) -> tuple[coal.CollisionGeometry, pinocchio.SE3]:
+    """Coal's capsules lie along z around the origin."""
+    start, end = np.array(proxy.start), np.array(proxy.end)
+    length = float(np.linalg.norm(end - start))
+    axis = end - start if length > 0 else np.array([0.0, 0.0, 1.0])
+    turn = pinocchio.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis)
+    return coal.Capsule(proxy.radius, length), pinocchio.SE3(turn.matrix(), (start + end) / 2)
+
+
+def states_of(motion: Trajectory, t: Array) -> Array:
+    """q, dq, ddq, dddq at times (N,), (4, N, n).
+
+    Args:
+        motion: the motion.
+        t: times, s.
+
+    Returns:
+        The states.
+    """
+    a = motion.coefficients
+    s = np.clip(t / motion.duration, 0.0, 1.0)
+    states = motion.basis.derivatives(4, a.shape[1], s) @ a.T
+    states /= motion.duration ** np.arange(4.0)[:, None, None]
+    states[0] += motion.home
+    return states
+
+
+def _peak(function: Callable[[Array], Array], motion: Trajectory, t: Array, values: Array) -> float:
+    """Largest value near the largest sample, by bounded search."""
+    k = int(np.argmax(values))
+    step = t[1] - t[0]
+    low, high = max(0.0, t[k] - step), min(motion.duration, t[k] + step)
+    answer = minimize_scalar(
+        lambda x: -float(function(states_of(motion, np.array([x])))[0]),
+        bounds=(low, high),
+        method="bounded",
+        options={"xatol": 1e-9},
+    )
+    return max(float(values[k]), -float(answer.fun))
+
+
+def check(lib: Library, rng: np.random.Generator) -> Checked:
+    """Compare one certificate with the engines.
+
+    Args:
+        lib: the robot.
+        rng: random numbers.
+
+    Returns:
+        The comparison.
+    """
+    motion, safety, proof = certified_motion(lib, rng)
+    engines = Engines(lib)
+    t = np.arange(int(motion.duration * DENSE) + 1) / DENSE
+    states = states_of(motion, t)
+    limits, viscous = lib.limits(), np.array(safety.viscous)
+    most = safety.torque_fraction * limits["effort"]
+    friction = viscous * states[1]
+    tau = engines.torques(states)
+    true = {}
+    share = np.abs(tau + friction) / most
+    joint = int(np.argmax(share.max(axis=0)))
+    true["torque"] = _peak(
+        lambda x: np.abs(engines.torques(x) + viscous * x[1])[:, joint] / most[joint],
+        motion,
+        t,
+        share[:, joint],
+    )
+    # The mean rate between two samples; it is reached in between.
+    rate = np.abs(np.diff(tau + friction, axis=0)) * DENSE / limits["torque_rate"]
+    true["torque rate"] = float(rate.max())
+    speed = engines.tip_speeds(states) / limits["tip_speed"]
+    true["tip speed"] = _peak(
+        lambda x: engines.tip_speeds(x) / limits["tip_speed"], motion, t, speed
+    )
+    excess, where = -np.inf, ""
+    for use in proof.uses:
+        if use.kind in true:
+            # Rounding of torques of 100 N·m, and of their differences over 50 µs.
+            over = true[use.kind] - use.bound - 1e-8
+            excess, where = max((excess, where), (over, use.kind))
+    gap = 0.0
+    for over, text in _distances(engines, motion, proof):
+        excess, where = max((excess, where), (over, text))
+        gap = max(gap, -over)
+    torque = next(use for use in proof.uses if use.kind == "torque")
+    margin = torque.margin / (1 - true["torque"])
+    return Checked(lib.name, motion.basis.name, excess, where, margin, gap)
+
+
+def _distances(
+    engines: Engines, motion: Trajectory, proof: Certificate
+) -> Iterator[tuple[float, str]]:
+    """Stated distance less the true one for every pair, m."""
+    stated = {}
+    for use in proof.distances:
+        one, _, other = use.where.partition(" and ")
+        stated[one, other or "table"] = use.value
+    pairs = list(stated)
+    t = np.arange(int(motion.duration * COARSE) + 1) / COARSE
+    coarse = engines.distances(states_of(motion, t), pairs)
+    for column, pair in enumerate(pairs):
+        near = t[np.argmin(coarse[:, column])] + np.arange(-20, 21) / DENSE
+        near = near[(near >= 0) & (near <= motion.duration)]
+
+        def opposite(x: Array, pair: tuple[str, str] = pair) -> Array:
+            return -engines.distances(x, [pair])[:, 0]
+
+        smallest = -_peak(opposite, motion, near, opposite(states_of(motion, near)))
+        yield stated[pair] - smallest - _GJK, f"{pair[0]} and {pair[1]}"
+
+
+def planted(lib: Library, rng: np.random.Generator) -> tuple[bool, bool]:
+    """Plant a spike of torque of 0.3 ms and a dip of a distance of 0.5 mm between two samples.
+
+    Args:
+        lib: the FR3.
+        rng: random numbers.
+
+    Returns:
+        Whether the proof exceeds a limit halfway between the value of all samples of 1 kHz and the
+        true value: of the torque, and of the distance.
+    """
+    n, duration = lib.n_joints, 2.0
+    joint = int(rng.integers(n - 1))  # the last joint turns about the axis of its links
+    middle = (rng.integers(200, 1800) + 0.5) * 1e-3 / duration
+    basis = Spiked(float(middle), BUMP / 2 / duration)
+    calm = 1e-3 * rng.normal(size=(n, 4))
+    limits = constraints(lib, lib.home, Safety(table=TABLE))
+    torque = next(one for one in limits if isinstance(one, Torque))
+    clearances = [one for one in limits if isinstance(one, Clearance)]
+    t = np.arange(2001) * 1e-3
+    inside_ = np.linspace(-BUMP / 2, BUMP / 2, 301) + middle * duration
+
+    def motion(height: float) -> Trajectory:
+        heights = height * (np.arange(n) == joint)
+        return Trajectory(lib.home, np.column_stack([calm, heights]), duration, basis)
+
+    # Torque: the acceleration −16 height / half² of the bump's top makes twice the effort limit.
+    sign = float(rng.choice([-1, 1]))
+    spike = motion(sign * torque.limit[joint] * (BUMP / 2) ** 2 / 16)
+    seen, true = (torque.values(states_of(spike, x)).max(axis=0) for x in (t, inside_))
+    row = int(np.argmax(true - seen))
+    bound = constraint_bounds(lib, [torque], spike)[row].bound
+    caught = bool(true[row] > seen[row] and bound > (seen[row] + true[row]) / 2)
+    # Distance: the row that changes most, scaled so that it dips by half a millimetre.
+    rest = states_of(motion(0.0), inside_[150:151])
+    slopes = [one.slopes(rest)[0, :, 0, joint] for one in clearances]
+    place = int(np.argmax([np.abs(slope).max() for slope in slopes]))
+    row = int(np.argmax(np.abs(slopes[place])))
+    calm = 1e-2 * calm
+    dip = motion(5e-3 / slopes[place][row])  # in units of 0.1 m
+    chosen = clearances[place]
+    seen, true = (chosen.values(states_of(dip, x))[:, row].max() for x in (t, inside_))
+    bound = constraint_bounds(lib, [chosen], dip)[row].bound
+    return caught, bool(true - seen > 3e-3 and bound > (seen + true) / 2)

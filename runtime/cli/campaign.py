@@ -27,9 +27,17 @@ def campaign_command(
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder of all files of the campaign.")
     ] = Path("results/campaign"),
-    duration: Annotated[float, typer.Option(help="Duration of one motion at full speed, s.")] = 5.0,
+    duration: Annotated[
+        float, typer.Option(help="Duration of the first motion at full speed, s.")
+    ] = 2.5,
+    later_duration: Annotated[
+        float, typer.Option(help="Duration of every further motion at full speed, s.")
+    ] = 10.0,
     stages: Annotated[
-        str, typer.Option(metavar="%,%,…", help="Speeds of the stages, percent of full speed.")
+        str,
+        typer.Option(
+            metavar="%,%,…", help="Speeds of the first motion's stages, percent of full speed."
+        ),
     ] = "10,50,100",
     most_seconds: Annotated[
         float, typer.Option(help="Motion time after which no further motion is begun, s.")
@@ -55,7 +63,8 @@ def campaign_command(
     symgen campaign --robot fr3 --target payload=5g --stages 50,100
     symgen campaign --robot fr3 --target v=20mNm --driver libfranka:172.16.0.2
 
-    Each motion is designed with what is known already, and runs at 10, 50 and 100 % of its speed. A
+    Each motion is designed with what is known already. The first runs at 10, 50 and 100 % of its
+    speed, further motions at the last of these. A
     gate releases each stage: the motion keeps every limit, the last log has no error, and it
     agrees with the model. Guards on every sample stop the robot. Targets: v the torque of motions
     never seen, a the base parameters over their sizes, payload the mass of a payload of 1 kg.
@@ -67,7 +76,7 @@ def campaign_command(
     from runtime.campaign.target import target_of
 
     wanted = target_of(target)
-    plan = Plan(target, duration, _speeds(stages), most_seconds, seed)
+    plan = Plan(target, duration, later_duration, _speeds(stages), most_seconds, seed)
     lib = open_robot(robot, yes)
     robot_driver = opened_driver(lib, driver, gains, seed, truth_seed)
     try:

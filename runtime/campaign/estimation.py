@@ -1,0 +1,140 @@
+"""Model of the arm from all logs of a campaign, and how well a new log agrees with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from runtime.campaign.gear_friction import (
+    NAMES,
+    SPREAD,
+    GearFriction,
+    prepared_log,
+)
+from runtime.campaign.gear_search import gear_of
+from runtime.errors import IdentificationError
+from runtime.estimators.convex import NONE
+from runtime.estimators.convex.constraints import Constraints
+from runtime.estimators.prior_file import PriorFile
+from runtime.estimators.problem import FrictionPrior
+from runtime.estimators.regression.samples import samples_of
+from runtime.identification.identified import Identification, torque_of
+from runtime.identification.several_logs.joint_fit import joined
+from runtime.identification.single_log import identify
+from runtime.library import Library
+from runtime.recording import Friction, Preparation, Recording
+from runtime.recording.settings import EVERYTHING
+
+PREPARATION = Preparation(filter="butterworth", cutoff_hz=10.0, rate_hz=50.0, trim_s=0.1)
+"""Of every log. Motions of five harmonics end below 3 Hz; above 10 Hz the accelerations of encoders
+of 10 µrad are noisier than torque sensors."""
+
+
+UNSEEN_RIPPLE, UNSEEN_FRICTION = 0.005, 0.3
+"""σ of torques that logs so far have not shown, over the range of the torque of a joint and over
+its friction: a slow stage shows the friction of full speed to a third."""
+ASYMMETRY, PEAK, RIPPLE, LOAD = 0.2, 0.5, 0.1, 0.02
+"""σ over the dry friction of a joint: difference between the directions, Stribeck peak, ripple; and
+of friction over the load."""
+VAGUE = PriorFile(NONE, Constraints())
+"""A campaign is for arms whose URDF may be wrong, and its data determine the base parameters."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmModel:
+    """Model of an arm and its joints.
+
+    Attributes:
+        result: identification from all logs; its friction columns are those of the gear.
+        gear: what these columns depend on.
+    """
+
+    result: Identification
+    gear: GearFriction
+
+
+def arm_model(lib: Library, motions: Sequence[tuple[str, Recording]], first: int = 0) -> ArmModel:
+    """Identify the arm from all rows of all logs, with one offset per joint and log.
+
+    Args:
+        lib: library of the robot.
+        motions: names and logs of `smoothed`, one or more.
+        first: index of the log from which on the parameters of the friction columns are searched.
+
+    Returns:
+        The model.
+    """
+    usual = GearFriction.usual(lib.n_joints)
+    gear = gear_of([each for _, each in motions[first:]], lib, PREPARATION, usual)
+    names = [name for name, _ in motions]
+    rows = joined([prepared_log(each, gear, PREPARATION) for _, each in motions], names, names)
+    result = identify(
+        rows,
+        lib,
+        method="map",
+        prior=VAGUE,
+        preparation=Preparation(),
+        splitting=EVERYTHING,
+        friction_columns=Friction(NAMES),
+        friction_prior=gear_prior(gear, len(motions)),
+    )
+    return ArmModel(replace(result, log_names=tuple(names)), gear)
+
+
+def gear_prior(gear: GearFriction, logs: int) -> FrictionPrior:
+    """Prior of the columns that gears show beside dry and viscous friction.
+
+    Ripple, Stribeck peak and the difference between the directions are shares of the dry friction.
+    Without the prior a short log leaves their sum with the torque of the links open. Errors of the
+    parameters have the prior of their search, so that the posterior counts them.
+
+    Args:
+        gear: with coefficients.
+        logs: number of logs, each with an offset of its own.
+
+    Returns:
+        Means 0 and standard deviations, (n, k); infinite for dry and viscous friction and offsets.
+    """
+    dry = np.maximum(np.abs(gear.phi[:, 0]), 1e-9)
+    free = np.full((len(dry), 1), np.inf)
+    shares = dry[:, None] * np.array([ASYMMETRY, PEAK, RIPPLE, RIPPLE])
+    load, errors = np.full_like(free, LOAD), np.tile(SPREAD, (len(dry), 1))
+    parts = (free, shares[:, :2], load, free, shares[:, 2:], errors, *[free] * logs)
+    sigma = np.concatenate(parts, axis=1)
+    return FrictionPrior(np.zeros_like(sigma), sigma)
+
+
+def agreement_of(model: ArmModel, motion: Recording, unseen: float = 1.0) -> tuple[float, ...]:
+    """RMS of the residual of a new log over the RMS of the band that the model states, per joint.
+
+    Args:
+        model: identified without the log.
+        motion: log of `smoothed`.
+        unseen: share of `UNSEEN_RIPPLE` and `UNSEEN_FRICTION` that counts.
+
+    Returns:
+        (n,).
+
+    Raises:
+        IdentificationError: the model has no uncertainty.
+    """
+    result, shared = model.result, len(NAMES) - 1
+    if result.uncertainty is None:
+        raise IdentificationError("expected a model with an uncertainty; identify with map")
+    lib = result.lib
+    prepared = prepared_log(motion, model.gear, PREPARATION)
+    # Offsets of sensors drift between logs: no offset, and a residual without its mean.
+    prepared = prepared.replace(
+        columns=np.asarray(prepared.columns)[..., :shared], column_names=NAMES[:shared]
+    )
+    samples = samples_of(prepared, lib)
+    phi = result.phi[:, :shared]
+    rest = samples.tau - torque_of(lib, samples, result.pi, phi, None)
+    rest = rest - rest.mean(axis=0)
+    band = np.hypot(result.uncertainty.band_of(lib, samples), result.uncertainty.noise)
+    # What logs so far have not shown: friction at other speeds, ripple at other places.
+    ripple = UNSEEN_RIPPLE * np.ptp(samples.tau, axis=0)
+    friction = UNSEEN_FRICTION * np.sqrt(np.mean(samples.friction(phi) ** 2, axis=0))
+    band = np.hypot(band, unseen * np.hypot(ripple, friction))
+    ratio = np.sqrt((rest**2).mean(axis=0) / (band**2).mean(axis=0))
+    return tuple(map(float, ratio))

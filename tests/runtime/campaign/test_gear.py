@@ -1,0 +1,94 @@
+"""Friction columns of geared joints: what they depend on is recovered, and σ of the arm holds."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from runtime import load
+from runtime.campaign.estimation import PREPARATION, agreement_of, arm_model
+from runtime.campaign.gear_friction import GearFriction, smoothed
+from runtime.campaign.gear_search import gear_of
+from runtime.campaign.target import base_covariance
+from runtime.library import Library
+from runtime.recording import Recording
+from runtime.simulation.joint_friction import JointFriction
+from runtime.simulation.settings import VirtualFriction
+
+STROKE, PEAK_SPEED, WAVES, DELAY, NOISE = 1.4e-3, 0.15, 9.0, 8e-4, 0.02
+FINE, STEP = 8, 1.25e-4
+"""Steps of the friction per row, and their length [s]: Dahl's state moves over them by its stroke."""
+
+
+def moved(lib: Library, seconds: float, seed: int, ripple: float = 0.06) -> Recording:
+    """A log of a prescribed motion with the friction of the virtual robot, at 1 kHz."""
+    n, rng = lib.n_joints, np.random.default_rng(seed)
+    t = STEP * np.arange(round(seconds / STEP))
+    f, phase = rng.uniform(0.15, 0.6, size=(2, 3, n)), rng.uniform(0, 6, size=(3, n))
+    angle = 2 * np.pi * f[0] * t[:, None, None] + phase
+    size = 0.5 * f[1]
+    q = (size * np.sin(angle)).sum(axis=1)
+    dq = (size * 2 * np.pi * f[0] * np.cos(angle)).sum(axis=1)
+    ddq = -(size * (2 * np.pi * f[0]) ** 2 * np.sin(angle)).sum(axis=1)
+    one = np.ones(n)
+    law = VirtualFriction(
+        coulomb=0.5 * one,
+        asymmetry=0.1 * one,
+        stribeck=0.3 * one,
+        stribeck_speed=PEAK_SPEED * one,
+        viscous=0.2 * one,
+        load=0.01 * one,
+        ripple=ripple * one,
+        ripple_waves=WAVES * one,
+        ripple_phase=0.3 * one,
+        dahl_stroke=STROKE * one,
+    )
+    joints = JointFriction(law, STEP, np.arange(n))
+    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0)
+    friction = np.zeros_like(tau)
+    for k in range(1, len(t)):  # grows with the torque behind the joint, friction included
+        friction[k] = joints.advance(q[k], dq[k], tau[k] + friction[k - 1])[0]
+    tau = tau + friction
+    late = np.stack([np.interp(t - DELAY, t, row) for row in tau.T], axis=1)
+    t, q, dq, late = (each[::FINE] for each in (t, q, dq, late))
+    q = q + 5e-6 * rng.normal(size=q.shape)
+    late = late + NOISE * rng.normal(size=q.shape)
+    return Recording(t, q, dq, None, late, name="log", joint_names=lib.joint_names)
+
+
+@pytest.fixture
+def arm(tiny: Path) -> Library:
+    return load(tiny)
+
+
+def test_what_the_columns_depend_on_is_recovered(arm: Library) -> None:
+    """Oracle: the friction of the virtual robot, an integrated Dahl state.
+
+    Tolerances are four of the standard deviations of five seeds: 1 % of the stroke, 1 % of the
+    speed, 0.16 waves, 0.14 ms.
+    """
+    log = smoothed(moved(arm, 8.0, 1), arm)
+    gear = gear_of([log], arm, PREPARATION, GearFriction.usual(arm.n_joints))
+    np.testing.assert_allclose(gear.stroke, STROKE, rtol=0.04)
+    np.testing.assert_allclose(gear.peak_speed, PEAK_SPEED, rtol=0.04)
+    np.testing.assert_allclose(gear.waves, WAVES, atol=0.64)
+    np.testing.assert_allclose(gear.delay, DELAY, atol=5.6e-4)
+
+
+def test_sigma_holds_and_a_changed_arm_disagrees(arm: Library) -> None:
+    """Property: errors of β within four σ; a log of another load is beyond the band."""
+    logs = [(f"log {k}", smoothed(moved(arm, 6.0, k), arm)) for k in (1, 2)]
+    model = arm_model(arm, logs)
+    spread = base_covariance(model.result)
+    error = model.result.beta - arm.base_matrix @ arm.pi0
+    assert np.abs(error / np.sqrt(np.diag(spread))).max() < 4
+    new = moved(arm, 4.0, 3)
+    assert max(agreement_of(model, smoothed(new, arm), 0.2)) < 3
+    heavy = new.replace(tau=new.tau + arm.inverse_dynamics(new.q, new.dq, 0 * new.q, 0.5 * arm.pi0))
+    assert max(agreement_of(model, smoothed(heavy, arm), 0.2)) > 3
+
+
+def test_a_joint_without_ripple(arm: Library) -> None:
+    """Property: no waves where the residual is noise."""
+    log = smoothed(moved(arm, 4.0, 4, ripple=0.0), arm)
+    assert not gear_of([log], arm, PREPARATION, GearFriction.usual(arm.n_joints)).waves.any()

@@ -17,7 +17,7 @@ from runtime.simulation.settings import VirtualFriction
 
 STROKE, PEAK_SPEED, WAVES, DELAY, NOISE = 1.4e-3, 0.15, 9.0, 8e-4, 0.02
 FINE, STEP = 8, 1.25e-4
-"""Steps of the friction per row, and their length [s]: Dahl's state moves over them by its stroke."""
+"""Steps of the friction per row, and their length [s]: the stroke is passed in several of them."""
 
 
 def moved(lib: Library, seconds: float, seed: int, ripple: float = 0.06) -> Recording:

@@ -81,8 +81,8 @@ def _step(
     slopes = np.concatenate([each[1] for each in parts])
     q, tau = (np.concatenate([getattr(s, key) for s in samples]) for key in ("q", "tau"))
     base = np.concatenate([each.base_rows(lib) for each in samples])
-    own = np.repeat(np.arange(len(parts)), [len(each) for each in samples])
-    offsets = (own[:, None] == np.arange(len(parts))).astype(float)  # one per log and joint
+    log_of_row = np.repeat(np.arange(len(parts)), [len(each) for each in samples])
+    offsets = (log_of_row[:, None] == np.arange(len(parts))).astype(float)  # one per log and joint
     friction = np.concatenate([each[0] for each in parts])
     count, n, k = friction.shape
     apart = np.broadcast_to(offsets[:, None], (count, n, len(parts)))

@@ -11,7 +11,7 @@ from tests.conftest import REPOSITORY
 HEAVY = (
     *("scipy.signal", "scipy.stats", "scipy.integrate", "scipy.optimize", "scipy.interpolate"),
     *("scipy.spatial", "scipy.fft", "scipy.sparse", "scipy.linalg", "numpy", "matplotlib"),
-    *("scipy.special", "scipy.ndimage"),
+    *("scipy.special", "scipy.ndimage", "pydantic"),
     *(
         "jinja2",
         "pooch",

@@ -11,6 +11,7 @@ import typer
 
 from runtime import __version__
 from runtime.cli.common import INTERRUPTED, flowing, program
+from runtime.cli.plain_values import PlainGroup
 from runtime.cli.renamed_options import RefusingCommand
 from runtime.errors import RuntimeFault
 
@@ -48,6 +49,7 @@ app: typer.Typer
 def app_of(names: Iterable[str]) -> typer.Typer:
     """An application with some of the commands; only their modules are imported."""
     chosen = typer.Typer(
+        cls=PlainGroup,
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,

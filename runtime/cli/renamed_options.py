@@ -5,6 +5,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
+from runtime.cli.plain_values import without_conversion
 from runtime.errors import RuntimeFault
 
 _CONTROLLER = "--controller FILE, the closed-loop description of this log"
@@ -36,6 +37,10 @@ SMALLEST, LARGEST = 1e-12, 1e12
 
 class RefusingCommand(TyperCommand):
     """A command that refuses the option names of earlier versions, and numbers of absurd size."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """Parameters, which take plain values as they are."""
+        return without_conversion(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the command line.

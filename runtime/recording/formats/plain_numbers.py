@@ -14,25 +14,29 @@ from runtime.recording.formats.tables import FloatArray
 
 LONG = 2**22
 """Number of characters from which pyarrow, where it is installed, repays its import."""
+PIECE = 2**16
+"""Number of characters that are divided into lines at once."""
 LINES = 512
 """Number of lines whose cells are held at once; a cell takes five times its text."""
 
 
-def plain_numbers(lines: Iterator[str]) -> FloatArray | None:
+def plain_numbers(text: str) -> FloatArray | None:
     """Numbers of lines with one number each.
 
     Args:
-        lines: of a text.
+        text: lines as `splitlines` divides them.
 
     Returns:
         (N,); None where a line is something else.
     """
-    numbers = array("d")
+    if "_" in text:  # float reads 1_0 as 10
+        return None
+    numbers, start = array("d"), 0
     try:
-        while part := list(islice(lines, LINES)):
-            if any("_" in line for line in part):  # float reads 1_0 as 10
-                return None
-            numbers.extend(map(float, part))
+        while start < len(text):
+            end = text.find("\n", start + PIECE) + 1 or len(text)
+            numbers.extend(map(float, text[start:end].splitlines()))
+            start = end
     except ValueError:
         return None
     return np.frombuffer(numbers, dtype=np.float64)

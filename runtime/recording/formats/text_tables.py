@@ -222,7 +222,8 @@ def flat_table(text: str, width: int, name: str) -> LogTable:
     """
     text = text.rstrip()
     first = _first_numeric(lines_of(text), name)
-    numbers = plain_numbers(islice(lines_of(text), first, None))
+    body = _behind(text, first)
+    numbers = None if body is None else plain_numbers(body)
     if numbers is None:
         lines = islice(lines_of(text), first, None)
         each = array("d", (_number(line.strip(), None) for line in lines))

@@ -118,6 +118,27 @@ def rows_of(recording: Recording, lib: Library, power: bool) -> Iterator[FloatAr
         yield np.concatenate(parts)
 
 
+def torque_of_rows(recording: Recording, lib: Library, beta: FloatArray) -> FloatArray:
+    """(D P − S R) β at the inner instants, (N, n).
+
+    Args:
+        recording: with dq, from `moved`.
+        lib: library of the robot.
+        beta: (n_b,) base parameters.
+
+    Returns:
+        One row per inner instant.
+    """
+    step, torques = 1.0 / recording.rate_hz, []
+    for part in segments(recording.t):
+        for start in range(part.start, part.stop - 2, CHUNK):
+            taken = slice(start, min(start + CHUNK + 2, part.stop))
+            q, dq = recording.q[taken], recording.required("dq")[taken]
+            momentum, force = (rows @ beta for rows in lib.momentum_regressor(q, dq))
+            torques.append(_difference(momentum, step) - _simpson(force))
+    return np.concatenate(torques)
+
+
 def _chunk(
     recording: Recording, part: slice, group: slice, lib: Library, power: bool
 ) -> FloatArray:

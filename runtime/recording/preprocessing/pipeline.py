@@ -18,7 +18,7 @@ from runtime.recording.preprocessing.filters import (
     moving_average,
     savitzky_golay,
 )
-from runtime.recording.preprocessing.momentum_rows import balanced, moved, rows_of
+from runtime.recording.preprocessing.momentum_rows import balanced, moved, rows_of, torque_of_rows
 from runtime.recording.preprocessing.segments import (
     advance_torque,
     decimate,
@@ -152,10 +152,7 @@ def momentum_torque(
     """
     data = moved(on_grid(recording, preparation), lambda raw: _smooth_motion(raw, preparation))
     whole = balanced(data, (), lib, power=False)
-    first, torque = 0, np.zeros_like(whole.q)
-    for rows in rows_of(data, lib, power=False):
-        torque += rows @ beta[first : first + rows.shape[2]]
-        first += rows.shape[2]
+    torque = torque_of_rows(data, lib, beta)
     return _kept(_filtered(whole.replace(tau=torque), preparation), preparation)
 
 

@@ -62,7 +62,7 @@ def test_flat_text_is_that_of_single_lines(odd: str, monkeypatch) -> None:
     """Property: one number per line; a line that is none keeps its place as NaN."""
     text = "title\n1\n2.5\r\n" + odd + "\n-3e-5\n4\n"
     at_once = flat_table(text, 2, "log.txt")
-    monkeypatch.setattr(text_tables, "plain_numbers", lambda _: None)
+    monkeypatch.setattr(text_tables, "plain_numbers", lambda *_: None)
     by_line = flat_table(text, 2, "log.txt")
     assert np.array_equal(at_once.values, by_line.values, equal_nan=True)
     assert at_once.remarks == by_line.remarks

@@ -29,7 +29,7 @@ UNITS = {
     "payload": {"g": 1e-3, "kg": 1.0},
 }
 """Kind of target → unit → its size in SI units."""
-_FORM = re.compile(r"(?P<kind>\w+)=(?P<number>[0-9.]+(e-?[0-9]+)?)(?P<unit>[A-Za-z%]+)")
+_FORM = re.compile(r"(?P<kind>[a-z]+)=?(?P<number>[0-9.]+(e-?[0-9]+)?)(?P<unit>[A-Za-z%]+)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def target_of(text: str) -> Target:
     """Target from its text.
 
     Args:
-        text: such as "v=5mNm", "a=1.5%" or "payload=5g".
+        text: such as "v=5mNm", "a=1.5%" or "payload 5 g", with or without the equals sign.
 
     Returns:
         The target.
@@ -78,8 +78,7 @@ def target_of(text: str) -> Target:
         if value > 0:
             return Target(text, match["kind"], value, match["unit"])
     raise IdentificationError(
-        f"expected a target such as v=5mNm, a=1.5% or payload=5g, got '{text:.40}'; "
-        "correct --target"
+        f"expected a target such as v=5mNm, a=1.5% or payload=5g, got '{text:.40}'; correct it"
     )
 
 

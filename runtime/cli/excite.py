@@ -43,8 +43,9 @@ from runtime.cli.planned_noise import NOISE_HELP
 from runtime.cli.predict_tables import EarlierLogs, PayloadOnly, information_of, print_design
 from runtime.cli.robot import Yes, open_robot
 from runtime.cli.static_poses import PoseOptions, Poses, Static, excite_static, require_applicable
+from runtime.cli.until import GainError, Until, criterion_and_unknowns, searched, until_kind
 from runtime.errors import RuntimeFault
-from runtime.excitation import BASES, CRITERIA, DesignSettings, basis_of, design, predict
+from runtime.excitation import BASES, CRITERIA, DesignSettings, basis_of, predict
 from runtime.excitation.limits.unchecked import TABLE, require_consent
 from runtime.excitation.limits.unchecked import unchecked as unchecked_limits
 from runtime.excitation.motion_export import MOTION_FORMATS
@@ -184,6 +185,8 @@ def excite_command(
             "velocity over position (-speed), path of the tip and distances (-space).",
         ),
     ] = False,
+    until: Until = None,
+    gain_error: GainError = 0.005,
     overwrite: Overwrite = False,
 ) -> None:
     r"""Design an excitation motion within all limits of a robot.
@@ -195,6 +198,7 @@ def excite_command(
     symgen excite --carry 1.8,0,0,0.1,0.1,0.1,0.2
     symgen excite --table 0 --obstacles cell.toml --from last.npz --return --export ros
     symgen excite --static --poses 12 --table 0
+    symgen excite --until "payload 5 g" --from home --return --table 0
 
     The motion makes the base parameters identifiable with the least error (--criterion). It
     respects every limit that the robot states: position, velocity (lower near the ends of the
@@ -210,6 +214,7 @@ def excite_command(
     the best start so far. The result depends on --seed, not on --processes.
     """
     require_applicable(context, static)
+    aim = until_kind(context, until)
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
     options = (
@@ -235,10 +240,10 @@ def excite_command(
         excite_static(lib, safety, choice)
         return
     path = json_path(out or Path("results") / f"{lib.name}-excite.json")
-    wanted = criterion or ("cond" if document else "mixed")
-    planned, note = information_of(lib, noise, log_rate, earlier_log, payload_only, friction)
+    wanted, alone = criterion_and_unknowns(criterion, document, payload_only, aim)
+    planned, note = information_of(lib, noise, log_rate, earlier_log, alone, friction)
     # The document's criterion is a function of the regressor alone.
-    is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or payload_only
+    is_informed = criterion_of(wanted).needs_information or bool(earlier_log) or alone
     rate = ROWS if export_rate is None else export_rate
     sample_times(duration, rate)  # before the search: they may be too many
     formats = [MOTION_FORMATS[name].name for name in export or []]  # before it, too
@@ -259,8 +264,9 @@ def excite_command(
             text = f"{min(done, starts)} starts{after}: {wanted} {value:.4g}, best {best:.4g}"
             progress.update(task, completed=done, description=text)
 
-        optimum = design(
+        optimum, promise, promised = searched(
             lib,
+            until,
             DesignSettings(
                 duration=duration,
                 harmonics=harmonics_of(harmonics, document),
@@ -273,6 +279,9 @@ def excite_command(
                 home=rest,
                 margin=used,
             ),
+            ways,
+            planned,
+            gain_error,
             progress=report,
             budget=budget,
             processes=processes if processes is not None else side_by_side,
@@ -280,11 +289,14 @@ def excite_command(
         )
     optimum = replace(optimum, trajectory=pulled_inside(lib, optimum.trajectory, share=used))
     expected = predict(lib, optimum.trajectory, planned, planned.friction or FRICTION)
-    write_trajectory(optimum, lib, path, expected, ways.parts)
+    write_trajectory(optimum, lib, path, expected, ways.parts, promise)
     motion = certified(lib, ways.around(optimum.trajectory), safety)
-    log = path.with_suffix(".csv")
     sentence = f"Designed by symgen, condition number {optimum.condition:.4f}."
-    written = [path] if export else [path, write_motion_log(motion, rate, log, sentence)]
+    written = (
+        [path]
+        if export
+        else [path, write_motion_log(motion, rate, path.with_suffix(".csv"), sentence)]
+    )
     if pictures:
         from runtime.outputs.report.motion_figures import write_pictures  # matplotlib loads slowly
 
@@ -292,8 +304,9 @@ def excite_command(
     print_design(optimum, expected, len(lib.base_columns), note)
     for sentence in (
         *budget_notes(budget, len(optimum.conditions), starts),
-        *design_notes(lib, duration, optimum.trajectory.duration),
+        *(() if until else design_notes(lib, duration, optimum.trajectory.duration)),
         *ways.sentences(optimum.trajectory),
+        *promised,
     ):
         say(sentence)
     stages = certified_stages(motion, speeds)

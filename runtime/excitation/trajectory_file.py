@@ -24,6 +24,7 @@ def write_trajectory(
     path: Path,
     prediction: Prediction | None = None,
     ways: Mapping[str, Trajectory] | None = None,
+    further: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a design and its predicted accuracy, atomically.
 
@@ -33,6 +34,7 @@ def write_trajectory(
         path: JSON file.
         prediction: expected standard deviations, or None.
         ways: "approach" and "return", where there are.
+        further: other keys of the file.
     """
     known = {
         "condition_number": designed.condition,
@@ -42,6 +44,7 @@ def write_trajectory(
         "criterion_of_starts": list(designed.values),
         "use_of_limits": designed.use,
         "assumptions": list(designed.assumptions),
+        **(further or {}),
     }
     if prediction is not None:
         known["prediction"] = facts_of(prediction)

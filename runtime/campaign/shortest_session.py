@@ -1,0 +1,228 @@
+"""The shortest session that promises a target: approach, motion and return.
+
+The duration of the motion follows from that of the last attempt: the error by noise decreases with
+1/√T, that by the model stays as it is,
+
+    T⁺ = T e_noise² / (value² − e_model²)
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from runtime.campaign.target import Target
+from runtime.errors import IdentificationError
+from runtime.excitation import Design, DesignSettings, Information, Trajectory, design
+from runtime.excitation.motion.joined import JoinedMotion
+from runtime.excitation.proof.certified_motion import pulled_inside
+from runtime.excitation.search.criteria import sizes
+from runtime.excitation.search.information import information
+from runtime.excitation.search.unseen_motions import unseen_joints
+from runtime.identification.expected_accuracy.promise import (
+    GAINS,
+    NOISE,
+    ModelError,
+    Promise,
+    promise_of,
+)
+from runtime.library import Array, Library
+from runtime.library.parameters import MASS
+
+FIRST = 4.0
+"""Duration of the first motion that is tried [s]."""
+LEAST = 3.0
+"""Shortest duration that is tried [s]: in less, small joints hardly move and two runs differ."""
+MOST = 120.0
+"""Longest duration that is tried [s]."""
+ATTEMPTS = 8
+CLOSE = 1.15
+"""Ratio of the shortest duration that reaches the target to the longest that does not, at which the
+search ends."""
+PER_SECOND = 0.8
+"""Harmonics per second of motion, up to the number of the settings."""
+FEWEST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class PromisedSession:
+    """A motion with its ways, and the error that they promise.
+
+    Attributes:
+        design: of the motion.
+        parts: name of a part of the error → its size in the unit of the target's value.
+        total: root of the sum of their squares.
+        target: what was to be reached.
+        attempts: duration of every motion that was tried [s] → its error.
+    """
+
+    design: Design
+    parts: dict[str, float]
+    total: float
+    target: Target
+    attempts: dict[float, float]
+
+    @property
+    def duration(self) -> float:
+        """Of the motion [s]."""
+        return self.design.trajectory.duration
+
+    def sentence(self) -> str:
+        """The error and its parts."""
+        shown = self.target.shown
+        parts = ", ".join(f"{name} {shown(value)}" for name, value in self.parts.items())
+        runs = ""
+        if self.target.kind == "payload":
+            runs = "; an empty and a loaded run, whose limits --carry counts"
+        return f"{self.target.text}: promised σ {shown(self.total)} ({parts}){runs}"
+
+    def facts(self) -> dict[str, Any]:
+        """JSON-ready content."""
+        return {
+            "target": self.target.text,
+            "sigma": self.total,
+            "parts": self.parts,
+            "runs": 2 if self.target.kind == "payload" else 1,
+        }
+
+
+def shortest_session(
+    lib: Library,
+    target: Target,
+    settings: DesignSettings,
+    known: Information,
+    error: ModelError,
+    around: Callable[[Trajectory], Trajectory | JoinedMotion],
+    **search: Any,
+) -> PromisedSession:
+    """Design motions until the shortest session that promises the target is known to `CLOSE`.
+
+    Args:
+        lib: the robot.
+        target: error to promise.
+        settings: of the designs; duration, criterion and a smaller number of harmonics follow.
+        known: noise, rate, earlier logs.
+        error: of the model, which no motion reduces.
+        around: the motion with the ways to its start and back.
+        **search: keywords of `design`: progress, processes, scheduler, budget.
+
+    Returns:
+        The session.
+
+    Raises:
+        IdentificationError: no session of up to `MOST` seconds promises the target; which part of
+            the error is the largest.
+    """
+    home = lib.home if settings.home is None else settings.home
+    size = size_of(lib, target, home, error)
+    attempts: dict[float, float] = {}
+    best: PromisedSession | None = None
+    last: PromisedSession | None = None
+    duration, failed, hopeless = FIRST, 0.0, 0
+    for _ in range(ATTEMPTS):
+        optimum = _designed(lib, target, settings, duration, search)
+        session = around(optimum.trajectory)
+        promise = promise_of(lib, session, known, error, target.kind == "payload")
+        total, taken = promise.total(size), optimum.trajectory.duration
+        attempts[taken] = total
+        last = PromisedSession(optimum, promise.parts(size), total, target, attempts)
+        if total <= target.value:
+            best = last if best is None or taken < best.duration else best
+        else:
+            failed = max(failed, taken)
+        if best is not None:
+            if best.duration <= max(CLOSE * failed, LEAST):
+                break
+            # Between both ends; without a lower one, half.
+            duration = float(np.sqrt(max(failed, best.duration / 4, LEAST / 2) * best.duration))
+            duration = max(duration, LEAST)
+            continue
+        needed = _needed(promise, size, target.value, session.duration, taken)
+        hopeless += not np.isfinite(needed)
+        if taken >= MOST or hopeless > 1:
+            break
+        duration = float(np.clip(needed, 1.3 * taken, min(3 * taken, MOST)))
+    if best is None:
+        raise _unreachable(target, last)
+    return best
+
+
+def size_of(
+    lib: Library, target: Target, home: Array, error: ModelError
+) -> Callable[[str, Array], float]:
+    """Root of the mean square of what a target speaks of, from the error of the unknowns.
+
+    v is the error of the measured torque: a gain changes measurement and model alike, and only
+    what no parameters imitate is an error, g_j τ_j − Y_b δβ.
+
+    Args:
+        lib: the robot.
+        target: states which.
+        home: start of motions never seen, (n,) [rad, m].
+        error: of the model.
+
+    Returns:
+        Function of the name of a part and its root R, (10 n, m) or, for a payload, (10, m).
+    """
+    if target.kind == "payload":
+        return lambda _, root: float(np.linalg.norm(root[MASS]))
+    beta = lib.base_matrix @ lib.pi0
+    if target.kind == "a":
+        scale = sizes(lib, information(lib)) * np.sqrt(len(beta))
+        return lambda _, root: float(np.linalg.norm(lib.base_matrix @ root / scale[:, None]))
+    joints = unseen_joints(lib, home)
+    seen = np.sum(joints, axis=0)
+
+    def of_torque(name: str, root: Array) -> float:
+        change = lib.base_matrix @ root
+        square = float(np.sum(change * (seen @ change)))
+        if name == GAINS:
+            for j, joint in enumerate(joints):
+                square += error.gain * float(beta @ joint @ (error.gain * beta - 2 * change[:, j]))
+        return float(np.sqrt(max(square, 0.0)))
+
+    return of_torque
+
+
+def _designed(
+    lib: Library, target: Target, settings: DesignSettings, duration: float, search: dict[str, Any]
+) -> Design:
+    harmonics = int(np.clip(round(PER_SECOND * duration), FEWEST, settings.harmonics))
+    chosen = replace(
+        settings,
+        duration=duration,
+        harmonics=min(harmonics, settings.harmonics),
+        criterion="a" if target.kind == "payload" else target.kind,
+    )
+    optimum = design(lib, chosen, **search)
+    inside = pulled_inside(lib, optimum.trajectory, share=settings.margin)
+    return replace(optimum, trajectory=inside)
+
+
+def _needed(
+    promise: Promise, size: Callable[[str, Array], float], value: float, whole: float, taken: float
+) -> float:
+    """Duration of the motion after which the error is that of the target, by the law of the head.
+
+    The ways count as seconds of the motion.
+    """
+    noise = promise.parts(size)[NOISE]
+    rest = value**2 - (promise.total(size) ** 2 - noise**2)
+    return np.inf if rest <= 0 else 1.02 * whole * noise**2 / rest - (whole - taken)
+
+
+def _unreachable(target: Target, last: PromisedSession | None) -> IdentificationError:
+    if last is None:
+        return IdentificationError("expected at least one attempt")
+    name = max(last.parts, key=lambda part: last.parts[part])
+    advice = {
+        GAINS: "measure the gains (symgen gains) and state their error with --gain-error",
+        NOISE: "state a smaller --noise, or a larger target",
+    }.get(name, "state a larger target")
+    longest = max(last.attempts)
+    return IdentificationError(
+        f"expected a target that a motion of up to {MOST:g} s promises, '{target.text}' is not: "
+        f"{longest:.3g} s promise {target.shown(last.attempts[longest])}, of which {name} "
+        f"{target.shown(last.parts[name])}; {advice}"
+    )

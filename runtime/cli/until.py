@@ -1,0 +1,132 @@
+"""The option --until of `symgen excite`: the shortest session that promises an accuracy."""
+
+from typing import Annotated, Any
+
+import typer
+
+from runtime.cli.approach_options import SessionPlan
+from runtime.errors import RuntimeFault
+from runtime.excitation import Design, DesignSettings, Information, Trajectory, design
+from runtime.identification.expected_accuracy.promise import ModelError
+from runtime.library import Library
+
+Until = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TARGET",
+        help='Find the shortest session that promises a standard deviation: "payload 5 g", '
+        "v=100mNm (torque of motions never seen) or a=10% (base parameters over their sizes). It "
+        "counts noise, friction, offsets, gains and model error. --duration and --criterion "
+        "follow.",
+    ),
+]
+GainError = Annotated[
+    float,
+    typer.Option(
+        metavar="SHARE",
+        help="Standard deviation of the torque gain of every joint in --until, relative to one.",
+    ),
+]
+_FOLLOWING = ("duration", "criterion", "document", "static", "payload_only")
+"""Parameters that --until chooses."""
+
+
+def until_kind(context: typer.Context, until: str | None) -> str | None:
+    """Kind of the target of --until.
+
+    Args:
+        context: of the command.
+        until: value of --until.
+
+    Returns:
+        v, a or payload; None without --until.
+
+    Raises:
+        RuntimeFault: the target is none, or an option is given that --until chooses.
+    """
+    if until is None:
+        return None
+    for name in _FOLLOWING:
+        if getattr(context.get_parameter_source(name), "name", "DEFAULT") != "DEFAULT":
+            raise RuntimeFault(
+                f"--until chooses the motion by its target; leave out --{name.replace('_', '-')}"
+            )
+    from runtime.campaign.target import target_of
+
+    return target_of(until).kind
+
+
+def criterion_and_unknowns(
+    criterion: str | None, document: bool, payload_only: bool, aim: str | None
+) -> tuple[str, bool]:
+    """Criterion of a design, and whether only a payload is unknown.
+
+    Args:
+        criterion: value of --criterion.
+        document: value of --document.
+        payload_only: value of --payload-only.
+        aim: kind of the target of --until.
+
+    Returns:
+        Name of the criterion, and the choice.
+    """
+    alone = payload_only or aim == "payload"
+    usual = "cond" if document else "mixed" if aim is None else "a" if alone else aim
+    return criterion or usual, alone
+
+
+def searched(
+    lib: Library,
+    until: str | None,
+    settings: DesignSettings,
+    ways: SessionPlan,
+    known: Information,
+    gain_error: float,
+    **search: Any,
+) -> tuple[Design, dict[str, Any], tuple[str, ...]]:
+    """Design of the settings, or of the shortest session for --until.
+
+    Args:
+        lib: the robot.
+        until: value of --until; None designs one motion.
+        settings: of the design.
+        ways: to the start of the motion and back.
+        known: noise, rate and earlier logs of the session.
+        gain_error: value of --gain-error.
+        **search: keywords of `design`.
+
+    Returns:
+        The design, keys of its file on what it promises, and sentences.
+
+    Raises:
+        RuntimeFault: no session promises the target.
+    """
+    if until is None:
+        return design(lib, settings, **search), {}, ()
+    if not 0 <= gain_error < 1:
+        raise RuntimeFault(f"--gain-error is a share of one, such as 0.005, got {gain_error:g}")
+    from runtime.campaign.shortest_session import shortest_session
+    from runtime.campaign.target import target_of
+
+    error = ModelError(gain=gain_error)
+    session = shortest_session(lib, target_of(until), settings, known, error, ways.around, **search)
+    facts = session.facts()
+    whole = ways.around(session.design.trajectory).duration
+    seconds = f"session: {_times(ways, session.design.trajectory)} = {whole:.3g} s"
+    if facts["runs"] > 1:
+        seconds += f", twice: {2 * whole:.3g} s"
+    tried = ", ".join(
+        f"{seconds_:.3g} s {session.target.shown(sigma)}"
+        for seconds_, sigma in sorted(session.attempts.items())
+    )
+    sentences = (session.sentence(), seconds, f"tried: {tried}")
+    return session.design, {"promise": facts | {"session_s": whole}}, sentences
+
+
+def _times(ways: SessionPlan, motion: Trajectory) -> str:
+    """Time of each part."""
+    parts = {"approach": ways.parts.get("approach"), "motion": motion}
+    parts["return"] = ways.parts.get("return")
+    return " + ".join(
+        f"{name} {0.0 if part is None else part.duration:.3g} s" for name, part in parts.items()
+    )

@@ -23,6 +23,7 @@ from runtime.campaign.gate import released
 from runtime.campaign.gear_friction import smoothed
 from runtime.campaign.guards import usual_guards
 from runtime.campaign.target import Target, known_before, reached, torque_noise
+from runtime.campaign.to_the_start import move_to
 from runtime.errors import IdentificationError
 from runtime.excitation import Safety, Trajectory, design
 from runtime.excitation.search.information import Information, information
@@ -229,7 +230,8 @@ def _designed(
 
 
 def _recorded(driver: Driver, motion: Trajectory, path: Path, name: str) -> None:
-    """Run one stage; a stopped one leaves its log beside, and the stage is not done."""
+    """Run one stage from its start; a stopped one leaves its log beside, and is not done."""
+    move_to(driver, motion.home, Safety())
     done = driver.stream(motion, guards=usual_guards(driver.lib, driver.rate_hz))
     if done.stop is None:
         write_recording(done.recording(driver.lib, name), path)

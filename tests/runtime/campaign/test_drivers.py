@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from runtime import read_recording, write_recording
-from runtime.campaign.driver import Sample, Streamed
+from runtime.campaign.driver import START, Sample, Streamed
 from runtime.campaign.guards import KeyGuard, LimitsGuard, usual_guards
+from runtime.campaign.to_the_start import move_to
 from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
-from runtime.errors import SimulationError
-from runtime.excitation import Trajectory
+from runtime.errors import IdentificationError, SimulationError
+from runtime.excitation import Safety, Trajectory
 from runtime.excitation.trajectory_file import read_trajectory
 from runtime.library import Library
 
@@ -137,3 +138,20 @@ def test_a_motion_begins_where_the_robot_is(fr3: Library, motion: Trajectory) ->
     np.testing.assert_array_equal(robot.velocity, 0)
     with pytest.raises(SimulationError, match="expected a fault of stuck"):
         PlantedFault("fire", 0.1)
+
+
+def test_a_robot_elsewhere_moves_to_the_start(fr3: Library) -> None:
+    """Property: a certified way under guards; a robot that stands there stays, a push stops it."""
+    aside = fr3.home + np.array([0.1, 0, 0, 0.1, 0, 0, 0])
+    robot = VirtualDriver(fr3)
+    robot.place(aside)
+    sentences: list[str] = []
+    move_to(robot, fr3.home, Safety(), 0.5, sentences.append)
+    assert np.abs(robot.position - fr3.home).max() < START
+    move_to(robot, robot.position, Safety(), 0.5, sentences.append)
+    assert len(sentences) == 1
+    assert sentences[0].startswith("the robot moves to the start")
+    pushed = VirtualDriver(fr3, fault=PlantedFault("collision", 0.2, 1))
+    pushed.place(aside)
+    with pytest.raises(IdentificationError, match=r"stopped after 0.2\d* s by external torque"):
+        move_to(pushed, fr3.home, Safety(), 0.5)

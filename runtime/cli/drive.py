@@ -9,6 +9,7 @@ from rich.table import Table
 
 from runtime.cli.common import console, say
 from runtime.cli.log_options import AUTO, PER_JOINT
+from runtime.cli.prepared_log import PreparedLog
 from runtime.errors import IdentificationError
 from runtime.identification.drive.result import DriveRequest
 from runtime.recording import Preparation, Recording
@@ -38,20 +39,27 @@ def drive_request(
     return DriveRequest(delay=estimated, per_joint=delay == PER_JOINT, bias=wanted)
 
 
-def delayed(recording: Recording, preparation: Preparation | None, delay: str | None) -> Any:
+def delayed(data: PreparedLog, delay: str | None, has_bias: bool) -> Preparation | None:
     """Preparation with the number of --delay.
 
     Args:
-        recording: log with the source of its torque.
-        preparation: of the other options; None for that of the recipe.
+        data: log with the source of its torque, and the preparation of the other options.
         delay: value of --delay.
+        has_bias: whether --encoder-bias is given.
 
     Returns:
         The preparation; as it was where --delay gives no number.
 
     Raises:
-        IdentificationError: the value is neither a number nor one of the words.
+        IdentificationError: the value is neither a number nor one of the words, or the log has no
+            motion.
     """
+    recording, preparation = data.recording, data.preparation
+    if data.is_at_rest and (delay is not None or has_bias):
+        raise IdentificationError(
+            "--delay and --encoder-bias need motion, but the log contains poses at rest; leave "
+            "them out, or give --cutoff to identify from the motion between the poses"
+        )
     if delay is None or delay in {AUTO, PER_JOINT}:
         return preparation
     try:

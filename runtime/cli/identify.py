@@ -228,7 +228,7 @@ def identify_command(
         return
     from runtime.cli.drive import delayed, drive_request
 
-    preparation = delayed(data.recording, data.preparation, delay)
+    preparation = delayed(data, delay, bool(encoder_bias))
     terms = data.friction
     if terms is None and method and require_method(method).default_columns:
         terms = Friction(METHODS[method].default_columns)

@@ -71,6 +71,7 @@ class PreparedLog:
         friction: friction columns; None for those of the recipe.
         notes: sentences about what was chosen automatically.
         streamed: the log in its file; None where it is read as a whole.
+        is_at_rest: whether the rows are poses at rest, without motion.
     """
 
     recording: Recording
@@ -79,6 +80,7 @@ class PreparedLog:
     friction: Friction | None
     notes: tuple[str, ...] = ()
     streamed: StreamedRecording | None = None
+    is_at_rest: bool = False
 
 
 def read_prepared_log(
@@ -118,6 +120,12 @@ def read_prepared_log(
             "is streamed; write gain = [...] under [torque] of the recipe, or give --no-stream"
         )
     parts = _split(options.split)
+    if streamed is None:
+        from runtime.cli.static_log import log_at_rest
+
+        at_rest = log_at_rest(recording, options, parts)
+        if at_rest is not None:
+            return at_rest
     terms = friction_of(recording, options.friction, options.coulomb_speed)
     chooses_friction = terms is not None and terms.columns[:1] == (AUTO,)
     if streamed is not None and (chooses_friction or options.cutoff == AUTO):

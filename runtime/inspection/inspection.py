@@ -33,6 +33,7 @@ from runtime.recording.commanded_torque import COMMANDED
 from runtime.recording.notebook import Framed, html_table
 from runtime.recording.plausibility import require_joints
 from runtime.recording.reader import Raw, locate, read_raw
+from runtime.recording.static_poses import static_poses
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,8 +110,13 @@ def inspect_log(
     raw, plan = unknown_gains.with_gain_one(raw, plan)
     checks = CheckRun(raw, plan, findings, has_gains=has_gains)
     require_joints(checks.recording, lib)
-    checks.run(frozen.frozen)
-    checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
+    # Quantised torques at rest look like a frozen, saturated or corrupt signal.
+    at_rest = static_poses(checks.recording) if has_gains else None
+    if at_rest is None:
+        checks.run(frozen.frozen)
+        checks.run(lambda r, p: outlying_rows.outlying_rows(r, p, lib))
+    else:
+        findings.append(_of_poses(len(at_rest)))
     checks.run(lambda r, p: motion.velocity_pairs(r, p, lib))
     findings += motion.constant_velocity(checks.recording, lib)
     checks.run(lambda r, p: units.units(r, p, lib))
@@ -121,7 +127,7 @@ def inspect_log(
     checks.run(lambda r, p: clock.clock(r, p, raw))
     recording = checks.recording
     findings += motion.wraps(recording)
-    if not blind:
+    if not blind and at_rest is None:
         findings += signals.saturation(recording, lib) + signals.rest(recording, checks.plan)
     if recording.tau is None or not recording.tau.any():
         sentence = "the log has no torque, or only zeros, so that nothing can be identified; log it"
@@ -148,6 +154,16 @@ def inspect_log(
         recording=checks.recording,
         rest=tuple(signals.rest_spans(checks.recording)),
     )
+
+
+def _of_poses(count: int) -> Finding:
+    """Note on a log of poses at rest."""
+    sentence = (
+        f"the log contains {count} poses at rest that were reached from both sides: identify takes "
+        "the mean of each pair, in which Coulomb friction cancels, and determines the gravity "
+        "torque alone"
+    )
+    return Finding("static_poses", INFO, sentence, {"poses": count})
 
 
 def _read(

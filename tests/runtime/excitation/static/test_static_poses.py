@@ -17,7 +17,10 @@ from runtime.excitation.static.exchange import a_optimal
 from runtime.excitation.static.feasible_poses import feasible_poses, pose_range
 from runtime.excitation.static.gravity_regressor import gravity_columns, gravity_regressor
 from runtime.excitation.static.pose_design import design_poses
+from runtime.inspection import INFO, inspect_log
 from runtime.library import Array, Library
+from runtime.recording import Recording, write_recording
+from runtime.recording.static_poses import static_poses
 from symgen.build.pipeline import build
 from symgen.build.request import BuildRequest
 from tests.robots import DATA, ONE_LEVEL
@@ -72,6 +75,68 @@ def test_chosen_poses_halve_the_gravity_error_of_random_poses(servo_arm: Library
     assert designed < both
     assert chosen[0].sigma < chosen[0].sigma_random
     assert chosen[0].torque < chosen[0].torque_random
+
+
+def visited(lib: Library, poses: Array, approach: Array) -> Recording:
+    """Log at 50 Hz of all poses from below and from above; encoder of 4096 counts per turn.
+
+    Every visit moves to the start of its approach, waits there, moves on to the pose and rests.
+    """
+    t = np.arange(0.0, 1.0, 0.02)
+    ramp = np.concatenate([0.5 - 0.5 * np.cos(np.pi * t), np.ones(15)])[:, None]
+    rest = np.ones((50, 1))
+    way, signs, here = [], [], np.zeros(lib.n_joints)
+    for pose in poses:
+        for side in (-1.0, 1.0):
+            start = pose + side * approach
+            way += [here + ramp * (start - here), start + ramp * (pose - start), rest * pose]
+            signs += [np.sign(start - here) * np.ones_like(ramp)]
+            signs += [-side * np.ones((len(ramp) + len(rest), lib.n_joints))]
+            here = pose
+    q, sign = np.concatenate(way), np.concatenate(signs)
+    tau = gravity(lib, q) + COULOMB * sign
+    count = 2 * np.pi / 4096
+    return Recording(
+        0.02 * np.arange(len(q)),
+        count * np.round(q / count),
+        tau=QUANTUM * np.round(tau / QUANTUM),
+        name="visits",
+    )
+
+
+def test_a_log_of_poses_gives_the_gravity_torque(
+    servo_arm: Library, command: Command, tmp_path: Path
+) -> None:
+    """Oracle: g(q) of bodies 20 % heavier than the model, from pairs that the data show.
+
+    The design predicts the error of rounded torques; three times it, as the rounding of a torque
+    at rest does not average out and the split leaves poses to the test.
+    """
+    lib = servo_arm
+    noise = np.full(lib.n_joints, QUANTUM / np.sqrt(12))
+    designed = design_poses(lib, POSES, Safety(), noise, starts=1)
+    log = visited(lib, designed.poses, designed.approach)
+    rows = static_poses(log)
+    assert rows is not None
+    # One count of the encoder.
+    np.testing.assert_allclose(rows.q, designed.poses, atol=2 * np.pi / 4096)
+    write_recording(log, tmp_path / "visits.csv")
+    ran = command("identify", "visits.csv", "--robot", lib.folder, "--out", "out", "--no-report")
+    assert ran.code == 0, ran.err
+    assert "12 poses at rest that were reached from both sides" in ran.out
+    loud = [f for f in inspect_log(tmp_path / "visits.csv", lib).findings if f.level != INFO]
+    assert loud == []
+    refused = command("identify", "visits.csv", "--robot", lib.folder, "--delay", "auto")
+    assert refused.code == 2
+    assert "need motion" in refused.err
+    pi = np.array(json.loads((tmp_path / "out/result.json").read_text())["pi"])
+    at = np.random.default_rng(0).uniform(-1, 1, (200, lib.n_joints))
+    known = lib.inverse_dynamics(at, 0 * at, 0 * at, pi.ravel())
+    error = float(np.sqrt(np.mean((known - gravity(lib, at)) ** 2)))
+    assert error < 3 * designed.torque
+    # One side alone: no pairs, a log of motion.
+    half = log.take(slice(0, len(log) // (2 * POSES)), "Took a visit.")
+    assert static_poses(half) is None
 
 
 def test_the_exchange_finds_the_best_subset() -> None:

@@ -1,0 +1,115 @@
+"""Logs of poses at rest that are reached from both sides: pairs of visits found in the data.
+
+    q = (q₊ + q₋)/2,    τ = (τ₊ + τ₋)/2 = g(q)
+
+Coulomb friction has opposite signs after two approaches from opposite sides, so that it cancels in
+the mean. The rows have dq = ddq = 0 and contain gravity alone.
+"""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from runtime.recording.recording import FloatArray, Recording
+
+REST_SPEED = 0.02
+"""Speed below which a joint rests [rad/s or m/s]: two counts of a servo's encoder in 0.2 s."""
+WINDOW_S = 0.1
+"""Time before and after a row over which its speed is computed [s]."""
+LEAST_S = 0.2
+"""Shortest rest [s]."""
+APPROACH_S = 0.5
+"""Time before a rest whose motion gives the side of the approach [s]."""
+MOVED = 2e-3
+"""Least motion of every joint on an approach [rad, m]: above the counts of a servo's encoder."""
+SAME = 0.01
+"""Largest distance of two visits of one pose [rad, m]: the error of a controller against friction,
+and far below the length of an approach."""
+SHARE = 0.3
+"""Share of the log that the arm rests, below which the log is one of motion."""
+FEWEST = 3
+"""Number of pairs from which on a log is one of poses."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Visit:
+    """Means over one rest, and the displacement of the approach."""
+
+    t: float
+    q: FloatArray
+    tau: FloatArray
+    approach: FloatArray
+
+
+def static_poses(recording: Recording) -> Recording | None:
+    """One row per pose that was reached from both sides.
+
+    Args:
+        recording: in SI units, with torque.
+
+    Returns:
+        Rows with dq = ddq = 0 at the time of the second visit; None for a log of motion, which
+        rests for less than `SHARE` of its time or has fewer than `FEWEST` pairs.
+    """
+    if recording.tau is None or recording.columns is not None or len(recording) < 10:
+        return None
+    still = _still(recording)
+    if still.mean() < SHARE:
+        return None
+    visits = _visits(recording, still)
+    pairs = _pairs(visits)
+    if len(pairs) < FEWEST:
+        return None
+    first, second = ([visits[pair[k]] for pair in pairs] for k in range(2))
+    q = np.array([(a.q + b.q) / 2 for a, b in zip(first, second, strict=True)])
+    tau = np.array([(a.tau + b.tau) / 2 for a, b in zip(first, second, strict=True)])
+    t, still_rows = np.array([b.t for b in second]), np.zeros_like(q)
+    return recording.replace(t=t, q=q, dq=still_rows, ddq=still_rows, tau=tau).noted(
+        f"Took {len(pairs)} poses that were reached from both sides, each the mean of two rests; "
+        f"{len(visits) - 2 * len(pairs)} of {len(visits)} rests belong to no pair."
+    )
+
+
+def _still(recording: Recording) -> np.ndarray:
+    """Rows in which every joint rests, (N,)."""
+    t, last = recording.t, len(recording) - 1
+    behind = np.searchsorted(t, t - WINDOW_S)
+    ahead = np.minimum(np.searchsorted(t, t + WINDOW_S), last)
+    span = np.maximum(t[ahead] - t[behind], 1e-12)
+    speed = np.abs(recording.q[ahead] - recording.q[behind]).max(axis=1) / span
+    return np.asarray(speed < REST_SPEED)
+
+
+def _visits(recording: Recording, still: np.ndarray) -> list[_Visit]:
+    """Rests of at least `LEAST_S`, in the order of time."""
+    t, q, tau = recording.t, recording.q, recording.required("tau")
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+    visits = []
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        if t[end - 1] - t[first] < LEAST_S:
+            continue
+        mean = q[first:end].mean(axis=0)
+        before = int(np.searchsorted(t, t[first] - APPROACH_S))
+        rest = tau[first:end].mean(axis=0)
+        visits.append(_Visit(float(t[end - 1]), mean, rest, mean - q[before]))
+    return visits
+
+
+def _pairs(visits: list[_Visit]) -> list[tuple[int, int]]:
+    """Visits of one pose from opposite sides, the closest first; each belongs to one pair."""
+    near = []
+    for a, b in combinations(range(len(visits)), 2):
+        one, other = visits[a], visits[b]
+        gap = float(np.abs(one.q - other.q).max())
+        opposite = (one.approach * other.approach < 0).all()
+        moved = min(np.abs(one.approach).min(), np.abs(other.approach).min()) > MOVED
+        if gap < SAME and opposite and moved:
+            near.append((gap, a, b))
+    taken: set[int] = set()
+    pairs = []
+    for _, a, b in sorted(near):
+        if not {a, b} & taken:
+            taken |= {a, b}
+            pairs.append((a, b))
+    return sorted(pairs, key=lambda pair: pair[1])

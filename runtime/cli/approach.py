@@ -15,6 +15,7 @@ from runtime.cli.limit_options import (
     Clearance,
     Coulomb,
     FrictionBand,
+    ModelBand,
     Obstacles,
     PayloadBand,
     Table,
@@ -85,6 +86,7 @@ def approach_command(
     coulomb: Coulomb = None,
     payload_band: PayloadBand = None,
     friction_band: FrictionBand = None,
+    model_band: ModelBand = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
 ) -> None:
@@ -114,6 +116,7 @@ def approach_command(
         obstacles,
         payload_band,
         friction_band,
+        model_band,
     )
     path = json_path(out or Path("results") / f"{lib.name}-approach.json")
     trajectory = read_trajectory(motion, lib)

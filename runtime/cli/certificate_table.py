@@ -7,7 +7,7 @@ from rich.table import Column, Table
 
 from runtime.cli.carry import carried_body
 from runtime.cli.common import numbers_option
-from runtime.cli.payload_band import band_of_payload
+from runtime.cli.model_bands import band_of
 from runtime.errors import RuntimeFault
 from runtime.excitation import Safety
 from runtime.excitation.limits.obstacles import OBSTACLE, read_obstacles
@@ -33,6 +33,7 @@ def safety_of(
     obstacles: Path | None = None,
     payload_band: str | None = None,
     friction_band: float | None = None,
+    model_band: str | None = None,
 ) -> Safety:
     """Limits of the options, which hold besides those that the robot states.
 
@@ -48,6 +49,7 @@ def safety_of(
         obstacles: TOML of obstacles.
         payload_band: mass in kg and reach in m of what the payload may differ by.
         friction_band: half-width of friction in %.
+        model_band: trust in the parameters of the links.
 
     Returns:
         The limits.
@@ -65,7 +67,7 @@ def safety_of(
         coulomb=_per_joint(lib, coulomb, "--coulomb"),
         carried=body,
         obstacles=() if obstacles is None else read_obstacles(obstacles),
-        band=() if payload_band is None else band_of_payload(lib, payload_band, body),
+        band=band_of(lib, payload_band, model_band, body),
         friction_band=(friction_band or 0.0) / 100,
     )
 

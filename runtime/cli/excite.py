@@ -23,6 +23,7 @@ from runtime.cli.limit_options import (
     Clearance,
     Coulomb,
     FrictionBand,
+    ModelBand,
     Obstacles,
     PayloadBand,
     Table,
@@ -177,6 +178,7 @@ def excite_command(
     coulomb: Coulomb = None,
     payload_band: PayloadBand = None,
     friction_band: FrictionBand = None,
+    model_band: ModelBand = None,
     pictures: Annotated[
         bool,
         typer.Option(
@@ -218,21 +220,14 @@ def excite_command(
     lib = open_robot(robot, yes)
     height, has_no_table = table_height(table)
     options = (
-        clearance,
-        height,
-        box,
-        viscous,
-        coulomb,
-        carry,
-        obstacles,
-        payload_band,
-        friction_band,
+        *(clearance, height, box, viscous, coulomb, carry, obstacles),
+        *(payload_band, friction_band, model_band),
     )
     if document and any(option is not None for option in (*options, from_pose)):
         raise RuntimeFault(
             "--document excludes --table, --box, --clearance, --viscous, --coulomb, --carry, "
-            "--obstacles, --payload-band, --friction-band and --from; give --criterion cond "
-            "instead, which keeps all limits"
+            "--obstacles, --from, --payload-band, --friction-band and --model-band; give "
+            "--criterion cond instead, which keeps all limits"
         )
     safety = None if document else safety_of(lib, torque_fraction, *options)
     if static and safety is not None:

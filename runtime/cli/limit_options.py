@@ -64,6 +64,14 @@ FrictionBand = Annotated[
         help="The limits of torques hold for --viscous and --coulomb ± PERCENT of both.",
     ),
 ]
+ModelBand = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TRUST",
+        help="The limits of torques hold for all link parameters within the 95 % intervals of the "
+        "inertial prior around the URDF: cad, gripper, none, or the trust κ itself.",
+    ),
+]
 TorqueFraction = Annotated[
     float, typer.Option(help="Fraction of the torque limits that the motion may use, 0 to 1.")
 ]

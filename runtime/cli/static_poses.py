@@ -35,7 +35,7 @@ _APPLICABLE = {
     *("static", "poses", "robot", "yes", "starts", "seed", "out", "noise", "table", "box"),
     "obstacles",
     *("clearance", "carry", "torque_fraction", "margin", "viscous", "coulomb", "overwrite"),
-    *("payload_band", "friction_band"),
+    *("payload_band", "friction_band", "model_band"),
 }
 
 

@@ -77,7 +77,7 @@ class Safety:
     @property
     def models(self) -> str:
         """Models whose torques keep the limits, for certificates; empty for one model."""
-        masses = ", ".join(f"{1e3 * mass:g} g" for mass in self.band[::10] if mass > 0)
+        masses = ", ".join(f"{1e3 * mass:.4g} g" for mass in self.band[::10] if mass > 0)
         stated = [f"masses ± {masses}"] if masses else []
         if self.friction_band:
             stated.append(f"friction ± {100 * self.friction_band:g} %")

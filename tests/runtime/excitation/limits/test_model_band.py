@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from runtime.cli.payload_band import band_of_payload
+from runtime.cli.model_bands import band_of, band_of_payload, band_of_prior
 from runtime.excitation import Safety, Trajectory
 from runtime.excitation.limits.nonlinear_limits import Torque, TorqueRate
 from runtime.excitation.limits.safety import constraints
@@ -18,7 +18,7 @@ MASS, REACH = 0.7, 0.1
 
 @pytest.fixture(scope="module")
 def safety(lib: Library) -> Safety:
-    band = band_of_payload(lib, f"{MASS},{REACH}", None)
+    band = band_of(lib, f"{MASS},{REACH}", None, None)
     return Safety(viscous=(3.0,), coulomb=(1.0,), band=band, friction_band=0.25)
 
 
@@ -122,3 +122,26 @@ def test_bands_that_are_none_are_refused(lib: Library) -> None:
         Safety(friction_band=-0.05)
     with pytest.raises(Exception, match="needs 70 half-widths, got 3"):
         constraints(lib, lib.home, Safety(band=(1.0, 1.0, 1.0)))
+
+
+def test_the_band_of_the_prior(lib: Library) -> None:
+    """Oracle: the mass of a body whose density is scaled has σ = m/√(4 κ), and bands add up."""
+    band = band_of_prior(lib, "cad")
+    assert band.shape == lib.pi0.shape
+    # Scaling P by 1 + ε has the length ‖1‖ = 2; other directions change the mass further.
+    assert (band[::10] >= 1.96 * lib.pi0[::10] / np.sqrt(4 * 16.0) - 1e-4).all()
+    assert band_of_prior(lib, "4") == pytest.approx(2 * band, rel=1e-12)
+    both = np.array(band_of(lib, "0.5,0.1", "cad", None))
+    assert both == pytest.approx(band + band_of_payload(lib, "0.5,0.1", None), rel=1e-12)
+    assert band_of(lib, None, None, None) == ()
+    with pytest.raises(Exception, match="--model-band needs cad, gripper, none or a trust above 0"):
+        band_of_prior(lib, "steel")
+
+
+def test_all_columns_and_the_regressor_agree(lib: Library, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: unit parameters one by one, against the kernel of the regressor."""
+    limit = limit_of(lib, Safety(band=tuple(band_of_prior(lib, "cad"))), Torque)
+    states = states_of(motion_of(lib), np.linspace(0.1, 2.9, 5))[:4]
+    g = limit.values(states)
+    monkeypatch.setattr("runtime.excitation.limits.model_band._MANY", 100)
+    assert g == pytest.approx(limit.values(states), abs=1e-12)  # rounding of 70 products

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from runtime.identification.sensor_gains import Gains, identify_gains
     from runtime.identification.settings import Settings
     from runtime.identification.single_log import identify
+    from runtime.inspection.default_friction import choose_default_friction
     from runtime.inspection.friction_choice import choose_friction
     from runtime.library import BaseMotion, Library, load, to_pinocchio_order
     from runtime.monitoring.observer import Observer
@@ -54,6 +55,7 @@ __all__ = [
     "Preset",
     "Recording",
     "Settings",
+    "choose_default_friction",
     "choose_friction",
     "identify",
     "identify_gains",
@@ -78,6 +80,7 @@ _MODULES = {
     "Preset": "runtime.estimators.descent.adam",
     "Recording": "runtime.recording",
     "Settings": "runtime.identification.settings",
+    "choose_default_friction": "runtime.inspection.default_friction",
     "choose_friction": "runtime.inspection.friction_choice",
     "identify": "runtime.identification.single_log",
     "identify_gains": "runtime.identification.sensor_gains",

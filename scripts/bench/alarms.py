@@ -97,7 +97,7 @@ CASES = (
             (f"at fr3_joint{k + 1},",),
             _usual,
             _gain(k),
-            f"gain of fr3_joint{k + 1} (up to",
+            f"fr3_joint{k + 1} (",
         )
         for k in range(7)
     ),

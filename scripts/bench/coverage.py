@@ -98,7 +98,7 @@ def pairs(lib: Library, designs: list[Trajectory], case: str, count: int) -> Ite
         yield simulate(lib, motions, case, seed)
 
 
-def coverage(lib: Library, designs: list[Trajectory], case: str, count: int) -> Held:
+def coverage(lib: Library, designs: list[Trajectory], case: str, count: int, more: int = 0) -> Held:
     """Identify `count` pairs of logs and compare the intervals with the truth.
 
     Args:
@@ -106,13 +106,14 @@ def coverage(lib: Library, designs: list[Trajectory], case: str, count: int) -> 
         designs: motions of 10 s.
         case: key of `CASES`.
         count: number of trials.
+        more: further trials of the arm alone, without payload and gains.
 
     Returns:
         Shares of the intervals that held.
     """
     preparation = CASES[case][1]
     base, determined, band, payload, gains, named = [], [], [], [], [], []
-    for pair in pairs(lib, designs, case, count):
+    for trial, pair in enumerate(pairs(lib, designs, case, count + more)):
         result = identify(
             pair.empty, lib, preparation=preparation, splitting=SPLIT, friction_columns=TERMS
         )
@@ -123,8 +124,9 @@ def coverage(lib: Library, designs: list[Trajectory], case: str, count: int) -> 
         determined.append([v == "identified" for v in u.beta_verdicts])
         named.append(any(words in u.advice() for words in DISTRUST))
         band.append(_band(result))
-        payload.append(_payload(pair, result, preparation))
-        gains.append(_gains(pair, lib, preparation))
+        if trial < count:
+            payload.append(_payload(pair, result, preparation))
+            gains.append(_gains(pair, lib, preparation))
     return Held(
         np.mean(base, axis=0),
         np.mean(determined, axis=0),

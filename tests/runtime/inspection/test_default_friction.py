@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import runtime
 from runtime import Recording, load, read_recording
 from runtime.cli.prepared_log import usable_columns
 from runtime.estimators.regression.samples import samples_of
@@ -132,9 +133,9 @@ def test_the_choice_is_among_the_columns_of_the_method():
 
 
 def test_identify_without_options_fits_friction(command, lib, tmp_path):
-    """Property: on the bundled log, and the inertia alone on request; each is one sentence."""
+    """Property: on the bundled log, and the inertia alone on request; Python gives the same."""
     errors, notes = {}, {}
-    for option in ((), ("--friction", "none")):
+    for option in (("--friction", "none"), ()):
         ran = command("identify", EXAMPLE, "--robot", lib.folder, *option, "--out", "out")
         assert ran.code == 0, ran.err
         facts = json.loads((tmp_path / "out" / "result.json").read_text())
@@ -144,6 +145,11 @@ def test_identify_without_options_fits_friction(command, lib, tmp_path):
         assert names == ([] if option else ["offset", "viscous", "coulomb"])
     assert len(notes[()]) == 1
     assert not notes["--friction", "none"]
+    log = read_recording(EXAMPLE)
+    terms = runtime.choose_default_friction(log, lib).terms
+    same = runtime.identify(log, lib, friction_columns=terms, refit=True)
+    # The same numbers to the last digit of the file.
+    assert same.pi.tolist() == facts["pi"]
     # Measured 0.76 and 5.94 %.
     assert errors[()] < 1.0
     assert errors["--friction", "none"] > 5.0

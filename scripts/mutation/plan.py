@@ -25,12 +25,15 @@ class Planner:
         known: every collected test.
         budget_s: CPU time of the tests of one mutant [s]; a quarter of it for tests that do not
             execute the line.
+
+    Attributes:
+        sound, broken: tests that passed, or failed, without any mutant.
     """
 
     def __init__(self, root: Path, lines: LineMap, known: Iterable[str], budget_s: float) -> None:
         self.root, self.lines, self.budget_s = root, lines, budget_s
         self.known = set(known)
-        self.broken = set[str]()
+        self.sound, self.broken = set[str](), set[str]()
         self._killers: dict[str, Counter[str]] = {}
         self._imports: dict[str, set[str]] = {}
 

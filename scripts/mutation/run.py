@@ -248,8 +248,11 @@ def _run_package(
         _, status = os.waitpid(child, 0)
         if os.waitstatus_to_exitcode(status) != 0:
             raise RuntimeError("the run ended before its last mutant; its output says why")
-        cold = [replace(jobs[k], tests=tuple(tests)) for k, tests in json.loads(left.read_text())]
+        facts = json.loads(left.read_text("utf-8"))
+        cold = [replace(jobs[k], tests=tuple(tests)) for k, tests in facts["jobs"]]
         planner = planner_of([test for job in cold for test in job.tests])
+        planner.sound |= set(facts["sound"])
+        planner.broken |= set(facts["broken"])
         python = [job for job in cold if job.mutant.path.endswith(".py")]
         templates = [job for job in cold if job not in python]
         serve_cold(tree, python, planner, processes, report)
@@ -265,7 +268,9 @@ def _serve(tree: Path, server: Server, left: Path) -> None:
         pytest.main([*QUIET, "--continue-on-collection-errors", "tests"], plugins=[server])
         places = {id(job.mutant): k for k, job in enumerate(server.jobs)}
         rows = [(places[id(job.mutant)], job.tests) for job in server.cold]
-        left.write_text(json.dumps(rows), encoding="utf-8")
+        sound, broken = (sorted(names) for names in (server.planner.sound, server.planner.broken))
+        facts = {"jobs": rows, "sound": sound, "broken": broken}
+        left.write_text(json.dumps(facts), encoding="utf-8")
         code = 0
     finally:
         sys.stdout.flush()

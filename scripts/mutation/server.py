@@ -59,7 +59,6 @@ class Server:
         self.root, self.jobs, self.processes, self.report = root, jobs, processes, report
         self.planner_of = planner_of
         self.cold: list[Job] = []
-        self.planner: Planner | None = None
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
@@ -131,15 +130,14 @@ def serve(
         planner: knows the tests that fail without any mutant.
         report: called with each outcome.
     """
-    sound = set[str]()
     while jobs:
         again = list[Job]()
         for job, outcome in ended(planned(jobs), work, processes):
             by = outcome.by
-            if by and by not in sound | planner.broken:
+            if by and by not in planner.sound | planner.broken:
                 single = Job(job.mutant, job.room_tests, (by,))
                 (_, check), *_ = ended([single], partial(work, whole=True), 1)
-                (planner.broken if check.noticed else sound).add(by)
+                (planner.broken if check.noticed else planner.sound).add(by)
             if by in planner.broken:
                 again.append(job)
                 continue

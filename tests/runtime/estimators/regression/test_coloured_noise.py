@@ -174,6 +174,13 @@ def test_columns_of_any_unit_count() -> None:
     assert other.variance == pytest.approx(one.variance, rel=1e-9)
 
 
+def test_a_fit_of_more_columns_than_rows_leaves_no_noise() -> None:
+    """Oracle: four equations are solved by six columns to rounding."""
+    rng = np.random.default_rng(5)
+    noise_of = coloured_noise_of_rows(rng.normal(size=(2, 2, 6)), rng.normal(size=(2, 2)))
+    assert (noise_of.density, noise_of.variance) == pytest.approx((0.0, 0.0), abs=1e-20)
+
+
 @pytest.mark.parametrize(
     ("density", "variance", "inflation"), [(6.0, 2.0, 3.0), (0.0, 2.0, 1.0), (6.0, 0.0, 1.0)]
 )

@@ -28,12 +28,14 @@ class Planner:
 
     Attributes:
         sound, broken: tests that passed, or failed, without any mutant.
+        extra: CPU time of a test beyond that of the recording [s]: of a library that it builds.
     """
 
     def __init__(self, root: Path, lines: LineMap, known: Iterable[str], budget_s: float) -> None:
         self.root, self.lines, self.budget_s = root, lines, budget_s
         self.known = set(known)
         self.sound, self.broken = set[str](), set[str]()
+        self.extra: dict[str, float] = {}
         self._killers: dict[str, Counter[str]] = {}
         self._imports: dict[str, set[str]] = {}
 
@@ -66,6 +68,30 @@ class Planner:
             *self._within(near - new, self.budget_s / 4),
         ]
 
+    def importing(self, mutant: Mutant, room_tests: Sequence[str]) -> list[str]:
+        """Tests for a mutant that is applied before the tests are imported.
+
+        Tests of symbolic code evaluate it where they are imported, which no map shows: the files
+        that import the module come first, then those of its room.
+
+        Args:
+            mutant: an altered line.
+            room_tests: folders and files of the tests of its room.
+
+        Returns:
+            Names, within the budget of time.
+        """
+        usable = self.known - self.broken
+        module = mutant.path.removesuffix(".py").replace("/", ".")
+        near = {t for t in usable if self._is_near(t, module, room_tests)}
+        direct = {t for t in near if module in self._imported(t.split("::", maxsplit=1)[0])}
+        covering = self.lines.tests_of(mutant) & near
+        return [
+            *self._within(direct, self.budget_s),
+            *self._within(covering - direct, self.budget_s),
+            *self._within(near - direct - covering, self.budget_s / 2),
+        ]
+
     def _is_near(self, test: str, module: str, room_tests: Sequence[str]) -> bool:
         path = test.split("::", maxsplit=1)[0]
         return any(Path(path).is_relative_to(t) for t in room_tests) or (
@@ -86,19 +112,21 @@ class Planner:
 
     def _within(self, tests: set[str], budget_s: float) -> list[str]:
         """Fastest tests first until the budget is spent; files stay together in steps of time."""
-        seconds = self.lines.seconds
         left, chosen = budget_s, list[str]()
-        for test in sorted(tests, key=lambda t: (seconds.get(t, 1.0), t)):
-            left -= seconds.get(test, 1.0)
+        for test in sorted(tests, key=lambda t: (self._seconds(t), t)):
+            left -= self._seconds(test)
             if left < 0 and chosen:
                 break
             chosen.append(test)
 
         def step(test: str) -> int:
-            return next(k for k, s in enumerate(STEPS_S) if seconds.get(test, 1.0) <= s)
+            return next(k for k, s in enumerate(STEPS_S) if self._seconds(test) <= s)
 
         chosen.sort(key=step)
         ordered = list[str]()
         for _, group in groupby(chosen, key=step):
             ordered += sorted(group, key=lambda t: t.split("::")[0])
         return ordered
+
+    def _seconds(self, test: str) -> float:
+        return self.lines.seconds.get(test, 1.0) + self.extra.get(test, 0.0)

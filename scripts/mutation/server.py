@@ -1,14 +1,14 @@
 """Tests collected once; each mutant meets them in a forked copy of the process.
 
 The code of the loaded functions is exchanged in the copy. A change that takes effect only at
-import meets its tests in a process that has imported nothing of the product.
+import, and one of symgen, whose tests evaluate symbols where they are imported, meets its tests
+in a process that has imported nothing of the product.
 """
 
 import gc
 import os
 import sys
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,6 +23,10 @@ from scripts.mutation.plan import Planner
 QUIET = ("-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", "-p", "no:faulthandler")
 HEAVY = ("numpy", "scipy.optimize", "scipy.signal", "scipy.linalg", "clarabel", "casadi")
 """Libraries that nearly every test imports, imported once before the forks."""
+WARM = ("lib", "ideal_runs", "noisy", "log", "panda", "clean")
+"""Fixtures of a session that most tests of run time need: a robot, simulated and real logs."""
+BUILD_S = 4.0
+"""CPU time of a build, which a mutant of symgen cannot share with others [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,10 @@ class Server:
         """Serve every mutant."""
         items = {item.nodeid: item for item in session.items}
         planner = self.planner = self.planner_of(list(items))
-        warm_up(session.items)
+        if any(job.mutant.path.startswith("symgen/") for job in self.jobs):
+            planner.extra = {name: BUILD_S for name, item in items.items() if _builds(item)}
+        else:
+            warm_up(session.items, planner.lines.seconds)
         functions = functions_by_file(self.root)
         gc.freeze()
         sys.dont_write_bytecode = True
@@ -80,8 +87,6 @@ class Server:
                 import_altered(module_of(job.mutant), path, job.mutant.text)
 
         def work(job: Job, journal: Path, whole: bool = False) -> int:
-            if job.mutant.path.startswith("symgen/"):
-                _new_base(session.config)
             if not whole:
                 altered(job)
             chosen = [items[name] for name in job.tests]
@@ -92,6 +97,10 @@ class Server:
 
         def planned(jobs: Sequence[Job]) -> Iterator[Job]:
             for job in jobs:
+                if job.mutant.path.startswith("symgen/"):
+                    before = planner.importing(job.mutant, job.room_tests)
+                    self.cold.append(Job(job.mutant, job.room_tests, tuple(before)))
+                    continue
                 tests = tuple(planner.tests(job.mutant, job.room_tests))
                 one = Job(job.mutant, job.room_tests, tests)
                 path, text = self.root / job.mutant.path, job.mutant.text
@@ -191,12 +200,26 @@ def enter(root: Path) -> None:
     sys.dont_write_bytecode = True
 
 
-def warm_up(items: Sequence[pytest.Item]) -> None:
-    """Load the FR3 once for all children: run the plainest test of each that needs it."""
-    some = [i for i in items if {"fr3", "lib"} <= set(getattr(i, "fixturenames", ()))]
-    if some:
-        item = min(some, key=lambda i: len(getattr(i, "fixturenames", ())))
-        item.config.hook.pytest_runtest_protocol(item=item, nextitem=items[0])
+def warm_up(items: Sequence[pytest.Item], seconds: Mapping[str, float]) -> None:
+    """Make the fixtures that most tests need once for all children.
+
+    Args:
+        items: collected tests; the fastest one that needs a fixture runs.
+        seconds: CPU time by test [s].
+    """
+    chosen = list[pytest.Item]()
+    for name in WARM:
+        some = [i for i in items if name in getattr(i, "fixturenames", ())]
+        if some:
+            chosen.append(min(some, key=lambda i: seconds.get(i.nodeid, 1.0)))
+    for item, after in zip(chosen, [*chosen[1:], items[0]], strict=True):
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=after)
+
+
+def _builds(item: pytest.Item) -> bool:
+    """Whether a test needs a library that the tests build, besides the FR3."""
+    names = set(getattr(item, "fixturenames", ()))
+    return "robot" in names or ("root" in names and "fr3" not in names)
 
 
 class _Chosen:
@@ -209,9 +232,3 @@ class _Chosen:
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         items[:] = [item for item in items if item.nodeid in self.place]
         items.sort(key=lambda item: self.place[item.nodeid])
-
-
-def _new_base(config: pytest.Config) -> None:
-    """A folder of its own for what the tests build: an altered symgen builds other libraries."""
-    factory = config._tmp_path_factory  # type: ignore[attr-defined]
-    factory._basetemp = Path(tempfile.mkdtemp(prefix="mutate-base-"))

@@ -72,7 +72,7 @@ class Planner:
         """Tests for a mutant that is applied before the tests are imported.
 
         Tests of symbolic code evaluate it where they are imported, which no map shows: the files
-        that import the module come first, then those of its room.
+        that import the module come first, then tests of its room that execute the line.
 
         Args:
             mutant: an altered line.
@@ -88,8 +88,7 @@ class Planner:
         covering = self.lines.tests_of(mutant) & near
         return [
             *self._within(direct, self.budget_s),
-            *self._within(covering - direct, self.budget_s),
-            *self._within(near - direct - covering, self.budget_s / 2),
+            *self._within(covering - direct, self.budget_s / 4),
         ]
 
     def _is_near(self, test: str, module: str, room_tests: Sequence[str]) -> bool:

@@ -125,6 +125,7 @@ def test_the_wheel_alone(installed: Path, tmp_path: Path) -> None:
         "PATH": os.environ["PATH"],
         "SYMGEN_LEVELS": "portable",
     }
+    place |= {name: os.environ[name] for name in ("CCACHE_DIR",) if name in os.environ}
     package = next(installed.parents[1].glob("lib/python*/site-packages/runtime"))
     before = {path: path.stat().st_mtime_ns for path in package.rglob("*.[ch]")}
     done = run(installed, "-B", "-c", USE, cwd=tmp_path, env=place)

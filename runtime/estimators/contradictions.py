@@ -76,10 +76,9 @@ def model_tests(
     gains = None if fit is None else gain_test_of(fit)
     delay = None if fit is None else delay_test(fit)
     friction = None if fit is None else friction_test(fit)
-    errors = []
+    sentences, errors = [], []
     if delay is not None and delay.is_contradicted:
-        errors.append(_of_delay(delay))
-    sentences = []
+        (errors if delay.is_usable else sentences).append(_of_delay(delay))
     if gains is not None and gains.is_contradicted:
         sentences.append(_of_gains(lib, gains))
     elif gains is not None and gains.is_significant:
@@ -119,10 +118,14 @@ def _of_limits(lib: Library, limits: Array) -> tuple[str, ...]:
 
 def _of_delay(test: DelayTest) -> str:
     side = "late" if test.delay > 0 else "early"
+    effect = (
+        "the parameters take up a part of it, and their intervals are too narrow"
+        if test.is_usable
+        else "the clock of the torque is wrong rather than the URDF"
+    )
     return (
         f"the torque is stamped {1e3 * abs(test.delay):.2g} ± {1e3 * test.sigma:.1g} ms too {side} "
-        "for the motion: the parameters take up a part of it, and their intervals are too narrow; "
-        "correct it with --delay auto"
+        f"for the motion: {effect}; correct it with --delay auto"
     )
 
 

@@ -185,6 +185,8 @@ class Uncertainty:
         if self.contradictions:
             doubts = "; ".join((*self.contradictions, *self.model_errors))
             return f"do not trust the result or its intervals yet: {doubts}"
+        if self.model_errors:  # gains that a better model shows are no limit of the log
+            return self._trust()
         return "; ".join((self._trust(), *self.tests.limits))
 
     def _trust(self) -> str:

@@ -20,6 +20,10 @@ LEAST_S = 0.5e-3
 """Delay [s] below which its bias is within the intervals: at 3 ms, 14 % of those of the worst
 parameter hold, and the bias is proportional to the delay."""
 
+USABLE_S = 10e-3
+"""Delay [s] up to which masses and torques hold and the intervals alone do not: the torque of the
+bundled motions changes by 2 % in that time."""
+
 
 @dataclass(frozen=True, slots=True)
 class DelayTest:
@@ -41,6 +45,11 @@ class DelayTest:
     def is_contradicted(self) -> bool:
         """Whether the torque is late or early by more than `LEAST_S`."""
         return self.statistic > self.threshold and abs(self.delay) > LEAST_S
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether a result with this delay predicts torques, though its intervals do not hold."""
+        return abs(self.delay) <= USABLE_S
 
 
 def delay_test(fit: FreeFit) -> DelayTest | None:

@@ -189,6 +189,16 @@ def test_a_delay_is_named_with_its_size(lib, trajectories, delay):
     assert size == pytest.approx(1e3 * abs(delay), rel=0.07)
 
 
+def test_a_long_delay_is_not_blamed_on_the_urdf(lib, trajectories):
+    """Property: torques 30 ms late are no model of the arm; the clock is named as the cause."""
+    log = logged(lib, trajectories[0], 0)
+    late = np.stack([np.interp(log.t - 0.03, log.t, row) for row in log.tau.T], axis=1)
+    words = advice(log.replace(tau=late), lib)
+    assert "do not trust" in words
+    assert "ms too late for the motion: the clock of the torque is wrong" in words
+    assert "the URDF is wrong" not in words
+
+
 def test_a_result_short_of_the_data_is_named(lib, trajectories):
     """Property: the misfit of the result itself counts; here all its masses are 20 % too large."""
     log = logged(lib, trajectories[0], 0)

@@ -76,7 +76,8 @@ def model_tests(
     gains = None if fit is None else gain_test_of(fit)
     delay = None if fit is None else delay_test(fit)
     friction = None if fit is None else friction_test(fit)
-    sentences, errors = [], []
+    sentences: list[str] = []
+    errors: list[str] = []
     if delay is not None and delay.is_contradicted:
         (errors if delay.is_usable else sentences).append(_of_delay(delay))
     if gains is not None and gains.is_contradicted:

@@ -1,8 +1,9 @@
 """A log that stays in its file; any rows of it become a `Recording` without the others."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ class StreamedRecording:
         files: the sources of the signals, and of the time alone.
         clock: likewise.
         remarks: sentences about the form of the files.
+        one_at_a_time: held while rows are read.
     """
 
     name: str
@@ -48,6 +50,7 @@ class StreamedRecording:
     files: tuple[Rows, ...]
     clock: Rows | None
     remarks: tuple[str, ...] = ()
+    one_at_a_time: Lock = field(default_factory=Lock)
 
     def block(self, start: int, stop: int) -> Recording:
         """Rows start … stop as a recording; corrupt rows among them are dropped and noted.
@@ -63,7 +66,8 @@ class StreamedRecording:
             RecordingError: they are not a recording.
         """
         stop = min(stop, self.rows)
-        values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
+        with self.one_at_a_time:  # a file has one place, which another thread would move
+            values = {kind: v for rows in self.files for kind, v in rows.read(start, stop).items()}
         lines = np.arange(start, stop, dtype=np.int64)
         raw = {kind: LogTable(v, lines) for kind, v in sorted(values.items(), key=_time_first)}
         data = converted(self.plan, raw, first_row=start, origin=self.origin)

@@ -7,11 +7,14 @@ once; its rows are then stored in a temporary file.
 """
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 import numpy as np
 
 from runtime.library import Library
+from runtime.parallel import cores
 from runtime.recording import Friction, Preparation, Recording, StreamedRecording
 from runtime.recording.formats.spool import Spool
 from runtime.recording.preprocessing import prepare
@@ -21,6 +24,8 @@ BLOCK = 65536
 """Rows of a block: a minute at 1 kHz, about ten megabytes."""
 FADING = 30.0
 """Time constants of the filter in the overlap."""
+AHEAD = 2
+"""Largest number of blocks that are prepared while another one is used."""
 REACH = 4096
 """Rows of which at least one has a usable time stamp."""
 
@@ -64,11 +69,34 @@ class Blocks:
             RecordingError: a step cannot be taken.
         """
         if index not in self.kept:
-            rows = self._prepare(index)
-            self.kept[index] = None if rows is None else _stored(rows, self.spool)
-            return rows
+            return self._stored(index, self._prepare(index))
         kept = self.kept[index]
         return None if kept is None else kept.read(self.spool)
+
+    def _stored(self, index: int, rows: Recording | None) -> Recording | None:
+        self.kept[index] = None if rows is None else _stored(rows, self.spool)
+        return rows
+
+    def _in_order(self, indices: range) -> Iterator[Recording | None]:
+        """Prepared blocks; the next ones are read and prepared meanwhile, one per core.
+
+        Blocks are stored by this thread alone, because the spool has one place.
+        """
+        new = [index for index in indices if index not in self.kept]
+        if min(cores(), len(new)) < 2:
+            yield from map(self.prepared, indices)
+            return
+        rest = iter(new)
+        with ThreadPoolExecutor(min(cores(), AHEAD)) as pool:
+            started = {i: pool.submit(self._prepare, i) for i in islice(rest, AHEAD)}
+            for index in indices:
+                if index not in started:
+                    yield self.prepared(index)
+                    continue
+                rows = started.pop(index).result()
+                if (later := next(rest, None)) is not None:
+                    started[later] = pool.submit(self._prepare, later)
+                yield self._stored(index, rows)
 
     def _prepare(self, index: int) -> Recording | None:
         start, stop = self.edges[index], self.edges[index + 1]
@@ -109,8 +137,7 @@ class Blocks:
         Yields:
             Recordings in the order of time.
         """
-        for index in self.within(first, last):
-            block = self.prepared(index)
+        for block in self._in_order(self.within(first, last)):
             if block is None:
                 continue
             inside = (block.t >= first) & (block.t < last)

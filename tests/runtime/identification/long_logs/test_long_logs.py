@@ -4,7 +4,9 @@ import json
 import os
 import subprocess
 import sys
+import time
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -91,6 +93,36 @@ def test_the_answer_is_that_of_the_whole_log(lib, log, tmp_path):
     assert result.streamed.samples["train"] == len(whole.train)
     assert result.streamed.samples["test"] == len(whole.test)
     assert result.streamed.spans["test"][0] == pytest.approx(whole.test.t[0], abs=0.01)
+
+
+def test_blocks_of_two_threads_are_those_of_one(lib, log, tmp_path, monkeypatch):
+    """Property: the same rows in the same order, read again from the spool, and the same refusal.
+
+    The file and the spool have one place each: without a lock, threads read rows of others.
+    """
+    write_recording(log, tmp_path / "x.csv")
+    answers = []
+
+    def slow(self, start, count):
+        self._file.seek(8 * start)
+        time.sleep(1e-3)  # another thread would move the place of the file
+        return np.frombuffer(self._file.read(8 * count), dtype=np.float64)
+
+    monkeypatch.setattr(spool.Spool, "read", slow)
+    for count in (1, 8):
+        monkeypatch.setattr(blocks, "cores", lambda count=count: count)
+        facts = blocks_of(open_streamed(tmp_path / "x.csv"), lib, PREPARATION, FRICTION)
+        assert len(facts) > 8
+        first, again = (list(facts.parts(-np.inf, np.inf)) for _ in range(2))
+        assert [len(a) for a in first] == [len(a) for a in again]
+        answers.append([part.required("tau") for part in (*first, *again)])
+    for one, two in zip(*answers, strict=True):
+        assert np.array_equal(one, two)
+    refused = blocks_of(
+        open_streamed(tmp_path / "x.csv"), lib, replace(PREPARATION, cutoff_hz=1e4), FRICTION
+    )
+    with pytest.raises(RecordingError, match="cutoff_hz"):
+        list(refused.parts(-np.inf, np.inf))
 
 
 def test_corrupt_rows_and_units_are_corrected_in_every_block(lib, log, tmp_path):

@@ -151,6 +151,11 @@ class VirtualDriver(Driver):
         return self._plant.restored(np.array(self._plant.data.qpos))
 
     @property
+    def gains(self) -> Array:
+        """True gains of the torque sensors, (n,)."""
+        return self._calibration.gain
+
+    @property
     def velocity(self) -> Array:
         """True velocity, (n,) [rad/s, m/s]."""
         return self._plant.restored(np.array(self._plant.data.qvel))

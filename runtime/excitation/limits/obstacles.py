@@ -7,6 +7,7 @@ box counts as the capsule around it: its axis is parallel to the longest edge.
     g = (margin − distance) / 0.1 m       one row per obstacle and capsule
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -149,32 +150,42 @@ class ObstacleClearance(Clearance):
         """Capsule and obstacle of every row."""
         return tuple(f"{p.name} and {o.name}" for o in self.obstacles for p in self.proxies)
 
+    def distances(self, motion: Array) -> Array:
+        """Distance of every row, (N, R) m, without slopes."""
+        return np.stack([one for one, _, _ in self._nearest(Poses.at(self.lib, motion[0]))], axis=1)
+
     def distances_and_slopes(self, q: Array) -> tuple[Array, Array]:
         """Distance of every row, (N, R) m, and its slopes by q, (N, R, n)."""
         poses = Poses.at(self.lib, q)
+        rows = list(self._nearest(poses))
+        moving = [poses.moved_by(proxy.joint) for _ in self.obstacles for proxy in self.proxies]
+        slopes = [
+            poses.slopes(place, normal) * moved
+            for (_, place, normal), moved in zip(rows, moving, strict=True)
+        ]
+        return np.stack([one for one, _, _ in rows], axis=1), np.stack(slopes, axis=1)
+
+    def _nearest(self, poses: Poses) -> Iterator[tuple[Array, Array, Array]]:
+        """Per row the distance (N,), the point of the axis and the direction from the obstacle."""
         axes = [
             np.stack([poses.placed(p.joint, np.array(end)) for end in (p.start, p.end)], axis=1)
             for p in self.proxies
         ]
         # Ends of all axes, one capsule after another: (R N, 2, 3).
-        ends = np.concatenate(axes)
-        distances, slopes = [], []
+        ends, count = np.concatenate(axes), len(axes[0])
         for obstacle in self.obstacles:
             turn, center = obstacle.rotation, np.array(obstacle.center)
             local = (ends - center) @ turn
-            point, way = closest(
-                local[:, 0], local[:, 1] - local[:, 0], np.array(obstacle.size) / 2
-            )
+            half = np.array(obstacle.size) / 2
+            point, way = closest(local[:, 0], local[:, 1] - local[:, 0], half)
             length = np.linalg.norm(way, axis=1)
             # An axis inside the box has no direction: no slope, and the value is −radius.
             normal = way / np.where(length > 0, length, np.inf)[:, None] @ turn.T
             place = point @ turn.T + center
-            rows = slice(0, 0)
-            for p in self.proxies:
-                rows = slice(rows.stop, rows.stop + len(q))
-                distances.append(length[rows] - p.radius - obstacle.radius)
-                slopes.append(poses.slopes(place[rows], normal[rows]) * poses.moved_by(p.joint))
-        return np.stack(distances, axis=1), np.stack(slopes, axis=1)
+            for k, proxy in enumerate(self.proxies):
+                rows = slice(k * count, (k + 1) * count)
+                gap = length[rows] - proxy.radius - obstacle.radius
+                yield gap, place[rows], normal[rows]
 
     def approaches(self, bounds: IntervalBounds) -> Array:
         """Bounds of the rates of the distances, (K, R) m/s."""

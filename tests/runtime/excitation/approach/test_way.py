@@ -35,9 +35,15 @@ def ends(lib: Library) -> tuple[np.ndarray, np.ndarray]:
     return lib.home + aside, lib.home - aside
 
 
-def distances_by_coal(lib: Library, obstacle: Obstacle, q: np.ndarray) -> np.ndarray:
+@pytest.fixture(scope="module")
+def model(lib: Library) -> pinocchio.Model:
+    return pinocchio_model(lib.urdf())
+
+
+def distances_by_coal(
+    lib: Library, model: pinocchio.Model, obstacle: Obstacle, q: np.ndarray
+) -> np.ndarray:
     """Distance of every moving capsule from the obstacle."""
-    model = pinocchio_model(lib.urdf())
     data = model.createData()
     pinocchio.forwardKinematics(model, data, q)
     turn = pinocchio.rpy.rpyToMatrix(*obstacle.rpy)
@@ -59,7 +65,7 @@ def distances_by_coal(lib: Library, obstacle: Obstacle, q: np.ndarray) -> np.nda
     return np.array(result)
 
 
-def test_distances_from_obstacles(lib: Library) -> None:
+def test_distances_from_obstacles(lib: Library, model: pinocchio.Model) -> None:
     """Oracle: coal, at random poses."""
     limit = next(
         one
@@ -71,7 +77,7 @@ def test_distances_from_obstacles(lib: Library) -> None:
         motion = np.zeros((4, 1, 7))
         motion[0] = q
         result = MARGIN - 0.1 * limit.values(motion)[0]
-        for here, wanted in zip(result, distances_by_coal(lib, POST, q), strict=True):
+        for here, wanted in zip(result, distances_by_coal(lib, model, POST, q), strict=True):
             if wanted > -POST.radius:
                 # GJK of coal ends at 1e-6 m.
                 assert here == pytest.approx(wanted, abs=2e-6)
@@ -121,8 +127,14 @@ def test_a_straight_way(lib: Library, ends: tuple[np.ndarray, np.ndarray]) -> No
     assert 0.9 / 1.02**2 < max(timed) <= 0.9
 
 
-def test_a_way_around_a_post(lib: Library, ends: tuple[np.ndarray, np.ndarray]) -> None:
+def test_a_way_around_a_post(
+    lib: Library,
+    model: pinocchio.Model,
+    ends: tuple[np.ndarray, np.ndarray],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Oracle: the straight way meets the post, the planned one keeps the margin, both by coal."""
+    monkeypatch.setattr("runtime.excitation.approach.way.PATHS", 1)  # the first is good enough
     straight = way_to(lib, *ends, Safety(table=0.0)).trajectory
     safety = Safety(table=0.0, obstacles=(POST,))
     way = way_to(lib, *ends, safety)
@@ -132,7 +144,7 @@ def test_a_way_around_a_post(lib: Library, ends: tuple[np.ndarray, np.ndarray]) 
     least = []
     for motion in (straight, way.trajectory):
         q = motion.at(lib, np.linspace(0.0, motion.duration, 60))[0]
-        least.append(min(distances_by_coal(lib, POST, one).min() for one in q))
+        least.append(min(distances_by_coal(lib, model, POST, one).min() for one in q))
     assert least[0] < 0
     assert least[1] > MARGIN - 2e-6  # GJK of coal ends at 1e-6 m
     back = way_back(lib, way.trajectory, safety)

@@ -4,6 +4,7 @@ A folder of an attacker holds a shared library beside a build.json that agrees w
 writes a file when it is opened. Every test looks for that file.
 """
 
+import ctypes
 import hashlib
 import json
 import os
@@ -31,24 +32,34 @@ NAMES = ("../evil/tiny", "/evil", "./tiny", "evil/tiny", "Tiny", "tiny/", "", ".
 
 
 @pytest.fixture
-def canary(tmp_path: Path) -> Path:
+def canary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """File that the attacker's library writes."""
+    monkeypatch.setenv("CANARY", str(tmp_path / "owned"))
     return tmp_path / "owned"
 
 
+@pytest.fixture(scope="module")
+def evil(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The attacker's library: when it is opened it writes the file that $CANARY names."""
+    source = tmp_path_factory.mktemp("evil") / "evil.c"
+    source.write_text(
+        "#include <stdio.h>\n#include <stdlib.h>\n"
+        "__attribute__((constructor)) static void run(void)\n"
+        '{ FILE *f = fopen(getenv("CANARY"), "w"); if (f) fclose(f); }\n'
+    )
+    library = source.with_suffix(".so")
+    subprocess.run([*find_compiler(), "-shared", "-fPIC", source, "-o", library], check=True)
+    return library
+
+
 @pytest.fixture
-def forge(tmp_path: Path, canary: Path) -> Callable[[Path], Path]:
+def forge(evil: Path, canary: Path) -> Callable[[Path], Path]:
     """Replaces the library of a generated folder by the attacker's, and makes its record agree."""
 
     def forged(folder: Path) -> Path:
-        source = tmp_path / "evil.c"
-        source.write_text(
-            "#include <stdio.h>\n__attribute__((constructor)) static void run(void)\n"
-            f'{{ FILE *f = fopen("{canary}", "w"); if (f) fclose(f); }}\n'
-        )
         (library,) = folder.glob("lib*.so")
         library.unlink()
-        subprocess.run([*find_compiler(), "-shared", "-fPIC", source, "-o", library], check=True)
+        shutil.copy(evil, library)
         record = json.loads((folder / "build.json").read_text())
         record["sha256"] = hashlib.sha256(library.read_bytes()).hexdigest()
         (folder / "build.json").write_text(json.dumps(record))
@@ -86,6 +97,12 @@ def test_a_result_chooses_no_folder(
     assert ran.code == 2
     assert "expected the name of a robot" in ran.err
     assert not canary.exists()
+
+
+def test_the_attack_works(evil: Path, canary: Path) -> None:
+    """Property: the library of the tests below does write the file when somebody opens it."""
+    ctypes.CDLL(str(evil))
+    assert canary.exists()
 
 
 @pytest.mark.usefixtures("one_level")

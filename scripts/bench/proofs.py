@@ -44,6 +44,8 @@ _SHRUNK = 0.7
 """Factor of a motion that does not hold."""
 _GJK = 2e-6
 """Coal's GJK ends at 1e-6 m."""
+_SECANTS = 6
+"""Steps to the height of a bump that dips by half a millimetre; closest points move with it."""
 BUMP = 0.3e-3
 """Duration of a planted bump, s."""
 
@@ -325,8 +327,10 @@ def planted(lib: Library, rng: np.random.Generator) -> tuple[bool, bool]:
     place = int(np.argmax([np.abs(slope).max() for slope in slopes]))
     row = int(np.argmax(np.abs(slopes[place])))
     calm = 1e-3 * calm  # the rest of the motion comes no nearer than a few micrometres
-    dip = motion(5e-3 / slopes[place][row])  # in units of 0.1 m
-    chosen = clearances[place]
-    seen, true = (chosen.values(states_of(dip, x))[:, row].max() for x in (t, inside_))
+    height, chosen = 5e-3 / slopes[place][row], clearances[place]  # in units of 0.1 m
+    for _ in range(_SECANTS):
+        dip = motion(height)
+        seen, true = (chosen.values(states_of(dip, x))[:, row].max() for x in (t, inside_))
+        height *= 5e-3 / max(true - seen, 1e-3)
     bound = constraint_bounds(lib, [chosen], dip)[row].bound
-    return caught, bool(true - seen > 4e-3 and bound > (seen + true) / 2)
+    return caught, bool(true - seen > 4.5e-3 and bound > (seen + true) / 2)

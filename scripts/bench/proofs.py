@@ -5,6 +5,7 @@ and tip are taken at 20 kHz, distances at 1 kHz and at 20 kHz around their small
 largest values are then moved to the nearest local maximum.
 """
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -284,6 +285,32 @@ def _distances(
 
         smallest = -_peak(opposite, motion, near, opposite(states_of(motion, near)))
         yield stated[pair] - smallest - _GJK, f"{pair[0]} and {pair[1]}"
+
+
+def proof_seconds(lib: Library, rng: np.random.Generator, count: int = 5) -> float:
+    """Longest processor time of a certificate of motions of 20 s with all limits.
+
+    Args:
+        lib: the FR3.
+        rng: random numbers.
+        count: motions of every basis.
+
+    Returns:
+        Seconds.
+    """
+    longest, sides = 0.0, (0.1, 0.9, -0.7, 0.7, 0.1, 1.1)
+    safety = Safety(table=0.0, box=sides, viscous=(2.0,), coulomb=(1.0,))
+    for name in ("cosine", "fourier", "bspline"):
+        basis = basis_of(name)
+        size = basis.size(8)
+        for _ in range(count):
+            a = rng.normal(size=(lib.n_joints, size))
+            a = inside(Limits(lib, lib.home, size, 20.0, basis=basis), a)
+            motion = Trajectory(lib.home, 0.6 * a, 20.0, basis)
+            start = time.process_time()
+            certificate_of(lib, motion, safety)
+            longest = max(longest, time.process_time() - start)
+    return longest
 
 
 def planted(lib: Library, rng: np.random.Generator) -> tuple[bool, bool]:

@@ -13,6 +13,7 @@ import pytest
 
 from runtime.estimators.prior_file import read_prior
 from runtime.excitation import Trajectory
+from runtime.excitation.limits.obstacles import read_obstacles
 from runtime.excitation.trajectory_file import write_motion
 from runtime.recording import load_recipe
 from runtime.simulation.controller_file import read_controller
@@ -190,12 +191,10 @@ def test_toml_blocks_are_read(tmp_path, fr3):
         elif "armature_from" in block:
             kinds.append("armature")
             assert set(tomllib.loads(block)) == {"armature_from", "armature"}
-        elif "[centre]" in block:
-            kinds.append("type")
-            assert read_prior(path, fr3).friction.columns == ("viscous",)
-        elif "trust" in block:
-            kinds.append("prior")
-            assert len(read_prior(path, fr3).constraints.bounds) > 4
+        elif "[centre]" in block or "trust" in block:
+            known = read_prior(path, fr3)
+            kinds.append("prior" if known.friction is None else "type")
+            assert len(known.constraints.bounds) > 4 or known.friction.columns == ("viscous",)
         elif "[[link]]" in block:
             kinds.append("rows")
             assert read_source(Source(path), Mechanism())[1].coupling[0].joint == "coupler_joint"
@@ -205,12 +204,15 @@ def test_toml_blocks_are_read(tmp_path, fr3):
             assert mechanism.loop or len(mechanism.spring) == 2
         elif "entry-points" in block:
             kinds.append("plugin")
+        elif "[[obstacle]]" in block:
+            kinds.append("obstacles")
+            assert [body.name for body in read_obstacles(path)] == ["camera post", "ball"]
         else:
             kinds.append("robot")
             assert read_config(path).home is not None
     recipes = {"recipe", "law", "intervals"}
     others = {"armature", "controller", "prior", "plugin", "robot", "mechanism", "loop", "rows"}
-    assert set(kinds) == recipes | others | {"type"}
+    assert set(kinds) == recipes | others | {"type", "obstacles"}
 
 
 def test_methods_table_is_what_its_script_prints(shared_data):

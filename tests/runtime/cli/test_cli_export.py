@@ -138,7 +138,7 @@ def test_excite_exports_nothing_that_breaks_a_limit(
     command: Command, lib: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Property: one sentence, exit code 2; the design stays, no file for a robot is written."""
-    from runtime.cli import excite
+    from runtime.cli import until
 
     def wild(*words: object, **options: object) -> Design:
         optimum = design(*words, **options)  # type: ignore[arg-type]
@@ -146,7 +146,7 @@ def test_excite_exports_nothing_that_breaks_a_limit(
         faster = replace(optimum.trajectory, coefficients=inside, duration=2.5)
         return replace(optimum, trajectory=faster)
 
-    monkeypatch.setattr(excite, "design", wild)
+    monkeypatch.setattr(until, "design", wild)
     words = ("--duration", "4", "--harmonics", "2", "--starts", "1", "--out", "m.json")
     # The slow stage would hold, the fast one does not: neither is written.
     stages = ("--speed", "10", "--speed", "100")

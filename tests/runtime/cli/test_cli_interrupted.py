@@ -19,7 +19,7 @@ WAITING = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job inherits "ignore"
 import runtime.estimators.descent.adam
-import runtime.cli.{module} as room
+import {module} as room
 runtime.estimators.descent.adam.CHUNK = 50  # a look at Ctrl-C every 50 iterations
 original = room.{function}
 
@@ -61,7 +61,7 @@ def interrupted(code: str, *words: object, cwd: Path) -> tuple[int, str, str]:
 
 def test_ctrl_c_keeps_the_best_identification(lib: Library, log: Path, tmp_path: Path) -> None:
     """Property: SIGINT during the descent writes the best point so far, and says so."""
-    code = WAITING.format(module="identify", function="identify", stop=50)
+    code = WAITING.format(module="runtime.identification.single_log", function="identify", stop=50)
     words = ("--robot", lib.folder, "--friction", "viscous,coulomb", "--out", "out")
     words += ("--method", "adam")
     ran = interrupted(code, "identify", log, *words, cwd=tmp_path)
@@ -77,7 +77,7 @@ def test_ctrl_c_keeps_the_best_identification(lib: Library, log: Path, tmp_path:
 
 def test_ctrl_c_keeps_the_best_excitation(lib: Library, tmp_path: Path) -> None:
     """Property: SIGINT after the first of many starts writes that one."""
-    code = WAITING.format(module="excite", function="design", stop=1)
+    code = WAITING.format(module="runtime.cli.until", function="design", stop=1)
     words = ("--harmonics", "2", "--starts", "1000", "--duration", "4", "--out", "a.json")
     words = ("--document", *words)
     ran = interrupted(code, "excite", "--robot", lib.folder, *words, cwd=tmp_path)

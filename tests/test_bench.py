@@ -76,6 +76,18 @@ def test_start_is_compared_with_libraries(home: Path) -> None:
     assert rows[0]["value"] < 0.5
 
 
+def test_throughput_names_what_is_missing(home: Path, fr3: Library) -> None:
+    """Property: rates of all cores are positive; a peer that is not installed is a sentence."""
+    words = ("--robot", str(fr3.folder), "--throughput", "--seconds", "0.05")
+    rows = script("bench_kernels", *words, home=home)
+    ours = [row for row in rows if row["work"].startswith("τ of fr3")]
+    assert len(ours) == 2
+    assert all(row["rate"] > 1e5 for row in ours)
+    frax = [row for row in rows if row["work"].startswith("frax, JAX")]
+    assert {row["precision"] for row in frax} == {"single", "double"}
+    assert all(row["rate"] or "pip install frax" in row["remark"] for row in frax)
+
+
 def test_a_build_from_nothing_needs_an_empty_folder(home: Path, build: Any) -> None:
     command = [sys.executable, str(REPOSITORY / "scripts" / "bench_build"), "--out", str(home)]
     run = subprocess.run(command, capture_output=True, text=True, check=False)

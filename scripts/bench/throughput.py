@@ -1,0 +1,180 @@
+"""Torques per second on all cores, beside frax on the same cores and published figures of GPUs.
+
+The kernel τ of base parameters runs over arrays of tiles in one thread per core, its loop in C.
+frax is Python on JAX: `vmap` of its `rnea` of a Panda, compiled and distributed to threads by XLA,
+in a separate interpreter per precision. All are measured by the wall clock, the best of many bursts
+of some milliseconds, because a shared machine only adds to times.
+"""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from rich.table import Table
+
+from bench.batch import make_batch
+from bench.compiled import find
+from bench.ours import Contender, Ours
+from runtime.library import Library
+from runtime.parallel import cores
+
+KERNEL, SAMPLES = "base_inverse_dynamics", 256
+BURST = 4e-3
+"""Duration of one burst [s]."""
+PUBLISHED = (
+    (
+        "frax on a GPU, as published",
+        "single",
+        1e8,
+        "arXiv:2604.04310: upwards of 100 million dynamics evaluations per second, Panda",
+    ),
+)
+"""Label, precision, evaluations per second and source."""
+FRAX = "frax, JAX on these cores"
+_CHILD = """
+import sys, time
+import jax, numpy as np
+from frax.robots.franka_panda import load_panda
+double, count, seconds = sys.argv[1] == "double", int(sys.argv[2]), float(sys.argv[3])
+jax.config.update("jax_enable_x64", double)
+panda, gravity = load_panda(), jax.numpy.array([0.0, 0.0, 9.81, 0.0, 0.0, 0.0])
+torques = jax.jit(jax.vmap(lambda q, v, a: panda.rnea(q, v, a, gravity, None)))
+draw = np.random.default_rng(0).uniform(-1.0, 1.0, (3, count, 7))
+motion = [jax.numpy.asarray(each, "float64" if double else "float32") for each in draw]
+torques(*motion).block_until_ready()
+best, start = float("inf"), time.perf_counter()
+while time.perf_counter() - start < seconds:
+    before = time.perf_counter()
+    torques(*motion).block_until_ready()
+    best = min(best, time.perf_counter() - before)
+print(count / best)
+"""
+BATCHES = (256, 1024, 16384)
+"""Sizes of the batches of frax, of which the fastest counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Throughput of one program.
+
+    Attributes:
+        work: what was run.
+        precision: "double" or "single".
+        rate: torques of all joints per second; NaN where it was not measured.
+        remark: source or reason.
+    """
+
+    work: str
+    precision: str
+    rate: float
+    remark: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON-ready values."""
+        return asdict(self) | {"rate": self.rate if self.rate == self.rate else None}
+
+
+def measure(lib: Library, seconds: float) -> list[Rate]:
+    """Rates of the library and of its peers.
+
+    Args:
+        lib: loaded at its best level.
+        seconds: duration of all bursts of one measurement.
+
+    Returns:
+        One row per program and precision.
+
+    Raises:
+        BenchError: no C compiler.
+    """
+    ours = Ours(lib, (KERNEL,), find(("cc", "gcc", "clang")))
+    count, rows = cores(), []
+    for layout, label in (("tiles", "sines computed"), ("stored", "sines stored")):
+        each = [
+            ours.contender(KERNEL, lib.level, layout, make_batch(lib, SAMPLES, seed=k))
+            for k in range(count)
+        ]
+        present = [one for one in each if one is not None]
+        what = f"τ of {lib.name}, {lib.level}, {label}"
+        rows.append(Rate(what, "double", _rate(present, seconds), f"{count} threads"))
+    for precision in ("double", "single"):
+        rows.append(_frax(precision, seconds))
+    return [*rows, *(Rate(*facts) for facts in PUBLISHED)]
+
+
+def _rate(contenders: list[Contender], seconds: float) -> float:
+    """Torques per second of one thread per contender, the best burst."""
+    calls = max(1, round(BURST * 1e9 / (contenders[0].run(100) * SAMPLES)))
+    best, until = float("inf"), time.perf_counter() + seconds
+    with ThreadPoolExecutor(len(contenders)) as pool:
+        while time.perf_counter() < until:
+            start = time.perf_counter()
+            list(pool.map(lambda one: one.run(calls), contenders))
+            best = min(best, time.perf_counter() - start)
+    return calls * SAMPLES * len(contenders) / best
+
+
+def _frax(precision: str, seconds: float) -> Rate:
+    """Rate of frax at its better batch; NaN and the reason where it cannot run."""
+    if importlib.util.find_spec("frax") is None:
+        return Rate(FRAX, precision, float("nan"), "not installed: pip install frax")
+    best, size = 0.0, 0
+    for batch in BATCHES:
+        words = [sys.executable, "-c", _CHILD, precision, str(batch), str(seconds)]
+        environment = os.environ | {"JAX_PLATFORMS": "cpu"}
+        run = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
+        if run.returncode:
+            last = (run.stderr.strip().splitlines() or ["no message"])[-1]
+            return Rate(FRAX, precision, float("nan"), f"failed: {last[:80]}")
+        if (rate := float(run.stdout.split()[-1])) > best:
+            best, size = rate, batch
+    return Rate(FRAX, precision, best, f"Panda, batches of {size}")
+
+
+_HEADER = ("program", "precision", "million torques per second", "remark")
+
+
+def _cells(rows: list[Rate]) -> list[tuple[str, ...]]:
+    """Text of every row."""
+    return [
+        (
+            row.work,
+            row.precision,
+            f"{row.rate / 1e6:.3g}" if row.rate == row.rate else "–",
+            row.remark,
+        )
+        for row in rows
+    ]
+
+
+def table(rows: list[Rate]) -> Table:
+    """Rows for a terminal.
+
+    Args:
+        rows: from `measure`.
+
+    Returns:
+        The table.
+    """
+    shown = Table(*_HEADER, title="Torques per second on all cores")
+    for cells in _cells(rows):
+        shown.add_row(*cells)
+    return shown
+
+
+def markdown(rows: list[Rate]) -> str:
+    """Rows as a Markdown table.
+
+    Args:
+        rows: from `measure`.
+
+    Returns:
+        Its text.
+    """
+    lines = [_HEADER, ("---",) * len(_HEADER), *_cells(rows)]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)

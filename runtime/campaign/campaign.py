@@ -165,7 +165,7 @@ def run_campaign(
         if model is None:  # a plan has stages
             break
         write_result(model.result, folder / f"result-{k}", f"campaign --target {plan.target}")
-        sigma = reached(target, model.result, motion, k)
+        sigma = reached(target, model.result, motion)
         facts = {"sigma": sigma, "seconds": seconds, "friction_columns": model.gear.facts()}
         state["motions"] = [*state["motions"][: k - 1], facts]
         _write_json(folder / STATE, state)

@@ -14,11 +14,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from runtime.campaign.driver import Guard, Reference, Sample
-from runtime.errors import IdentificationError
+from runtime.campaign.guard_model import model_error, urdf_model
 from runtime.identification.saved_result import SavedResult
 from runtime.library import Array, Library
 from runtime.monitoring.observer import Observer
-from runtime.recording import Friction, Preparation
 
 TRACKING = 0.02
 """Largest distance from the commanded position, as a share of the range of a joint."""
@@ -29,9 +28,6 @@ WINDOW = 0.003
 """Bandwidth [1/s] and averaging window [s] of the observer: it shows 96 % of a step after 5 ms."""
 ACCELERATION_NOISE = 1.0
 """σ of M⁻¹ r by the noise of the speeds at that bandwidth [rad/s², m/s²]; encoders of 10 µrad."""
-MODEL_ERROR = (0.006, 0.03, 0.5)
-"""σ of the modelled torque of an arm that is not identified: 0.6 % of the effort limit, at least
-0.5 N·m, at most 3 %; friction of wrists is that large."""
 LEVEL = 5.5
 """Standard deviations from which an external torque stops the robot; a virtual FR3 at full speed
 reached 4.2 in 30 s of free motion."""
@@ -142,7 +138,7 @@ class ExternalTorqueGuard:
         lib: library of the robot.
         rate_hz: of the samples [Hz].
         model: identified model; None: the bodies of the URDF without friction.
-        error: e (n,), σ of the modelled torque [N·m, N]; None: see `MODEL_ERROR`.
+        error: e (n,), σ of the modelled torque [N·m, N]; None: that of `model_error`.
     """
 
     name = "external torque"
@@ -272,39 +268,3 @@ def usual_guards(
     if pressed is not None:
         guards.append(KeyGuard(pressed))
     return [*guards, ExternalTorqueGuard(lib, rate_hz, model)]
-
-
-def model_error(lib: Library) -> Array:
-    """σ of the modelled torque of an arm that is not identified yet, (n,) [N·m, N].
-
-    Raises:
-        IdentificationError: a joint has no effort limit, from which it follows.
-    """
-    effort = lib.limits()["effort"]
-    bounded = np.isfinite(effort) & (effort > 0)
-    if not bounded.all():
-        j = int(np.argmin(bounded))
-        raise IdentificationError(
-            f"expected an effort limit of {lib.joint_names[j]} for the guard of the external "
-            "torque; state it in the URDF"
-        )
-    low, high, least = MODEL_ERROR
-    return np.asarray(np.minimum(high * effort, np.maximum(low * effort, least)))
-
-
-def urdf_model(lib: Library) -> SavedResult:
-    """The bodies of the URDF without friction, as a model of the observer."""
-    n = lib.n_joints
-    return SavedResult(
-        robot=lib.name,
-        method="urdf",
-        joints=lib.joint_names,
-        units=("N*m",) * n,
-        pi=lib.pi0,
-        friction=Friction(()),
-        phi=np.zeros((n, 0)),
-        net=None,
-        history=(),
-        preparation=Preparation(),
-        model=None,
-    )

@@ -4,7 +4,7 @@
 |---|---|
 | `v=5mNm` | the torque of motions never seen, all joints together [N·m] |
 | `a=1.5%` | the base parameters over their sizes, root mean square |
-| `payload=5g` | the mass of a payload of 1 kg on the identified arm |
+| `payload=5g` | the mass of a payload that the last motion carries on the identified arm |
 """
 
 import re
@@ -17,10 +17,12 @@ from runtime.estimators.uncertainty import Uncertainty
 from runtime.excitation.motion.trajectory import Trajectory
 from runtime.excitation.search.criteria import sizes
 from runtime.excitation.search.information import information
+from runtime.excitation.search.measures import covariance
 from runtime.excitation.search.prediction import covariance_of, payload_sigma
 from runtime.excitation.search.unseen_motions import unseen_joints
 from runtime.identification.identified import Identification
 from runtime.library import Array, Library
+from runtime.library.parameters import N_PARAMETERS
 from runtime.recording.friction import OFFSET
 
 UNITS = {
@@ -82,14 +84,13 @@ def target_of(text: str) -> Target:
     )
 
 
-def reached(target: Target, result: Identification, motion: Trajectory, motions: int) -> float:
+def reached(target: Target, result: Identification, motion: Trajectory) -> float:
     """Standard deviation that a target speaks of, from the posterior of a result.
 
     Args:
         target: states which.
         result: identification with an uncertainty.
         motion: last motion, with which a payload would be identified.
-        motions: number of such motions so far.
 
     Returns:
         Standard deviation [N·m, 1, kg].
@@ -104,9 +105,16 @@ def reached(target: Target, result: Identification, motion: Trajectory, motions:
     if target.kind == "a":
         size = sizes(lib, information(lib))
         return float(np.sqrt(np.mean(np.diag(spread) / size**2)))
+    # The error of the arm counts: information Tᵀ (G⁻¹ + C)⁻¹ T of the payload, as in `payload`.
     noise, rate = torque_noise(result)
-    ten = information(lib, noise, rate, payload=True)
-    return payload_sigma(covariance_of(lib, motion, ten, (OFFSET.name,)))[0] / np.sqrt(motions)
+    of_motion = covariance_of(lib, motion, information(lib, noise, rate), (OFFSET.name,))
+    columns = lib.base_matrix[:, -N_PARAMETERS:]
+    ten = covariance(columns.T @ np.linalg.solve(of_motion + spread, columns))
+    if ten is None:
+        raise IdentificationError(
+            f"a payload is not identifiable on '{lib.name}' by this motion; state v or a as target"
+        )
+    return payload_sigma(ten)[0]
 
 
 def base_covariance(result: Identification) -> Array:

@@ -9,6 +9,7 @@ from runtime import load
 from runtime.campaign.estimation import PREPARATION, agreement_of, arm_model
 from runtime.campaign.gear_friction import GearFriction, smoothed
 from runtime.campaign.gear_search import gear_of
+from runtime.campaign.payload import payload_of
 from runtime.campaign.target import base_covariance
 from runtime.library import Library
 from runtime.recording import Recording
@@ -20,7 +21,9 @@ FINE, STEP = 8, 1.25e-4
 """Steps of the friction per row, and their length [s]: the stroke is passed in several of them."""
 
 
-def moved(lib: Library, seconds: float, seed: int, ripple: float = 0.06) -> Recording:
+def moved(
+    lib: Library, seconds: float, seed: int, ripple: float = 0.06, load: float = 0.0
+) -> Recording:
     """A log of a prescribed motion with the friction of the virtual robot, at 1 kHz."""
     n, rng = lib.n_joints, np.random.default_rng(seed)
     t = STEP * np.arange(round(seconds / STEP))
@@ -44,7 +47,7 @@ def moved(lib: Library, seconds: float, seed: int, ripple: float = 0.06) -> Reco
         dahl_stroke=STROKE * one,
     )
     joints = JointFriction(law, STEP, np.arange(n))
-    tau = lib.inverse_dynamics(q, dq, ddq, lib.pi0)
+    tau = lib.inverse_dynamics(q, dq, ddq, (1 + load) * lib.pi0)
     friction = np.zeros_like(tau)
     for k in range(1, len(t)):  # grows with the torque behind the joint, friction included
         friction[k] = joints.advance(q[k], dq[k], tau[k] + friction[k - 1])[0]
@@ -76,7 +79,7 @@ def test_what_the_columns_depend_on_is_recovered(arm: Library) -> None:
 
 
 def test_sigma_holds_and_a_changed_arm_disagrees(arm: Library) -> None:
-    """Property: errors of β within four σ; a log of another load is beyond the band."""
+    """Property: errors of β within four σ; another load is beyond the band, and identified."""
     logs = [(f"log {k}", smoothed(moved(arm, 6.0, k), arm)) for k in (1, 2)]
     model = arm_model(arm, logs)
     spread = base_covariance(model.result)
@@ -84,8 +87,12 @@ def test_sigma_holds_and_a_changed_arm_disagrees(arm: Library) -> None:
     assert np.abs(error / np.sqrt(np.diag(spread))).max() < 4
     new = moved(arm, 4.0, 3)
     assert max(agreement_of(model, smoothed(new, arm), 0.2)) < 3
-    heavy = new.replace(tau=new.tau + arm.inverse_dynamics(new.q, new.dq, 0 * new.q, 0.5 * arm.pi0))
-    assert max(agreement_of(model, smoothed(heavy, arm), 0.2)) > 3
+    heavy = smoothed(moved(arm, 4.0, 3, load=0.5), arm)
+    assert max(agreement_of(model, heavy, 0.2)) > 3
+    x, covariance = payload_of(model, heavy)
+    carried = arm.base_matrix[:, -10:]
+    error = carried @ (x - 0.5 * arm.pi0[-10:])
+    assert np.abs(error / np.sqrt(np.diag(carried @ covariance @ carried.T))).max() < 4
 
 
 def test_a_joint_without_ripple(arm: Library) -> None:

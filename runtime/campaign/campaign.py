@@ -1,6 +1,7 @@
 """A campaign: design, run in stages, identify, until a target is reached; every step is a file.
 
     motion-K.json   design with what is known counted as information of earlier logs
+    rehearsal-K.json  the motion on the virtual robot with planted faults
     gate-K-S.json   decision on the stage at S % of the speed
     log-K-S.npz     samples of the stage
     result-K/       identification from all logs so far
@@ -22,6 +23,7 @@ from runtime.campaign.estimation import ArmModel, agreement_of, arm_model
 from runtime.campaign.gate import released
 from runtime.campaign.gear_friction import smoothed
 from runtime.campaign.guards import usual_guards
+from runtime.campaign.rehearsal import rehearse, unnoticed
 from runtime.campaign.target import Target, known_before, reached, torque_noise
 from runtime.campaign.to_the_start import move_to
 from runtime.errors import IdentificationError
@@ -54,6 +56,7 @@ class Plan:
             further motions run at the last of them, with a model that full speed has confirmed.
         most_seconds: motion time after which no further motion is begun [s].
         seed: of the designs.
+        rehearses: whether every motion runs on the virtual robot with planted faults first.
     """
 
     target: str
@@ -62,6 +65,7 @@ class Plan:
     stages: tuple[float, ...] = (10.0, 50.0, 100.0)
     most_seconds: float = 600.0
     seed: int = 0
+    rehearses: bool = True
 
     def __post_init__(self) -> None:
         rising = all(a < b for a, b in zip(self.stages, self.stages[1:], strict=False))
@@ -139,14 +143,15 @@ def run_campaign(
         k += 1
         motion = _designed(lib, plan, target, folder / f"motion-{k}.json", k, model)
         say(f"motion {k}: {motion.duration:g} s")
+        if plan.rehearses:
+            _rehearsed(lib, plan, motion, folder / f"rehearsal-{k}.json", k)
         for speed in plan.stages_of(k):
             slowed = replace(motion, duration=motion.duration * 100 / speed)
             name = f"log-{k}-{speed:g}"
             path = folder / f"{name}.npz"
             if not path.exists():
-                known = None if model is None else model.result
                 last = folder / f"{logs[-1][0]}.npz" if logs else None
-                release = released(lib, slowed, last, known, agreement)
+                release = released(lib, slowed, last, agreement)
                 _write_json(folder / f"gate-{k}-{speed:g}.json", release.to_facts())
                 if not release.is_released:
                     raise IdentificationError(
@@ -227,6 +232,17 @@ def _designed(
     )
     write_trajectory(designed, lib, path)
     return read_trajectory(path, lib)
+
+
+def _rehearsed(lib: Library, plan: Plan, motion: Trajectory, path: Path, k: int) -> None:
+    """Rehearse a motion; refuse it where a planted fault would pass unnoticed."""
+    if not path.exists():
+        verdicts = rehearse(lib, motion, plan.seed + k)
+        facts = {"faults": [asdict(each) for each in verdicts]}
+        _write_json(path, facts | {"unnoticed": list(unnoticed(verdicts, lib))})
+    left = json_of(path)["unnoticed"]
+    if left:
+        raise IdentificationError(f"motion {k} is refused: {'; '.join(left)}")
 
 
 def _recorded(driver: Driver, motion: Trajectory, path: Path, name: str) -> None:

@@ -28,7 +28,7 @@ WINDOW = 0.003
 """Bandwidth [1/s] and averaging window [s] of the observer: it shows 96 % of a step after 5 ms."""
 ACCELERATION_NOISE = 1.0
 """σ of M⁻¹ r by the noise of the speeds at that bandwidth [rad/s², m/s²]; encoders of 10 µrad."""
-LEVEL = 5.5
+LEVEL = 5.0
 """Standard deviations from which an external torque stops the robot; a virtual FR3 at full speed
 reached 4.2 in 30 s of free motion."""
 LATE = 3.0

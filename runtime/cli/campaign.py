@@ -50,6 +50,10 @@ def campaign_command(
         str | None,
         typer.Option(metavar="K,K,…", help="N·m/A per joint, for a robot that measures currents."),
     ] = None,
+    rehearsal: Annotated[
+        bool,
+        typer.Option(help="Run every motion on the virtual robot with planted faults first."),
+    ] = True,
     seed: Seed = 0,
     truth_seed: Annotated[
         int, typer.Option(help="Seed of the virtual robot: its links and sensors.", min=0)
@@ -64,10 +68,12 @@ def campaign_command(
     symgen campaign --robot fr3 --target v=20mNm --driver libfranka:172.16.0.2
 
     Each motion is designed with what is known already. The first runs at 10, 50 and 100 % of its
-    speed, further motions at the last of these. A
-    gate releases each stage: the motion keeps every limit, the last log has no error, and it
-    agrees with the model. Guards on every sample stop the robot. Targets: v the torque of motions
-    never seen, a the base parameters over their sizes, payload the mass of a payload of 1 kg.
+    speed, further motions at the last of these. Before its first stage a motion runs on the virtual
+    robot with planted faults (sign, order, delay, tool, friction, gain), which must be named or
+    recovered. A gate releases each stage: the motion keeps every limit, the last log has no error,
+    and it agrees with the model. Guards on every sample stop the robot. Targets: v the torque of
+    motions never seen, a the base parameters over their sizes, payload the mass of a payload that
+    the last motion carries.
 
     Every step is a file in DIR. After Ctrl-C, a refused gate or a stop, the same command continues.
     Exit code 1: the time ended before the target was reached.
@@ -76,7 +82,7 @@ def campaign_command(
     from runtime.campaign.target import target_of
 
     wanted = target_of(target)
-    plan = Plan(target, duration, later_duration, _speeds(stages), most_seconds, seed)
+    plan = Plan(target, duration, later_duration, _speeds(stages), most_seconds, seed, rehearsal)
     lib = open_robot(robot, yes)
     robot_driver = opened_driver(lib, driver, gains, seed, truth_seed)
     try:

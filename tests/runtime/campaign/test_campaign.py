@@ -11,6 +11,7 @@ from runtime import read_recording, write_recording
 from runtime.campaign.campaign import Plan, run_campaign
 from runtime.campaign.driver import Reference, Sample
 from runtime.campaign.gate import released
+from runtime.campaign.rehearsal import rehearsed
 from runtime.campaign.target import target_of
 from runtime.campaign.virtual_driver import PlantedFault, VirtualDriver
 from runtime.errors import IdentificationError
@@ -21,7 +22,7 @@ from runtime.library import Library
 from tests.runtime.conftest import Command
 
 MOTION = Path(__file__).parents[3] / "runtime" / "examples" / "fr3_trajectory.json"
-PLAN = Plan("v=2Nm", duration=4.0, stages=(100.0,), most_seconds=4.0)
+PLAN = Plan("v=2Nm", duration=4.0, stages=(100.0,), most_seconds=4.0, rehearses=False)
 
 
 class DeadRobot(VirtualDriver):
@@ -72,14 +73,22 @@ def test_the_gate_refuses_a_faulty_log(fr3: Library, tmp_path: Path) -> None:
     motion = replace(design, coefficients=0.1 * design.coefficients)
     log = read_recording("fr3_simulated")
     write_recording(log.replace(tau=-log.tau), tmp_path / "log.npz")
-    refused = released(fr3, motion, tmp_path / "log.npz", None)
+    refused = released(fr3, motion, tmp_path / "log.npz")
     assert not refused.is_released
     assert "sign" in " ".join(refused.reasons)
-    refused = released(fr3, motion, None, None, (1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0))
+    refused = released(fr3, motion, None, (1.0, 1.0, 9.0, 1.0, 1.0, 1.0, 1.0))
     assert "last log on fr3_joint3 is 9 times the band" in refused.reasons[0]
-    assert released(fr3, motion, None, None).is_released
-    refused = released(fr3, replace(motion, duration=1.0), None, None)
+    assert released(fr3, motion, None).is_released
+    refused = released(fr3, replace(motion, duration=1.0), None)
     assert "% of the limit of acceleration" in " ".join(refused.reasons)
+
+
+def test_a_rehearsal_names_a_planted_fault(fr3: Library) -> None:
+    """Property: the sign of one torque, in 2.5 s of the virtual arm."""
+    motion = replace(read_trajectory(MOTION, fr3), duration=2.5)
+    motion = replace(motion, coefficients=0.1 * motion.coefficients)
+    planted = rehearsed(fr3, motion, "sign", 3, 1)
+    assert "fr3_joint4 has the wrong sign" in " ".join(planted.sentences)
 
 
 @pytest.mark.parametrize(

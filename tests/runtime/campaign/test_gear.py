@@ -10,7 +10,9 @@ from runtime.campaign.estimation import PREPARATION, agreement_of, arm_model
 from runtime.campaign.gear_friction import GearFriction, smoothed
 from runtime.campaign.gear_search import gear_of
 from runtime.campaign.payload import payload_of
+from runtime.campaign.rehearsal import Verdict, unnoticed
 from runtime.campaign.target import base_covariance
+from runtime.campaign.torque_faults import torque_faults
 from runtime.library import Library
 from runtime.recording import Recording
 from runtime.simulation.joint_friction import JointFriction
@@ -93,6 +95,26 @@ def test_sigma_holds_and_a_changed_arm_disagrees(arm: Library) -> None:
     carried = arm.base_matrix[:, -10:]
     error = carried @ (x - 0.5 * arm.pi0[-10:])
     assert np.abs(error / np.sqrt(np.diag(carried @ covariance @ carried.T))).max() < 4
+
+
+def test_a_wrong_sign_and_a_load_are_named(arm: Library) -> None:
+    """Property: a sound log has no fault; a sign and six times the weight are named."""
+    log = smoothed(moved(arm, 4.0, 5, load=0.1), arm)
+    assert torque_faults(arm, log) == ()
+    assert "wrong sign" in torque_faults(arm, log.replace(tau=-log.tau))[0]
+    (said,) = torque_faults(arm, smoothed(moved(arm, 4.0, 5, load=5.0), arm))
+    assert "times that of the URDF: a load" in said
+
+
+def test_a_planted_fault_that_passes_is_stated(arm: Library) -> None:
+    """Property: named or recovered faults are left out."""
+    named = Verdict("sign", 0, ("the sign is wrong",), 2.0)
+    recovered, missed = Verdict("delay", 0, (), 0.01), Verdict("gain", 0, (), 0.3)
+    (said,) = unnoticed((named, recovered, missed), arm)
+    assert "'gain'" in said
+    assert arm.joint_names[0] in said
+    assert "30 %" in said
+    assert unnoticed((Verdict("order", 0, (), np.nan),), arm)
 
 
 def test_a_joint_without_ripple(arm: Library) -> None:

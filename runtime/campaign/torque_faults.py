@@ -1,0 +1,65 @@
+"""Faults of the torque columns of a log, joint by joint, against the URDF.
+
+    τ_j = r_j τ_URDF,j + φ₁ ζ_j + φ₂ dq_j + o_j + e_j
+
+Dry friction opposes motion whatever the links weigh, so that φ₁ < 0 is a wrong sign. Torques of
+another joint leave a large share of e. r_j far from 1, where τ_URDF,j outweighs the friction, is a
+gain, a load, or a URDF that is wrong by more than `RATIO`.
+"""
+
+import numpy as np
+
+from runtime.campaign.estimation import PREPARATION
+from runtime.campaign.gear_friction import FRICTION, GearFriction, prepared_columns
+from runtime.library import Library
+from runtime.recording import Recording
+
+RATIO = 0.2
+"""Largest deviation of r from 1; links that differ by 5 % from the URDF leave 0.04, a body of 1 kg
+on the last link of an FR3 changes it by 0.4."""
+UNEXPLAINED = 0.5
+"""Largest RMS of e over the standard deviation of τ; sound logs stay below 0.25, exchanged columns
+leave 0.74 and more on one of the two joints."""
+CLEAR = 2.0
+"""Size of a torque over the one that it is compared with from which on it counts."""
+
+
+def torque_faults(lib: Library, motion: Recording) -> tuple[str, ...]:
+    """Sentences on joints whose torque contradicts the URDF and its own friction.
+
+    Args:
+        lib: library of the robot.
+        motion: log of `smoothed`.
+
+    Returns:
+        One sentence per joint at most.
+    """
+    usual = GearFriction.usual(lib.n_joints)
+    columns, _, rows = prepared_columns(motion, usual, PREPARATION)
+    tau = rows.required("tau")
+    model = lib.inverse_dynamics(rows.q, rows.required("dq"), rows.required("ddq"), lib.pi0)
+    dahl, viscous = FRICTION.index("dahl"), FRICTION.index("viscous")
+    sentences = []
+    for j, name in enumerate(lib.joint_names):
+        parts = np.column_stack(
+            [model[:, j], columns[:, j, dahl], columns[:, j, viscous], np.ones(len(tau))]
+        )
+        x, *_ = np.linalg.lstsq(parts, tau[:, j], rcond=None)
+        rest = float(np.std(tau[:, j] - parts @ x))
+        rigid, dry = x[0] * model[:, j], x[1] * columns[:, j, dahl]
+        friction = float(np.std(dry + x[2] * columns[:, j, viscous]))
+        if x[1] < 0 and np.std(dry) > CLEAR * rest:
+            sentences.append(
+                f"the torque of {name} has the wrong sign: its friction drives the joint"
+            )
+        elif rest > UNEXPLAINED * np.std(tau[:, j]):
+            sentences.append(
+                f"the torque of {name} follows neither the URDF nor its friction "
+                f"({100 * rest / np.std(tau[:, j]):.0f} % of it is left); is it of another joint?"
+            )
+        elif np.std(rigid) > CLEAR * max(friction, rest) and abs(x[0] - 1) > RATIO:
+            sentences.append(
+                f"the torque of {name} is {x[0]:.2f} times that of the URDF: a load that it does "
+                "not contain, a gain of the sensor, or wrong inertias"
+            )
+    return tuple(sentences)
